@@ -49,7 +49,7 @@ MOST_JUDGED = 1_000_000
 
 
 class InputState(NamedTuple):
-    """State of the inputs: waiting and accepted samples, counts, and the study's validity."""
+    """State of the inputs, by the names of their attributes."""
 
     heave: HangOffTrack
     winch: Winch
@@ -85,7 +85,7 @@ class TwinInputs:
         self._base = FigureBase(ropes.first)
         self.validity = StudyValidity(scene)
         self._digest = self.validity.digest  # a run may resume in a scene with another schedule
-        self._profiles = 0  # current profiles accepted before the newest step
+        self.profiles = 0  # current profiles accepted before the newest step
         self.ropes = ropes  # with the winches of the other ropes
         self._clock = clock
         self._winch_names, self._lines = tuple(winches_by_name(scene)), scene.ropes
@@ -96,15 +96,11 @@ class TwinInputs:
 
     def state(self) -> InputState:
         """Return the inputs' state; its parts are the inputs themselves."""
-        own = self.heave, self.winch, self.current, self.cut, self.validity, self._profiles
-        others = self.measured, self.border, self.figures, self.forecast, self.lower_end
-        return InputState(*own, *others)
+        return InputState(**{name: getattr(self, name) for name in InputState._fields})
 
     def restore(self, state: InputState) -> None:
         """Continue with the inputs of a state."""
-        self.heave, self.winch, self.current, self.cut, self.validity = state[:5]
-        self._profiles, self.measured, self.border, self.figures = state[5:9]
-        self.forecast, self.lower_end = state[9:]
+        vars(self).update(state._asdict())
         self._apply_figures()
         self.validity.resume(self._digest)
 
@@ -320,8 +316,8 @@ class TwinInputs:
         """
         self._apply_figures()
         accepted = self.current.counter.accepted
-        if accepted != self._profiles:
-            self._profiles = accepted
+        if accepted != self.profiles:
+            self.profiles = accepted
             at_s = self._clock.time_ns * 1e-9
             self.validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
 

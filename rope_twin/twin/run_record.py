@@ -407,7 +407,7 @@ def _held(hung: RopeShape) -> Vector | None:
 
 
 class RecordState(NamedTuple):
-    """State of a record."""
+    """State of a record, by the names of its attributes."""
 
     run: Extremes
     recent: Extremes
@@ -428,28 +428,26 @@ class RunRecord:
         """
         self.run, self.recent = Extremes(), Extremes()
         self.recent.take([float(pulls[0, rows.PULL])])
-        self._unconverged = 0  # substeps at the newest snapshot
+        self.unconverged = 0  # substeps at the newest snapshot
         self._rules = LoadRules(scene)
         start_n = pulls[:, rows.PULL].tolist()
         start_n[0] += self._rules.supported_n(end_n)
-        self._loads = LoadRecord(self._rules, start_n)
+        self.loads = LoadRecord(self._rules, start_n)
         self._has_bed = seabed_of(ropes.first) is not None
         self._has_compensator = is_compensated(scene)
         self._has_hull = scene.listed(HullContactParams) is not None
         self._has_body = body_of(ropes.lowest(ropes.first)) is not None
-        self._bends = BendMonitor(scene) if watches_bends(scene) else None
+        self.bends = BendMonitor(scene) if watches_bends(scene) else None
         self._range = ModelRange(scene)
         self.quality = QualityIndex()
 
     def state(self) -> RecordState:
         """Return its state; the parts are its own."""
-        own = self.run, self.recent, self._unconverged, self._loads, self._bends
-        return RecordState(*own, self.quality)
+        return RecordState(**{name: getattr(self, name) for name in RecordState._fields})
 
     def restore(self, state: RecordState) -> None:
         """Continue with this state."""
-        self.run, self.recent, self._unconverged, self._loads, self._bends = state[:5]
-        self.quality = state.quality
+        vars(self).update(state._asdict())
 
     def take(self, tensions_n: list[float]) -> None:
         """Add the top tensions after each of the steps just done [N]."""
@@ -474,11 +472,11 @@ class RunRecord:
 
     def begin_interval(self, unconverged: int) -> None:
         """Start the extremes until the next snapshot; unconverged: substeps since the start."""
-        self._unconverged, self.recent = unconverged, Extremes()
+        self.unconverged, self.recent = unconverged, Extremes()
 
     def is_doubtful(self, unconverged: int) -> bool:
         """Return whether substeps have not converged since the newest snapshot."""
-        return unconverged > self._unconverged
+        return unconverged > self.unconverged
 
     def add_contact(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
         """Add body, compensator, and contact with hull and seabed, if the scene has them."""
@@ -495,14 +493,14 @@ class RunRecord:
         """Add touchdown and bends (if the scene has them), loads and limits."""
         added: dict[str, Any] = {}
         bed = seabed_of(rope) if self._has_bed else None
-        if bed is not None or self._bends is not None:
+        if bed is not None or self.bends is not None:
             shapes = ropes.shapes(rope, shot)
             if bed is not None:
                 found = (touchdown_of(hung, bed) for hung in shapes)
                 added["touchdowns"] = tuple(one for one in found if one is not None)
-            if self._bends is not None:
-                added["bends"] = self._bends.look(shapes, shot.time_s)
-        looked = self._loads.look(shot, self._rules, added.get("bends", ()))
+            if self.bends is not None:
+                added["bends"] = self.bends.look(shapes, shot.time_s)
+        looked = self.loads.look(shot, self._rules, added.get("bends", ()))
         added["strength"], added["breaches"] = looked
         return amended(shot, **added)
 
