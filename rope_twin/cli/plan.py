@@ -16,6 +16,7 @@ from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
+from rope_twin.planning.cells import Cell
 from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.notes import notes
 from rope_twin.planning.pictures import limits_figure, show_cell
@@ -30,7 +31,6 @@ from rope_twin.planning.results import (
 from rope_twin.planning.run import (
     PlanFolder,
     cell_named,
-    cell_of,
     plan_stamp,
     prepare,
     run_plan,
@@ -118,10 +118,10 @@ def run(args: argparse.Namespace) -> int:
             progress.show(f"{done} of {total} cells, {runs} runs{left}")
 
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        result = run_plan(plan, scene, folder, report, args.threads, args.scheduler)
+        result = run_plan(plan, scene, folder.store, report, args.threads, args.scheduler)
         rows = folder.close_rows()
         if args.report:
-            reports = write_report(result, folder, out)
+            reports = write_report(result, out)
     progress.finish()
     write_results(result, out)
     write_picture(limits_figure(result), out / PICTURE, 110)
@@ -147,8 +147,8 @@ def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
     """Run the governing run of a cell again, and draw it."""
     cell = cell_named(plan, args.cell)
     with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
-        works = prepare(plan, scene, folder)
-        found = show_cell(*find_within(cell_of(plan, scene, works, cell, folder)), out)
+        work = prepare(plan, scene, folder.store)[cell[0]]
+        found = show_cell(*find_within(Cell(plan, work, cell, folder.store)), out)
     if args.json:
         print_json(found)
     else:

@@ -9,9 +9,10 @@ search begins at the limit of the simplified method and evaluates heights near t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Protocol
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -19,9 +20,11 @@ from rope_twin.errors import RopeTwinError
 from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
-from rope_twin.planning.runs import ERROR, STATISTICS, Row, Ship, run_row, run_seeds, sea_seed
-from rope_twin.planning.seas import SeaState
+from rope_twin.planning.plan_reader import spreading_of
+from rope_twin.planning.runs import ERROR, STATISTICS, run_row, run_seeds, sea_seed
+from rope_twin.planning.seas import SeaState, Ship
 from rope_twin.planning.simplified import Simplified, simplified
+from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
 
@@ -33,24 +36,17 @@ def runs_of_cell(plan: Plan) -> int:
     return len(plan.sea.hs_m.values) * LEGS_MOST * SEEDS_MOST
 
 
-class RowStore(Protocol):
-    """Rows of finished runs, by their number."""
+class RowStore:
+    """Rows of finished runs, by their number, which threads share."""
 
-    def get(self, run: int) -> Row | None:
-        """Return the row of a run; None if it is not done."""
-
-    def add(self, rows: Sequence[Row]) -> None:
-        """Keep the rows of finished runs."""
-
-    def kept(self) -> Mapping[int, Row]:
-        """Return all rows by their runs."""
-
-
-@dataclass
-class MemoryStore:
-    """Rows kept in memory."""
-
-    rows: dict[int, Row] = field(default_factory=dict)
+    def __init__(
+        self,
+        rows: dict[int, Row] | None = None,
+        keep: Callable[[Sequence[Row]], None] = lambda rows: None,
+    ) -> None:
+        """Take rows that are done; keep: called with new ones, as to write them to disk."""
+        self.rows = {} if rows is None else rows
+        self._keep, self._guard = keep, threading.Lock()
 
     def get(self, run: int) -> Row | None:
         """Return the row of a run; None if it is not done."""
@@ -58,11 +54,9 @@ class MemoryStore:
 
     def add(self, rows: Sequence[Row]) -> None:
         """Keep the rows of finished runs."""
-        self.rows |= {int(row["run"]): row for row in rows}
-
-    def kept(self) -> Mapping[int, Row]:
-        """Return all rows by their runs."""
-        return self.rows
+        with self._guard:
+            self._keep(rows)
+            self.rows |= {int(row["run"]): row for row in rows}
 
 
 @dataclass(frozen=True)
@@ -72,10 +66,19 @@ class PhaseWork:
     number: int
     title: str
     legs: tuple[Leg, ...]  # at their settings
-    settings: tuple[Setting, ...]
-    setting_errors: tuple[float, ...]  # measured when the setting was chosen; NaN: it was given
     limits: tuple[Limit, ...]
     ship: Ship
+
+    @classmethod
+    def of(cls, plan: Plan, scene: Scene, number: int, legs: Sequence[Leg], ship: Ship) -> Self:
+        """Return the phase of a number, by its legs at their settings."""
+        limits = limits_of(plan, scene, legs)
+        return cls(number, plan.phases[number].title, tuple(legs), tuple(limits), ship)
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """Return the settings of the legs."""
+        return tuple(leg.setting for leg in self.legs)
 
     @property
     def weight_n(self) -> float:
@@ -133,14 +136,13 @@ class Cell:
         plan: Plan,
         work: PhaseWork,
         cell: tuple[int, int, int],
-        spreading: float | None,
         store: RowStore,
         refinements: int = 0,
     ) -> None:
         self.plan, self.work, self.store = plan, work, store
         self.refinements = refinements
         _, self._period, self._heading = self._cell = cell
-        self._spreading = spreading
+        self._spreading = spreading_of(plan, work.legs[0].scene)
         self.heights_m = plan.heights_m(self._period, self._heading)
         self.judged: dict[int, Judgement] = {}
 
@@ -150,23 +152,17 @@ class Cell:
         Raises:
             SceneError: a leg does not take its setting.
         """
-        work = self.work
-        pairs = list(zip(work.legs, work.settings, settings, strict=True))
-        finer = replace(
-            work,
-            legs=tuple(leg if new == old else leg.at_setting(new) for leg, old, new in pairs),
-            settings=tuple(settings),
-            setting_errors=tuple(
-                error if new == old else math.nan
-                for error, (_, old, new) in zip(work.setting_errors, pairs, strict=True)
-            ),
+        legs = tuple(
+            leg if leg.setting == setting else leg.at_setting(setting)
+            for leg, setting in zip(self.work.legs, settings, strict=True)
         )
-        return Cell(self.plan, finer, self._cell, self._spreading, self.store, refinements)
+        work = replace(self.work, legs=legs)
+        return Cell(self.plan, work, self._cell, self.store, refinements)
 
     def sea(self, height_m: float) -> SeaState:
         """Return the sea state of a height."""
         sea = self.plan.sea_state(height_m, self._period, self._heading)
-        return SeaState(sea.height_m, sea.period_s, sea.heading_deg, sea.gamma, self._spreading)
+        return replace(sea, spreading=self._spreading)
 
     def run_number(self, height: int, leg: int, seed: int, purpose: str = STATISTICS) -> int:
         """Return the number of a run, which tells its place in the plan."""
@@ -190,7 +186,7 @@ class Cell:
             kept = {number: self.store.get(number) for number in numbers}
             lacking = [k for k, number in enumerate(numbers) if kept[number] is None]
             if lacking:
-                made = self._run(height, leg, work.settings[leg.number], lacking)
+                made = self._run(height, leg, lacking)
                 kept |= {int(row["run"]): row for row in made}
             found += [row for row in kept.values() if row is not None]
         return found
@@ -205,24 +201,18 @@ class Cell:
         if kept is not None:
             return kept
         other = self.work.legs[leg].at_setting(setting)
-        return self._run(height, other, setting, [seed], ERROR)[0]
+        return self._run(height, other, [seed], ERROR)[0]
 
     def _run(
-        self,
-        height: int,
-        leg: Leg,
-        setting: Setting,
-        seeds: Sequence[int],
-        purpose: str = STATISTICS,
+        self, height: int, leg: Leg, seeds: Sequence[int], purpose: str = STATISTICS
     ) -> list[Row]:
         """Run seeds of a leg, which is at a setting, and keep their rows."""
         sea, plan, work = self.sea(self.heights_m[height]), self.plan, self.work
         own = [sea_seed(plan.method.seed, work.number, leg.number, k) for k in seeds]
-        error = work.setting_errors[leg.number] if purpose == STATISTICS else math.nan
         made = [
             run_row(
                 self.run_number(height, leg.number, k, purpose), work.title, leg, sea, k, row,
-                setting, error, purpose,
+                purpose,
             )
             for k, row in zip(seeds, run_seeds(leg, work.ship, sea, own), strict=True)
         ]  # fmt: skip
@@ -370,30 +360,3 @@ def bisect(count: int, passes: Callable[[int], bool], guess: int | None = None) 
             at = None if at is None or low >= 0 else high - step
         step *= 2
     return low
-
-
-def phase_work(
-    plan: Plan,
-    scene: Scene,
-    number: int,
-    legs: Sequence[Leg],
-    settings: Sequence[tuple[Setting, float]],
-    ship: Ship,
-) -> PhaseWork:
-    """Return a phase with its legs at their settings.
-
-    settings: of each leg, with its measured error.
-
-    Raises:
-        SceneError: a leg does not take its setting.
-    """
-    placed = [leg.at_setting(setting) for leg, (setting, _) in zip(legs, settings, strict=True)]
-    return PhaseWork(
-        number=number,
-        title=plan.phases[number].title,
-        legs=tuple(placed),
-        settings=tuple(setting for setting, _ in settings),
-        setting_errors=tuple(error for _, error in settings),
-        limits=tuple(limits_of(plan, scene, placed)),
-        ship=ship,
-    )

@@ -67,6 +67,12 @@ class Leg:
     by_twin: bool = False  # stepped by a twin of its own (`twin_runs`)
     ropes: tuple[RopeAtRest, ...] = ()  # of a scene whose ropes meet
     offset_m: float = 0.0  # largest lateral offset of the payload from the crane tip at rest
+    setting_error: float = math.nan  # measured when mesh and step were chosen; NaN: it was not
+
+    @property
+    def setting(self) -> Setting:
+        """Return mesh and step."""
+        return Setting(self.scene.ropes[0].elements, self.scene.time.step_s)
 
     @property
     def line_out_m(self) -> float:
@@ -78,8 +84,10 @@ class Leg:
         """Return the exposure of the leg [s]."""
         return self.seconds - self.first_s
 
-    def at_setting(self, setting: Setting) -> Leg:
+    def at_setting(self, setting: Setting, error: float = math.nan) -> Leg:
         """Return the leg with this mesh and step; times become whole steps.
+
+        error: that was measured for the setting, over the hook load.
 
         Raises:
             SceneError: the scene does not take them.
@@ -91,7 +99,7 @@ class Leg:
         else:
             changes = [Change("ropes[0].elements", setting.elements), Change("time.step_s", step)]
             scene = change_scene(self.scene, changes)
-        return Leg(**{**vars(self), "scene": scene, "seconds": seconds})
+        return replace(self, scene=scene, seconds=seconds, setting_error=error)
 
 
 def legs_of(plan: Plan, scene: Scene, phase: Phase) -> list[Leg]:

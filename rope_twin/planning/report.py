@@ -14,7 +14,6 @@ from rope_twin.planning.report_content import report_of
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import RowStore
     from rope_twin.planning.run import PlanResult
 
 HTML, PDF = "report.html", "report.pdf"
@@ -31,20 +30,15 @@ def check_report() -> None:
     require("typst", "a report needs it and it is not there", "planning")
 
 
-def write_report(result: PlanResult, store: RowStore, folder: Path) -> list[Path]:
-    """Write the report as HTML and PDF, and return both paths.
-
-    Args:
-        result: of the plan.
-        store: rows of its runs.
-        folder: that is there.
+def write_report(result: PlanResult, folder: Path) -> list[Path]:
+    """Write the report as HTML and PDF into a folder that is there, and return both paths.
 
     Raises:
         InputError: Jinja2 or typst is not installed.
         OSError: a file cannot be written.
     """
     check_report()
-    report = report_of(result, store)
+    report = report_of(result)
     files = {folder / HTML: html_report(report), folder / PDF: pdf_report(report)}
     for path, data in files.items():
         write_whole(path, data)

@@ -46,7 +46,7 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import CellLimit, PhaseWork, RowStore
+    from rope_twin.planning.cells import CellLimit, PhaseWork
     from rope_twin.planning.run import PlanResult
     from rope_twin.scene.schema import Scene
 
@@ -73,11 +73,8 @@ SIMPLIFIED_HEAD = (
 )  # fmt: skip
 
 
-def report_of(result: PlanResult, store: RowStore) -> Report:
-    """Return the content of a plan's report; governing runs are run once more.
-
-    store: rows of its runs.
-    """
+def report_of(result: PlanResult) -> Report:
+    """Return the content of a plan's report; governing runs are run once more."""
     result = _spoken(result)
     plan, scene = result.plan, result.scene
     report = Report(
@@ -94,7 +91,7 @@ def report_of(result: PlanResult, store: RowStore) -> Report:
     _add_basis(report, result)
     _add_limits(report, result)
     _add_simplified(report, result)
-    _add_runs(report, result, store)
+    _add_runs(report, result)
     _add_accuracy(report, result)
     report.appendix("Results of every cell")
     _add_cells(report, result)
@@ -291,7 +288,8 @@ def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
 
 def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
     for work in result.works:
-        for leg, setting, error in zip(work.legs, work.settings, work.setting_errors, strict=True):
+        for leg in work.legs:
+            setting, error = leg.setting, leg.setting_error
             depth = f"{leg.from_m:.0f}"
             yield (
                 work.title,
@@ -414,7 +412,7 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
         )
 
 
-def _add_runs(report: Report, result: PlanResult, store: RowStore) -> None:
+def _add_runs(report: Report, result: PlanResult) -> None:
     """Add the governing run of each phase's lowest limit."""
     report.heading("Governing runs")
     report.text("The run with the largest use of the governing limit, at the lowest limit of each "
@@ -424,8 +422,7 @@ def _add_runs(report: Report, result: PlanResult, store: RowStore) -> None:
         shown = low.judged or low.beyond
         if shown is None or shown.governing_seed < 0:
             continue
-        search = result.search_of(low, store)
-        time_s, series = governing_series(search, low)
+        time_s, series = governing_series(result.search_of(low), low)
         report.figure(
             series_figure(low, time_s, series),
             f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {_at(low)}; "

@@ -100,15 +100,16 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
         f"maximum likelihood, intervals of {100.0 * method.confidence:g} %"
     )
     for work in result.works:
-        pairs = zip(work.legs, work.settings, work.setting_errors, strict=True)
-        for leg, setting, error in pairs:
+        for leg in work.legs:
+            error = leg.setting_error
             error_words = "given" if math.isnan(error) else f"error {100.0 * error:.2g} %"
             where = (
                 f"{leg.from_m:.0f} to {leg.to_m:.0f} m"
                 if leg.to_m > leg.from_m
                 else (f"{leg.from_m:.0f} m")
             )
-            yield f"{work.title}, {where}: {setting}, {error_words}; exposure {leg.window_s:.0f} s"
+            how = f"{leg.setting}, {error_words}"
+            yield f"{work.title}, {where}: {how}; exposure {leg.window_s:.0f} s"
     alone = [work.title for work in result.works if work.legs[0].by_twin]
     if alone:
         yield f"{', '.join(alone)}: runs are stepped one at a time, not in lanes"
@@ -159,11 +160,10 @@ def result_object(result: PlanResult) -> dict[str, Any]:
                 "legs": [
                     {
                         "from_m": leg.from_m, "to_m": leg.to_m, "exposure_s": leg.window_s,
-                        "elements": setting.elements, "step_s": setting.step_s, "error": error,
+                        "elements": leg.setting.elements, "step_s": leg.setting.step_s,
+                        "error": leg.setting_error,
                     }
-                    for leg, setting, error in zip(
-                        work.legs, work.settings, work.setting_errors, strict=True
-                    )
+                    for leg in work.legs
                 ],
             }
             for work in result.works

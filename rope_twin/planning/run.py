@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,20 +18,20 @@ from rope_twin.errors import InputError
 from rope_twin.planning.cells import (
     Cell,
     CellLimit,
-    MemoryStore,
     PhaseWork,
     RowStore,
-    phase_work,
     runs_of_cell,
 )
 from rope_twin.planning.dataset import plan_dataset
-from rope_twin.planning.phases import Leg, legs_of
+from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
-from rope_twin.planning.runs import STATISTICS, Row, Ship
+from rope_twin.planning.runs import STATISTICS
+from rope_twin.planning.seas import Ship
 from rope_twin.planning.settings import choose_setting, find_within
+from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.convergence import known_error, solver_version
-from rope_twin.scene.error_bound import KnownError, Setting
+from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.study_run import RowFolder, on_cluster, on_cores
 from rope_twin.twin.ensemble.ensemble import cores
@@ -73,15 +72,15 @@ class PlanResult:
         """Return the cells of a phase."""
         return [cell for cell in self.cells if cell.phase == title]
 
-    def search_of(self, limit: CellLimit, store: RowStore) -> Cell:
-        """Return the search of a cell at its settings, with the rows of a store."""
+    def search_of(self, limit: CellLimit) -> Cell:
+        """Return the search of a cell at its settings, without rows."""
         place = self.plan.grid[self.cells.index(limit)]
-        search = cell_of(self.plan, self.scene, self.works, place, store)
+        search = Cell(self.plan, self.works[place[0]], place, RowStore())
         return search.at_settings(limit.settings, limit.refinements)
 
 
 class PlanFolder(RowFolder):
-    """Folder of a plan's rows, which threads share."""
+    """Folder of a plan's rows, with the store of them."""
 
     title = "plan"
     whole = "run", "leg", "seed", "sea_seed", "elements"
@@ -94,26 +93,7 @@ class PlanFolder(RowFolder):
             InputError: another process is at it, it holds another plan, or it cannot be written.
         """
         super().__init__(folder, plan, stamp)
-        self._guard = threading.Lock()
-        self._known: dict[int, Row] = {int(row["run"]): row for row in self.rows()}
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self._known)
-
-    def get(self, run: int) -> Row | None:
-        """Return the row of a run; None if it is not done."""
-        return self._known.get(run)
-
-    def kept(self) -> Mapping[int, Row]:
-        """Return all rows by their runs."""
-        return self._known
-
-    def add(self, rows: Sequence[Row]) -> None:
-        """Keep rows, on disk at once."""
-        with self._guard:
-            super().add(rows)
-            self._known |= {int(row["run"]): row for row in rows}
+        self.store = RowStore({int(row["run"]): row for row in self.rows()}, self.add)
 
 
 def plan_stamp(plan: Plan, scene: Scene) -> str:
@@ -143,9 +123,9 @@ def plan(
     if within is not None:
         own = with_error(own, within)
     if out is None:
-        return run_plan(own, scene, MemoryStore(), threads=threads)
+        return run_plan(own, scene, RowStore(), threads=threads)
     with PlanFolder(Path(out), own, plan_stamp(own, scene)) as folder:
-        found = run_plan(own, scene, folder, threads=threads)
+        found = run_plan(own, scene, folder.store, threads=threads)
         folder.close_rows()
         return found
 
@@ -178,9 +158,9 @@ def run_plan(
     report(0, len(plan.grid), counted.made)
     found: dict[int, CellLimit] = {}
     results = (
-        _on_cluster(plan, scene, works, counted, scheduler)
+        _on_cluster(plan, works, counted, scheduler)
         if scheduler
-        else _on_cores(plan, scene, works, counted, cores() if threads is None else threads)
+        else _on_cores(plan, works, counted, cores() if threads is None else threads)
     )
     for number, limit in results:
         found[number] = limit
@@ -204,13 +184,13 @@ def run_plan(
 
 
 def _on_cores(
-    plan: Plan, scene: Scene, works: tuple[PhaseWork, ...], counted: _Counted, threads: int
+    plan: Plan, works: tuple[PhaseWork, ...], counted: _Counted, threads: int
 ) -> Iterator[tuple[int, CellLimit]]:
     """Yield number and limit of each cell, as they come."""
 
     def find(number: int) -> tuple[int, CellLimit]:
-        cell = cell_of(plan, scene, works, plan.grid[number], counted)
-        return number, find_within(cell)[1]
+        place = plan.grid[number]
+        return number, find_within(Cell(plan, works[place[0]], place, counted))[1]
 
     return on_cores(find, range(len(plan.grid)), threads, counted.stop)
 
@@ -220,8 +200,7 @@ class CellTask:
     """Search of one cell, with the rows that are done; all that a worker needs to know."""
 
     plan: Plan
-    scene: Scene
-    works: tuple[PhaseWork, ...]
+    work: PhaseWork  # of the cell's phase
     number: int  # of the cell in the plan's grid
     rows: Mapping[int, Row]
 
@@ -232,21 +211,23 @@ def find_cell(task: CellTask) -> tuple[int, CellLimit, list[Row]]:
     Raises:
         RopeTwinError: a run cannot start.
     """
-    counted = _Counted(MemoryStore(dict(task.rows)))
-    cell = cell_of(task.plan, task.scene, task.works, task.plan.grid[task.number], counted)
+    counted = _Counted(RowStore(dict(task.rows)))
+    cell = Cell(task.plan, task.work, task.plan.grid[task.number], counted)
     return task.number, find_within(cell)[1], list(counted.used.values())
 
 
 def _on_cluster(
-    plan: Plan, scene: Scene, works: tuple[PhaseWork, ...], counted: _Counted, address: str
+    plan: Plan, works: tuple[PhaseWork, ...], counted: _Counted, address: str
 ) -> Iterator[tuple[int, CellLimit]]:
     """Yield number and limit of each cell, found by a Dask cluster."""
     parts: dict[int, dict[int, Row]] = {number: {} for number in range(len(plan.grid))}
-    for run, row in counted.kept().items():
+    for run, row in counted.rows.items():
         if run < 0:  # a trial of a setting
             continue
         parts[run // runs_of_cell(plan) % len(parts)][run] = row
-    tasks = [CellTask(plan, scene, works, number, rows) for number, rows in parts.items()]
+    tasks = [
+        CellTask(plan, works[plan.grid[number][0]], number, rows) for number, rows in parts.items()
+    ]
     for number, limit, rows in on_cluster(find_cell, tasks, address):
         known = parts[number]
         counted.used |= {int(row["run"]): row for row in rows}
@@ -260,11 +241,11 @@ class _Stopped(Exception):
     """The plan was interrupted elsewhere."""
 
 
-class _Counted:
-    """A store that counts what passes through it."""
+class _Counted(RowStore):
+    """A store that counts what passes through it on the way to another one."""
 
     def __init__(self, store: RowStore) -> None:
-        self._store = store
+        super().__init__(store.rows, store.add)
         self.made, self.made_s = 0, 0.0
         self.stopped = False
         self.used: dict[int, Row] = {}
@@ -281,62 +262,42 @@ class _Counted:
         """
         if self.stopped:
             raise _Stopped
-        row = self._store.get(run)
+        row = super().get(run)
         if row is not None:
             self.used[run] = row
         return row
 
-    def kept(self) -> Mapping[int, Row]:
-        """Return all rows by their runs."""
-        return self._store.kept()
-
     def add(self, rows: Sequence[Row]) -> None:
         """Keep rows."""
-        self._store.add(rows)
+        super().add(rows)
         self.made += len(rows)
         self.made_s += math.fsum(row["seconds"] for row in rows)
         self.used |= {int(row["run"]): row for row in rows}
 
 
 def prepare(plan: Plan, scene: Scene, store: RowStore | None = None) -> tuple[PhaseWork, ...]:
-    """Return all phases, ready to run.
+    """Return all phases, ready to run; their settings by the errors in a sea of the middle.
+
+    That sea has the middle of the heights and the shortest period of the plan, which asks most of
+    mesh and step.
 
     store: of the rows of trials; None: in memory.
 
     Raises:
         RopeTwinError: a phase cannot be run; one sentence.
     """
-    ship = Ship(tip_of(plan, scene), plan.bow_of(scene))
-    works, rows = [], MemoryStore() if store is None else store
-    for number, phase in enumerate(plan.phases):
-        legs = legs_of(plan, scene, phase)
-        settings = _settings(plan, number, legs, ship, scene, rows)
-        works.append(phase_work(plan, scene, number, legs, settings, ship))
-    return tuple(works)
-
-
-def _settings(
-    plan: Plan, number: int, legs: Sequence[Leg], ship: Ship, scene: Scene, store: RowStore
-) -> list[tuple[Setting, float]]:
-    """Return a setting for each leg, with its error in a sea of the middle of the grid.
-
-    The period is the shortest of the plan, which asks most of mesh and step.
-    """
+    ship, rows = Ship(tip_of(plan, scene), plan.bow_of(scene)), store or RowStore()
     heights = plan.heights_m(0, 0)
     middle = plan.sea_state(heights[len(heights) // 2], 0, 0)
     sea = replace(middle, spreading=spreading_of(plan, scene))
-    return [choose_setting(plan, number, leg, ship, sea, store) for leg in legs]
-
-
-def cell_of(
-    plan: Plan,
-    scene: Scene,
-    works: Sequence[PhaseWork],
-    cell: tuple[int, int, int],
-    store: RowStore,
-) -> Cell:
-    """Return the search of one cell."""
-    return Cell(plan, works[cell[0]], cell, spreading_of(plan, scene), store)
+    works = []
+    for number, phase in enumerate(plan.phases):
+        legs = [
+            leg.at_setting(*choose_setting(plan, number, leg, ship, sea, rows))
+            for leg in legs_of(plan, scene, phase)
+        ]
+        works.append(PhaseWork.of(plan, scene, number, legs, ship))
+    return tuple(works)
 
 
 def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:

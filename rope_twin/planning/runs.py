@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,9 +12,15 @@ import numpy as np
 from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.seas import SeaState, TipTransfer, tip_on_waves, tip_record
-from rope_twin.planning.twin_runs import reference_m, sea_changes, twin_rows, watch_twin
-from rope_twin.scene.error_bound import Setting
+from rope_twin.planning.seas import SeaState, Ship, tip_on_waves, tip_record
+from rope_twin.planning.twin_runs import (
+    Extremes,
+    Row,
+    reference_m,
+    sea_changes,
+    twin_rows,
+    watch_twin,
+)
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.tables import Vector
@@ -26,17 +31,8 @@ from rope_twin.twin.motion.heave_track import HeaveSeries
 
 AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
 
-Row = dict[str, Any]
 # what a run is for: extremes of its cell, the error of one of those, or the choice of a setting
 STATISTICS, ERROR, SETTING = "statistics", "error", "setting"
-
-
-@dataclass(frozen=True)
-class Ship:
-    """Motion of the crane tip over the scene's water."""
-
-    tip: TipTransfer
-    bow: float  # heading of the bow [rad]
 
 
 def sea_seed(first: int, phase: int, leg: int, number: int) -> int:
@@ -59,7 +55,7 @@ def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
     if waves is None:
         heave = tip_record(ship.tip, sea, seed, leg.seconds, ship.bow, ship.tip.headings)
         return Variation((), heave, leg.commands)
-    changes = sea_changes(leg, ship.tip, ship.bow, sea, seed)
+    changes = sea_changes(leg, ship, sea, seed)
     own = change_scene(leg.scene, changes)
     heave = _on_waves(own, ship, leg.seconds)
     return Variation(changes, heave, leg.commands)
@@ -70,28 +66,23 @@ def _on_waves(scene: Scene, ship: Ship, seconds: float) -> HeaveSeries:
     waves = scene.listed(WavesParams)
     assert waves is not None
     components = components_of(waves, scene.environment.gravity_m_per_s2)
-    reference = reference_m(scene, ship.tip, ship.bow)[:2]
+    reference = reference_m(scene, ship)[:2]
     return tip_on_waves(ship.tip, components, reference, seconds, ship.bow, ship.tip.headings)
 
 
-class Extremes:
+class SteppedExtremes:
     """Extremes of one run inside the window, taken from its steps a batch at a time."""
 
     def __init__(self, leg: Leg) -> None:
         self._leg = leg
-        self.top_max, self.top_min = -math.inf, math.inf
-        self.payload_min, self.payload_max, self.least = math.inf, -math.inf, math.inf
-        self.depth_at_max = self.at_s = math.nan
-        self.landing = -math.inf
-        self.stroke = self.stroke_speed = 0.0
+        self.found = Extremes(offset_m=leg.offset_m)
         self._depth = self._sinking = -math.inf  # at the end of the last batch
         self._line: tuple[float, float] | None = None
-        self._steps = self._slack = 0
 
     @property
     def landed(self) -> bool:
         """Whether the payload has touched the seabed."""
-        return math.isfinite(self.landing)
+        return not math.isnan(self.found.landing_speed_m_per_s)
 
     def take(self, steps: Vector, time_s: Vector, nominal_m: Vector | None) -> None:
         """Take steps (n, WATCHED) that end at these times.
@@ -100,24 +91,25 @@ class Extremes:
         """
         if nominal_m is not None:
             self._take_line(steps[:, LINE_OUT], time_s, nominal_m)
-        counted = time_s > self._leg.first_s
+        counted, found = time_s > self._leg.first_s, self.found
         afloat = counted.copy()
         if self._leg.bed_m is not None:
             afloat &= self._before_touchdown(steps)
         if counted.any():
             some = steps[counted]
             k = int(np.argmax(some[:, TOP]))
-            if some[k, TOP] > self.top_max:
-                self.top_max = float(some[k, TOP])
-                self.depth_at_max, self.at_s = float(some[k, AT_DEPTH]), float(time_s[counted][k])
-            self.payload_max = max(self.payload_max, float(some[:, AT_LOWEST].max()))
+            at_s, depth_m = float(time_s[counted][k]), float(some[k, AT_DEPTH])
+            found.take_top(float(some[k, TOP]), at_s, depth_m)
+            found.payload_max_n = max(found.payload_max_n, float(some[:, AT_LOWEST].max()))
         if afloat.any():
             some = steps[afloat]
-            self.top_min = min(self.top_min, float(some[:, TOP].min()))
-            self.payload_min = min(self.payload_min, float(some[:, AT_LOWEST].min()))
-            self.least = min(self.least, float(some[:, AT_LEAST].min()))
-            self._steps += len(some)
-            self._slack += int((some[:, AT_LEAST] <= 0.0).sum())
+            found.take_least(
+                len(some),
+                int((some[:, AT_LEAST] <= 0.0).sum()),
+                top_n=float(some[:, TOP].min()),
+                payload_n=float(some[:, AT_LOWEST].min()),
+                anywhere_n=float(some[:, AT_LEAST].min()),
+            )
 
     def _before_touchdown(self, steps: Vector) -> Any:
         """Return which steps end before the payload first touches, and note how fast it lands."""
@@ -129,40 +121,23 @@ class Extremes:
         if touches.size:
             if not self.landed:
                 before[touches[0] :] = False
-            fastest = np.maximum(sinking[touches], sinking[touches + 1]).max()
-            self.landing = max(self.landing, float(fastest))
+            fastest = float(np.maximum(sinking[touches], sinking[touches + 1]).max())
+            known = self.found.landing_speed_m_per_s
+            self.found.landing_speed_m_per_s = max(known, fastest) if self.landed else fastest
         self._depth, self._sinking = float(depth[-1]), float(sinking[-1])
         return before
 
     def _take_line(self, line_m: Vector, time_s: Vector, nominal_m: Vector) -> None:
         """Note how far and how fast the heave compensation moves the line."""
-        extra = line_m - nominal_m
-        self.stroke = max(self.stroke, float(np.abs(extra).max(initial=0.0)))
+        extra, found = line_m - nominal_m, self.found
+        found.stroke_m = max(found.stroke_m, float(np.abs(extra).max(initial=0.0)))
         if self._line is not None:
             extra = np.concatenate([[self._line[1]], extra])
             time_s = np.concatenate([[self._line[0]], time_s])
         if len(extra) > 1:
             speeds = np.abs(np.diff(extra) / np.diff(time_s))
-            self.stroke_speed = max(self.stroke_speed, float(speeds.max()))
+            found.stroke_speed_m_per_s = max(found.stroke_speed_m_per_s, float(speeds.max()))
         self._line = float(time_s[-1]), float(extra[-1])
-
-    def row(self) -> Row:
-        """Return the run's results."""
-        return {
-            "top_max_n": self.top_max,
-            "top_min_n": self.top_min,
-            "payload_min_n": self.payload_min,
-            "payload_max_n": self.payload_max,
-            "least_n": self.least,
-            "depth_at_max_m": self.depth_at_max,
-            "at_s": self.at_s,
-            "slack_share": self._slack / self._steps if self._steps else 0.0,
-            "landing_speed_m_per_s": self.landing if self.landed else math.nan,
-            "stroke_m": self.stroke,
-            "stroke_speed_m_per_s": self.stroke_speed,
-            "re_hit_m_per_s": math.nan,
-            "offset_m": self._leg.offset_m,
-        }
 
 
 def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list[Row]:
@@ -174,8 +149,9 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
         RopeTwinError: the sea moves the crane tip beyond what inputs may, or no run can start.
     """
     if leg.by_twin:
-        return twin_rows(leg, ship.tip, ship.bow, sea, seeds)
-    ensemble, found = _started(leg, ship, sea, seeds), [Extremes(leg) for _ in seeds]
+        return twin_rows(leg, ship, sea, seeds)
+    ensemble = _started(leg, ship, sea, seeds)
+    found = [SteppedExtremes(leg) for _ in seeds]
     for time_s, nominal, parts in _batches(leg, ensemble):
         for own, steps in zip(found, parts, strict=True):
             some = len(steps)
@@ -184,24 +160,17 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     rows = []
     for seed, own, member in zip(seeds, found, ensemble.figures(), strict=True):
         lost = "" if leg.bed_m is None or own.landed or member.failure else "it did not land"
-        rows.append({"sea_seed": seed, **own.row(), "failure": member.failure or lost})
+        failure = member.failure or lost
+        rows.append({"sea_seed": seed, **own.found.row(), "failure": failure})
     return rows
 
 
 def run_row(
-    number: int,
-    phase: str,
-    leg: Leg,
-    sea: SeaState,
-    seed: int,
-    found: Row,
-    setting: Setting,
-    setting_error: float,
-    purpose: str,
+    number: int, phase: str, leg: Leg, sea: SeaState, seed: int, found: Row, purpose: str
 ) -> Row:
     """Return the row that is kept of a run: its place in the plan, what it found, its setting.
 
-    found: of `run_seeds`. setting_error: measured when the setting was chosen; NaN: it was not.
+    found: of `run_seeds`.
     """
     return {
         "run": number,
@@ -214,9 +183,9 @@ def run_row(
         "seed": seed,
         **found,
         "seconds": leg.seconds,
-        "elements": setting.elements,
-        "step_s": setting.step_s,
-        "setting_error": setting_error,
+        "elements": leg.setting.elements,
+        "step_s": leg.setting.step_s,
+        "setting_error": leg.setting_error,
     }
 
 
@@ -228,7 +197,7 @@ def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, 
     """
     if leg.by_twin:
         rows = []
-        for shot in watch_twin(leg, ship.tip, ship.bow, sea, seed):
+        for shot in watch_twin(leg, ship, sea, seed):
             row = np.full(WATCHED, math.nan)
             row[TOP], row[AT_LOWEST] = shot.tension_top_n, shot.tension_payload_n
             row[AT_DEPTH] = -float(shot.payload_position_m[2])

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,8 +35,19 @@ AFTER_SAMPLES = 40  # behind the end: the last step looks ahead
 CHUNK = 4096  # samples at once of a sum of components
 
 
-class TipTransfer(Protocol):
-    """Transfer function of the crane tip; whatever gives RAOs by heading can stand behind it."""
+class PointTransfer(Protocol):
+    """Transfer function of a point, such as the crane tip; RAOs by heading stand behind it."""
+
+    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
+        """Return motion forward, to port and up per metre of wave amplitude, (3, n).
+
+        Positive phases lead the wave at the reference point. heading: direction that each wave
+        travels to, from the bow to port [rad]; 0 from astern, π head seas.
+        """
+
+
+class TipTransfer(PointTransfer, Protocol):
+    """Transfer function of the crane tip, with that of its ship."""
 
     @property
     def source(self) -> str:
@@ -45,13 +56,6 @@ class TipTransfer(Protocol):
     @property
     def headings(self) -> bool:
         """Return whether it depends on the heading of the waves."""
-
-    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return motion forward, to port and up per metre of wave amplitude, (3, n).
-
-        Positive phases lead the wave at the reference point. heading: direction that each wave
-        travels to, from the bow to port [rad]; 0 from astern, π head seas.
-        """
 
     def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return surge, sway, heave, roll, pitch and yaw of the ship, (6, n); see `at`."""
@@ -104,6 +108,13 @@ class HullTip:
         return found
 
 
+class Ship(NamedTuple):
+    """Motion of the crane tip over the scene's water."""
+
+    tip: TipTransfer
+    bow: float  # heading of the bow, from east to north [rad]
+
+
 @dataclass(frozen=True)
 class SeaState:
     """A cell's sea."""
@@ -131,23 +142,9 @@ class RelativeTip:
     tip: TipTransfer
     deck: DeckTransfer
 
-    @property
-    def source(self) -> str:
-        """Return a description."""
-        return f"{self.tip.source}, relative to {self.deck.source}"
-
-    @property
-    def headings(self) -> bool:
-        """Return whether it depends on the heading of the waves."""
-        return self.tip.headings
-
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the motion of the tip less that of the deck."""
-        return self.tip.at(frequency_hz, heading) - self.deck.moved(frequency_hz, heading)
-
-    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the motion of the ship, without the deck's."""
-        return self.tip.freedoms(frequency_hz, heading)
+        return self.tip.at(frequency_hz, heading) - self.deck.at(frequency_hz, heading)
 
 
 @dataclass(frozen=True)
@@ -159,20 +156,9 @@ class DeckTransfer:
     turn: float  # of its bow from the crane vessel's, to port [rad]
     apart_m: tuple[float, float]  # of its reference point from the crane vessel's: ahead, to port
 
-    @property
-    def source(self) -> str:
-        """Return a description."""
-        return f"deck with RAOs {Path(self.responses.source).name}"
-
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the height of the deck, (n,): heave, and roll and pitch times the arm; see
-        `moved`.
-        """
-        return np.asarray(self.moved(frequency_hz, heading)[2])
-
-    def moved(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the motion along the crane vessel's axes, (3, n); arguments as for TipTransfer, in
-        deep water.
+        """Return the motion along the crane vessel's axes, (3, n); arguments as for PointTransfer,
+        in deep water.
         """
         x, y = self.apart_m
         number = (2.0 * np.pi * frequency_hz) ** 2 / STANDARD_GRAVITY
@@ -197,7 +183,7 @@ class Moments:
         return 2.0 * math.pi * self.rms_m / self.rms_m_per_s if self.rms_m_per_s > 0.0 else math.inf
 
 
-def tip_spectrum(tip: TipTransfer, sea: SeaState) -> tuple[Vector, Vector]:
+def tip_spectrum(tip: PointTransfer, sea: SeaState) -> tuple[Vector, Vector]:
     """Return frequencies [Hz] and one-sided density of the tip's height [m²/Hz], (n,) each."""
     spectrum = sea.spectrum()
     f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz
@@ -208,7 +194,7 @@ def tip_spectrum(tip: TipTransfer, sea: SeaState) -> tuple[Vector, Vector]:
     return f, moved * density
 
 
-def tip_moments(tip: TipTransfer, sea: SeaState) -> Moments:
+def tip_moments(tip: PointTransfer, sea: SeaState) -> Moments:
     """Return the standard deviations of the tip's height, velocity and acceleration."""
     return _moments(*tip_spectrum(tip, sea))
 
@@ -219,7 +205,7 @@ def _moments(f: Vector, density: Vector) -> Moments:
     return Moments(*rms)
 
 
-def lateral_moments(tip: TipTransfer, sea: SeaState) -> Moments:
+def lateral_moments(tip: PointTransfer, sea: SeaState) -> Moments:
     """Return the standard deviations of the horizontal motion in the direction of its largest."""
     spectrum = sea.spectrum()
     f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz
@@ -304,7 +290,7 @@ class SeaRecord:
         """Return amplitude [m], ω [rad/s] and phase [rad] of the sines of a deck's height from
         time 0 on, (n, 3).
         """
-        height = self.from_start(deck.at(self.frequency_hz, self.heading))
+        height = self.from_start(deck.at(self.frequency_hz, self.heading)[2])
         return np.column_stack([np.abs(height), self.omega, np.angle(height) + 0.5 * np.pi])
 
 

@@ -18,13 +18,14 @@ from typing import Any, Literal
 import numpy as np
 
 from rope_twin.errors import InputError, RopeTwinError, require
-from rope_twin.planning.cells import Cell, MemoryStore, PhaseWork, phase_work
+from rope_twin.planning.cells import Cell, PhaseWork, RowStore
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_file import Plan, Seeds
-from rope_twin.planning.plan_reader import faults, spreading_of, tip_of
-from rope_twin.planning.run import cell_of, plan_stamp, prepare
-from rope_twin.planning.runs import Row, Ship
+from rope_twin.planning.plan_reader import faults, tip_of
+from rope_twin.planning.run import plan_stamp, prepare
+from rope_twin.planning.seas import Ship
+from rope_twin.planning.twin_runs import Row
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
@@ -184,10 +185,10 @@ def lowest_cell(plan: Plan, scene: Scene) -> tuple[int, int, int]:
     Raises:
         RopeTwinError: a phase cannot be run.
     """
-    works, store = prepare(plan, scene), MemoryStore()
+    works, store = prepare(plan, scene), RowStore()
 
     def use(cell: tuple[int, int, int]) -> tuple[int, float]:
-        search = cell_of(plan, scene, works, cell, store)
+        search = Cell(plan, works[cell[0]], cell, store)
         return search.simplified_limit(), search.simplified_use(0)
 
     return min(plan.grid, key=lambda cell: (use(cell)[0], -use(cell)[1]))
@@ -206,8 +207,8 @@ def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
     method = replace(plan.method, seeds=Seeds(start=seeds, most=seeds), height_within_m=None)
     own = replace(plan, method=method)
     work = prepare(own, scene)[cell[0]]
-    settings = tuple(zip(work.settings, work.setting_errors, strict=True))
-    search = Cell(own, work, cell, spreading_of(own, scene), MemoryStore())
+    settings = tuple((leg.setting, leg.setting_error) for leg in work.legs)
+    search = Cell(own, work, cell, RowStore())
     limit = search.find()
     shown = limit.judged or limit.beyond
     assert shown is not None
@@ -234,11 +235,12 @@ def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
     for keys, what, right in faults(plan, scene):
         raise InputError(f"{plan.path}: {'.'.join(map(str, keys))}", what, right)
     number = case.cell[0]
-    legs = legs_of(plan, scene, plan.phases[number])
-    settings = [case.settings[min(k, len(case.settings) - 1)] for k in range(len(legs))]
+    legs = [
+        leg.at_setting(*case.settings[min(k, len(case.settings) - 1)])
+        for k, leg in enumerate(legs_of(plan, scene, plan.phases[number]))
+    ]
     ship = Ship(tip_of(plan, scene), plan.bow_of(scene))
-    work: PhaseWork = phase_work(plan, scene, number, legs, settings, ship)
-    search = Cell(plan, work, case.cell, spreading_of(plan, scene), MemoryStore())
+    search = Cell(plan, PhaseWork.of(plan, scene, number, legs, ship), case.cell, RowStore())
     return _outputs(search, search.heights_m.index(case.height_m))
 
 

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST
-from rope_twin.planning.runs import SETTING, Row, Ship, run_row, run_seeds, sea_seed
+from rope_twin.planning.runs import SETTING, run_row, run_seeds, sea_seed
+from rope_twin.planning.seas import Ship
+from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.error_bound import Setting
 
 if TYPE_CHECKING:
@@ -88,7 +90,7 @@ class Trials:
     ) -> None:
         """Take the beginning of a leg; a landing is run as a whole."""
         seconds = leg.seconds if leg.bed_m is not None else leg.first_s + TRIAL_S
-        self._leg = Leg(**{**vars(leg), "seconds": min(leg.seconds, seconds)})
+        self._leg = replace(leg, seconds=min(leg.seconds, seconds))
         self._plan, self._phase, self._ship, self._sea = plan, phase, ship, sea
         self._store = store
         self._failed: set[Setting] = set()
@@ -114,7 +116,7 @@ class Trials:
             return []
         title = self._plan.phases[phase].title
         made = [
-            run_row(number, title, leg, self._sea, k, row, setting, math.nan, SETTING)
+            run_row(number, title, leg, self._sea, k, row, SETTING)
             for k, (number, row) in enumerate(zip(numbers, found, strict=True))
         ]
         self._store.add(made)

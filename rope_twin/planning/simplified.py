@@ -37,6 +37,7 @@ from rope_twin.estimation.noise import linear_drag
 from rope_twin.planning.extremes import rayleigh_factor
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import (
+    PointTransfer,
     RelativeTip,
     SeaState,
     TipTransfer,
@@ -229,7 +230,7 @@ def relative_offset_m(
     return rayleigh_factor(exposure_s / moments.crossing_period_s, percentile) * moments.rms_m
 
 
-def _over_deck(leg: Leg, tip: TipTransfer) -> TipTransfer:
+def _over_deck(leg: Leg, tip: TipTransfer) -> PointTransfer:
     return tip if leg.deck is None else RelativeTip(tip, leg.deck)
 
 

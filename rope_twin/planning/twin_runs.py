@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from rope_twin.effects.rigid_body import DeckHeave, RigidBodyParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import SolverError
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.seas import DeckTransfer, SeaRecord, SeaState, TipTransfer, sea_record
+from rope_twin.planning.seas import DeckTransfer, SeaRecord, SeaState, Ship, sea_record
 from rope_twin.recording.motion_source import FIRST_NS, SAMPLE_PERIOD_NS, ShipOfComponents
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import winches_by_name
@@ -29,6 +29,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 
+Row = dict[str, Any]
 LOOK_S = 0.01
 AHEAD_NS = 1_000_000_000  # inputs are given to the twin this long before they are needed
 SMALLEST_M, SHORTEST_S = 1e-6, 0.5  # harmonics of a deck below: they move it by nothing
@@ -44,23 +45,58 @@ def offset_m(shot: Snapshot, from_ship: Collection[str] = ()) -> float:
     return float(np.hypot(*(shot.payload_position_m - middle)[:2]))
 
 
+@dataclass
+class Extremes:
+    """Extremes of one run inside its window, by the names that they have in its row."""
+
+    top_max_n: float = -math.inf
+    top_min_n: float = math.inf
+    payload_min_n: float = math.inf
+    payload_max_n: float = -math.inf
+    least_n: float = math.inf  # anywhere in the rope
+    depth_at_max_m: float = math.nan  # of the payload, at the largest hook load
+    at_s: float = math.nan  # of that
+    slack_share: float = 0.0
+    landing_speed_m_per_s: float = math.nan
+    stroke_m: float = 0.0
+    stroke_speed_m_per_s: float = 0.0
+    re_hit_m_per_s: float = math.nan
+    offset_m: float = 0.0
+    _looks: int = 0
+    _slack: int = 0
+
+    def take_top(self, top_n: float, at_s: float, depth_m: float) -> None:
+        """Take a hook load at a time, with the depth of the payload."""
+        if top_n > self.top_max_n:
+            self.top_max_n, self.at_s, self.depth_at_max_m = top_n, at_s, depth_m
+
+    def take_least(
+        self, looks: int, slack: int, *, top_n: float, payload_n: float, anywhere_n: float
+    ) -> None:
+        """Take the least tensions of some looks, and in how many of them an element is slack."""
+        self.top_min_n = min(self.top_min_n, top_n)
+        self.payload_min_n = min(self.payload_min_n, payload_n)
+        self.least_n = min(self.least_n, anywhere_n)
+        self._looks, self._slack = self._looks + looks, self._slack + slack
+        self.slack_share = self._slack / self._looks
+
+    def row(self) -> Row:
+        """Return them as a row of results."""
+        return {name: value for name, value in vars(self).items() if not name.startswith("_")}
+
+
 class TwinExtremes:
-    """Extremes of one run inside its window."""
+    """Extremes of one run of a twin, with those of ropes that meet and of the deck."""
 
     def __init__(self, leg: Leg) -> None:
         self._first_s, self._ropes = leg.first_s, leg.ropes
         self._from_ship = {one.name for one in leg.ropes if one.from_ship}
         self._decked = leg.deck_m is not None
-        self.top_max, self.at_s, self.depth_at_max = -math.inf, math.nan, math.nan
-        self.top_min = self.payload_min = self.least = math.inf
-        self.payload_max = -math.inf
-        self.offset = 0.0
+        self._found = Extremes(re_hit_m_per_s=0.0 if self._decked else math.nan)
         self.aloft = False  # whether it has left the deck
         self.on_deck = self._decked
-        self.re_hit, self.re_hits = 0.0, 0
         self._clearance: tuple[float, float] | None = None  # time [s], above the deck [m]
-        self._looks = self._slack = 0
-        self.by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
+        self._by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
 
     def take(self, shot: Snapshot) -> None:
         """Take the present of a twin."""
@@ -71,24 +107,22 @@ class TwinExtremes:
             + [float(one.element_tension_n.min()) for one in shot.ropes]
         )
         tops = [one.tension_top_n for one in shot.ropes if one.name in self._from_ship]
-        top = max([shot.tension_top_max_n, *tops])
-        if top > self.top_max:
-            self.top_max, self.at_s = top, shot.time_s
-            self.depth_at_max = -float(shot.payload_position_m[2])
-        self.payload_max = max(self.payload_max, shot.tension_payload_n)
+        top, depth_m = max([shot.tension_top_max_n, *tops]), -float(shot.payload_position_m[2])
+        found = self._found
+        found.take_top(top, shot.time_s, depth_m)
+        found.payload_max_n = max(found.payload_max_n, shot.tension_payload_n)
         for one in shot.ropes:
-            seen = self.by_rope.setdefault(one.name, [-math.inf, math.inf])
+            seen = self._by_rope.setdefault(one.name, [-math.inf, math.inf])
             seen[0] = max(seen[0], float(one.element_tension_n.max()), one.tension_top_n)
             seen[1] = min(seen[1], float(one.element_tension_n[-1]))
         if self._decked:
             self._take_deck(shot)
         if not self._decked or (self.aloft and not self.on_deck):
-            self._looks += 1
-            self._slack += least <= 0.0
-            self.top_min = min(self.top_min, shot.tension_top_min_n)
-            self.payload_min = min(self.payload_min, shot.tension_payload_n)
-            self.least = min(self.least, least)
-            self.offset = max(self.offset, offset_m(shot, self._from_ship))
+            found.take_least(
+                1, int(least <= 0.0), top_n=shot.tension_top_min_n,
+                payload_n=shot.tension_payload_n, anywhere_n=least,
+            )  # fmt: skip
+            found.offset_m = max(found.offset_m, offset_m(shot, self._from_ship))
 
     def _take_deck(self, shot: Snapshot) -> None:
         """Note whether the object stands on the deck, and how fast that meets it again."""
@@ -99,38 +133,22 @@ class TwinExtremes:
         now, before = (shot.time_s, body.deck_clearance_m), self._clearance
         on_deck = body.deck_push_n > 0.0
         if on_deck and self.aloft and not self.on_deck and before is not None:
-            self.re_hits += 1
-            self.re_hit = max(self.re_hit, (before[1] - now[1]) / (now[0] - before[0]))
+            speed = (before[1] - now[1]) / (now[0] - before[0])
+            self._found.re_hit_m_per_s = max(self._found.re_hit_m_per_s, speed)
         self.aloft = self.aloft or not on_deck
         self.on_deck, self._clearance = on_deck, now
 
-    def row(self) -> dict[str, Any]:
-        """Return the run's results, as those of `runs.Extremes`."""
-        found: dict[str, Any] = {
-            "top_max_n": self.top_max,
-            "top_min_n": self.top_min,
-            "payload_min_n": self.payload_min,
-            "payload_max_n": self.payload_max,
-            "least_n": self.least,
-            "depth_at_max_m": self.depth_at_max,
-            "at_s": self.at_s,
-            "slack_share": self._slack / self._looks if self._looks else 0.0,
-            "landing_speed_m_per_s": math.nan,
-            "stroke_m": 0.0,
-            "stroke_speed_m_per_s": 0.0,
-            "re_hit_m_per_s": self.re_hit if self._decked else math.nan,
-            "offset_m": self.offset,
-        }
+    def row(self) -> Row:
+        """Return the run's results."""
+        found = self._found.row()
         for one in self._ropes:
-            high, low = self.by_rope.get(one.name, (math.nan, math.nan))
+            high, low = self._by_rope.get(one.name, (math.nan, math.nan))
             found[f"rope_load[{one.name}]"] = high
             found[f"rope_loss[{one.name}]"] = 1.0 - low / one.lower_n
         return found
 
 
-def twin_rows(
-    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seeds: Sequence[int]
-) -> list[dict[str, Any]]:
+def twin_rows(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list[Row]:
     """Return the extremes of each seed; a run that failed has a sentence in `failure`.
 
     Raises:
@@ -140,7 +158,7 @@ def twin_rows(
     for seed in seeds:
         found, failure = TwinExtremes(leg), ""
         try:
-            for shot in watch_twin(leg, tip, bow, sea, seed):
+            for shot in watch_twin(leg, ship, sea, seed):
                 found.take(shot)
         except SolverError as error:
             failure = str(error)
@@ -150,16 +168,14 @@ def twin_rows(
     return rows
 
 
-def watch_twin(
-    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
-) -> Iterator[Snapshot]:
+def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snapshot]:
     """Yield snapshots of a run, one every LOOK_S or every step.
 
     Raises:
         RopeTwinError: it cannot start.
         SolverError: an input was rejected, or the next state would not be finite.
     """
-    scene, ship = moved_by_sea(leg, tip, bow, sea, seed)
+    scene, moved = moved_by_sea(leg, ship, sea, seed)
     twin = Twin(scene)
     twin.prescribe_motion()
     step = twin.step_ns
@@ -169,7 +185,7 @@ def watch_twin(
     while twin.steps < steps:
         until = twin.time_ns + every * step + AHEAD_NS
         while stamp < until:
-            _taken(twin.offer_pose(ship.pose(stamp)))
+            _taken(twin.offer_pose(moved.pose(stamp)))
             stamp += SAMPLE_PERIOD_NS
         for name, winch in winches_by_name(scene).items():
             if name != WINCH or not leg.commands:
@@ -183,16 +199,14 @@ def watch_twin(
         yield twin.snapshot()
 
 
-def moved_by_sea(
-    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
-) -> tuple[Scene, ShipOfComponents]:
+def moved_by_sea(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Scene, ShipOfComponents]:
     """Return the scene in a sea, and the ship that answers it.
 
     Raises:
         SceneError: the waves do not take these numbers.
     """
-    scene = leg.scene
-    reference = reference_m(scene, tip, bow)
+    scene, tip, bow = leg.scene, ship.tip, ship.bow
+    reference = reference_m(scene, ship)
     at_rest = replace(scene.ship, reference_m=reference)
     scene = replace(scene, ship=at_rest, sea_state=SceneSea())
     waves = scene.listed(WavesParams)
@@ -202,7 +216,7 @@ def moved_by_sea(
         if leg.deck is not None:
             scene = on_deck(scene, leg.deck, record)
         return scene, ShipOfComponents(answer, record.omega, bow)
-    scene = change_scene(scene, sea_changes(leg, tip, bow, sea, seed))
+    scene = change_scene(scene, sea_changes(leg, ship, sea, seed))
     waves = scene.listed(WavesParams)
     assert waves is not None
     own = components_of(waves, scene.environment.gravity_m_per_s2)
@@ -211,23 +225,21 @@ def moved_by_sea(
     return scene, ShipOfComponents(answer, own.omega, bow)
 
 
-def reference_m(scene: Scene, tip: TipTransfer, bow: float) -> tuple[float, float, float]:
+def reference_m(scene: Scene, ship: Ship) -> tuple[float, float, float]:
     """Return the ship's reference point, an arm away from the hang-off [m]."""
     x, y, z = scene.ship.hang_off_m
-    ahead, port, up = getattr(tip, "arm_m", (0.0, 0.0, 0.0))
-    c, s = math.cos(bow), math.sin(bow)
+    ahead, port, up = getattr(ship.tip, "arm_m", (0.0, 0.0, 0.0))
+    c, s = math.cos(ship.bow), math.sin(ship.bow)
     return x - (c * ahead - s * port), y - (s * ahead + c * port), z - up
 
 
-def sea_changes(
-    leg: Leg, tip: TipTransfer, bow: float, sea: SeaState, seed: int
-) -> tuple[Change, ...]:
+def sea_changes(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Change, ...]:
     """Return the changes of a scene's waves for a seed of a sea state."""
     waves = leg.scene.listed(WavesParams)
     assert waves is not None
     heading = waves.heading_deg  # a hull that answers head seas has no bow to turn from
-    if tip.headings:
-        heading = (math.degrees(bow) + sea.heading_deg + 180.0) % 360.0 - 180.0
+    if ship.tip.headings:
+        heading = (math.degrees(ship.bow) + sea.heading_deg + 180.0) % 360.0 - 180.0
     numbers: dict[str, float | None] = {
         "jonswap.significant_height_m": sea.height_m,
         "jonswap.peak_period_s": sea.period_s,

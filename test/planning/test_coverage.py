@@ -8,8 +8,8 @@ import pytest
 from rope_twin.planning.extremes import characteristic_maximum
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
-from rope_twin.planning.runs import Ship, run_seeds, sea_seed
-from rope_twin.planning.seas import SeaState, tip_record
+from rope_twin.planning.runs import run_seeds, sea_seed
+from rope_twin.planning.seas import SeaState, Ship, tip_record
 from rope_twin.scene.error_bound import Setting
 
 LEAST, MOST = 0.85, 0.95  # of intervals of 90 %

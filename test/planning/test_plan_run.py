@@ -26,7 +26,7 @@ from rope_twin.cli import main
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.planning import cells, settings
-from rope_twin.planning.cells import Cell, CellLimit, MemoryStore, bisect
+from rope_twin.planning.cells import Cell, CellLimit, RowStore, bisect
 from rope_twin.planning.notes import notes
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
@@ -36,15 +36,15 @@ from rope_twin.planning.run import (
     CellTask,
     PlanFolder,
     cell_named,
-    cell_of,
     find_cell,
     plan,
     plan_stamp,
     prepare,
 )
 from rope_twin.planning.run import run_plan as run
-from rope_twin.planning.runs import Row, Ship, run_seeds
-from rope_twin.planning.seas import SeaState
+from rope_twin.planning.runs import run_seeds
+from rope_twin.planning.seas import SeaState, Ship
+from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.load_chart import read_load_chart
 from rope_twin.share import share_dir
@@ -81,11 +81,11 @@ def plain(found: dict) -> dict:
 def test_limits_are_those_of_the_full_grid(small: Path) -> None:
     """Bisection ends within one step of the last height that passes, and judges fewer."""
     own, scene = read_plan(small)
-    store = MemoryStore()
+    store = RowStore()
     found = run(own, scene, store, threads=1)
     works = prepare(own, scene)
     for cell, limit in zip(own.grid, found.cells, strict=True):
-        full = Cell(own, works[0], cell, None, store)
+        full = Cell(own, works[0], cell, store)
         passed = [full.judge(k, narrow=True).passed for k in range(len(full.heights_m))]
         last = passed.index(False) - 1
         assert not any(passed[last + 1 :]), "the use grows with the height"
@@ -100,7 +100,7 @@ def test_limits_are_those_of_the_full_grid(small: Path) -> None:
 def test_no_random_number_but_the_seed(small: Path) -> None:
     """A plan gives the same rows to the bit, whatever the threads; another seed others."""
     own, scene = read_plan(small)
-    stores = [MemoryStore(), MemoryStore(), MemoryStore()]
+    stores = [RowStore(), RowStore(), RowStore()]
     for store, threads in zip(stores[:2], (1, 2), strict=True):
         run(own, scene, store, threads=threads)
     assert stores[0].rows == stores[1].rows
@@ -115,10 +115,10 @@ def test_limiting_height_as_narrow_as_asked(small: Path) -> None:
     more.
     """
     own, scene = read_plan(small)
-    wide = run(own, scene, MemoryStore(), threads=1).cells[0]
+    wide = run(own, scene, RowStore(), threads=1).cells[0]
     seeds = replace(own.method.seeds, most=200)
     method = replace(own.method, height_within_m=0.2, seeds=seeds)
-    found = run(replace(own, method=method), scene, MemoryStore(), threads=1).cells[0]
+    found = run(replace(own, method=method), scene, RowStore(), threads=1).cells[0]
     assert 0.5 * (wide.high_m - wide.low_m) > 0.2
     assert 0.5 * (found.high_m - found.low_m) <= 0.2
     assert found.runs > wide.runs
@@ -128,11 +128,11 @@ def test_limiting_height_as_narrow_as_asked(small: Path) -> None:
 def test_tasks_travel(small: Path) -> None:
     """A cell that was pickled, with some of its rows, has the limit of one that was not."""
     own, scene = read_plan(small)
-    store = MemoryStore()
+    store = RowStore()
     expected = run(own, scene, store, threads=1)
     works = prepare(own, scene)
     some = {run: row for run, row in store.rows.items() if row["seed"] < 8}
-    task = pickle.loads(pickle.dumps(CellTask(own, scene, works, 1, some)))
+    task = pickle.loads(pickle.dumps(CellTask(own, works[own.grid[1][0]], 1, some)))
     number, limit, rows = find_cell(task)
     assert (number, limit) == (1, expected.cells[1])
     assert rows
@@ -157,7 +157,7 @@ def test_cluster_of_which_a_worker_dies(small: Path) -> None:
     sea = replace(own.sea, tp_s=(8.0, 9.0, 10.0, 11.0, 12.0, 13.0), headings_deg=(135.0, 180.0))
     method = replace(own.method, within=0.005, seeds=Seeds(start=8, most=48))
     large = replace(own, sea=sea, method=method)
-    alone, apart = MemoryStore(), MemoryStore()
+    alone, apart = RowStore(), RowStore()
     expected = run(large, scene, alone)
     killed = []
     with distributed.LocalCluster(
@@ -177,7 +177,7 @@ def test_cluster_of_which_a_worker_dies(small: Path) -> None:
         assert repr(alone.rows[number]) == repr(row)
 
 
-class Ending(MemoryStore):
+class Ending(RowStore):
     """A store that is interrupted after some rows."""
 
     def add(self, rows: list[Row]) -> None:  # type: ignore[override]
@@ -190,14 +190,14 @@ class Ending(MemoryStore):
 def test_interrupted_plans_continue(small: Path) -> None:
     """The rows that are there are not run again, and the limits are the same."""
     own, scene = read_plan(small)
-    whole = MemoryStore()
+    whole = RowStore()
     expected = run(own, scene, whole, threads=1)
     cut = Ending()
     with pytest.raises(KeyboardInterrupt):
         run(own, scene, cut, threads=1)
     kept = dict(cut.rows)
     assert 0 < len(kept) < len(whole.rows)
-    rest = MemoryStore(dict(kept))
+    rest = RowStore(dict(kept))
     made: list[int] = []
     found = run(own, scene, rest, lambda done, total, runs: made.append(runs), threads=1)
     assert rest.rows == whole.rows
@@ -222,10 +222,10 @@ def test_killed_plans_continue(small: Path, tmp_path: Path) -> None:
     stamp = parts[0].stat().st_mtime_ns
     own, scene = read_plan(small)
     with PlanFolder(tmp_path / "killed", own, plan_stamp(own, scene)) as folder:
-        assert len(folder) > 0
+        assert folder.store.rows
         assert parts[0].stat().st_mtime_ns == stamp
-        found = run(own, scene, folder, threads=1)
-    expected = run(own, scene, MemoryStore(), threads=1)
+        found = run(own, scene, folder.store, threads=1)
+    expected = run(own, scene, RowStore(), threads=1)
     assert plain(result_object(found)) == plain(result_object(expected))
 
 
@@ -254,20 +254,22 @@ def test_nothing_is_run_twice(small: Path, tmp_path: Path, monkeypatch: pytest.M
 
     for module in (cells, settings):
         monkeypatch.setattr(module, "run_seeds", counted)
-    whole = MemoryStore()
+    whole = RowStore()
     expected = run(own, scene, whole, threads=1)
     made = {"error", "setting", "statistics"}
     assert {row["purpose"] for row in whole.rows.values()} == made
     assert len(stepped) == len(whole.rows)
     stepped.clear()
     with PlanFolder(out, own, plan_stamp(own, scene)) as folder:
-        kept = len(folder)
+        kept = len(folder.store.rows)
         assert kept > 0
-        found = run(own, scene, folder, threads=1)
+        found = run(own, scene, folder.store, threads=1)
         assert len(stepped) == len(whole.rows) - kept
         stepped.clear()
-        again = run(own, scene, folder, threads=1)
-        assert repr(dict(sorted(folder.kept().items()))) == repr(dict(sorted(whole.rows.items())))
+        again = run(own, scene, folder.store, threads=1)
+        assert repr(dict(sorted(folder.store.rows.items()))) == repr(
+            dict(sorted(whole.rows.items()))
+        )
     assert not stepped
     for one in (found, again):
         assert plain(result_object(one)) == plain(result_object(expected))
@@ -441,7 +443,7 @@ def test_limits_that_nothing_meets(small: Path, tmp_path: Path) -> None:
     """A crane that holds the static load alone: no height, not even the lowest, is allowed."""
     own, scene = read_plan(small)
     weak = replace(own, criteria=replace(own.criteria, swl_n=300e3))
-    found = run(weak, scene, MemoryStore(), threads=1)
+    found = run(weak, scene, RowStore(), threads=1)
     assert (
         "at_depth: the static hook load of 313 kN alone is above its limit of 300 kN"
         in "\n".join(notes(found))
@@ -462,7 +464,7 @@ def test_landing_speed_is_that_of_the_winch_in_flat_water() -> None:
     own, scene = read_plan("landing")
     works = prepare(own, scene)
     number = next(k for k, phase in enumerate(own.phases) if phase.kind == "landing")
-    cell = cell_of(own, scene, works, (number, 0, 0), MemoryStore())
+    cell = Cell(own, works[number], (number, 0, 0), RowStore())
     cell.heights_m = [0.05]
     rows = cell.rows(0, 4)
     for row in rows:
@@ -494,13 +496,13 @@ def test_compensation_stroke_is_that_of_the_heave() -> None:
     method = replace(own.method, elements=12, step_s=0.1, settle_s=30.0)
     made = replace(own, phases=(Phase(at_depth=hanging),), method=method)
     works = prepare(made, ahc)
-    cell = cell_of(made, ahc, works, (0, 1, 0), MemoryStore())
+    cell = Cell(made, works[0], (0, 1, 0), RowStore())
     rows = cell.rows(2, 4)
     assert all(0.05 < row["stroke_m"] < 2.0 for row in rows)
     bare_winch = replace(ahc.winch, heave_compensation=None, schedule=(),
                         schedule_repeats_every_s=None)  # fmt: skip
     still = prepare(made, replace(ahc, winch=bare_winch))
-    bare = cell_of(made, ahc, still, (0, 1, 0), MemoryStore()).rows(2, 4)
+    bare = Cell(made, still[0], (0, 1, 0), RowStore()).rows(2, 4)
     assert all(row["stroke_m"] == 0.0 for row in bare)
     for row, other in zip(rows, bare, strict=True):
         assert row["top_max_n"] < other["top_max_n"]
@@ -519,12 +521,12 @@ def test_remarks_are_in_numbers(small: Path, tmp_path: Path) -> None:
     assert own.vessel is not None
     vessel = replace(own.vessel, responses=str(tmp_path / "short.csv"))
     steep = replace(own, phases=(Phase(at_depth=hanging),), sea=sea, method=method, vessel=vessel)
-    said = "\n".join(notes(run(steep, scene, MemoryStore(), threads=1)))
+    said = "\n".join(notes(run(steep, scene, RowStore(), threads=1)))
     assert "At Tp 5 s limits lie above the steepest usual seas of DNV-RP-C205" in said
     assert "% of the variance of the tip's motion lies above the highest frequency" in said
     assert "has no waves" not in said
     long = replace(steep, sea=replace(sea, tp_s=(16.0,)), vessel=own.vessel)
-    said = "\n".join(notes(run(long, scene, MemoryStore(), threads=1)))
+    said = "\n".join(notes(run(long, scene, RowStore(), threads=1)))
     assert "3 seeds leave an interval wider than ±0.1 %" in said
     assert "the payload is at 150 m, less than half of the longest waves' 400 m" in said
     assert "highest frequency" not in said
@@ -533,7 +535,7 @@ def test_remarks_are_in_numbers(small: Path, tmp_path: Path) -> None:
 def test_rows_hold_finite_numbers(small: Path) -> None:
     """Judged columns are finite throughout."""
     own, scene = read_plan(small)
-    store = MemoryStore()
+    store = RowStore()
     run(own, scene, store, threads=1)
     for row in store.rows.values():
         assert all(

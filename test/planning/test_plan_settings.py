@@ -10,9 +10,9 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import RopeTwinError
-from rope_twin.planning.cells import CellLimit, MemoryStore
+from rope_twin.planning.cells import Cell, CellLimit, RowStore
 from rope_twin.planning.plan_reader import read_plan, with_error
-from rope_twin.planning.run import cell_of, prepare
+from rope_twin.planning.run import prepare
 from rope_twin.planning.runs import run_seeds, sea_seed
 from rope_twin.planning.settings import find_within
 from rope_twin.scene.error_bound import Setting
@@ -36,16 +36,16 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "small.yaml"
 
 
-def coarse_limit(path: Path, within: float) -> tuple[CellLimit, CellLimit, MemoryStore]:
+def coarse_limit(path: Path, within: float) -> tuple[CellLimit, CellLimit, RowStore]:
     """Return the limit of a cell at a coarse setting, that within an error, and its rows."""
     plan, scene = read_plan(path)
     given = replace(plan.method, elements=COARSE.elements, step_s=COARSE.step_s)
     works = prepare(replace(plan, method=given), scene)
     own = with_error(plan, within)
-    store = MemoryStore()
-    fixed = cell_of(replace(own, method=given), scene, works, (0, 0, 0), store)
+    store = RowStore()
+    fixed = Cell(replace(own, method=given), works[0], (0, 0, 0), store)
     coarse = find_within(fixed)[1]
-    search, limit = find_within(cell_of(own, scene, works, (0, 0, 0), store))
+    search, limit = find_within(Cell(own, works[0], (0, 0, 0), store))
     assert search.work.settings == limit.settings
     return coarse, limit, store
 
@@ -74,7 +74,7 @@ def test_the_error_is_that_against_a_much_finer_run(path: Path) -> None:
     plan, scene = read_plan(path)
     work = prepare(plan, scene)[0]
     fine = Setting(4 * limit.setting.elements, 0.25 * limit.setting.step_s)
-    search = cell_of(plan, scene, [work], (0, 0, 0), store)
+    search = Cell(plan, work, (0, 0, 0), store)
     leg = work.legs[0].at_setting(fine)
     seed = sea_seed(plan.method.seed, 0, 0, judged.governing_seed)
     reference = run_seeds(leg, work.ship, search.sea(judged.height_m), [seed])[0]

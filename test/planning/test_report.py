@@ -11,7 +11,7 @@ from pathlib import Path
 import pypdfium2
 import pytest
 
-from rope_twin.planning.cells import MemoryStore
+from rope_twin.planning.cells import RowStore
 from rope_twin.planning.document import Figure, Heading, Report, Table, Text
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.report import html_report, pdf_report
@@ -40,18 +40,17 @@ uncertainties:
 
 
 @pytest.fixture(scope="module")
-def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[PlanResult, MemoryStore]:
-    """Return the result of the plan, and its rows."""
+def result(tmp_path_factory: pytest.TempPathFactory) -> PlanResult:
+    """Return the result of the plan."""
     path = tmp_path_factory.mktemp("plan") / "deeper.yaml"
     path.write_text(PLAN)
-    store = MemoryStore()
-    return run_plan(*read_plan(path), store), store
+    return run_plan(*read_plan(path), RowStore())
 
 
 @pytest.fixture(scope="module")
-def report(result: tuple[PlanResult, MemoryStore]) -> Report:
+def report(result: PlanResult) -> Report:
     """Return its report."""
-    return report_of(*result)
+    return report_of(result)
 
 
 def said(report: Report) -> list[str]:
@@ -133,9 +132,9 @@ def test_pdf_has_all_content(report: Report) -> None:
     assert at == sorted(at)
 
 
-def test_reports_repeat(result: tuple[PlanResult, MemoryStore]) -> None:
+def test_reports_repeat(result: PlanResult) -> None:
     """Equal results give equal bytes, without a date."""
-    first, second = report_of(*result), report_of(*result)
+    first, second = report_of(result), report_of(result)
     assert html_report(first) == html_report(second)
     assert pdf_report(first) == pdf_report(second)
 
@@ -147,8 +146,7 @@ def test_plan_without_a_limit_has_a_report(tmp_path: Path) -> None:
     plan, scene = read_plan(path)
     small = replace(plan, sea=replace(plan.sea, tp_s=(9.0,), headings_deg=(180.0,)),
                     phases=plan.phases[:1])  # fmt: skip
-    store = MemoryStore()
-    report = report_of(run_plan(small, scene, store), store)
+    report = report_of(run_plan(small, scene, RowStore()))
     text = "\n".join(said(report))
     assert "no sea state of the grid meets the criteria in phase 'halfway'" in text
     assert pdf_report(report).startswith(b"%PDF")

@@ -11,12 +11,12 @@ import pytest
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.planning.cells import MemoryStore
+from rope_twin.planning.cells import RowStore
 from rope_twin.planning.phases import Leg, hung_at, legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
-from rope_twin.planning.seas import LEAD_SAMPLES, tip_record
+from rope_twin.planning.seas import LEAD_SAMPLES, Ship, tip_record
 from rope_twin.planning.simplified import lateral_offset_m, lift_of
 from rope_twin.planning.tables import further_tables
 from rope_twin.planning.twin_runs import watch_twin
@@ -39,7 +39,7 @@ def two(tmp_path_factory: pytest.TempPathFactory) -> PlanResult:
     path = tmp_path_factory.mktemp("plan") / "two.yaml"
     path.write_text(TWO)
     own, scene = read_plan(path)
-    return run_plan(own, scene, MemoryStore(), threads=1)
+    return run_plan(own, scene, RowStore(), threads=1)
 
 
 def test_each_rope_has_its_criteria(two: PlanResult) -> None:
@@ -91,7 +91,7 @@ def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
     plan, scene, leg = two.plan, two.scene, two.works[0].legs[0]
     tip, bow, sea = tip_of(plan, scene), plan.bow_of(scene), plan.sea_state(1.0, 0, 0)
     short = replace(leg, seconds=14.0)
-    shots = list(watch_twin(short, tip, bow, sea, 5))
+    shots = list(watch_twin(short, Ship(tip, bow), sea, 5))
     series = tip_record(tip, sea, 5, 14.0, bow, True)
     late = [shot for shot in shots if shot.motion_ramp == 1.0]
     time = np.array([shot.time_s for shot in late])
@@ -158,7 +158,7 @@ def test_offset_is_a_criterion(tmp_path: Path) -> None:
         "method: {seeds: {start: 3, most: 3}, elements: 8, step_s: 0.1, settle_s: 2.0}\n"
     )
     own, scene = read_plan(path)
-    result = run_plan(own, scene, MemoryStore(), threads=1)
+    result = run_plan(own, scene, RowStore(), threads=1)
     leg: Leg = result.works[0].legs[0]
     assert leg.offset_m > 0.5
     (cell,) = result.cells
@@ -176,7 +176,7 @@ def test_winch_with_a_drive_is_planned_from_its_scene(tmp_path: Path) -> None:
         .replace("exposure_s: 15.0", "exposure_s: 10.0").replace("to: 2.0", "to: 1.0")
     )  # fmt: skip
     own, scene = read_plan(path)
-    result = run_plan(own, scene, MemoryStore(), threads=1)
+    result = run_plan(own, scene, RowStore(), threads=1)
     judged = result.cells[0].judged or result.cells[0].beyond
     assert judged is not None
     assert judged.failures == 0

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as some
 
-from rope_twin.planning.cells import MemoryStore
+from rope_twin.planning.cells import RowStore
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.run import run_plan
 from rope_twin.planning.slings import SlingFactors, Slings, hang, sling_shares
@@ -156,7 +156,7 @@ def test_slings_limit_a_plan(tmp_path: Path) -> None:
     path = tmp_path / "lift.yaml"
     path.write_text(PLAN)
     own, scene = read_plan(path)
-    result = run_plan(own, scene, MemoryStore(), threads=1)
+    result = run_plan(own, scene, RowStore(), threads=1)
     (cell,) = result.cells
     assert cell.governing == "slings"
     assert cell.judged is not None

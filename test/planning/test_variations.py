@@ -9,8 +9,8 @@ import pytest
 from rope_twin.effects.waves import WavesParams
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
-from rope_twin.planning.runs import Ship, sea_seed, variation
-from rope_twin.planning.seas import SeaState
+from rope_twin.planning.runs import sea_seed, variation
+from rope_twin.planning.seas import SeaState, Ship
 from rope_twin.recording.motion_source import sea_of_waves
 from rope_twin.scene.load import change_scene
 
