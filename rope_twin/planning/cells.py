@@ -122,10 +122,24 @@ class CellLimit:
     refinements: int  # times that a leg's setting was made finer, as the error was too large
 
     @property
+    def shown(self) -> Judgement | None:
+        """Return the judgement at the limit, or of the lowest height where none is allowed."""
+        return self.judged or self.beyond
+
+    @property
     def setting(self) -> Setting:
         """Return mesh and step of the governing run."""
-        shown = self.judged or self.beyond
-        return self.settings[0 if shown is None else shown.governing_leg]
+        return self.settings[0 if self.shown is None else self.shown.governing_leg]
+
+    @property
+    def row_head(self) -> list[str]:
+        """Return phase, peak period and heading, as cells of a table."""
+        return [self.phase, f"{self.period_s:g}", f"{self.heading_deg:g}"]
+
+    @property
+    def sea(self) -> str:
+        """Return peak period and heading in words."""
+        return f"Tp {self.period_s:g} s, heading {self.heading_deg:g}°"
 
 
 class Cell:

@@ -70,7 +70,7 @@ def _failures(result: PlanResult) -> Iterator[str]:
         judged = (cell.judged, cell.beyond)
         failed = sum(one.failures for one in judged if one is not None)
         faults = [one.fault for one in judged if one is not None and one.fault]
-        where = f"{cell.phase}, Tp {cell.period_s:g} s, heading {cell.heading_deg:g}°"
+        where = f"{cell.phase}, {cell.sea}"
         if failed:
             yield f"{where}: {failed} runs did not reach their end; such a sea counts as too high."
         if faults:

@@ -203,7 +203,7 @@ def contour_figure(result: PlanResult) -> Any:
     top = math.ceil(2.0 * max(one.height_m or 0.0 for one in result.cells)) / 2.0
     levels = np.linspace(0.0, max(top, 0.5), 13)
     for axes, work in zip(panels, result.works, strict=True):
-        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
+        cells = result.by_sea(work.title)
         table = np.array([[cells[tp, h].height_m or 0.0 for tp in sea.tp_s] for h in headings])
         drawn = axes.contourf(sea.tp_s, headings, table, levels, cmap="RdYlGn")
         lines = axes.contour(
@@ -226,7 +226,7 @@ def governing_series(search: Cell, limit: CellLimit) -> tuple[Vector, Vector]:
     """Return time [s] in the window, (n,), and hook load [N], payload tension [N] and depth [m] of
     the governing run, (n, 3).
     """
-    shown = limit.judged or limit.beyond
+    shown = limit.shown
     assert shown is not None
     leg = search.work.legs[shown.governing_leg]
     seed = sea_seed(search.plan.method.seed, search.work.number, leg.number, shown.governing_seed)
@@ -270,18 +270,9 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
         axes.grid(True, linewidth=0.3)
         axes.yaxis.label.set_size(8)
     figure.align_ylabels()
-    figure.suptitle(_where(limit), fontsize=10)
+    assert limit.shown is not None
+    figure.suptitle(f"{limit.phase}: {limit.sea}, Hs {limit.shown.height_m:g} m", fontsize=10)
     return figure
-
-
-def _where(limit: CellLimit) -> str:
-    """Return phase, sea and height of a cell in words."""
-    shown = limit.judged or limit.beyond
-    assert shown is not None
-    return (
-        f"{limit.phase}: Tp {limit.period_s:g} s, heading {limit.heading_deg:g}°, "
-        f"Hs {shown.height_m:g} m"
-    )
 
 
 def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
@@ -294,7 +285,7 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     Raises:
         InputError: no height of the cell meets the criteria.
     """
-    shown = limit.judged or limit.beyond
+    shown = limit.shown
     if shown is None or shown.governing_seed < 0:
         what = limit.governing or "no height could be run"
         raise InputError(f"cell of '{limit.phase}'", what, "choose another cell")

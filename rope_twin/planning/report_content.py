@@ -113,22 +113,18 @@ def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
     return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
 
 
-def _at(cell: CellLimit) -> str:
-    return f"Tp {cell.period_s:g} s, heading {cell.heading_deg:g}°"
-
-
 def _add_summary(report: Report, result: PlanResult) -> None:
     report.heading("Summary")
     low, method = _lowest(result.cells), result.plan.method
     by = limit_words(result, low)
     if low.height_m is None:
         report.text(
-            f"At {_at(low)} no sea state of the grid meets the criteria in phase '{low.phase}' "
+            f"At {low.sea} no sea state of the grid meets the criteria in phase '{low.phase}' "
             f"({by}). The other limits stand below."
         )
     else:
         report.text(
-            f"The lowest limit is Hs {height_words(low)} m, in phase '{low.phase}' at {_at(low)}; "
+            f"The lowest limit is Hs {height_words(low)} m, in phase '{low.phase}' at {low.sea}; "
             f"{by} governs."
         )
     head = ("phase", "lowest limiting Hs", "at", "governed by", "largest hook load", "largest DAF")
@@ -154,7 +150,7 @@ def _summary_row(result: PlanResult, work: PhaseWork) -> tuple[str, ...]:
     return (
         work.title,
         f"{height_words(low)} m" if low.height_m is not None else "none",
-        _at(low),
+        low.sea,
         limit_words(result, low),
         f"{1e-3 * max(hooks):.0f} kN" if hooks else NONE,
         f"{max(daf(result, cell) for cell in judged):.2f}" if judged else NONE,
@@ -344,7 +340,7 @@ def _add_limits(report: Report, result: PlanResult) -> None:
     headings = result.plan.sea.headings_deg
     rows = []
     for work in result.works:
-        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
+        cells = result.by_sea(work.title)
         for tp in result.plan.sea.tp_s:
             own = [cells[tp, heading] for heading in headings]
             rows.append((work.title, f"{tp:g}", *(_matrix_words(result, one) for one in own)))
@@ -407,8 +403,8 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
         least, most = min(apart, key=itemgetter(0)), max(apart, key=itemgetter(0))
         report.text(
             f"The hook load of the runs differs from the simplified one by {least[0]:+.1f} % "
-            f"({least[1].phase}, {_at(least[1])}) to {most[0]:+.1f} % ({most[1].phase}, "
-            f"{_at(most[1])})."
+            f"({least[1].phase}, {least[1].sea}) to {most[0]:+.1f} % ({most[1].phase}, "
+            f"{most[1].sea})."
         )
 
 
@@ -419,13 +415,13 @@ def _add_runs(report: Report, result: PlanResult) -> None:
                 "phase.")  # fmt: skip
     for work in result.works:
         low = _lowest(result.of_phase(work.title))
-        shown = low.judged or low.beyond
+        shown = low.shown
         if shown is None or shown.governing_seed < 0:
             continue
         time_s, series = governing_series(result.search_of(low), low)
         report.figure(
             series_figure(low, time_s, series),
-            f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {_at(low)}; "
+            f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {low.sea}; "
             f"{_parts_words(time_s)}.",
         )
 
@@ -484,7 +480,7 @@ def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
         uplift = max(one.uplift_share for one in cell.simplified)
         values, apart = cell.judged.values, difference(cell)
         yield [
-            cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", f"{cell.height_m:g}",
+            *cell.row_head, f"{cell.height_m:g}",
             f"{tip.tip_m:.2f}", f"{tip.tip_period_s:.1f}",
             f"{1e-3 * values['hook_load'].value:.0f}", f"{1e-3 * hook:.0f}",
             f"{round(100.0 * apart['hook_load']):+d}", f"{100.0 * values['uplift'].value:.0f}",

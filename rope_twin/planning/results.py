@@ -38,19 +38,17 @@ def height_words(cell: CellLimit) -> str:
 
 def limit_words(result: PlanResult, cell: CellLimit) -> str:
     """Return the governing criterion in words."""
-    limits = next(work.limits for work in result.works if work.title == cell.phase)
-    words = {limit.key: limit.words for limit in limits}
+    words = {limit.key: limit.words for limit in result.work_of(cell).limits}
     named = words.get(cell.governing, cell.governing)
     return f"{cell.capped} ({named})" if cell.capped else named
 
 
 def daf(result: PlanResult, cell: CellLimit) -> float:
     """Return the dynamic amplification: characteristic over static hook load; NaN: unknown."""
-    judged = cell.judged or cell.beyond
+    judged = cell.shown
     if judged is None or "hook_load" not in judged.values:
         return math.nan
-    static = next(work.static_hook_n for work in result.works if work.title == cell.phase)
-    return judged.values["hook_load"].value / static
+    return judged.values["hook_load"].value / result.work_of(cell).static_hook_n
 
 
 def table_rows(result: PlanResult) -> list[list[str]]:
@@ -59,15 +57,14 @@ def table_rows(result: PlanResult) -> list[list[str]]:
 
 
 def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
-    judged = cell.judged or cell.beyond
-    begin = [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}", height_words(cell),
-             _interval(cell), limit_words(result, cell)]  # fmt: skip
+    judged = cell.shown
+    begin = [*cell.row_head, height_words(cell), _interval(cell), limit_words(result, cell)]
     simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
     simple = simple if cell.simplified else NONE
     hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}" if cell.simplified else NONE
     if judged is None or "hook_load" not in judged.values:
         return [*begin, *[NONE] * 8, simple, hook]
-    weight = next(work.weight_n for work in result.works if work.title == cell.phase)
+    weight = result.work_of(cell).weight_n
     load, uplift = judged.values["hook_load"], judged.values["uplift"]
     spread = 0.5e-3 * (load.high - load.low)
     return [
@@ -255,22 +252,15 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
     sea = result.plan.sea
     charts = {}
     for work in result.works:
-        cells = {(one.period_s, one.heading_deg): one for one in result.of_phase(work.title)}
-
-        def table(name: str, cells: Mapping[Any, CellLimit] = cells) -> list[list[Any]]:
-            return [
-                [_plain(getattr(cells[tp, heading], name)) for heading in sea.headings_deg]
-                for tp in sea.tp_s
-            ]
-
-        hook = [[_hook_n(cells[tp, heading]) for heading in sea.headings_deg] for tp in sea.tp_s]
+        cells = result.by_sea(work.title)
+        rows = [[cells[tp, heading] for heading in sea.headings_deg] for tp in sea.tp_s]
         charts[work.title] = {
             "kind": result.plan.phases[work.number].kind,
             "depth_m": [work.legs[0].from_m, work.legs[-1].to_m],
             "limits": {one.key: one.most for one in work.limits},
-            "limiting_hs_m": table("height_m"),
-            "governing": table("governing"),
-            "hook_load_n": hook,
+            "limiting_hs_m": [[one.height_m for one in row] for row in rows],
+            "governing": [[one.governing for one in row] for row in rows],
+            "hook_load_n": [[_hook_n(one) for one in row] for row in rows],
         }
     return {
         "format": FORMAT,

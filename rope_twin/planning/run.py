@@ -72,6 +72,14 @@ class PlanResult:
         """Return the cells of a phase."""
         return [cell for cell in self.cells if cell.phase == title]
 
+    def by_sea(self, title: str) -> dict[tuple[float, float], CellLimit]:
+        """Return the cells of a phase by peak period [s] and heading [°]."""
+        return {(cell.period_s, cell.heading_deg): cell for cell in self.of_phase(title)}
+
+    def work_of(self, cell: CellLimit) -> PhaseWork:
+        """Return the phase of a cell."""
+        return next(work for work in self.works if work.title == cell.phase)
+
     def search_of(self, limit: CellLimit) -> Cell:
         """Return the search of a cell at its settings, without rows."""
         place = self.plan.grid[self.cells.index(limit)]

@@ -210,10 +210,10 @@ def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
     settings = tuple((leg.setting, leg.setting_error) for leg in work.legs)
     search = Cell(own, work, cell, RowStore())
     limit = search.find()
-    shown = limit.judged or limit.beyond
-    assert shown is not None
-    outputs = _outputs(search, search.heights_m.index(shown.height_m))
-    return Case(own, scene, cell, settings, shown.height_m, outputs)
+    assert limit.shown is not None
+    height_m = limit.shown.height_m
+    outputs = _outputs(search, search.heights_m.index(height_m))
+    return Case(own, scene, cell, settings, height_m, outputs)
 
 
 def _outputs(search: Cell, height: int) -> dict[str, float]:

@@ -19,7 +19,7 @@ from rope_twin.planning.simplified import (
 from rope_twin.planning.slings import sling_shares
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import CellLimit, PhaseWork
+    from rope_twin.planning.cells import PhaseWork
     from rope_twin.planning.run import PlanResult
 
 IN_LIMITS = ("hook_load", "uplift")  # that the table of limits has
@@ -64,7 +64,7 @@ def _uses(result: PlanResult) -> Table:
     for work in result.works:
         cells = result.of_phase(work.title)
         cell = min(cells, key=lambda one: (one.height_m or 0.0, one.crossing_m))
-        judged = cell.judged or cell.beyond
+        judged = cell.shown
         if judged is None:
             continue
         for limit in work.limits:
@@ -75,7 +75,7 @@ def _uses(result: PlanResult) -> Table:
             scale, unit = (100.0, "%") if share else (quantity.scale, quantity.unit)
             half, most = 0.5 * scale * (value.high - value.low), scale * limit.most
             rows.append([
-                *_cell_words(cell), f"{judged.height_m:g}", limit.words,
+                *cell.row_head, f"{judged.height_m:g}", limit.words,
                 f"{scale * value.value:.3g} ± {half:.2g} {unit}", f"{most:.4g} {unit}",
                 f"{100.0 * judged.uses[limit.key].value:.0f}",
             ])  # fmt: skip
@@ -89,7 +89,7 @@ def _uses(result: PlanResult) -> Table:
 
 def _values(result: PlanResult) -> Table:
     """Return the characteristic values that the table of limits does not have."""
-    judged = [(cell, cell.judged or cell.beyond) for cell in result.cells]
+    judged = [(cell, cell.shown) for cell in result.cells]
     known = [(cell, one) for cell, one in judged if one is not None and one.values]
     names = [
         name
@@ -109,7 +109,7 @@ def _values(result: PlanResult) -> Table:
             else ""
             for name in names
         ]
-        rows.append([*_cell_words(cell), f"{one.height_m:g}", *values])
+        rows.append([*cell.row_head, f"{one.height_m:g}", *values])
     about = (
         f"P{result.plan.method.percentile:g} of the largest value in the exposure, at the limiting "
         "Hs, or at the lowest of the grid where no height meets the criteria."
@@ -125,13 +125,13 @@ def _snaps(result: PlanResult) -> Table:
             (one.most for one in work.limits if one.quantity == "hook_load"), default=math.inf
         )
         for cell in result.of_phase(work.title):
-            one = cell.judged or cell.beyond
+            one = cell.shown
             if one is None or not cell.simplified or "uplift" not in one.values:
                 continue
             snap = max(each.snap_n for each in cell.simplified)
             whole = work.static_hook_n + snap
             rows.append([
-                *_cell_words(cell), f"{one.height_m:g}",
+                *cell.row_head, f"{one.height_m:g}",
                 f"{100.0 * one.values['uplift'].value:.0f}", f"{100.0 * one.slack_share:.2g}",
                 f"{1e-3 * snap:.0f}", f"{1e-3 * whole:.0f}",
                 f"{100.0 * whole / hook:.0f}" if hook < math.inf else "–",
@@ -151,7 +151,7 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
     for work in works:
         leg, static = work.legs[0], work.static_hook_n
         for cell in result.of_phase(work.title):
-            one = cell.judged or cell.beyond
+            one = cell.shown
             if one is None or "re_hit" not in one.values:
                 continue
             spreading = spreading_of(result.plan, result.scene)
@@ -162,7 +162,7 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             aside = relative_offset_m(*asked)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
-                *_cell_words(cell), f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
+                *cell.row_head, f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
                 f"{closing:.2f}", f"{aside:.2f}", f"{lift_off_speed(one.height_m):.2f}",
                 f"{one.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
                 f"{one.values['re_hit'].value:.2f}",
@@ -178,10 +178,6 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
         "lift-off."
     )
     return Table("Lift-off", rows, about)
-
-
-def _cell_words(cell: CellLimit) -> list[str]:
-    return [cell.phase, f"{cell.period_s:g}", f"{cell.heading_deg:g}"]
 
 
 def sling_loads(result: PlanResult) -> Iterator[dict[str, Any]]:
@@ -209,7 +205,7 @@ def sling_loads(result: PlanResult) -> Iterator[dict[str, Any]]:
 
 def _lower_end_n(result: PlanResult, work: PhaseWork) -> float | None:
     """Return the largest characteristic load at the lower end in a phase's limiting seas [N]."""
-    judged = [cell.judged or cell.beyond for cell in result.of_phase(work.title)]
+    judged = [cell.shown for cell in result.of_phase(work.title)]
     values = [one.values for one in judged if one is not None]
     return max(
         (one["lower_end_load"].value for one in values if "lower_end_load" in one), default=None
