@@ -1,4 +1,8 @@
-"""The command line `rope_twin COMMAND ...`. Each command is a module of this package."""
+"""The command line `rope_twin COMMAND ...`. Each command is a module of this package.
+
+It has EXAMPLES and perhaps MORE, the rest of its description, for the help; `add_arguments`, which
+declares its arguments; and `run`, which returns an exit code.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ from typing import Any, NoReturn
 
 from rope_twin.cli.console import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
-from rope_twin.run.arguments import HelpFormatter
+from rope_twin.run.arguments import HelpFormatter, add_command
 
 DESCRIPTION = """Real-time simulator of winch, wire and payload for subsea lifting, on ROS 2.
 
@@ -165,8 +169,11 @@ def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
         help="print versions of solver, numba and ROS",
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in modules.values():
-        module.add_parser(subparsers)
+    for name, module in modules.items():
+        own = add_command(
+            subparsers, name, COMMANDS[name], module.EXAMPLES, getattr(module, "MORE", "")
+        )
+        module.add_arguments(own)
     for name, about in () if modules else COMMANDS.items():
         subparsers.add_parser(name, help=about)
     return parser

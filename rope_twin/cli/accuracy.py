@@ -14,11 +14,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError
-from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
+from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.convergence import known_error, read_study, study_path
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.scene.load import load_scene, scene_names
@@ -39,8 +38,7 @@ uncertainty is reported (about a minute), and writes the study beside the scene:
 and NAME.png in the folder `convergence`. `rope_twin run --within` and `--budget` select from it."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "accuracy", COMMANDS["accuracy"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     which = parser.add_mutually_exclusive_group(required=True)
     add_scene(which, nargs="?")
     which.add_argument("--all", action="store_true", help="every shipped scene")

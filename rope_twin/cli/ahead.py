@@ -8,9 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
-from rope_twin.run.arguments import add_command, add_json, add_time, measure
+from rope_twin.run.arguments import add_json, add_time, measure
 
 if TYPE_CHECKING:
     from rope_twin.forecast.offline import RecordingForecaster, RecordingScore
@@ -32,8 +31,7 @@ SHOWN_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
 FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisation)"
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "ahead", COMMANDS["ahead"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("bag", metavar="BAG", help="a name in bags/, bag directory or .mcap file")
     add("--scene", metavar="SCENE", help="scene of the lift (default: that of the bag)")

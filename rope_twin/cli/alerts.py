@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader
-from rope_twin.run.arguments import add_command, add_json
+from rope_twin.run.arguments import add_json
 from rope_twin.topics import ALERTS, recorded_name
 
 EXAMPLES = (
@@ -30,8 +29,7 @@ above 10 in 10 min, none that stands for a day. Exit code NEGATIVE if a recordin
 PORTS = range(1, 65536)
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "alerts", COMMANDS["alerts"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("bag", metavar="BAG", type=Path, nargs="?", help="bag directory or .mcap file")
     add("--udp", metavar="HOST:PORT", default="",

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from rope_twin.cli import COMMANDS, build_parser
+from rope_twin.cli import build_parser
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.run.arguments import add_command, add_json
+from rope_twin.run.arguments import add_json
 from rope_twin.scene.load import scene_names
 
 EXAMPLES = (
@@ -29,8 +29,7 @@ class Command(NamedTuple):
     words: tuple[str, ...]  # actions, scenes and other choices
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "completion", COMMANDS["completion"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("shell", metavar="SHELL", choices=tuple(SCRIPTS), help=", ".join(SCRIPTS))
     add_json(parser)
 

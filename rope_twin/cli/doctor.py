@@ -17,11 +17,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError, RopeTwinError
-from rope_twin.run.arguments import add_command, add_json
+from rope_twin.run.arguments import add_json
 
 DISTRIBUTIONS = {"7": "jazzy", "9": "kilted"}  # of ROS 2, by the first number of rclpy's version
 REQUIRED = ("numpy", "numba", "llvmlite", "scipy", "PyYAML", "mcap", "zstandard",
@@ -99,8 +98,8 @@ def _judged(name: str, good: bool, found: str, remedy: str, level: str = WARN) -
     return Check(name, OK, found) if good else Check(name, level, found, remedy)
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    add_json(add_command(subparsers, "doctor", COMMANDS["doctor"], EXAMPLES, MORE))
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add_json(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -16,13 +16,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import (
-    add_command,
     add_duration,
     add_json,
     add_out,
@@ -63,8 +61,7 @@ entry of a list. NUMBERS are LOW..HIGH (drawn at random), or LOW..HIGH:COUNT or 
 `--members` members at each of its points)."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "ensemble", COMMANDS["ensemble"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add_scene(parser)
     add(

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
-from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.arguments import add_json, add_out
 
 EXAMPLES = (
     "export lift --out lift.csv",
@@ -21,8 +19,7 @@ CSV, Parquet or netCDF by the ending of --out: pandas.read_csv, pandas.read_parq
 xarray.open_dataset read them. Numbers that a topic does not have at a stamp are empty."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "export", COMMANDS["export"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
     add_out(parser, "FILE", "table to write: .csv, .parquet or .nc", required=True)
     words = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"

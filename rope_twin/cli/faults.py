@@ -9,10 +9,9 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.run.arguments import add_command, add_json, add_scene
+from rope_twin.run.arguments import add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -39,8 +38,7 @@ MORE = """Runs a scene once with sound inputs and once with each fault of each i
 the top tension."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "faults", COMMANDS["faults"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add_scene(parser)
     add("--input", action="append", default=[], metavar="TOPIC",

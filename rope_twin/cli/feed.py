@@ -9,7 +9,6 @@ import sys
 import time
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
@@ -18,7 +17,7 @@ from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_fau
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source
 from rope_twin.messages.status import counted
-from rope_twin.run.arguments import add_command, add_duration, add_json
+from rope_twin.run.arguments import add_duration, add_json
 from rope_twin.run.progress import StopSignal
 
 _POLL_S = 0.1
@@ -42,8 +41,7 @@ lays faults over the lines of a file, or over those sent: the share of lines tha
 cut, garbled (a byte is another) or delayed (delayed:0.01:0.2s is one in a hundred by 0.2 s)."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = add_command(subparsers, "feed", COMMANDS["feed"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("source", metavar="SOURCE", nargs="?", default="", help="source of lines")
     parser.add_argument(
         "--settings", metavar="NAME", required=True, help="a name in config/feeds/ or a YAML file"

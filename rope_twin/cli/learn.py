@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_command, add_json, add_out, add_time
+from rope_twin.run.arguments import add_json, add_out, add_time
 from rope_twin.run.progress import FigureProgress
 
 EXAMPLES = (
@@ -29,8 +28,7 @@ rigid bodies cannot yet."""
 LEAST_S = 120.0
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "learn", COMMANDS["learn"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("bag", metavar="BAG", help="bag directory, .mcap file, or name in bags/")
     add("--scene", metavar="SCENE", help="scene name or file (default: the bag's)")

@@ -7,10 +7,9 @@ import json
 import sys
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
+from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.two_lines import SEA_STATES, LineRun, draw_lines, record_of, run_lines
@@ -32,8 +31,7 @@ of both lines and its smoothness from time step to time step, their clearance, a
 cross."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "lines", COMMANDS["lines"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     heights = ", ".join(f"{state} (Hs {hs:g} m)" for state, (hs, _) in SEA_STATES.items())
     add_scene(parser)
     add_duration(parser, "simulated time of each run, in whole seconds", SECONDS)

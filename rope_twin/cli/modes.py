@@ -8,9 +8,8 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
-from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
+from rope_twin.run.arguments import add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.studies.modes import (
@@ -40,8 +39,7 @@ both ends as in the scene: the lowest, then the first axial ones. A multi-line s
 a whole: the lowest modes, then the first that stretch its lines. A rigid body swings and turns."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "modes", COMMANDS["modes"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     parser.add_argument("--count", type=int, default=COUNT, metavar="N",
                         help="number of lowest modes (default: %(default)s)")  # fmt: skip

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
-from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.planning.operability import (
     PERCENTILES,
@@ -26,7 +24,7 @@ from rope_twin.planning.weather_files import (
     read_limits,
     read_spectra,
 )
-from rope_twin.run.arguments import add_command, add_json, add_time, measure
+from rope_twin.run.arguments import add_json, add_time, measure
 from rope_twin.studies.picture import check_picture, draw_panels
 
 EXAMPLES = (
@@ -41,8 +39,7 @@ and the contingency. Waiting is that for the next possible start, from every tim
 hindcast."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "operability", COMMANDS["operability"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("limits", metavar="LIMITS", type=Path, help="limiting Hs over Tp, CSV or JSON")
     add("hindcast", metavar="HINDCAST", type=Path, help="time series of sea states, CSV")

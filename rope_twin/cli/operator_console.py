@@ -9,11 +9,10 @@ import time
 from collections.abc import Callable
 from contextlib import closing
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.console.server import announce
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import Parsers, add_command, add_json
+from rope_twin.run.arguments import add_json
 from rope_twin.run.options import CONSOLE
 from rope_twin.run.progress import StopSignal
 
@@ -29,9 +28,7 @@ this machine only, unless --address names another, and is read-only unless --con
 With --terminal it shows the first page's numbers, trend and alerts in the terminal, as over SSH."""
 
 
-def add_parser(subparsers: Parsers) -> None:
-    """Declare the subcommand."""
-    parser = add_command(subparsers, "console", COMMANDS["console"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("bag", nargs="?", metavar="BAG", help="recorded run to play (default: the running suite)")
     add(

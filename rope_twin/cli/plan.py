@@ -10,9 +10,7 @@ import argparse
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
@@ -37,7 +35,7 @@ from rope_twin.planning.run import (
 )
 from rope_twin.planning.settings import find_within
 from rope_twin.planning.tables import further_tables
-from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
 from rope_twin.share import shipped_file
@@ -58,8 +56,7 @@ seeds, with intervals, discretisation errors and the simplified method of DNV-RP
 same command resumes a plan that was interrupted. Examples are in config/plans."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "plan", COMMANDS["plan"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("plan", metavar="PLAN", nargs="?", default="",
         help="path of the plan file, or a name in config/plans")  # fmt: skip

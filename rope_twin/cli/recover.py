@@ -6,20 +6,18 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import print_json
 from rope_twin.recording.recover import Recovery, recover
-from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.arguments import add_json, add_out
 
 EXAMPLES = (
     "recover lift",
     "recover lift/lift_0.mcap --out lift_whole",
 )
+MORE = "Reads a bag up to the damage and writes a valid one beside it."
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    more = "Reads a bag up to the damage and writes a valid one beside it."
-    parser = add_command(subparsers, "recover", COMMANDS["recover"], EXAMPLES, more)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     add_out(parser, "DIR", "bag directory to create (default: BAG_recovered)")
     add_json(parser)

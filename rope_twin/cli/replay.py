@@ -7,9 +7,8 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
-from rope_twin.run.arguments import add_command, add_json
+from rope_twin.run.arguments import add_json
 
 if TYPE_CHECKING:
     from rope_twin.recording.exact_replay import Verification
@@ -24,8 +23,7 @@ MORE = """With --verify the scene is run again with all recorded inputs, and eve
 simulation published is compared bit by bit."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    parser = add_command(subparsers, "replay", COMMANDS["replay"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     parser.add_argument("--verify", action="store_true", help="run it again and compare")
     add_json(parser)

@@ -7,10 +7,9 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode
-from rope_twin.run.arguments import add_command
-from rope_twin.run.options import RunOptions, add_arguments, check_against_scene, read_options
+from rope_twin.run.options import RunOptions, check_against_scene, read_options
+from rope_twin.run.options import add_arguments as add_arguments
 from rope_twin.run.progress import FigureProgress
 
 EXAMPLES = (
@@ -26,11 +25,6 @@ if TYPE_CHECKING:
     from rope_twin.run.summary import RunSummary
     from rope_twin.run.unpaced import UnpacedRun
     from rope_twin.scene.schema import Scene
-
-
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Declare the subcommand."""
-    add_arguments(add_command(subparsers, "run", COMMANDS["run"], EXAMPLES, MORE))
 
 
 def run(args: argparse.Namespace) -> int:

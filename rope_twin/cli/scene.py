@@ -17,7 +17,6 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
@@ -60,9 +59,8 @@ MORE = """A scene is a YAML file with lines, payload, winch, vessel motion, envi
 of one lift (OrcaFlex: model). Wherever a command takes a SCENE, a name and a path both work."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `scene` with its actions."""
-    parser = add_command(subparsers, "scene", COMMANDS["scene"], EXAMPLES, MORE)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     shipped = add_command(actions, "list", "list the shipped scenes", EXAMPLES[:2])
     add_json(shipped)

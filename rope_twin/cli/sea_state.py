@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
@@ -52,9 +51,8 @@ EXAMPLES = (
 )
 
 
-def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command with its two actions."""
-    parser = add_command(subparsers, "sea-state", COMMANDS["sea-state"], EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     _add_make(actions)
     info = add_command(

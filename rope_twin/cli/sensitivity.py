@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.run import cell_named
-from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.studies.picture import check_picture, draw_panels
 
@@ -31,8 +30,7 @@ on. Morris screens many numbers with few samples, Sobol shares out the variance.
 the same seas. The same command resumes a study that was interrupted."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "sensitivity", COMMANDS["sensitivity"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("plan", metavar="PLAN", help="path of the plan file, or a name in config/plans")
     add("--method", choices=tuple(COUNTS), default="morris", help="default: morris")

@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
-from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.twin.state import SavedState, load_state
@@ -18,9 +16,8 @@ EXAMPLES = (
 )
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add `state` with its one action."""
-    parser = add_command(subparsers, "state", COMMANDS["state"], EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     info = add_command(actions, "info", "describe a file of `run --save-state`", EXAMPLES)
     info.add_argument("file", metavar="FILE", type=Path, help="the file")

@@ -10,14 +10,12 @@ import argparse
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_command, add_json, add_out
+from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.share import shipped_file
 from rope_twin.studies.picture import check_picture
@@ -36,8 +34,7 @@ MORE = """Grid or Latin hypercube, on all cores or on a Dask cluster; one row of
 each run. The same command resumes a study that was interrupted. Examples are in config/studies."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "study", COMMANDS["study"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("study", metavar="STUDY", help="path of the study file, or a name in config/studies")
     add_out(parser, "DIR", "folder of results and picture (default: study_NAME)")

@@ -8,10 +8,9 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_command, add_json, add_out, add_time
+from rope_twin.run.arguments import add_json, add_out, add_time
 
 EXAMPLES = (
     "view lift",
@@ -22,8 +21,7 @@ MORE = """Shows the line in 3-D coloured by tension, tension over depth, the sea
 plots. Opens a window unless --out names a file."""
 
 
-def add_parser(subparsers: Any) -> None:
-    parser = add_command(subparsers, "view", COMMANDS["view"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file",
         metavar="FILE",

@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.cli import COMMANDS
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import (
-    add_command,
     add_duration,
     add_json,
     add_out,
@@ -66,8 +64,7 @@ scene with heave and winch, by the VIV model that it lists, else by the same mod
 tension, length and current; the fatigue damage is that of tension and bending."""
 
 
-def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    parser = add_command(subparsers, "viv", COMMANDS["viv"], EXAMPLES, MORE)
+def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add_scene(parser)
     add_duration(parser, "simulated time, of which the second half counts", 300.0)

@@ -12,7 +12,7 @@ from rope_twin.scene.load import load_scene, scene_names
 
 def command(*words: str) -> int:
     parser = argparse.ArgumentParser(prog="rope_twin")
-    scene.add_parser(parser.add_subparsers(required=True))
+    scene.add_arguments(parser.add_subparsers(required=True).add_parser("scene"))
     args = parser.parse_args(["scene", *words])
     code = scene.run(args)
     assert isinstance(code, int)

@@ -33,7 +33,7 @@ MADE_WITH_ZSTD = (1, 5, 7)
 
 def run(*words: str) -> int:
     parser = argparse.ArgumentParser()
-    sea_state.add_parser(parser.add_subparsers())
+    sea_state.add_arguments(parser.add_subparsers().add_parser("sea-state"))
     args = parser.parse_args(words)
     return int(sea_state.run(args))
 

@@ -26,7 +26,7 @@ EPOCH_NS = 1_763_700_000_000_000_000
 
 def command(*words: str) -> int:
     parser = argparse.ArgumentParser()
-    view.add_parser(parser.add_subparsers())
+    view.add_arguments(parser.add_subparsers().add_parser("view"))
     args = parser.parse_args(["view", *words])
     return int(view.run(args))
 
