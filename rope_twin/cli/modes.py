@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from math import inf
 from typing import Any
@@ -22,7 +22,7 @@ from rope_twin.studies.modes import (
     find_system_modes,
 )
 from rope_twin.studies.picture import check_picture
-from rope_twin.studies.viv_pictures import draw_modes, draw_system_modes
+from rope_twin.studies.viv_pictures import draw_modes
 
 COUNT = 10
 HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "max at m", "Strouhal Hz", "waves")
@@ -52,87 +52,62 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         check_picture(args.out)
     scene = load_scene(args.scene)
+    found: Modes | SystemModes
+    groups: dict[str, Sequence[Mode | SystemMode]]
     if is_joined(scene):
-        system = find_system_modes(scene, args.count)
-        if args.out is not None:
-            draw_system_modes(scene.name, system, args.out)
-        if args.json:
-            groups = (("lowest", system.lowest), ("stretching", system.stretching))
-            print_json({"scene": scene.name, "rows": _rows(groups)})
-        else:
-            _show_system(system)
-        return ExitCode.OK
-    found = find_modes(scene, args.count)
+        found = find_system_modes(scene, args.count)
+        groups, more = {"lowest": found.lowest, "stretching": found.stretching}, {}
+    else:
+        found = find_modes(scene, args.count)
+        groups = {"lowest": found.lowest, "axial": found.axial}
+        more = {"strouhal_max_hz": found.strouhal_max_hz}
     if args.out is not None:
         draw_modes(scene.name, found, args.out)
     if args.json:
-        rows = _rows((("lowest", found.lowest), ("axial", found.axial)))
-        print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
+        print_json({"scene": scene.name, **more, "rows": list(_figures(groups))})
     else:
-        _show(found)
+        _show(found, groups)
     return ExitCode.OK
 
 
-def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:
-    """Return the modes without their shapes."""
-    rows = []
-    for group, modes in groups:
+def _figures(groups: Mapping[str, Sequence[Mode | SystemMode]]) -> Iterator[dict[str, Any]]:
+    """Yield the modes without their shapes."""
+    for group, modes in groups.items():
         for number, mode in enumerate(modes, 1):
             kept = {k: v for k, v in asdict(mode).items() if k not in ("shape", "shapes")}
-            rows.append({"group": group, "number": number, **kept})
-    return rows
+            yield {"group": group, "number": number, **kept}
 
 
-def _show(found: Modes) -> None:
-    named = [(str(k), mode) for k, mode in enumerate(found.lowest, 1)]
-    named += [(f"axial {k}", mode) for k, mode in enumerate(found.axial, 1)]
-    print_table([HEAD, *(_row(name, mode) for name, mode in named)])
-    _explain_waves()
-    print(
-        f"Strouhal: shedding frequency 0.2·U/D where the mode has its maximum; "
-        f"along the line at most {found.strouhal_max_hz:.3g} Hz"
-    )
-
-
-def _row(name: str, mode: Mode) -> tuple[str, ...]:
-    shares = (mode.axial_share, mode.in_plane_share, mode.out_of_plane_share)
-    return (
-        name,
-        f"{mode.frequency_hz:.4g}",
-        f"{mode.period_s:.4g}",
-        mode.kind,
-        " / ".join(f"{100.0 * share:.0f}" for share in shares),
-        f"{mode.largest_at_m:.0f}",
-        f"{mode.strouhal_hz:.3g}",
-        f"{mode.wave_ratio:.3g}",
-    )
-
-
-def _show_system(found: SystemModes) -> None:
-    named = [(str(k), mode) for k, mode in enumerate(found.lowest, 1)]
-    named += [(f"stretching {k}", mode) for k, mode in enumerate(found.stretching, 1)]
-    print_table([SYSTEM_HEAD, *(_system_row(name, mode) for name, mode in named)])
-    _explain_waves()
-    print("stretch: fraction of the strain energy in elements that stretch; the rest is in the")
-    print("rotation of tension. A free mode has no restoring force and no period")
-
-
-def _explain_waves() -> None:
+def _show(found: Modes | SystemModes, groups: Mapping[str, Sequence[Mode | SystemMode]]) -> None:
+    rows = [
+        _row(str(number) if group == "lowest" else f"{group} {number}", mode)
+        for group, modes in groups.items()
+        for number, mode in enumerate(modes, 1)
+    ]
     low, high = WAVE_PERIODS_S
+    print_table([SYSTEM_HEAD if isinstance(found, SystemModes) else HEAD, *rows])
     print(f"\nwaves: period over the nearest wave period of {low:g} to {high:g} s; 1: it is one")
+    if isinstance(found, SystemModes):
+        print("stretch: fraction of the strain energy in elements that stretch; the rest is in the")
+        print("rotation of tension. A free mode has no restoring force and no period")
+    else:
+        print(
+            f"Strouhal: shedding frequency 0.2·U/D where the mode has its maximum; "
+            f"along the line at most {found.strouhal_max_hz:.3g} Hz"
+        )
 
 
-def _system_row(name: str, mode: SystemMode) -> tuple[str, ...]:
-    held = mode.period_s < inf
-    return (
-        name,
-        f"{mode.frequency_hz:.4g}",
-        f"{mode.period_s:.4g}" if held else "-",
-        mode.kind,
-        f"{100.0 * mode.stretching_share:.0f}",
-        f"{100.0 * mode.vertical_share:.0f}",
-        f"{mode.largest_at_m:.0f}",
-        mode.rope,
-        f"{mode.strouhal_hz:.3g}",
-        f"{mode.wave_ratio:.3g}" if held else "-",
-    )
+def _row(name: str, mode: Mode | SystemMode) -> tuple[str, ...]:
+    period, waves = f"{mode.period_s:.4g}", f"{mode.wave_ratio:.3g}"
+    at = f"{mode.largest_at_m:.0f}"
+    parts: tuple[str, ...]
+    shares: tuple[float, ...]
+    if isinstance(mode, SystemMode):
+        period, waves = (period, waves) if mode.period_s < inf else ("-", "-")
+        shares = (mode.stretching_share, mode.vertical_share)
+        parts = (*(f"{100.0 * share:.0f}" for share in shares), at, mode.rope)
+    else:
+        shares = (mode.axial_share, mode.in_plane_share, mode.out_of_plane_share)
+        parts = (" / ".join(f"{100.0 * share:.0f}" for share in shares), at)
+    hz, shed = f"{mode.frequency_hz:.4g}", f"{mode.strouhal_hz:.3g}"
+    return name, hz, period, mode.kind, *parts, shed, waves

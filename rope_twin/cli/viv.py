@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import re
 import sys
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -91,40 +93,60 @@ def run(args: argparse.Namespace) -> int:
     """Run the assessment and print it. Raises RopeTwinError."""
     curve = _checked(args)
     scene = load_scene(args.scene)
-    if args.time_domain:
-        return _time_domain(args, scene)
-    shedding = _shedding(args, scene)
-    lines: list[tuple[str, FrequencyDomainRun, Fatigue]] = []
-    files: list[Path] = []
-    for lying in spans_of(scene):
-        found = run_frequency_domain(lying, shedding, args.duration)
-        fatigue = count_fatigue(found, scene, curve)
-        name = " + ".join(scene.ropes[number].name for number in reversed(lying.ropes))
-        lines.append((name, found, fatigue))
-        if args.out is not None:
-            files += _write(args.out, scene, name, found, fatigue)
+    assess = _time_domain if args.time_domain else _frequency_domain
+    lines = list(assess(args, scene, curve))
+    files = [path for one in lines for path in one.files]
     if args.json:
-        rows = [{"line": name, **_summary(found, fatigue)} for name, found, fatigue in lines]
-        figures = {"lines": rows} if is_joined(scene) else _summary(*lines[0][1:])
+        rows = [{"line": one.name, **one.figures} for one in lines]
+        figures = {"lines": rows} if is_joined(scene) else lines[0].figures
         print_json({"scene": scene.name, **figures, "files": [str(path) for path in files]})
         return ExitCode.OK
-    for name, found, fatigue in lines:
+    for one in lines:
         if is_joined(scene):
-            print(f"{name}, places below its upper end:")
-        _show(found, fatigue)
-    if model := shedding_model(scene):
+            print(f"{one.name}, places below its upper end:")
+        one.show()
+    if not args.time_domain and (model := shedding_model(scene)):
         print(f"(frequency-domain modes; for the scene's own {model}: --time-domain)")
     for path in files:
         print(path)
     return ExitCode.OK
 
 
-def _write(
-    folder: Path, scene: Scene, name: str, found: FrequencyDomainRun, fatigue: Fatigue
-) -> list[Path]:
-    """Write pictures and tables of a line."""
-    title = f"{scene.name}, {name}" if is_joined(scene) else scene.name
-    return write_all(title, found, fatigue, _folder_of(folder, scene, name))
+class Assessed(NamedTuple):
+    """Assessment of one line of a scene."""
+
+    name: str
+    figures: dict[str, Any]
+    show: Callable[[], None]  # prints it
+    files: list[Path]  # pictures and tables that were written
+
+
+def _frequency_domain(
+    args: argparse.Namespace, scene: Scene, curve: StressCurve
+) -> Iterator[Assessed]:
+    shedding = _shedding(args, scene)
+    for lying in spans_of(scene):
+        found = run_frequency_domain(lying, shedding, args.duration)
+        fatigue = count_fatigue(found, scene, curve)
+        name = " + ".join(scene.ropes[number].name for number in reversed(lying.ropes))
+        files: list[Path] = []
+        if args.out is not None:
+            title = f"{scene.name}, {name}" if is_joined(scene) else scene.name
+            files = write_all(title, found, fatigue, _folder_of(args.out, scene, name))
+        sums = _summary(found, fatigue)
+        yield Assessed(name, sums, partial(_show, sums), files)
+
+
+def _time_domain(args: argparse.Namespace, scene: Scene, curve: StressCurve) -> Iterator[Assessed]:
+    scene = with_model(scene, args.strouhal, args.damping)
+    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
+        print(words, file=sys.stderr)  # required resolution, and its cost
+    for found in run_time_domain(scene, args.duration, args.fatigue):
+        files: list[Path] = []
+        if args.out is not None:
+            files = write_time_domain(found, _folder_of(args.out, scene, found.line))
+        words = time_domain_words(found)
+        yield Assessed(found.line, time_domain_figures(found), partial(print, words), files)
 
 
 def _folder_of(folder: Path, scene: Scene, name: str) -> Path:
@@ -159,28 +181,6 @@ def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
         own = shedding_of(params, density)
     given = {"strouhal": args.strouhal, "structural": args.damping}
     return replace(own, **{name: value for name, value in given.items() if value is not None})
-
-
-def _time_domain(args: argparse.Namespace, scene: Scene) -> int:
-    scene = with_model(scene, args.strouhal, args.damping)
-    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
-        print(words, file=sys.stderr)  # required resolution, and its cost
-    lines = run_time_domain(scene, args.duration, args.fatigue)
-    files: list[Path] = []
-    for found in lines if args.out is not None else ():
-        files += write_time_domain(found, _folder_of(args.out, scene, found.line))
-    if args.json:
-        rows = [{"line": found.line, **time_domain_figures(found)} for found in lines]
-        figures = {"lines": rows} if is_joined(scene) else time_domain_figures(lines[0])
-        print_json({"scene": scene.name, **figures, "files": [str(path) for path in files]})
-        return ExitCode.OK
-    for found in lines:
-        if is_joined(scene):
-            print(f"{found.line}, places below its upper end:")
-        print(time_domain_words(found))
-    for path in files:
-        print(path)
-    return ExitCode.OK
 
 
 def _summary(found: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
@@ -218,8 +218,7 @@ def _rows(found: FrequencyDomainRun) -> list[dict[str, Any]]:
     ]
 
 
-def _show(found: FrequencyDomainRun, fatigue: Fatigue) -> None:
-    sums = _summary(found, fatigue)
+def _show(sums: dict[str, Any]) -> None:
     cells = [
         (str(row["mode"]), f"{row['frequency_hz']:.4g}", f"{row['driven_m']:.4g}",
          f"{row['rms_diameters']:.3g}")

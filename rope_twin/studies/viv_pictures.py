@@ -398,13 +398,22 @@ def _mode_panels(count: int, wide: float) -> tuple[Any, Any]:
     return figure, np.atleast_1d(figure.subplots(1, count, sharey=True))
 
 
-def draw_modes(scene: str, found: Modes, path: Path) -> None:
+def draw_modes(scene: str, found: Modes | SystemModes, path: Path) -> None:
     """Draw a panel per mode: amplitude along the rope, signed by its main direction.
+
+    Of a multi-line system the ropes at rest in side view, and displaced by the mode.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
+    figure = _system_figure(found) if isinstance(found, SystemModes) else _rope_figure(found)
+    drawn = " (grey), motion drawn large" if isinstance(found, SystemModes) else ""
+    figure.suptitle(f"{scene}: natural modes about rest{drawn}")
+    write_picture(figure, path, 110)
+
+
+def _rope_figure(found: Modes) -> Any:
     modes = [*found.lowest, *found.axial]
     figure, panels = _mode_panels(len(modes), 1.2)
     span = np.linalg.norm(np.diff(found.place, axis=0), axis=1)
@@ -413,8 +422,7 @@ def draw_modes(scene: str, found: Modes, path: Path) -> None:
         _draw(axes, mode, along)
     panels[0].set_ylabel("along the rope from the hang-off [m]")
     panels[0].invert_yaxis()
-    figure.suptitle(f"{scene}: natural modes about rest")
-    write_picture(figure, path, 110)
+    return figure
 
 
 def _draw(axes: Any, mode: Mode, along: Any) -> None:
@@ -428,13 +436,7 @@ def _draw(axes: Any, mode: Mode, along: Any) -> None:
     axes.set_xticks([])
 
 
-def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
-    """Draw a panel per mode: the ropes at rest in side view, and displaced by the mode.
-
-    Raises:
-        InputError: matplotlib is not there, or the picture cannot be written.
-    """
-    check_picture(path)
+def _system_figure(found: SystemModes) -> Any:
     modes = [*found.lowest, *found.stretching]
     figure, panels = _mode_panels(len(modes), 1.5)
     places = [line.place[:, ::-1].T for line in found.still.lines]
@@ -445,8 +447,7 @@ def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
     panels[0].set_ylabel("z [m]")
     names = [line.name for line in found.still.lines]
     panels[-1].legend(names, fontsize=6, loc="lower right")
-    figure.suptitle(f"{scene}: natural modes about rest (grey), motion drawn large")
-    write_picture(figure, path, 110)
+    return figure
 
 
 def _draw_system(axes: Any, mode: SystemMode, places: list[Floats], size: float) -> None:
