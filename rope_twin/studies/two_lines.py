@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import winches_by_name
-from rope_twin.scene.schema import Scene
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.studies.picture import check_picture, write_picture
@@ -76,58 +75,51 @@ def record_of(sea_state: int, seed: int) -> SeaRecord:
     return synthesise(jonswap(height, period), BoxHull(), seed, duration_s=600.0)
 
 
+class _Sample(NamedTuple):
+    """Values of one instant; see LineRun."""
+
+    time_s: float
+    tension_n: list[float]
+    sheave_m: float
+    nearest: Nearest
+    crossing_m: list[float]
+
+
 def run_lines(
     twin: Twin, seconds: int, sea: SeaRecord | None, tell: Callable[[LineEvent], None]
 ) -> LineRun:
     """Run a twin of a loop by its winches' schedules; calm without a sea."""
-    scene = twin.scene
-    watch, heave = ClearanceMonitor(scene), _Heave(sea)
+    watch = ClearanceMonitor(twin.scene)
     tops = [line[0] for line in watch.lines]
-    seen = _Seen()
+    seen, events = list[_Sample](), list[LineEvent]()
     for second in range(seconds):
-        _offer(twin, scene, second, heave)
+        _offer(twin, second, sea)
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
             shot = twin.snapshot()
-            for event in seen.take(shot, watch):
+            near, happened = watch.look(shot)
+            tensions = [shot.ropes[number].tension_top_n for number in tops]
+            sheave_m = -float(shot.sheaves[0].position_m[2])
+            crossings = [one.depth_m for one in watch.crossings]
+            seen.append(_Sample(shot.time_s, tensions, sheave_m, near, crossings))
+            events += happened
+            for event in happened:
                 tell(event)
     factor = twin.statistics().real_time_factor
+    times, tensions_n, sheaves_m, nearest, crossing_m = zip(*seen, strict=True)
     return LineRun(
         sea="calm" if sea is None else sea.source,
-        time_s=np.array(seen.times),
-        tension_n=np.array(seen.tensions).T,
-        sheave_m=np.array(seen.sheaves),
-        nearest=seen.nearest,
-        events=seen.events,
-        crossing_m=seen.crossings,
+        time_s=np.array(times),
+        tension_n=np.array(tensions_n).T,
+        sheave_m=np.array(sheaves_m),
+        nearest=list(nearest),
+        events=events,
+        crossing_m=list(crossing_m),
         turned_up=watch.turned_up,
-        noise=_listen(twin, scene, seconds, heave, tops) if sea is None else None,
+        noise=_listen(twin, seconds, tops) if sea is None else None,
         lines_m=_flat(shot, watch),
         real_time_factor=factor,
     )
-
-
-class _Seen:
-    """Values stored for every sample."""
-
-    def __init__(self) -> None:
-        self.times: list[float] = []
-        self.tensions: list[list[float]] = []
-        self.sheaves: list[float] = []
-        self.crossings: list[list[float]] = []
-        self.nearest: list[Nearest] = []
-        self.events: list[LineEvent] = []
-
-    def take(self, shot: Snapshot, watch: ClearanceMonitor) -> list[LineEvent]:
-        """Take one sample; return crossings that began or ended since the last one."""
-        near, happened = watch.look(shot)
-        self.nearest.append(near)
-        self.events += happened
-        self.times.append(shot.time_s)
-        self.tensions.append([shot.ropes[line[0]].tension_top_n for line in watch.lines])
-        self.sheaves.append(-float(shot.sheaves[0].position_m[2]))
-        self.crossings.append([one.depth_m for one in watch.crossings])
-        return happened
 
 
 def _flat(shot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
@@ -140,39 +132,25 @@ def _flat(shot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
     return one, other
 
 
-class _Heave:
-    """A record's samples for a second, from rest."""
-
-    def __init__(self, sea: SeaRecord | None) -> None:
-        self._sea = sea
-
-    def offer(self, twin: Twin, second: int) -> None:
-        """Pass on the commands of (second, second + 1]."""
-        if self._sea is None:
-            return
-        rate = round(self._sea.rate_hz)
-        for part in range(1, rate + 1):
-            k = (second * rate + part) % len(self._sea.heave_m)
-            stamp = second * SECOND_NS + part * SECOND_NS // rate
-            z, v = float(self._sea.heave_m[k]), float(self._sea.heave_velocity_m_per_s[k])
-            twin.offer_heave(stamp, z, v)
-
-
-def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
-    """Pass on commands and heave of the next second."""
-    for name, winch in winches_by_name(scene).items():
+def _offer(twin: Twin, second: int, sea: SeaRecord | None) -> None:
+    """Pass on commands and heave of (second, second + 1]."""
+    for name, winch in winches_by_name(twin.scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
             twin.offer_command(row.stamp_ns, row.command, name)
-    heave.offer(twin, second)
+    if sea is None:
+        return
+    rate = round(sea.rate_hz)
+    for part in range(1, rate + 1):
+        k = (second * rate + part) % len(sea.heave_m)
+        stamp = second * SECOND_NS + part * SECOND_NS // rate
+        twin.offer_heave(stamp, float(sea.heave_m[k]), float(sea.heave_velocity_m_per_s[k]))
 
 
-def _listen(
-    twin: Twin, scene: Scene, second: int, heave: _Heave, tops: list[int]
-) -> tuple[Noise, Noise]:
-    """Continue step by step and measure the smoothness of the tensions."""
+def _listen(twin: Twin, second: int, tops: list[int]) -> tuple[Noise, Noise]:
+    """Continue step by step, calm, and measure the smoothness of the tensions."""
     pulls, before = [], twin.snapshot().solver
     for more in range(round(NOISE_S)):
-        _offer(twin, scene, second + more, heave)
+        _offer(twin, second + more, None)
         for _ in range(round(1.0 / twin.step_s)):
             twin.advance(1)
             shot = twin.snapshot()
