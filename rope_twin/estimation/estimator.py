@@ -207,18 +207,15 @@ class Estimator:
         line = self.model.lift.line_track(self.state_s, self.block_end_s, straight=True)
         return ExpectedMotion(expected, line)
 
-    def autocovariances(
-        self, count: int, end_s: float, *, theta: Floats | None = None, estimated: bool = True
-    ) -> Floats:
+    def autocovariances(self, count: int, end_s: float, *, estimated: bool = True) -> Floats:
         """Return those of the top motion's error as a tension by octaves [N²], (BANDS, count).
 
-        theta: figures; None: the present ones. estimated: of a rope that is driven by the expected
+        They are those of the present figures. estimated: of a rope that is driven by the expected
         heave; False: by the measured one.
         """
-        theta = self.theta if theta is None else theta
         measured = self._measured_psd(end_s)
-        impedance = self._impedance(theta, end_s, measured)
-        return self._autocovariances(impedance, theta, end_s, measured, count, estimated)
+        impedance = self._impedance(self.theta, end_s, measured)
+        return self._autocovariances(impedance, self.theta, end_s, measured, count, estimated)
 
     def _autocovariances(
         self, impedance: Complexes, theta: Floats, end_s: float, measured: Floats, count: int,

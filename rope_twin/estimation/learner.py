@@ -10,7 +10,7 @@ import numpy as np
 
 from rope_twin.errors import InputError, SolverError
 from rope_twin.estimation import report
-from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator, Innovation
+from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
 from rope_twin.estimation.figures import ROPE_FIGURES, check_learnable, factors_of, scene_prior
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
@@ -68,11 +68,6 @@ class Learner:
         self._frozen = ""
         self._stands = ""
         self.newest: Estimate | None = None
-
-    @property
-    def innovation(self) -> Innovation | None:
-        """Innovation of the last block, before it was assimilated; None: there was none."""
-        return None if self._estimator is None else self._estimator.innovation
 
     @property
     def estimator(self) -> Estimator | None:

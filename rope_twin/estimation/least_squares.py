@@ -51,9 +51,9 @@ def inverse(covariance: Floats) -> Floats:
     return np.asarray(0.5 * (whole + whole.T) * np.outer(scale, scale))
 
 
-def huber_weights(whitened: Floats, sds: float = HUBER_SDS) -> Floats:
-    """Return the weights of whitened residuals, 1 within `sds` and falling as 1/|r| beyond."""
-    return np.minimum(1.0, sds / np.maximum(np.abs(whitened), 1e-12))
+def huber_weights(whitened: Floats) -> Floats:
+    """Return the weights of whitened residuals, 1 within HUBER_SDS, falling as 1/|r| beyond."""
+    return np.minimum(1.0, HUBER_SDS / np.maximum(np.abs(whitened), 1e-12))
 
 
 @dataclass(frozen=True)
@@ -124,12 +124,12 @@ def _solve(precision: Floats, right: Floats) -> Floats:
     return np.asarray(scale * cho_solve(cho_factor(unit, lower=True), scale * right))
 
 
-def misfit(theta: Floats, prior: Gaussian, whitened: Floats, temper: float = TEMPER) -> float:
+def misfit(theta: Floats, prior: Gaussian, whitened: Floats) -> float:
     """Return -ln of the posterior density of θ, but for a constant, by whitened residuals (k,)."""
     size = np.abs(whitened)
     squares = np.where(size < HUBER_SDS, size**2, HUBER_SDS * (2.0 * size - HUBER_SDS))
     off = theta - prior.mean
-    return 0.5 * float(temper * squares.sum() + off @ inverse(prior.covariance) @ off)
+    return 0.5 * float(TEMPER * squares.sum() + off @ inverse(prior.covariance) @ off)
 
 
 def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian) -> Floats:

@@ -110,32 +110,29 @@ def cosine_sum(frequency_hz: Floats, variance: Floats, lag_s: Floats) -> Floats:
     return np.asarray((np.cos(turn) @ variance).reshape(lags.shape))
 
 
-def heave_spectrum(
-    heave_m: Floats, sample_s: float = SAMPLE_S, window_s: float = WINDOW_S
-) -> HeaveSpectrum:
+def heave_spectrum(heave_m: Floats) -> HeaveSpectrum:
     """Return the spectrum of a record (n,) by Welch's method (1967).
 
-    Hann windows of `window_s`, or of the whole record if it is shorter, overlap by half; each has
+    Hann windows of WINDOW_S, or of the whole record if it is shorter, overlap by half; each has
     its mean taken off. Linear between the windows' frequencies, zero below LOWEST_HZ.
 
     Raises:
         InputError: the record is too short, not finite, or still.
     """
     record = _checked(heave_m, "heave")
-    least = round(SHORTEST_RECORD_S / sample_s)
+    least = round(SHORTEST_RECORD_S / SAMPLE_S)
     if len(record) < least:
-        what = f"{len(record) * sample_s:g} s of it are known"
+        what = f"{len(record) * SAMPLE_S:g} s of it are known"
         raise InputError("heave", what, f"a spectrum needs {SHORTEST_RECORD_S:g} s")
-    count = min(len(record), round(window_s / sample_s))
+    count = min(len(record), round(WINDOW_S / SAMPLE_S))
     hop = max(count - count // 2, 1)
     windows = np.lib.stride_tricks.sliding_window_view(record, count)[::hop]
     taper = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(count) / count)
     lines = np.fft.rfft((windows - windows.mean(axis=1, keepdims=True)) * taper, axis=1)
-    density = 2.0 * sample_s / float(taper @ taper) * (np.abs(lines) ** 2).mean(axis=0)
-    highest_hz = min(HIGHEST_HZ, 0.5 / sample_s)
-    lines_hz = LINE_HZ * np.arange(round((highest_hz - LOWEST_HZ) / LINE_HZ), dtype=np.float64)
+    density = 2.0 * SAMPLE_S / float(taper @ taper) * (np.abs(lines) ** 2).mean(axis=0)
+    lines_hz = LINE_HZ * np.arange(round((HIGHEST_HZ - LOWEST_HZ) / LINE_HZ), dtype=np.float64)
     frequency: Floats = np.asarray(LOWEST_HZ + lines_hz)
-    own = np.interp(frequency, np.fft.rfftfreq(count, sample_s), density)
+    own = np.interp(frequency, np.fft.rfftfreq(count, SAMPLE_S), density)
     if not own.any():
         raise InputError("heave", "the ship lies still", "a spectrum needs a moving ship")
     return HeaveSpectrum(frequency, own)
@@ -235,9 +232,7 @@ class HeaveProcess:
     white_m: float  # standard deviation of its white part
 
     @classmethod
-    def of_record(
-        cls, heave_m: Floats, error: MotionError, sample_s: float = SAMPLE_S
-    ) -> HeaveProcess:
+    def of_record(cls, heave_m: Floats, error: MotionError) -> HeaveProcess:
         """Return the process of a measured record (n,), the newest sample last.
 
         The error is taken off the measured spectrum, but never more of it than
@@ -246,7 +241,7 @@ class HeaveProcess:
         Raises:
             InputError: the record is too short, not finite, or still.
         """
-        measured = heave_spectrum(heave_m[-round(RECORD_S / sample_s) :], sample_s)
+        measured = heave_spectrum(heave_m[-round(RECORD_S / SAMPLE_S) :])
         frequency, density = measured.frequency_hz, measured.density_m2_per_hz
         part = np.minimum(error.density(frequency), LARGEST_ERROR_SHARE * density)
         white_m = math.hypot(error.white_m, TAIL_SHARE * error.coloured_m)
@@ -257,19 +252,13 @@ class HeaveProcess:
     def paths(
         self,
         heave_m: Floats,
-        sample_s: float = SAMPLE_S,
-        past_s: float = PAST_S,
-        ahead_s: float = AHEAD_S,
         waves: MeasuredWaves | None = None,
         response: Response | None = None,
     ) -> HeavePaths:
         """Return the distribution of true heave given the newest measured samples.
 
         Args:
-            heave_m: measured about its mean, (n,); the last `past_s` are used.
-            sample_s: between samples of heave and paths.
-            past_s: of the paths before the origin.
-            ahead_s: of the paths after it.
+            heave_m: measured about its mean, (n,); the last PAST_S are used.
             waves: elevations up-sea, with times relative to the origin.
             response: heave per wave elevation at the process's frequencies, for exp(+iωt),
                 needed with `waves`.
@@ -277,14 +266,14 @@ class HeaveProcess:
         Raises:
             InputError: too few samples, not finite, or waves without response or out of reach.
         """
-        count, ahead = round(past_s / sample_s), round(ahead_s / sample_s)
+        count, ahead = round(PAST_S / SAMPLE_S), round(AHEAD_S / SAMPLE_S)
         record = _checked(heave_m, "heave")
         if len(record) < count:
-            what = f"{len(record) * sample_s:g} s of it are known"
-            raise InputError("heave", what, f"a forecast needs {past_s:g} s")
+            what = f"{len(record) * SAMPLE_S:g} s of it are known"
+            raise InputError("heave", what, f"a forecast needs {PAST_S:g} s")
         number = np.arange(count + ahead)
         between = np.abs(number[:, None] - number)
-        lag_s: Floats = np.asarray(number * sample_s, np.float64)
+        lag_s: Floats = np.asarray(number * SAMPLE_S, np.float64)
         true = self.spectrum.autocovariance(lag_s)
         measured = true[:count] + self.error.autocovariance(lag_s[:count])
         measured[0] += self.white_m**2

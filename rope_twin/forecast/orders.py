@@ -195,7 +195,6 @@ def compensation_path(
     on_from: int,
     on_until: int,
     step_s: float,
-    stroke_m: float = 0.0,
 ) -> tuple[Floats, Floats]:
     """Return the line that active heave compensation pays out, and its rate, from `on_from` on.
 
@@ -203,10 +202,9 @@ def compensation_path(
         params: of the scene's winch.
         heave_rate: of the hang-off at all borders [m/s], (borders, members); those before
             `on_from` fill dead time and lag.
-        on_from: border at which the stroke is `stroke_m`.
+        on_from: border at which the stroke is at its middle.
         on_until: border from which on the compensation is off and slows down.
         step_s: between borders.
-        stroke_m: from the middle of the stroke, paid out.
 
     Returns:
         Line relative to border `on_from` [m] and rate [m/s], (borders - on_from, members) each. The
@@ -228,7 +226,7 @@ def compensation_path(
     target = np.clip(params.efficiency * lagged, -limit, limit)
     count = borders - on_from
     stroke, rate = np.empty((count, heave_rate.shape[1])), np.empty((count, heave_rate.shape[1]))
-    stroke[0], rate[0] = stroke_m, target[on_from] if on_from < on_until else 0.0
+    stroke[0], rate[0] = 0.0, target[on_from] if on_from < on_until else 0.0
     for k in range(1, count):
         wanted = target[on_from + k] if on_from + k < on_until else np.zeros(rate.shape[1])
         new = rate[k - 1] + np.clip(wanted - rate[k - 1], -most, most)
@@ -236,4 +234,4 @@ def compensation_path(
         braking = np.sqrt(2.0 * params.acceleration_limit_m_per_s2 * room)
         rate[k] = np.clip(new, -braking, braking)
         stroke[k] = stroke[k - 1] + 0.5 * step_s * (rate[k - 1] + rate[k])
-    return stroke - stroke_m, rate
+    return stroke, rate

@@ -203,12 +203,9 @@ class QuietWindow:
 
 
 def risks(
-    forecast: TensionForecast,
-    limits: Limits,
-    seabed_depth_m: float | None = None,
-    spans_s: Sequence[float] = SPANS_S,
+    forecast: TensionForecast, limits: Limits, seabed_depth_m: float | None = None
 ) -> list[Risk]:
-    """Return the risk of each span.
+    """Return the risk of each of SPANS_S.
 
     seabed_depth_m: depth of the payload at contact [m]; None: no seabed.
     """
@@ -216,7 +213,7 @@ def risks(
     touching, speed = None, None
     if seabed_depth_m is not None:
         speed, touching = first_contact(forecast, seabed_depth_m)
-    for span in spans_s:
+    for span in SPANS_S:
         count = round(span / SAMPLE_S)
         high = np.any(
             [(rope.peak_n[:count] > limits.of(name)).any(axis=0)

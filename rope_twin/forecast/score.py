@@ -21,26 +21,6 @@ BAND = (0.05, 0.5, 0.95)  # quantiles of a band
 BINS = 5  # of forecast probability, in a table of reliability
 
 
-def crps_normal(mean: Floats, deviation: Floats, truth: Floats) -> Floats:
-    """Return the continuous ranked probability score of normal forecasts, in the unit of `truth`.
-
-    σ·(x·(2Φ(x) - 1) + 2φ(x) - 1/√π) with x = (y - μ)/σ (Gneiting and Raftery 2007, eq. 5 of
-    section 4.2); arrays that broadcast against each other.
-    """
-    x = (truth - mean) / deviation
-    density = np.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi)
-    spread = x * (2.0 * normal_below(x) - 1.0) + 2.0 * density - 1.0 / math.sqrt(math.pi)
-    return np.asarray(deviation * spread)
-
-
-_ERF = np.frompyfunc(math.erf, 1, 1)
-
-
-def normal_below(x: Floats) -> Floats:
-    """Return the standard normal distribution function Φ, of the shape of `x`."""
-    return np.asarray(0.5 * (1.0 + np.asarray(_ERF(np.asarray(x) / math.sqrt(2.0)), np.float64)))
-
-
 def crps_members(members: Floats, truth: Floats) -> Floats:
     """Return the continuous ranked probability score of an ensemble, in the unit of `truth`.
 
@@ -54,16 +34,14 @@ def crps_members(members: Floats, truth: Floats) -> Floats:
     return np.asarray(np.abs(members - truth).mean(axis=0) - apart)
 
 
-def member_quantiles(
-    members: Floats, axis: int = 0, probabilities: tuple[float, ...] = BAND
-) -> Floats:
-    """Return the quantiles of an ensemble along an axis, (probabilities, ...).
+def member_quantiles(members: Floats, axis: int = 0) -> Floats:
+    """Return the quantiles BAND of an ensemble along an axis, (3, ...).
 
     By rank p·(n + 1) (Weibull 1939; type 6 of Hyndman and Fan 1996), with which the band of
     exchangeable members covers its nominal fraction for any n ≥ 19; interpolation between the
     extreme ranks as if they were the ends covers 0.9·(n - 1)/(n + 1).
     """
-    return np.asarray(np.quantile(members, probabilities, axis=axis, method="weibull"))
+    return np.asarray(np.quantile(members, BAND, axis=axis, method="weibull"))
 
 
 def coverage(lower: Floats, upper: Floats, truth: Floats) -> float:
@@ -110,7 +88,7 @@ class BrierScore:
         return 1.0 - self.score / self.uncertainty if self.uncertainty > 0.0 else math.nan
 
 
-def brier(probability: Floats, happened: Bools, bins: int = BINS) -> BrierScore:
+def brier(probability: Floats, happened: Bools) -> BrierScore:
     """Return the score of probabilities (n,) of an event that happened or not (n,).
 
     Raises:
@@ -123,9 +101,9 @@ def brier(probability: Floats, happened: Bools, bins: int = BINS) -> BrierScore:
     if not ((p >= 0.0) & (p <= 1.0)).all():
         raise InputError("Brier score", "a value is no probability", "right is 0 to 1")
     base = float(o.mean())
-    group = np.minimum((p * bins).astype(np.int64), bins - 1)
+    group = np.minimum((p * BINS).astype(np.int64), BINS - 1)
     classes, reliability, resolution, within = [], 0.0, 0.0, 0.0
-    for k in range(bins):
+    for k in range(BINS):
         mine = group == k
         count = int(mine.sum())
         if not count:
