@@ -16,11 +16,11 @@ from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
 from rope_twin.planning.cells import Cell
 from rope_twin.planning.dataset import check_netcdf, write_netcdf
-from rope_twin.planning.notes import notes
 from rope_twin.planning.pictures import limits_figure, show_cell
 from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import read_plan, with_error
 from rope_twin.planning.results import (
+    notes,
     result_object,
     summary_lines,
     table_rows,
@@ -100,7 +100,8 @@ def run(args: argparse.Namespace) -> int:
     if args.netcdf:
         check_netcdf()
     if args.report:
-        from rope_twin.planning.report import check_report, write_report  # runs and draws more
+        from rope_twin.planning.report import check_report  # runs and draws more
+        from rope_twin.planning.report_content import write_report
 
         check_report()
     if args.cell:

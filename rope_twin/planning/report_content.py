@@ -9,15 +9,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from operator import itemgetter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
-from rope_twin.planning.document import Report
 from rope_twin.planning.judgement import plain_name, quantity_of
-from rope_twin.planning.notes import NOT_COVERED, notes
 from rope_twin.planning.pictures import (
     AROUND_S,
     arrangement_figure,
@@ -29,12 +28,15 @@ from rope_twin.planning.pictures import (
     series_figure,
     tip_figure,
 )
+from rope_twin.planning.report import Report, check_report, html_report, pdf_report
 from rope_twin.planning.results import (
     NONE,
+    NOT_COVERED,
     daf,
     difference,
     height_words,
     limit_words,
+    notes,
     summary_lines,
     table_rows,
 )
@@ -44,12 +46,14 @@ from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
+from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit, PhaseWork
     from rope_twin.planning.run import PlanResult
     from rope_twin.scene.schema import Scene
 
+HTML, PDF = "report.html", "report.pdf"
 SOURCES = {
     "swl_n": "plan; capacity of the crane at its radius",
     "safety_factor": "plan; MBL of the wire by the scene",
@@ -71,6 +75,21 @@ SIMPLIFIED_HEAD = (
     *CELL_COLUMNS, "tip amplitude m", "tip period s", "hook load kN", "simplified kN",
     "difference %", "uplift %", "simplified %", "snap force kN",
 )  # fmt: skip
+
+
+def write_report(result: PlanResult, folder: Path) -> list[Path]:
+    """Write the report as HTML and PDF into a folder that is there, and return both paths.
+
+    Raises:
+        InputError: Jinja2 or typst is not installed.
+        OSError: a file cannot be written.
+    """
+    check_report()
+    report = report_of(result)
+    files = {folder / HTML: html_report(report), folder / PDF: pdf_report(report)}
+    for path, data in files.items():
+        write_whole(path, data)
+    return list(files)
 
 
 def report_of(result: PlanResult) -> Report:

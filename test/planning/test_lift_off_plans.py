@@ -12,11 +12,11 @@ import pytest
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.cells import RowStore
-from rope_twin.planning.notes import notes
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import Heights, LiftedFrom, LiftOff, Plan, Seeds
 from rope_twin.planning.plan_reader import deck_of, read_plan, tip_of
-from rope_twin.planning.report import write_report
+from rope_twin.planning.report_content import write_report
+from rope_twin.planning.results import notes
 from rope_twin.planning.run import run_plan
 from rope_twin.planning.runs import run_seeds
 from rope_twin.planning.seas import (

@@ -27,11 +27,10 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.planning import cells, settings
 from rope_twin.planning.cells import Cell, CellLimit, RowStore, bisect
-from rope_twin.planning.notes import notes
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
 from rope_twin.planning.plan_reader import read_plan, tip_of
-from rope_twin.planning.results import load_chart, result_object
+from rope_twin.planning.results import load_chart, notes, result_object
 from rope_twin.planning.run import (
     CellTask,
     PlanFolder,

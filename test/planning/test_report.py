@@ -12,9 +12,8 @@ import pypdfium2
 import pytest
 
 from rope_twin.planning.cells import RowStore
-from rope_twin.planning.document import Figure, Heading, Report, Table, Text
 from rope_twin.planning.plan_reader import read_plan
-from rope_twin.planning.report import html_report, pdf_report
+from rope_twin.planning.report import Figure, Heading, Report, Table, Text, html_report, pdf_report
 from rope_twin.planning.report_content import report_of
 from rope_twin.planning.run import PlanResult, run_plan
 
