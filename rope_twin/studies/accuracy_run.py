@@ -322,13 +322,9 @@ def _rms(apart: Vector) -> float:
 class Body(ABC):
     """Ropes at rest that can be stepped."""
 
+    ropes: tuple[rows.Rope, ...]  # the first one stores the solver's counts
     memory_mb: float  # of all arrays that the steps work on
     lowest = 0  # number of the rope with the first payload
-
-    @property
-    @abstractmethod
-    def ropes(self) -> tuple[rows.Rope, ...]:
-        """Return the ropes; the first one stores the solver's counts."""
 
     @abstractmethod
     def begin(self) -> None:
@@ -371,24 +367,20 @@ class RopeBody(Body):
     loaded = (False,)  # whether the upper end of a rope carries loads
 
     def __init__(self, scene: Scene) -> None:
-        self._rope = rope = build(scene)
+        rope = build(scene)
         solve_scene_statics(scene, rope)
+        self.ropes = (rope,)
         self._start = copy.deepcopy(rope)  # wakes and a rigid body are kept in the effects
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
     def begin(self) -> None:
         """Reset to static equilibrium."""
-        self._rope = copy.deepcopy(self._start)
+        self.ropes = (copy.deepcopy(self._start),)
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """Return the number of steps done, and the top tension after each [N]."""
         pull = np.zeros((steps, rows.PULL_COLUMNS))
-        return advance(self._rope, motion, pull, time, steps), pull[:, rows.PULL]
-
-    @property
-    def ropes(self) -> tuple[rows.Rope, ...]:
-        """Return the rope."""
-        return (self._rope,)
+        return advance(self.ropes[0], motion, pull, time, steps), pull[:, rows.PULL]
 
 
 class JoinedBody(Body):
@@ -397,6 +389,7 @@ class JoinedBody(Body):
     def __init__(self, scene: Scene) -> None:
         built = build_joined(scene)
         self._system = system = built.system
+        self.ropes = system.ropes
         place = np.zeros((len(system.ropes), rows.MOTIONS))
         place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
         place[:, rows.LINE] = [line.length_m for line in scene.ropes]
@@ -420,11 +413,6 @@ class JoinedBody(Body):
         return advance_joined(self._system, motion, pull, time, steps), pull[0, :, rows.PULL]
 
     @property
-    def ropes(self) -> tuple[rows.Rope, ...]:
-        """Return the ropes."""
-        return self._system.ropes
-
-    @property
     def loaded(self) -> tuple[bool, ...]:
         """Return whether the upper end of each rope carries loads."""
         return loaded_ends(self._system)
@@ -445,11 +433,6 @@ class ShakenBody(Body):
         self._steps = 0  # done since the beginning
         self._shake()
 
-    @property
-    def ropes(self) -> tuple[rows.Rope, ...]:
-        """Return the ropes."""
-        return self._body.ropes
-
     def begin(self) -> None:
         """Reset to static equilibrium, without vibration."""
         self._body.begin()
@@ -463,7 +446,7 @@ class ShakenBody(Body):
             part = Boundary(
                 *(np.ascontiguousarray(table[..., done : done + count + 1, :]) for table in motion)
             )
-            at_s = time + done * self._body.ropes[0].model.step
+            at_s = time + done * self.ropes[0].model.step
             went, pull[done : done + count] = self._body.advance(part, at_s, count)
             done, self._steps = done + went, self._steps + went
             if went < count:
@@ -471,11 +454,12 @@ class ShakenBody(Body):
             if self._viv_drag.steps_to_sampling(self._steps) == 0:
                 first = (table if table.ndim == 2 else table[0] for table in motion)
                 now = Boundary(*(table[done:] for table in first))
-                self._viv_drag.look(self._body.ropes, now, self._steps, 0)
+                self._viv_drag.look(self.ropes, now, self._steps, 0)
         return done, pull
 
     def _shake(self) -> None:
         cycle, body = steps_in_slot(self._scene.time.step_s), self._body
+        self.ropes = body.ropes
         settings = coupled_settings(self._scene)
         self._viv_drag = VivDragAmplification(settings, body.ropes, body.loaded, cycle)
         self._steps = 0
