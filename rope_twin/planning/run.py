@@ -100,7 +100,7 @@ class PlanFolder(RowFolder):
         Raises:
             InputError: another process is at it, it holds another plan, or it cannot be written.
         """
-        super().__init__(folder, plan, stamp)
+        super().__init__(folder, plan.name, plan.scene, stamp)
         self.store = RowStore({int(row["run"]): row for row in self.rows()}, self.add)
 
 

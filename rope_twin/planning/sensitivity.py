@@ -300,7 +300,8 @@ def run_sensitivity(
     )
     tasks = [SampleTask(case, k, tuple(row)) for k, row in enumerate(values.tolist())]
     inputs = repr((plan_stamp(plan, case.scene), case.cell, method, count, plan.uncertainties))
-    with SampleFolder(out, plan, hashlib.sha256(inputs.encode()).hexdigest()[:16]) as folder:
+    stamp = hashlib.sha256(inputs.encode()).hexdigest()[:16]
+    with SampleFolder(out, plan.name, plan.scene, stamp) as folder:
         done = folder.done()
         left = [task for task in tasks if task.number not in done]
         report(len(done), len(tasks))

@@ -12,7 +12,7 @@ from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any, Protocol, Self, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Self, TypeVar
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
@@ -100,11 +100,6 @@ def run_batch(batch: Batch) -> list[Row]:
         }
         for run, made, found in zip(batch.runs, batch.made, results, strict=True)
     ]
-
-
-def _steps_alone(scene: Scene) -> bool:
-    """Return whether the scene is of ropes that meet and do not step in SIMD lanes."""
-    return is_joined(scene) and bool(why_joined_alone(build_joined(scene).system))
 
 
 def _systems(batch: Batch) -> Iterator[Row]:
@@ -200,18 +195,6 @@ def check_parquet() -> None:
     require("pyarrow", "a study writes its rows with it", "study")
 
 
-class Titled(Protocol):
-    """A study or plan, as far as its folder names it."""
-
-    @property
-    def name(self) -> str:
-        """Return its name."""
-
-    @property
-    def scene(self) -> str:
-        """Return the name of its scene."""
-
-
 class RowFolder:
     """The folder of the rows of one study or plan; held by one process at a time.
 
@@ -224,14 +207,16 @@ class RowFolder:
     words: Collection[str] = ("failure",)
     lists: Collection[str] = ()
 
-    def __init__(self, folder: Path, study: Titled, stamp: str) -> None:
+    def __init__(self, folder: Path, name: str, scene: str, stamp: str) -> None:
         """Open the folder; `stamp` identifies study, scene and solver of the rows found there.
+
+        name, scene: of the study.
 
         Raises:
             InputError: another process is at it, it holds another study, or it cannot be written.
         """
         check_parquet()
-        self._folder, self._titled = folder, study
+        self._folder = folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock: IO[str] = (folder / LOCK).open("w")
@@ -244,7 +229,7 @@ class RowFolder:
             self._lock.close()
             what = f"another process is at this {self.title}"
             raise InputError(str(folder), what, "let it end, or stop it") from error
-        self._claim(stamp)
+        self._claim({"study": name, "scene": scene, "stamp": stamp})
 
     def __enter__(self) -> Self:
         return self
@@ -252,18 +237,17 @@ class RowFolder:
     def __exit__(self, *failure: object) -> None:
         self._lock.close()
 
-    def _claim(self, stamp: str) -> None:
+    def _claim(self, content: dict[str, str]) -> None:
         mark = self._folder / MARK
         if mark.exists():
             found = json.loads(mark.read_text(encoding="utf-8"))
-            if found["stamp"] != stamp:
+            if found["stamp"] != content["stamp"]:
                 self._lock.close()
                 of = f"another {self.title}, scene or solver"
                 what = f"its rows are of {of} ('{found['study']}')"
                 right = "give another folder with --out, or remove this one"
                 raise InputError(str(self._folder), what, right)
             return
-        content = {"study": self._titled.name, "scene": self._titled.scene, "stamp": stamp}
         write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
 
     def done(self) -> set[int]:
@@ -330,7 +314,7 @@ class StudyFolder(RowFolder):
 
     def __init__(self, folder: Path, study: Study, stamp: str) -> None:
         """Open the folder, as any of rows."""
-        super().__init__(folder, study, stamp)
+        super().__init__(folder, study.name, study.scene, stamp)
         named = (one.column for one in study.vary if one.names or one.cases)
         self.words = {"study_error_words", "damage_worst_rope", "failure", *named}
 
@@ -375,10 +359,11 @@ def run_parameter_study(
     with StudyFolder(into, study, study_stamp(study, scene)) as folder:
         done = folder.done()
         report(len(done), len(runs))
+        alone = is_joined(scene) and why_joined_alone(build_joined(scene).system)
         batches = cut_into_batches(
             study,
             [(run, made) for run, made in runs if run.number not in done],
-            1 if _steps_alone(scene) else at_once,
+            1 if alone else at_once,
         )
         count = len(done)
         for rows in spread(run_batch, batches, scheduler):
