@@ -353,13 +353,10 @@ class FaultWatch:
             )
             if begun_s is not None and fresh:  # a snag may unload the rope as deeply, later
                 found_s = now_s if self.alarm is None else self.alarm.found_s
-                onset_s = next(iter(self._onsets()), begun_s)
+                found = [] if self.tests is None else self.tests.suspicions()
+                onset_s = found[0].onset_s if found else begun_s
                 begun_s = min(begun_s, onset_s) if begun_s - onset_s < ONSET_S else begun_s
                 self.alarm = Alarm(found_s, begun_s, 0.0, (PAYLOAD,))
-
-    def _onsets(self) -> list[float]:
-        """Return the onsets of what is suspected, the most likely first."""
-        return [] if self.tests is None else [one.onset_s for one in self.tests.suspicions()]
 
     def _plain_rules(self, until_s: float) -> None:
         """Give new samples to the rules on stuck sensors."""

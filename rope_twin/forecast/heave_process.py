@@ -95,19 +95,13 @@ class HeaveSpectrum:
         return float(self.density_m2_per_hz.sum()) * self._line_hz
 
     def autocovariance(self, lag_s: Floats) -> Floats:
-        """Return ∫ S(f)·cos(2πfτ) df [m²] at lags [s], of the same shape."""
-        return cosine_sum(self.frequency_hz, self.density_m2_per_hz * self._line_hz, lag_s)
+        """Return ∫ S(f)·cos(2πfτ) df [m²] at lags [s], (n,)."""
+        turn = 2.0 * np.pi * lag_s[:, None] * self.frequency_hz
+        return np.asarray(np.cos(turn) @ (self.density_m2_per_hz * self._line_hz))
 
     @property
     def _line_hz(self) -> float:
         return float(self.frequency_hz[1] - self.frequency_hz[0])
-
-
-def cosine_sum(frequency_hz: Floats, variance: Floats, lag_s: Floats) -> Floats:
-    """Return Σ v·cos(2πfτ) at lags τ of any shape, for frequencies f (n,) and variances v (n,)."""
-    lags = np.asarray(lag_s, np.float64)
-    turn = 2.0 * np.pi * lags.reshape(-1, 1) * frequency_hz
-    return np.asarray((np.cos(turn) @ variance).reshape(lags.shape))
 
 
 def heave_spectrum(heave_m: Floats) -> HeaveSpectrum:

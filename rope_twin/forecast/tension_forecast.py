@@ -315,10 +315,6 @@ class TensionForecaster:
             for order, line, record in zip(orders, lines, records, strict=True)
         ]
 
-    def heave_process(self, heave_m: Floats) -> HeaveProcess:
-        """Return the process behind measured heave about its mean, (n,)."""
-        return HeaveProcess.of_record(heave_m, self.settings.motion_error)
-
     def _came_through(self, records: Sequence[FleetRecord]) -> NDArray[np.bool_]:
         """Return which members came through under every order. Raises SolverError: too few."""
         good = np.all([np.isfinite(one.top_tension_n).all(axis=0) for one in records], axis=0)
@@ -330,8 +326,8 @@ class TensionForecaster:
 
     def _paths(self, known: Known) -> HeavePaths:
         heave = known.heave_m - known.heave_m.mean()
-        paths = self.heave_process(heave).paths(heave, waves=known.waves, response=known.response)
-        return paths.for_unknown_spectrum()
+        process = HeaveProcess.of_record(heave, self.settings.motion_error)
+        return process.paths(heave, known.waves, known.response).for_unknown_spectrum()
 
     def _motion(self, known: Known, paths: HeavePaths) -> tuple[Floats, Floats]:
         """Return heave [m] and rate [m/s] at the borders from the burn-in on, (borders, members).

@@ -45,7 +45,6 @@ from rope_twin.planning.tables import further_tables
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined
-from rope_twin.sea.tables import Vector
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
@@ -438,18 +437,15 @@ def _add_runs(report: Report, result: PlanResult) -> None:
         if shown is None or shown.governing_seed < 0:
             continue
         time_s, series = governing_series(result.search_of(low), low)
+        parts = "the whole exposure"
+        if not is_short(time_s):
+            around = f"{AROUND_S:g} s before and after the largest hook load"
+            parts = f"above the whole exposure, below {around}"
         report.figure(
             series_figure(low, time_s, series),
             f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {low.sea}; "
-            f"{_parts_words(time_s)}.",
+            f"{parts}.",
         )
-
-
-def _parts_words(time_s: Vector) -> str:
-    """Return what the panels of a run show."""
-    if is_short(time_s):
-        return "the whole exposure"
-    return f"above the whole exposure, below {AROUND_S:g} s before and after the largest hook load"
 
 
 def _add_accuracy(report: Report, result: PlanResult) -> None:

@@ -134,20 +134,19 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
             f"in {finer} of {len(result.cells)} cells mesh or step were made finer, to bring the "
             f"error of the governing run to {100.0 * method.error_within:g} %"
         )
-    yield f"study of scene '{result.scene.name}': {_study_words(result)}"
+    study = result.study
+    known = (
+        ""
+        if math.isnan(study.peak_pct)
+        else (f"maximum of the top tension within {study.peak_pct:.2g} %, ")
+    )
+    yield f"study of scene '{result.scene.name}': {known}{study.words}"
     whole = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
         here = "done" if result.made >= result.runs else f"{result.made} runs made"
         whole += f", {here} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
     yield whole
-
-
-def _study_words(result: PlanResult) -> str:
-    study = result.study
-    if math.isnan(study.peak_pct):
-        return study.words
-    return f"maximum of the top tension within {study.peak_pct:.2g} %, {study.words}"
 
 
 def notes(result: PlanResult) -> Iterator[str]:

@@ -305,8 +305,10 @@ class Seas:
         record = self._records.get(whole)
         if record is None or (whole.loop and record.end_ns < start_ns + self._length_ns):
             # more than this member needs: offsets to come are like its own
-            reach_ns = 2 * start_ns + self._length_ns
-            record = self._records[whole] = _recorded(whole, _rounded_up(reach_ns))
+            minutes = -(-(2 * start_ns + self._length_ns) // MINUTE_NS)
+            # of a minute times a power of two, so that similar lengths share a record
+            until_ns = MINUTE_NS << (minutes - 1).bit_length()
+            record = self._records[whole] = _recorded(whole, until_ns)
         return record.starting_at(start_ns)
 
     def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:
@@ -333,9 +335,3 @@ def _series(sea: Sea, until_ns: int) -> HeaveSeries:
     series = series_of(sea.between(FIRST_NS, until_ns))
     assert series is not None
     return series
-
-
-def _rounded_up(length_ns: int) -> int:
-    """Return a minute times a power of two, so that similar lengths share a record [s]."""
-    minutes = -(-length_ns // MINUTE_NS)
-    return MINUTE_NS << (minutes - 1).bit_length()
