@@ -18,7 +18,7 @@ a sensor repeats its value for REPEATED_S while what it measures cannot stand st
 motion sensor always move (noise, the sea); a repeat is ordinary where their resolution is coarse,
 so the time is at least twice the longest repeat of the last minutes that ended by itself. A winch
 stands still often: its encoder is stuck if it repeats while the line must have moved, by the speed
-before (which the winch's acceleration limit lets fall only so fast) or by the twin's own.
+before (which the winch's acceleration limit lets fall only so fast).
 
 Payload lost: the mean of the measured tension over LOST_S is below the weight of the rope and half
 the payload, and that below the predicted mean by more than a quarter of the payload: in a storm the
@@ -118,16 +118,13 @@ class StuckEncoder:
         self._repeat = RepeatedSample()
         self._recent: deque[tuple[float, float]] = deque()  # the last SPEED_S before the repeat
         self._speed = 0.0  # before the repeat [m/s]
-        self._moved_m = 0.0  # by the twin's own speed since the repeat began
-        self._at_s = math.nan
 
-    def take(self, time_s: float, line_out_m: float, twin_speed_m_per_s: float = math.nan) -> None:
-        """Take a sample, with the twin's line speed if it does not follow the measured one."""
+    def take(self, time_s: float, line_out_m: float) -> None:
+        """Take a sample; one that is not finite is missing."""
         if not math.isfinite(line_out_m):
             return
         recent = self._recent
         if recent and line_out_m != recent[-1][1]:
-            self._moved_m = 0.0
             recent.append((time_s, line_out_m))
             while recent[0][0] < time_s - SPEED_S and len(recent) > 2:
                 recent.popleft()
@@ -135,10 +132,7 @@ class StuckEncoder:
             self._speed = (last_m - first_m) / (last_s - first_s) if last_s > first_s else 0.0
         elif not recent:
             recent.append((time_s, line_out_m))
-        elif math.isfinite(twin_speed_m_per_s) and math.isfinite(self._at_s):
-            self._moved_m += twin_speed_m_per_s * (time_s - self._at_s)
         self._repeat.take(time_s, line_out_m)
-        self._at_s = time_s
 
     @property
     def since_s(self) -> float:
@@ -157,7 +151,7 @@ class StuckEncoder:
         stopping_s = speed / self._limit if self._limit > 0.0 else 0.0
         ran_s = min(held_s, stopping_s)
         ran_m = ran_s * (speed - 0.5 * self._limit * ran_s)
-        return ran_m > least or abs(self._moved_m) > least
+        return ran_m > least
 
 
 class LostPayload:

@@ -23,7 +23,7 @@ from rope_twin.errors import InputError, RopeTwinError, SolverError
 from rope_twin.estimation.alarms import Alarm, FaultWatch
 from rope_twin.estimation.estimator import Estimator
 from rope_twin.estimation.learner import Estimate, Learner
-from rope_twin.estimation.worker import Ask, Begin, Heave, Input, Motion, Reading, Task, Worker
+from rope_twin.estimation.worker import Ask, Begin, Heave, Input, Motion, Reading, Worker
 from rope_twin.messages.reports import estimate_status
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.instruments import SHEAVE
@@ -164,10 +164,6 @@ class LiveLearning:
         self._taken: Estimate | None = None
         self._reminded_s = 0.0
         self._twin: Twin | None = None
-
-    def register(self, task: Task) -> None:
-        """Add a further task of the worker, before `start`."""
-        self.worker.register(task)
 
     def start(self, twin: Twin) -> None:
         """Begin at the twin's next cycle, and work."""

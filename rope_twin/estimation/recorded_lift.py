@@ -35,7 +35,6 @@ class RecordedLift:
 
     lift: MeasuredLift  # pin_noise_n is NaN until the scene's prior is known
     session: Session | None  # the first of the bag
-    sources: dict[str, str]  # topic of each series
     problems: tuple[str, ...]  # messages that were left out
     applied: dict[str, float]  # factors on the scene's figures that the run took over at last
 
@@ -95,10 +94,10 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
             refused += 1
     if refused:
         problems.append(f"{refused} messages could not be read and were left out")
-    lift, sources = MeasuredLift(np.nan), {"tension": WINCH_MEASURED}
+    lift = MeasuredLift(np.nan)
     lift.tension = tension
-    lift.line_out, sources["line out"] = _first((line_out, WINCH_MEASURED), (own_line, LENGTH))
-    lift.heave, sources["heave"] = _first((heave, HEAVE), (hang_off, HANG_OFF))
+    lift.line_out = line_out if len(line_out.table) else own_line
+    lift.heave = heave if len(heave.table) else hang_off
     for name, series, wanted in (
         ("tension", lift.tension, f"{WINCH_MEASURED} with effort"),
         ("line out", lift.line_out, f"{WINCH_MEASURED} with position, or {LENGTH}"),
@@ -108,10 +107,10 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
             what = f"{len(series.table)} samples of {name}"
             of = f" of winch '{winch}'" if winch else ""
             raise BagError(f"bag {path}{of}", what, f"record {wanted}")
-    if sources["heave"] == HANG_OFF:
+    if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
     _count_from(float(lift.tension.table[0, 0]), lift)
-    return RecordedLift(lift, session, sources, tuple(problems), applied)
+    return RecordedLift(lift, session, tuple(problems), applied)
 
 
 def _messages(path: Path) -> Iterator[tuple[str, bytes]]:
@@ -161,11 +160,6 @@ def _stamp_s(message: Any) -> float:
 
 def _number(value: float | None) -> float:
     return np.nan if value is None else value
-
-
-def _first(*choices: tuple[Series, str]) -> tuple[Series, str]:
-    """Return the first series that has samples, with its topic."""
-    return next((one for one in choices if len(one[0].table)), choices[0])
 
 
 def _relative(hang_off: Series, session: Session | None, first_z: float | None) -> Series:

@@ -38,7 +38,6 @@ from rope_twin.estimation.noise import bar_of
 from rope_twin.messages.reports import UNITS as FIGURE_UNITS
 from rope_twin.scene.schema import Scene
 
-MINUTES = 1  # that a manoeuvre takes
 SLOW_SHARE = 0.5  # of the winch's speed limit, for the second speed
 PAUSE_S = 5.0
 

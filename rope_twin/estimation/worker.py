@@ -76,17 +76,13 @@ class Worker:
     """One thread with a queue of inputs and a list of tasks."""
 
     def __init__(self, *tasks: Task) -> None:
-        """Register tasks; the thread does not run yet."""
-        self._tasks = list(tasks)
+        """Take the tasks; the thread does not run yet."""
+        self._tasks = tasks
         self._waiting: deque[Input] = deque(maxlen=MOST_WAITING)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failed: dict[int, str] = {}
         self.processor_s = 0.0  # CPU time of the thread
-
-    def register(self, task: Task) -> None:
-        """Add a task, before the thread runs."""
-        self._tasks.append(task)
 
     def take(self, inputs: Input) -> None:
         """Queue an input, from any thread; it never waits."""

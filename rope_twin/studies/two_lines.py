@@ -42,7 +42,6 @@ class LineRun:
     sea: str
     time_s: Floats
     tension_n: Floats  # of main and haulback at the ship, (2, samples)
-    sheave_m: Floats  # depth of the sheave, (samples,)
     nearest: list[Nearest]
     events: list[LineEvent]
     crossing_m: list[list[float]]  # depths of the crossings at each sample
@@ -80,7 +79,6 @@ class _Sample(NamedTuple):
 
     time_s: float
     tension_n: list[float]
-    sheave_m: float
     nearest: Nearest
     crossing_m: list[float]
 
@@ -99,19 +97,17 @@ def run_lines(
             shot = twin.snapshot()
             near, happened = watch.look(shot)
             tensions = [shot.ropes[number].tension_top_n for number in tops]
-            sheave_m = -float(shot.sheaves[0].position_m[2])
             crossings = [one.depth_m for one in watch.crossings]
-            seen.append(_Sample(shot.time_s, tensions, sheave_m, near, crossings))
+            seen.append(_Sample(shot.time_s, tensions, near, crossings))
             events += happened
             for event in happened:
                 tell(event)
     factor = twin.statistics().real_time_factor
-    times, tensions_n, sheaves_m, nearest, crossing_m = zip(*seen, strict=True)
+    times, tensions_n, nearest, crossing_m = zip(*seen, strict=True)
     return LineRun(
         sea="calm" if sea is None else sea.source,
         time_s=np.array(times),
         tension_n=np.array(tensions_n).T,
-        sheave_m=np.array(sheaves_m),
         nearest=list(nearest),
         events=events,
         crossing_m=list(crossing_m),

@@ -66,8 +66,6 @@ WINDOW_S = 2.0  # over which the size of the motion is taken
 class Spectrum(NamedTuple):
     """Cross-flow motion over frequency, mean of all places."""
 
-    frequency_hz: Floats  # (frequencies,)
-    power: Floats  # [d²/Hz], (frequencies,)
     centre_hz: float  # of the power
     bandwidth_hz: float  # standard deviation of the power about the centre
 
@@ -157,7 +155,7 @@ class TimeDomainRun:
         whole = power.sum() or 1.0
         centre = float((power * frequency).sum() / whole)
         width = float(np.sqrt((power * (frequency - centre) ** 2).sum() / whole))
-        return Spectrum(frequency, power, centre, width)
+        return Spectrum(centre, width)
 
     @property
     def size(self) -> tuple[Floats, Floats]:

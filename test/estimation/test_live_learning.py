@@ -47,8 +47,7 @@ class Counting:
 def test_every_task_gets_all_inputs_and_a_failed_one_stands() -> None:
     """The others go on; the reason is kept; a call is made in the worker's thread."""
     good, bad = Counting(), Counting(fails=True)
-    worker = Worker(bad)
-    worker.register(good)
+    worker = Worker(bad, good)
     called = threading.Event()
     worker.take(Motion(0.0, 0.1, 0.0, 200.0))
     worker.take(Reading(0.0, 1e5))

@@ -74,11 +74,11 @@ def test_missing_samples_are_no_repeats() -> None:
     assert not rule.stuck
 
 
-def encoder(line_out: np.ndarray, twin_speed: float = float("nan")) -> tuple[float | None, float]:
+def encoder(line_out: np.ndarray) -> tuple[float | None, float]:
     """Time at which an encoder is found stuck, and since when."""
     rule = StuckEncoder(0.3, 0.01)
     for k, value in enumerate(line_out):
-        rule.take(k / RATE_HZ, float(round(value, 2)), twin_speed)
+        rule.take(k / RATE_HZ, float(round(value, 2)))
         if rule.stuck:
             return k / RATE_HZ, rule.since_s
     return None, rule.since_s
@@ -102,12 +102,9 @@ def test_a_winch_that_stops_within_its_limit_is_not_stuck() -> None:
         assert encoder(line)[0] is None
 
 
-def test_an_encoder_stuck_at_rest_is_found_once_the_winch_moves() -> None:
-    """The twin pays out by its commands while the measured line out repeats."""
-    line = np.full(200, 3000.0)
-    assert encoder(line)[0] is None
-    found, _ = encoder(line, 0.5)
-    assert found == pytest.approx(1.0, abs=0.06)
+def test_an_encoder_of_a_line_at_rest_is_not_stuck() -> None:
+    """It repeats, and nothing has moved before."""
+    assert encoder(np.full(200, 3000.0))[0] is None
 
 
 def lost_at(measured: np.ndarray, predicted: np.ndarray) -> tuple[float | None, float | None]:
