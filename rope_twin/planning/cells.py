@@ -264,13 +264,12 @@ class Cell:
         """Return the simplified method's values of each leg; it has none where ropes meet."""
         if self.work.legs[0].ropes:
             return []
-        tip, percentile = self.work.ship.tip, self.plan.method.percentile
-        sea = self.sea(height_m)
-        return [simplified(leg, tip, sea, leg.window_s, percentile) for leg in self.work.legs]
+        tip, sea = self.work.ship.tip, self.sea(height_m)
+        percentile = self.plan.method.percentile
+        return [simplified(leg, tip, sea, percentile) for leg in self.work.legs]
 
     def simplified_limit(self) -> int:
         """Return the index of the largest height within the limits by the simplified method; -1."""
-
         return bisect(len(self.heights_m), lambda k: self.simplified_use(k) <= 1.0)
 
     def simplified_use(self, height: int) -> float:

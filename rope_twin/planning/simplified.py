@@ -166,24 +166,20 @@ class Simplified:
     words: str  # which formulas
 
 
-def simplified(
-    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
-) -> Simplified:
-    """Return the characteristic values of a leg in a sea."""
+def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> Simplified:
+    """Return the characteristic values of a leg in a sea, over its exposure."""
     lift, moments = lift_of(leg), tip_moments(tip, sea)
-    factor = rayleigh_factor(exposure_s / moments.crossing_period_s, percentile)
+    factor = rayleigh_factor(leg.window_s / moments.crossing_period_s, percentile)
     amplitude, speed, acceleration = (
         factor * rms for rms in (moments.rms_m, moments.rms_m_per_s, moments.rms_m_per_s2)
     )
     zone, re_hit = leg.scene.listed(SplashZoneParams), 0.0
     if leg.deck_m is not None:
-        closing = relative_speed(leg, tip, sea, exposure_s, percentile)
+        closing = relative_speed(leg, tip, sea, percentile)
         relative = closing - leg.speed_m_per_s
         hook, low = lift_off_n(leg, lift, relative), lift.weight_n
-        high, re_hit = (
-            hook - leg.static_hook_n + lift.weight_n,
-            max(closing + leg.speed_m_per_s, 0.0),
-        )
+        high = hook - leg.static_hook_n + lift.weight_n
+        re_hit = max(closing + leg.speed_m_per_s, 0.0)
         words, snap = "lift-off, API Spec 2C 5.4.5", hook - leg.static_hook_n
     elif leg.from_m <= 0.0 and zone is not None:
         relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
@@ -191,7 +187,7 @@ def simplified(
         low, high = lift.weight_n - hydro, lift.weight_n + hydro
         words, snap = "splash zone, 4.3", snap_force_n(lift, relative)
     else:
-        hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, exposure_s, percentile)
+        hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, percentile)
         words, snap = "rope with payload, 5.3.6", snap_force_n(lift, relative)
     return Simplified(
         tip_m=amplitude,
@@ -211,23 +207,19 @@ def simplified(
     )
 
 
-def relative_speed(
-    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
-) -> float:
+def relative_speed(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> float:
     """Return the characteristic vertical speed between crane tip and deck [m/s]."""
     moments = tip_moments(_over_deck(leg, tip), sea)
-    factor = rayleigh_factor(exposure_s / moments.crossing_period_s, percentile)
+    factor = rayleigh_factor(leg.window_s / moments.crossing_period_s, percentile)
     return factor * moments.rms_m_per_s
 
 
-def relative_offset_m(
-    leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
-) -> float:
+def relative_offset_m(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> float:
     """Return the characteristic horizontal motion of the crane tip against the deck [m]."""
     moments = lateral_moments(_over_deck(leg, tip), sea)
     if moments.rms_m == 0.0:
         return 0.0
-    return rayleigh_factor(exposure_s / moments.crossing_period_s, percentile) * moments.rms_m
+    return rayleigh_factor(leg.window_s / moments.crossing_period_s, percentile) * moments.rms_m
 
 
 def _over_deck(leg: Leg, tip: TipTransfer) -> PointTransfer:
@@ -297,7 +289,7 @@ def lateral_offset_m(leg: Leg, lift: Lift) -> float:
 
 
 def _on_long_rope(
-    lift: Lift, leg: Leg, tip: TipTransfer, sea: SeaState, exposure_s: float, percentile: float
+    lift: Lift, leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float
 ) -> tuple[float, tuple[float, float], float]:
     """Return hook load, least and largest load of the payload [N], and its largest speed [m/s]."""
     frequency, density = tip_spectrum(tip, sea)
@@ -317,7 +309,7 @@ def _on_long_rope(
             break
         speed = 0.5 * (speed + found)
     period = 2.0 * math.pi * rms(answer.payload) / speed if speed > 0.0 else math.inf
-    factor = rayleigh_factor(exposure_s / period, percentile)
+    factor = rayleigh_factor(leg.window_s / period, percentile)
     steady = (lift.drag_kg_per_m + lift.rope_drag_kg_per_m2 * lift.length_m) * leg.speed_m_per_s**2
     held = lift.drag_kg_per_m * leg.speed_m_per_s**2  # takes load off the payload
     hook = lift.static_hook_n - steady + factor * rms(answer.hook_n_per_m)

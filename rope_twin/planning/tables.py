@@ -157,9 +157,8 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             spreading = spreading_of(result.plan, result.scene)
             gamma = result.plan.sea.gamma
             sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
-            asked = leg, work.ship.tip, sea, leg.window_s, result.plan.method.percentile
-            closing = relative_speed(*asked)
-            aside = relative_offset_m(*asked)
+            asked = leg, work.ship.tip, sea, result.plan.method.percentile
+            closing, aside = relative_speed(*asked), relative_offset_m(*asked)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
                 *cell.row_head, f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
