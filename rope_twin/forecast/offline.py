@@ -137,11 +137,8 @@ class RecordingForecaster:
         self, sample: int, start: FleetState, orders: Sequence[Order]
     ) -> list[TensionForecast]:
         known = self._known(sample)
-        if not self.planned:
-            return self._forecaster.forecast(known, start, orders, self.kept.factor())
-        own = sample, self.settings, AHEAD_S
-        plans = self.lift.plan_at(*own), self.lift.plans_at(*own)
-        return self._forecaster.forecast(known, start, orders, self.kept.factor(), *plans)
+        plans = self.lift.plans_at(sample, self.settings, AHEAD_S) if self.planned else None
+        return self._forecaster.forecast(known, start, orders, self.kept.factor(), plans)
 
     def _known(self, sample: int) -> Known:
         to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))

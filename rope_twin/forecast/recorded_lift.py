@@ -194,31 +194,25 @@ class RecordedLift:
             lines_m={name: line_m[own] for name, line_m in self.lines_m.items()},
         )  # fmt: skip
 
-    def plan_at(self, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
-        """Return the line out that the recording has after a sample, at the forecast's steps.
-
-        What the heave compensation added is in it. Beyond the recording it stays as at its end.
-        """
-        return _plan(self.line_out_m, sample, settings, ahead_s)
-
     def plans_at(
         self, sample: int, settings: ForecastSettings, ahead_s: float
     ) -> dict[str, LinePath]:
-        """Return the same of other winches, by name."""
-        lines = self.lines_m.items()
-        return {name: _plan(line_m, sample, settings, ahead_s) for name, line_m in lines}
+        """Return the line out that the recording has after a sample, at the forecast's steps.
 
+        Of each winch, by name. What the heave compensation added is in it. Beyond the recording it
+        stays as at its end.
+        """
+        from scipy.interpolate import CubicSpline  # slow to import
 
-def _plan(line_m: Floats, sample: int, settings: ForecastSettings, ahead_s: float) -> LinePath:
-    """Return recorded line out after a sample, at the forecast's steps."""
-    from scipy.interpolate import CubicSpline  # slow to import
-
-    count = round(ahead_s / SAMPLE_S)
-    own = line_m[sample : sample + count + 1]
-    own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
-    spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
-    at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
-    return LinePath(spline(at), spline(at, 1), is_whole=True)
+        count = round(ahead_s / SAMPLE_S)
+        at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
+        found = {}
+        for name, line_m in {WINCH: self.line_out_m, **self.lines_m}.items():
+            own = line_m[sample : sample + count + 1]
+            own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
+            spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
+            found[name] = LinePath(spline(at), spline(at, 1), is_whole=True)
+        return found
 
 
 def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:

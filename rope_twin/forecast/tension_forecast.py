@@ -275,7 +275,6 @@ class TensionForecaster:
         start: FleetState | LiveState,
         orders: Sequence[Order] = (Order(CONTINUE),),
         factor: Floats | None = None,
-        plan: LinePath | None = None,
         plans: Mapping[str, LinePath] | None = None,
     ) -> list[TensionForecast]:
         """Return a forecast for each order, all on the same heave paths, member by member.
@@ -285,8 +284,8 @@ class TensionForecaster:
             start: state of the rope `burn_in_s` before the origin, on measured heave.
             orders: what the winches do from the origin on; see `forecast.winches`.
             factor: on the spread of top tension at each lead; None: 1.
-            plan: line out from the origin on at every step, in place of `continue`.
-            plans: the same of other winches, by name.
+            plans: line out of winches from the origin on at every step, by name, in place of
+                `continue`.
 
         Raises:
             InputError: too little is known, or an order that the scene cannot follow.
@@ -295,9 +294,7 @@ class TensionForecaster:
         now = self._lines_now(known, start)
         for order in orders:
             check_lift_order(order, self.scene, now[WINCH])
-        planned = {WINCH: plan} if plan is not None else {}
-        planned |= plans or {}
-        lines = [self._lines(order, now, planned) for order in orders]
+        lines = [self._lines(order, now, plans or {}) for order in orders]
         paths = self._paths(known)
         motion = self._motion(known, paths)
         self._draw_figures()

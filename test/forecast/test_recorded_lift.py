@@ -86,7 +86,7 @@ def test_series_of_a_recording(lift: RecordedLift) -> None:
     known = lift.known_at(400)
     assert known.time_s == 200.0
     assert len(known.heave_m) == 401
-    plan = lift.plan_at(800, SETTINGS, 60.0)  # beyond the end: as it is there
+    (plan,) = lift.plans_at(800, SETTINGS, 60.0).values()  # beyond the end: as it is there
     assert plan.out_m == pytest.approx(200.0)
 
 

@@ -28,7 +28,7 @@ from rope_twin.forecast.tension_forecast import (
     unlearned_spread,
 )
 from rope_twin.scene.instruments import Learning
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetRecord
 
@@ -237,7 +237,7 @@ def test_a_recorded_line_has_the_compensation_in_it(
     start, line = forecaster.fleet.state(0), np.full(1201, 200.0)
     for is_whole in (True, False):
         plan = LinePath(line, 0.0 * line, is_whole=is_whole)
-        forecaster.forecast(known, start, plan=plan)
+        forecaster.forecast(known, start, plans={WINCH: plan})
     _, whole, _, answered = given  # each after a burn-in
     assert np.array_equal(whole.line_out_m, line)
     assert np.ptp(answered.line_out_m) > 0.5
