@@ -54,6 +54,12 @@ class Series:
         table = np.column_stack([time_s, *values])
         self._merge(table[np.isfinite(table).all(axis=1)])
 
+    def less(self, *offsets: float) -> Series:
+        """Return the series without these offsets of time and values."""
+        made = Series(len(offsets) - 1)
+        made.extend(*(self.table - offsets).T)
+        return made
+
     def drop_before(self, time_s: float) -> None:
         """Forget samples before a time."""
         self._table = self.table[self.table[:, 0] >= time_s]

@@ -109,7 +109,9 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
             raise BagError(f"bag {path}{of}", what, f"record {wanted}")
     if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
-    _count_from(float(lift.tension.table[0, 0]), lift)
+    zero_s = float(lift.tension.table[0, 0])
+    lift.tension, lift.line_out = lift.tension.less(zero_s, 0.0), lift.line_out.less(zero_s, 0.0)
+    lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
     return RecordedLift(lift, session, tuple(problems), applied)
 
 
@@ -167,16 +169,4 @@ def _relative(hang_off: Series, session: Session | None, first_z: float | None) 
     rest = float(hang_off.table[:, 1].mean()) if first_z is None else first_z
     if session is not None:
         rest = session.scene().ship.hang_off_m[2]
-    made = Series(2)
-    table = hang_off.table
-    made.extend(table[:, 0], table[:, 1] - rest, table[:, 2])
-    return made
-
-
-def _count_from(zero_s: float, lift: MeasuredLift) -> None:
-    """Shift all times so that they count from one."""
-    for name in ("tension", "heave", "line_out"):
-        table = getattr(lift, name).table
-        series = Series(table.shape[1] - 1)
-        series.extend(table[:, 0] - zero_s, *table[:, 1:].T)
-        setattr(lift, name, series)
+    return hang_off.less(0.0, rest, 0.0)
