@@ -46,6 +46,7 @@ from rope_twin.planning.seas import (
     tip_spectrum,
 )
 from rope_twin.scene.lift import lift_figures
+from rope_twin.scene.schema import Rope
 from rope_twin.sea.spectrum import zero_crossing_period_s
 from rope_twin.sea.tables import Vector
 
@@ -99,14 +100,13 @@ def lift_of(leg: Leg) -> Lift:
     whole = sum(length for _, length in bars)
     EA = whole / sum(length / bar.stiffness_n for bar, length in bars)
     drag = scene.listed(DragParams)
-    tangential = drag.tangential if drag is not None else 0.0
-    diameter = sum(bar.rope.diameter_m * length for bar, length in bars) / whole
+    skin = sum(_drag_diameter_m(bar.rope, drag, "tangential") * length for bar, length in bars)
     return Lift(
         length_m=whole,
         EA_n=EA,
         mass_kg_per_m=sum(bar.inertia_kg_per_m * length for bar, length in bars) / whole,
         rope_damping_newton_seconds=max(figures.damping_newton_seconds),
-        rope_drag_kg_per_m2=0.5 * density * tangential * math.pi * diameter,
+        rope_drag_kg_per_m2=0.5 * density * math.pi * skin / whole,
         mass_kg=payload.mass_kg,
         added_mass_kg=payload.added_mass_kg[2],
         drag_kg_per_m=0.5 * density * payload.drag_area_m2[2],
@@ -114,6 +114,19 @@ def lift_of(leg: Leg) -> Lift:
         displaced_kg=density * payload.volume_m3,
         static_hook_n=leg.static_hook_n,
     )
+
+
+def _drag_diameter_m(rope: Rope, drag: DragParams | None, along: str) -> float:
+    """Return C·d of a rope [m]: its own coefficient on its nominal, else that of the scene.
+
+    along: normal or tangential; the scene's refers to the hydrodynamic diameter.
+    """
+    own: float | None = getattr(rope, f"drag_{along}")
+    if drag is None:
+        return 0.0
+    if own is not None:
+        return rope.diameter_m * own
+    return rope.hydrodynamic_diameter_m * float(getattr(drag, along))
 
 
 def resonance_period_s(lift: Lift) -> float:
@@ -272,19 +285,16 @@ def lateral_offset_m(leg: Leg, lift: Lift) -> float:
     flow = np.stack([np.interp(height, z, own) for own in velocity])
     flow[:, height > 0.0] = 0.0
     force = flow * np.hypot(*flow)
-    normal = drag.normal if drag is not None else 0.0
-    wide = [
-        one.rope.hydrodynamic_diameter_m * normal
-        if one.rope.drag_normal is None
-        else one.rope.diameter_m * one.rope.drag_normal
-        for one in figures.bars
-    ]
-    per_m = half * sum(wide) / len(wide) * force
-    below = np.concatenate([np.zeros((2, 1)), np.cumsum(0.5 * (per_m[:, 1:] + per_m[:, :-1]), 1)
-                            * (s[1] - s[0])], axis=1)  # fmt: skip
+    lengths = leg.scene.ropes[0].lengths_m(leg.line_out_m)
+    section = np.searchsorted(np.cumsum(lengths)[:-1], s, side="right")
+    wide = np.array([_drag_diameter_m(bar.rope, drag, "normal") for bar in figures.bars])
+    heavy = np.array([bar.weight_n_per_m for bar in figures.bars])[section]
+    per_m, step = half * wide[section] * force, s[1] - s[0]
+    below = np.zeros_like(flow)
+    below[:, 1:] = step * np.cumsum(0.5 * (per_m[:, 1:] + per_m[:, :-1]), axis=1)
+    hung = lift.weight_n + np.append(0.0, step * np.cumsum(0.5 * (heavy[1:] + heavy[:-1])))
     area = np.array(payload.drag_area_m2[:2])[:, None]
-    weight = (lift.static_hook_n - lift.weight_n) / lift.length_m
-    lean = (half * area * force[:, :1] + below) / (lift.weight_n + weight * s)
+    lean = (half * area * force[:, :1] + below) / hung
     return float(np.hypot(*np.trapezoid(lean, s, axis=1)))
 
 

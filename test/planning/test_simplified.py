@@ -14,6 +14,7 @@ from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import (
     Lift,
+    lateral_offset_m,
     lift_of,
     resonance_period_s,
     rope_transfer,
@@ -63,6 +64,31 @@ def test_payload_hangs_at_its_depth() -> None:
     assert depth == pytest.approx(2900.0, abs=2e-3)
     assert 2880.0 < made.ropes[0].length_m < 2895.0
     assert height is None
+
+
+def test_drag_along_the_rope_is_that_of_the_twin() -> None:
+    """½·ρ·C·π·d: the scene's C on the hydrodynamic diameter, a rope's own on the nominal one."""
+    plan, scene = read_plan("deep_installation")
+    (leg,) = legs_of(plan, scene, plan.phases[1])
+    by_scene = 0.5 * 1025.0 * 0.03 * math.pi * 0.032
+    assert lift_of(leg).rope_drag_kg_per_m2 == pytest.approx(by_scene, rel=1e-9)
+    (line,) = scene.ropes
+    (section,) = line.made_of
+    own = replace(section, rope=replace(section.rope, drag_tangential=0.01))
+    changed = replace(scene, ropes=(replace(line, rope=None, sections=(own,)),))
+    (leg,) = legs_of(plan, changed, plan.phases[1])
+    by_rope = 0.5 * 1025.0 * 0.01 * math.pi * 0.04
+    assert lift_of(leg).rope_drag_kg_per_m2 == pytest.approx(by_rope, rel=1e-9)
+
+
+def test_offset_of_a_rope_in_sections_is_that_of_the_twin() -> None:
+    """Chain, HMPE and steel wire count by their lengths, diameters and weights."""
+    plan, _ = read_plan("deep_installation")
+    phase = plan.phases[1]
+    assert phase.at_depth is not None
+    own = replace(phase, at_depth=replace(phase.at_depth, depth_m=1900.0))
+    (leg,) = legs_of(plan, load_scene("hybrid_lift"), own)
+    assert lateral_offset_m(leg, lift_of(leg)) == pytest.approx(leg.offset_m, rel=0.01)
 
 
 def test_rope_transfer_without_drag_is_the_formula() -> None:
