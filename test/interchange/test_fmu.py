@@ -92,6 +92,26 @@ def test_run_by_fmpy_is_that_of_the_twin(
     assert line[-1] - line[0] > 0.2
 
 
+def test_tip_may_rest() -> None:
+    """Inputs are left at their starts for 3 s, then the tip rises by 0.3 m in 2 s and rests."""
+    path = load_scene("shallow_lift").path
+    model = SceneModel(str(path.parent), path.name)
+    still, step_s, rise = dict.fromkeys(INPUTS, 0.0), 0.1, 0.5 * math.pi
+    depth, at_rest = model.outputs()["payload_z_m"], model.outputs()["hook_load_n"]
+    for step in range(100):
+        time = step * step_s
+        turn, moves = rise * min(max(time - 3.0, 0.0), 2.0), 3.0 <= time < 5.0
+        tip = {
+            "tip_z_m": 0.15 * (1.0 - math.cos(turn)),
+            "tip_vz_m_per_s": 0.15 * rise * math.sin(turn) * moves,
+            "tip_az_m_per_s2": 0.15 * rise**2 * math.cos(turn) * moves,
+        }
+        model.step(still | tip, time, step_s)
+        if step == 29:
+            assert model.outputs()["hook_load_n"] == pytest.approx(at_rest, rel=1e-4)
+    assert model.outputs()["payload_z_m"] == pytest.approx(depth + 0.3, abs=0.05)
+
+
 def test_lower_end_is_an_input_where_the_scene_leaves_it_so(tmp_path: Path) -> None:
     """An ROV on a tether, moved through the model: the force is that of a twin with its motion."""
     text = load_scene("rov_tether").path.read_text()

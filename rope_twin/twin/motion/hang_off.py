@@ -149,7 +149,7 @@ class HangOffTrack(HeaveTrack):
         return (*self._aside, *others)
 
     def prescribe(self) -> None:
-        """Accept heave as computed, not measured: its plausibility is not checked."""
+        """Accept motion as computed: heave is not checked for plausibility, poses may rest."""
         self._prescribed = True
         self._limit_m, self._speed_limit = HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
@@ -234,7 +234,7 @@ class HangOffTrack(HeaveTrack):
         stuck = self._stuck.is_stuck(stamp_ns, numbers)
         never_moved = not (self._moved or self._stuck.varied)
         rests = not any(rates) and (self._on_way or never_moved)
-        self._is_stuck = stuck and not rests
+        self._is_stuck = stuck and not (rests or self._prescribed)
         if self._is_stuck:
             fault = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
             right = "the sender is stuck; restart it"
