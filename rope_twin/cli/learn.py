@@ -64,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
         what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
         right = f"give at least {LEAST_S:g} s with tension, heave and line out"
         raise InputError(f"bag {args.bag}", what, right)
+    if words := report.disagreement(estimator):
+        raise InputError(f"bag {args.bag}", words, "check its unit (N), its sign and the scene")
     posterior = estimator.results[-1].posterior
     actions = report.expected_after(estimator, scene)
     if not args.tared:

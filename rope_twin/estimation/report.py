@@ -20,7 +20,13 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
-from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, BlockResult, Estimator
+from rope_twin.estimation.estimator import (
+    BLOCK_S,
+    BURN_IN_S,
+    LEAST_USED,
+    BlockResult,
+    Estimator,
+)
 from rope_twin.estimation.figures import (
     BIAS,
     INDEX,
@@ -33,7 +39,7 @@ from rope_twin.estimation.figures import (
 )
 from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.least_squares import TEMPER, inverse
-from rope_twin.estimation.measured_lift import LINE_HZ, MeasuredLift, Series
+from rope_twin.estimation.measured_lift import LINE_HZ, MEAN_S, MeasuredLift, Series
 from rope_twin.estimation.noise import bar_of
 from rope_twin.messages.reports import UNITS as FIGURE_UNITS
 from rope_twin.scene.schema import Scene
@@ -175,6 +181,22 @@ def base_values(scene: Scene) -> dict[str, float]:
         "tangential_drag": float(bar.drag_kg_per_m2[-1]),
         "current": 0.0 if scene.listed(CurrentParams) is None else 1.0,
     }
+
+
+def disagreement(estimator: Estimator) -> str:
+    """Return how far the last minute's tension is from that computed, if none was learned from.
+
+    "": something was learned, or there was too little taut rope to compare.
+    """
+    last = estimator.innovation
+    if last is None or np.isfinite(last.residual_n).mean() < LEAST_USED:
+        return ""
+    if (estimator.results[-1].posterior.sd < estimator.prior.sd * (1.0 - 1e-6)).any():
+        return ""
+    begin_s, end_s = last.time_s[0] - 0.5 * MEAN_S, last.time_s[-1] + 0.5 * MEAN_S
+    measured, _ = estimator.model.lift.tension_means(float(begin_s), float(end_s))
+    both = [float(np.nanmedian(one)) for one in (measured, measured - last.residual_n)]
+    return f"nothing is learned from {both[0]:.4g} N where the scene has {both[1]:.4g} N"
 
 
 def estimates(

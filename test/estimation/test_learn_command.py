@@ -77,6 +77,18 @@ def test_figures_that_the_run_took_over_are_scored(
     assert "outside" in capsys.readouterr().out
 
 
+def test_tension_in_kn_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The message has both tensions; no figures are printed that nothing was learned of."""
+    wrong = write_bag(tmp_path / "kn", unit_n=1000.0)
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL_SCENE)
+    assert main(["learn", str(wrong), "--scene", str(file), "--tared"]) == 1
+    printed = capsys.readouterr()
+    assert "nothing is learned from" in printed.err
+    assert "unit (N)" in printed.err
+    assert not printed.out
+
+
 def test_learn_refuses_a_short_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """One sentence with what is needed."""
     short = write_bag(tmp_path / "short", 40.0)

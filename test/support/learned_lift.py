@@ -81,9 +81,12 @@ def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0), waves: float = 1
     return made
 
 
-def write_bag(folder: Path, seconds: float = SECONDS, **applied: float) -> Path:
+def write_bag(
+    folder: Path, seconds: float = SECONDS, *, unit_n: float = 1.0, **applied: float
+) -> Path:
     """Return a bag with winch/measured and ship/heave of the lift, as sensors publish them.
 
+    unit_n: of the tension; 1000: a sensor that publishes kN.
     applied: factors on figures that the run took over.
     """
     made = lift()
@@ -100,7 +103,7 @@ def write_bag(folder: Path, seconds: float = SECONDS, **applied: float) -> Path:
         tables = made.tension.table, made.line_out.table
         for (t, force), (_, length) in zip(*tables, strict=True):
             stamp_ns = START_NS + round(t * 1e9)
-            reading = Measurement.of_winch(stamp_ns, length, 0.0, force, "winch")
+            reading = Measurement.of_winch(stamp_ns, length, 0.0, force / unit_n, "winch")
             name, data = encode_measurement(stamp_ns, reading)
             if t <= seconds:
                 bag.write(name, stamp_ns, data)
