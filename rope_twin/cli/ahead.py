@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,7 +61,7 @@ def run(args: argparse.Namespace) -> int:
     from rope_twin.forecast.heave_process import MotionError
     from rope_twin.forecast.offline import RecordingForecaster
     from rope_twin.forecast.orders import read_order
-    from rope_twin.forecast.recorded_lift import read_lift
+    from rope_twin.forecast.recorded_lift import read_lift, tension_doubt
     from rope_twin.forecast.risk import Limits, tension_limits
     from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
     from rope_twin.studies.picture import check_picture
@@ -71,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
     error = MotionError(coloured_m=ERROR_MARGIN * args.motion_error)
     settings = ForecastSettings(members=args.members, motion_error=error)
     lift = read_lift(args.bag, args.scene)
+    if doubt := tension_doubt(lift):
+        print(doubt, file=sys.stderr)
     limit_n, others_n = tension_limits(lift.scene, args.limit)
     limits = Limits(limit_n, args.contact_speed, args.quiet_speed, args.quiet_time, others_n)
     forecaster = RecordingForecaster(lift, settings, args.planned)

@@ -31,6 +31,7 @@ from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.recorded_run import read_content
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import WINCH, Scene
@@ -152,6 +153,7 @@ def nominal_states(
     return states
 
 
+UNIT_SHARE = 0.02  # of the static tension: less, or as many times more, is another unit
 LARGEST_GAP_S = 2.0  # bridged by interpolation
 WINCH_STATE = "winch/state"
 HANG_OFF = "hang_off/odometry"
@@ -264,6 +266,23 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
         scene_at_line(own, float(out[0]), {name: float(m[0]) for name, m in led.items()}), 0.0, z,
         out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, at), led,
     )  # fmt: skip
+
+
+def tension_doubt(lift: RecordedLift) -> str:
+    """Return a warning if the largest tension is far from the static one, as in other units; or "".
+
+    In scenes whose ropes meet it is shared, and not judged.
+    """
+    known = lift.peak_n[np.isfinite(lift.peak_n)]
+    if is_joined(lift.scene) or not len(known):
+        return ""
+    static_n, most_n = lift_figures(lift.scene).top_tension_n(lift.line_out_m[0]), known.max()
+    if static_n <= 0.0 or UNIT_SHARE * static_n < most_n < static_n / UNIT_SHARE:
+        return ""
+    return (
+        f"warning: the largest tension of {lift.sources[2]} is {most_n:.4g} N where the lift "
+        f"weighs {static_n:.4g} N; check its unit (N)"
+    )
 
 
 def seabed_depth_m(scene: Scene) -> float | None:

@@ -17,7 +17,7 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import read_order
-from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift
+from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift, tension_doubt
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import encode_heave, encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
@@ -133,6 +133,15 @@ def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert len(found["forecasts"][0]["bands"]["top_tension_n"][0]) == 120
     assert main([*words[:4], "--what-if", "jump"]) == 1
     assert "no 'jump'" in capsys.readouterr().err
+
+
+def test_tension_in_other_units_is_doubted(lift: RecordedLift) -> None:
+    """A load cell in kN, or in mN, is named; one in N is not."""
+    assert tension_doubt(lift) == ""
+    doubt = tension_doubt(replace(lift, peak_n=1e-3 * lift.peak_n))
+    assert "winch/measured" in doubt
+    assert "unit (N)" in doubt
+    assert "unit (N)" in tension_doubt(replace(lift, peak_n=1e3 * lift.peak_n))
 
 
 def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
