@@ -119,10 +119,14 @@ def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
     before = winch.line.length_m
     stepped(winch, 1.0, begin_s=3.0)
     assert winch.line.length_m - before == pytest.approx(1.0 / (2.0 * 2.0), abs=1e-9)
-    winch.take(None, WinchCommand("speed", -1.0), 4 * S)
-    stepped(winch, 1.0, begin_s=4.0)
+    for begin_s, speed in ((4.0, -1.0), (4.5, 0.0)):  # zero speed is what it does
+        winch.take(None, WinchCommand("speed", speed), round(begin_s * S))
+        stepped(winch, 0.5, begin_s=begin_s)
     assert winch.line.speed_m_per_s == 0.0
     assert winch.shot().mode == "emergency_stop"
+    moving = winch.health(5 * S)["winch_command"]
+    assert moving.impossible == moving.recently_refused == 1
+    assert "'speed' in an emergency stop; reset it first" in moving.note
     assert "until it is reset" in winch.at_limit
     winch.take(None, WinchCommand("release_brake"), 5 * S)
     stepped(winch, 1.0, begin_s=5.0)

@@ -307,6 +307,11 @@ class Winch:
             else:
                 self._switch(command.kind, time_ns)
         if self._stopped:
+            for command in motions:
+                if command != WinchCommand(SPEED, 0.0):  # zero speed is what it does
+                    what = f"'{command.kind}' in an emergency stop"
+                    sentence = phrase("winch command", what, "reset it first")
+                    self._commands.counter.refuse("impossible", sentence)
             return
         for command in motions:
             self._take_up(command)
