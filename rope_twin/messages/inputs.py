@@ -28,7 +28,7 @@ from rope_twin.topics import (
     SWITCH_TOPIC,
     WINCH_MEASURED,
 )
-from rope_twin.twin.motion.ship_motion import ShipPose, Vector3
+from rope_twin.twin.motion.ship_motion import ShipPose, Vector3, orientation_fault
 from rope_twin.twin.readings import MOTOR, PAYLOAD, WINCH_SENSORS, Measurement
 from rope_twin.twin.snapshot import DEPTH, LENGTH, SPEED, TENSION
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, EMERGENCY_STOP, WinchCommand
@@ -225,10 +225,15 @@ def _or_none(value: float) -> float | None:
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
     """Return ROS stamp [ns], heave [m] and heave rate [m/s] of a ship/heave message.
 
+    Its orientation moves nothing, but a sender that leaves it at zero has filled in no message.
+
     Raises:
-        InputError: if the bytes are not such a message, or its stamp is invalid.
+        InputError: if the bytes are not such a message, or its stamp or orientation is invalid.
     """
     message, stamp_ns = _stamped("ship/heave", data)
+    turn = message.pose.pose.orientation
+    if reason := orientation_fault((turn.x, turn.y, turn.z, turn.w)):
+        raise InputError("ship/heave", *reason)
     return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
 
 

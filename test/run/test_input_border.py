@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import pytest
 
 from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
+from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.inputs import encode_pose
 from rope_twin.messages.reports import encode_forecast
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
@@ -62,6 +64,18 @@ def rig() -> Rig:
 def test_a_heave_message_reaches_the_queue_in_twin_time(rig: Rig) -> None:
     rig.heave(0.05)
     assert rig.calls() == [("offer_heave", (50_000_000, 0.1, 0.0, 55_000_000))]
+
+
+@pytest.mark.parametrize("w", [0.0, 2.0, math.nan])
+def test_heave_whose_orientation_is_no_rotation_is_refused(rig: Rig, w: float) -> None:
+    message = decode("ship/heave", encode_heave(EPOCH_NS + 50_000_000, 0.1, 0.0))
+    message.pose.pose.orientation.w = w
+    rig.border.take_motion("ship/heave", serialise(message), "mru")
+    assert rig.calls() == []
+    row = rig.row(MESSAGES_ROW)
+    assert row.level == Level.WARN
+    assert row.values["ship/heave"] == "1"
+    assert f"ship/heave: an orientation of length {w:g}; give a unit quaternion" in row.message
 
 
 def test_a_service_is_answered_with_what_the_winch_will_do() -> None:

@@ -54,15 +54,22 @@ def is_finite(pose: ShipPose) -> bool:
     return all(math.isfinite(number) for part in parts for number in part)
 
 
+def orientation_fault(orientation: Quaternion) -> tuple[str, ...]:
+    """Return why numbers are no rotation, and the remedy; or nothing."""
+    size = math.hypot(*orientation)
+    if abs(size - 1.0) <= UNIT_WITHIN:
+        return ()
+    what = f"an orientation of length {size:.4g}"
+    return what, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1"
+
+
 def pose_fault(pose: ShipPose) -> str:
     """Return why a pose is impossible for a ship; or ""."""
     if not is_finite(pose):
         what = f"position {pose.position_m}, orientation {pose.orientation}"
         return phrase("ship pose", what, "all its numbers must be finite")
-    size = math.sqrt(sum(q * q for q in pose.orientation))
-    if abs(size - 1.0) > UNIT_WITHIN:
-        what = f"an orientation of length {size:.4g}"
-        return phrase("ship pose", what, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1")
+    if reason := orientation_fault(pose.orientation):
+        return phrase("ship pose", *reason)
     x, y, _, _ = pose.orientation
     tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
     if tilt > MOST_TILT_DEG:
