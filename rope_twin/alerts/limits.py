@@ -105,6 +105,7 @@ class CrewLimits:
         """
         self._of_scene, self._impossible = of_scene, impossible or {}
         self._set: dict[str, float] = {}
+        self._loosened: set[str] = set()
 
     def set(self, name: str, words: str) -> str:
         """Set or end a limit and return the answer in words.
@@ -122,7 +123,7 @@ class CrewLimits:
             what = f"the scene has not {self._impossible[name]}"
             raise InputError(where, what, "set another limit")
         if words == SCENE:
-            self._set.pop(name, None)
+            self._put(name, None)
             return f"{where}: that of the scene"
         try:
             value = float(words)
@@ -135,8 +136,25 @@ class CrewLimits:
         if scene is not None and (value <= scene if at_least else value >= scene):
             what = f"{_of(value, unit)} is not stricter than the scene's {_of(scene, unit)}"
             raise InputError(where, what, f"give {'more' if at_least else 'less'}, or {SCENE}")
-        self._set[name] = value
+        self._put(name, value)
         return f"{where}: {_of(value, unit)}"
+
+    def _put(self, name: str, value: float | None) -> None:
+        """Set a limit, or end it; remember it if that allows more."""
+        before = self._set.get(name)
+        self._set.pop(name, None)
+        if value is not None:
+            self._set[name] = value
+        if before is not None:
+            at_least = CREW_LIMITS[name].at_least
+            if value is None or (value < before if at_least else value > before):
+                self._loosened.add(name)
+
+    def take_loosened(self) -> tuple[str, ...]:
+        """Return the names of the limits that allow more than at the last call."""
+        found = tuple(self._loosened)
+        self._loosened.clear()
+        return found
 
     def get(self, name: str) -> float | None:
         """Return the crew's limit of a name; None: none is set."""

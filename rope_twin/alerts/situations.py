@@ -272,6 +272,13 @@ KINDS = (
 )  # fmt: skip
 
 
+# Kinds that hold after a limit was exceeded, by the names of the limits.
+HELD_LIMITS = {
+    "tension_n": 10001, "utilisation": 10001, "payload_depth_m": 10010,
+    "payload_speed_m_per_s": 10010, "bed_clearance_m": 10018, "line_clearance_m": 10018,
+}  # fmt: skip
+
+
 class _Gate:
     """Delay and hold of one level of one situation."""
 
@@ -332,6 +339,10 @@ class Watch:
         risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
         moment = Moment(shot, self._rows, self._scene, self._limits, least, share, rest, risk)
         found: list[Situation] = []
+        for name in self.crew.take_loosened():  # what exceeds the new limit begins at once
+            ended = [key for key in self._gates if key[0] == HELD_LIMITS.get(name)]
+            for key in ended:
+                del self._gates[key]
         for kind in KINDS:
             measures = {one.where: one for one in kind.find(moment)}
             known = {where for number, where in self._gates if number == kind.identifier}

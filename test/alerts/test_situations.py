@@ -86,8 +86,15 @@ def test_a_crew_can_only_be_stricter_than_the_scene(scene: Any) -> None:
     assert crew.command("limit payload_depth_m 2000") == "limit payload_depth_m: 2000 m"
     assert course.see(0.02)[10010, "tool depth"] is Priority.ALARM  # it hangs at 3,000 m
     crew.command("limit payload_depth_m scene")
+    assert course.see(0.02) == {key: Priority.ALARM}, "held for the next wave"
+    crew.command("limit tension_n 64000")
+    assert course.see(0.02, tension_top_max_n=6.1e4) == {key: Priority.WARNING}
+    crew.command("limit tension_n 60000")
+    assert course.see(0.02, tension_top_max_n=6.1e4) == {key: Priority.ALARM}
+    crew.command("limit tension_n 50000")
+    assert course.see(0.02, tension_top_max_n=1e4) == {key: Priority.ALARM}, "stricter: held"
     crew.command("limit tension_n scene")
-    assert course.see(40.0, tension_top_max_n=6.1e4) == {}
+    assert course.see(0.02, tension_top_max_n=6.1e4) == {}, "no alarm quotes the scene's limit"
     assert crew.row().values == {}
     for words in ("tension_n 100000", "tension_n nan", "tension_n 0", "tension 5e4", "tension_n",
                   "payload_speed_m_per_s 2.5"):  # fmt: skip
