@@ -286,7 +286,7 @@ class SimulationNode(LifecycleNode):
         """Create the services of the table for each winch, and the one that saves the state."""
         seats = paced.border.seats
         for winch in seats.winches:
-            self._serve(service_name(winch, TAKE), Trigger, partial(seats.ask, winch))
+            self._serve(service_name(winch, TAKE), Trigger, partial(paced.border.ask_seat, winch))
             self._serve(service_name(winch, RELEASE), Trigger, partial(seats.release, winch))
             for what, (on, off) in WINCH_SERVICES.items():
                 switch = partial(_switch, paced, winch, on, off)

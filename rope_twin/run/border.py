@@ -203,6 +203,12 @@ class InputBorder:
         self._inputs.offer_command(None, WinchCommand(kind), winch)
         return True, f"winch {winch}: {kind.replace('_', ' ')}"
 
+    def ask_seat(self, winch: str) -> tuple[bool, str]:
+        """Reserve the seat of a winch by a service; return success and text."""
+        if self._epoch() is None:  # the command that would take it would be ignored
+            return False, f"winch {winch}: seat not reserved, the simulation is not active"
+        return self.seats.ask(winch)
+
     def take_cut(self, data: bytes) -> None:
         """Accept or reject a ropes/cut message."""
         content = self._read(CUT_TOPIC, lambda: read_cut(data))

@@ -92,6 +92,14 @@ def test_a_service_is_answered_with_what_the_winch_will_do() -> None:
     assert rig.border.switch("winch", "release_brake")[0]
 
 
+def test_a_seat_is_reserved_only_while_commands_are_taken(rig: Rig) -> None:
+    rig.border.take_order(*encode_order(0, WinchCommand(SPEED, 0.1)), "/panel")
+    assert rig.border.ask_seat("winch") == rig.border.seats.ask("winch")
+    rig.border.epoch_ns = None
+    words = "winch winch: seat not reserved, the simulation is not active"
+    assert rig.border.ask_seat("winch") == (False, words)
+
+
 def test_of_two_senders_of_motion_the_first_is_heard(rig: Rig) -> None:
     for k in range(4):
         rig.heave(0.05 * k + 0.05, "mru")
