@@ -29,7 +29,7 @@ from rope_twin.alerts.limits import (
     SceneFigures,
     present,
 )
-from rope_twin.messages.status import Level, Status
+from rope_twin.messages.status import RECORDER_ROW, Level, Status
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot import BORDER, Snapshot, disagrees
 from rope_twin.twin.winch.commands import EMERGENCY_STOP
@@ -236,9 +236,9 @@ def _rows(priority: Priority, *names: str) -> Callable[[Moment], Iterator[Measur
 
     def find(at: Moment) -> Iterator[Measure]:
         for name in names:
-            row = at.rows.get(f"simulation: {name}")
+            row = at.rows.get(name)
             if row is not None and row.level > Level.OK:
-                yield present(name, priority, row.message)
+                yield present(name.removeprefix("simulation: "), priority, row.message)
 
     return find
 
@@ -259,9 +259,13 @@ KINDS = (
     Kind(10011, "limit broken", lambda at: at.limits.broken(at.shot), hold_s=0.0, category="A"),
     Kind(10012, "emergency stop", _stopped, hold_s=0.0),
     Kind(10013, "rope cut", _cut, category="A"),
-    Kind(10014, "twin late", _rows(WARNING, "pacing"), delay_s=5.0, hold_s=10.0),
+    Kind(10014, "twin late", _rows(WARNING, "simulation: pacing"), delay_s=5.0, hold_s=10.0),
     Kind(
-        10015, "supervision", _rows(CAUTION, "saving", "clocks", "sources", "messages", "senders"),
+        10015, "supervision",
+        _rows(
+            CAUTION, "simulation: saving", "simulation: clocks", "simulation: sources",
+            "simulation: messages", "simulation: senders", RECORDER_ROW,
+        ),
         delay_s=5.0, hold_s=10.0,
     ),
     Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),

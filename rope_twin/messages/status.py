@@ -12,7 +12,7 @@ from enum import IntEnum
 from typing import Any
 
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import new, serialise
+from rope_twin.messages.cdr import decode, new, serialise
 from rope_twin.twin.snapshot import (
     CAUSES,
     DISCRETISATION,
@@ -25,6 +25,7 @@ from rope_twin.twin.snapshot import (
 )
 
 HARDWARE_ID = "rope_twin"
+RECORDER_ROW = "recorder: bag"
 _QUANTITIES = {  # name, scale, unit and number format of what is measured
     "top_tension_n": ("top tension", 1e-3, "kN", ".2f"),
     "line_out_m": ("line out", 1.0, "m", ".2f"),
@@ -71,6 +72,23 @@ def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
         for row in rows
     ]
     return serialise(new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=status))
+
+
+def read_diagnostics(data: bytes) -> list[Status]:
+    """Return the rows of a `diagnostics` message; a level beyond ERROR (stale) is ERROR.
+
+    Raises:
+        InputError: the bytes are not such a message.
+    """
+    return [
+        Status(
+            str(row.name),
+            Level(min(int(row.level), Level.ERROR)),
+            str(row.message),
+            {str(pair.key): str(pair.value) for pair in row.values},
+        )
+        for row in decode("diagnostics", data).status
+    ]
 
 
 def counted(number: int, noun: str) -> str:

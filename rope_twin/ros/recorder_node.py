@@ -34,6 +34,7 @@ from rope_twin.topics import BY_NAME, CUT_TOPIC, SESSION_TOPIC, TOPICS, Qos, Top
 
 _DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
 _DIAGNOSTICS_S = 1.0
+_REPORTED_S = 60.0  # how long lost messages are reported as a warning
 _POLL_S = 0.05  # on standby: period of checking for the start file
 _OLD_NS = 10_000_000_000  # age from which a latched message is of before the recording
 _KEPT_S = 2.0  # on standby: a recorder that dies may have written nothing for almost a second
@@ -50,6 +51,7 @@ class MessageLoss:
         self._newest: dict[bytes, int] = {}
         self.received = 0
         self.lost = 0
+        self._lost_s = -_REPORTED_S
 
     def count(self, info: dict[str, Any]) -> None:
         """Count a received message; `info`: its metadata from the middleware."""
@@ -59,8 +61,15 @@ class MessageLoss:
             return  # a middleware without sequence numbers
         before = self._newest.get(publisher)
         if before is not None:
-            self.lost += max(0, number - before - 1)
+            missing = max(0, number - before - 1)
+            self.lost += missing
+            self._lost_s = time.monotonic() if missing else self._lost_s
         self._newest[publisher] = max(number, before or 0)
+
+    @property
+    def recent(self) -> bool:
+        """Whether messages were lost in the last _REPORTED_S."""
+        return time.monotonic() - self._lost_s < _REPORTED_S
 
 
 Stored = tuple[str, int, bytes, int]  # topic, stamp [ns], message and its number
@@ -208,7 +217,7 @@ class RecorderNode(Node):
 
     def status(self) -> Status:
         """Return the diagnostics row of the recorder."""
-        name = "recorder: bag"
+        name = "recorder: bag"  # RECORDER_ROW; the reference finds it here
         if self._recorder is None:
             return Status(name, Level.OK, "not recording")
         health = self._recorder.health()
@@ -223,10 +232,13 @@ class RecorderNode(Node):
         }
         if health.trouble:
             return Status(name, Level.ERROR, health.trouble, values)
+        words = f"recording; {counted(health.recorded, 'message')} written"
         if self._loss.lost:
-            message = f"{counted(self._loss.lost, 'message')} missing in the bag: CPU overload"
-            return Status(name, Level.WARN, message, values)
-        return Status(name, Level.OK, f"recording; {health.recorded} messages written", values)
+            missing = f"{counted(self._loss.lost, 'message')} missing in the bag: CPU overload"
+            if self._loss.recent:
+                return Status(name, Level.WARN, missing, values)
+            words += f"; {missing}, none in the last {_REPORTED_S:g} s"
+        return Status(name, Level.OK, words, values)
 
     def _taker(self, topic: Topic) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:

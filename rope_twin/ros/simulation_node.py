@@ -27,12 +27,14 @@ from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
+from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import (
     Senders,
     asked_of,
+    listen,
     message_type,
     profile,
     publish,
@@ -69,6 +71,8 @@ from rope_twin.twin.pacing import keep_pauses_short
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 _POLL_S, _DIAGNOSTICS_S, _COMMANDERS_S = 0.1, 1.0, 0.5
 _DESCRIBE_S = 10.0  # minimum time between two session descriptions for joining recorders
+_SILENT_S = 5.0  # of a recorder, which reports once a second
+NO_RECORDER = Status(RECORDER_ROW, Level.OK, "no recorder has reported")
 WAITING_FOR_CLOCK = "waiting for the first message on /clock (use_sim_time is true)"
 
 
@@ -90,6 +94,7 @@ class SimulationNode(LifecycleNode):
         self._own_services: list[Any] = []
         self._seat_words = ""  # last published text
         self._looked_s = 0.0  # time of the last check of the commanders
+        self._recorder, self._recorded_s = NO_RECORDER, 0.0  # newest row, and when it came
         self.paced: PacedTwin | None = None
         self._own_publishers = {
             topic.name: publish(self, topic) for topic in TOPICS if topic.publisher == "simulation"
@@ -100,6 +105,7 @@ class SimulationNode(LifecycleNode):
             self.create_subscription(
                 message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
             )
+        listen(self, BY_NAME["diagnostics"], self._take_diagnostics)
         if self._params.lockstep:
             best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             self.create_subscription(ClockMessage, "/clock", self._grant, best_effort)
@@ -392,8 +398,28 @@ class SimulationNode(LifecycleNode):
             rows = [Status("simulation: state", Level.ERROR, self._sentence)]
         if self.paced is not None:
             rows += with_hint(self.paced.rows(now), self._motion_hint)
-            self.paced.alerts.take_rows(rows)
+            self.paced.alerts.take_rows([*rows, self._recorder_row()])
         self._publish("diagnostics", encode_diagnostics(now.ros_ns, rows))
+
+    def _take_diagnostics(self, data: bytes) -> None:
+        """Keep the recorder's row: its trouble is one of the alerts."""
+        if RECORDER_ROW.encode() not in data:
+            return  # this node's own, most of the time: not worth the decoding
+        try:
+            rows = read_diagnostics(data)
+        except InputError:
+            return  # of another program: no input of the twin
+        for row in rows:
+            if row.name == RECORDER_ROW:
+                self._recorder, self._recorded_s = row, time.monotonic()
+
+    def _recorder_row(self) -> Status:
+        """Return the recorder's newest row, or that it is silent."""
+        silent_s = time.monotonic() - self._recorded_s
+        if self._recorder is NO_RECORDER or silent_s < _SILENT_S:
+            return self._recorder
+        words = f"the recorder has been silent for {silent_s:.0f} s: the run may not be recorded"
+        return Status(RECORDER_ROW, Level.ERROR, words)
 
     def _motion_hint(self) -> str:
         """Return where ship motion is expected, and which publishers are incompatible."""

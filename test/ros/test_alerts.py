@@ -14,6 +14,7 @@ from small_scene import SMALL_SCENE
 from rope_twin.alerts.sentences import framed
 from rope_twin.cli import main
 from rope_twin.cli.console import ExitCode
+from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.cdr import encode_text
 from rope_twin.ros.alert_output_node import AlertOutputNode
 
@@ -24,6 +25,27 @@ def states(message: Any) -> dict[str, str]:
     """Return the state of each alert of a message, by identifier."""
     rows = ({pair.key: pair.value for pair in one.values} for one in message.status)
     return {row["identifier"]: row["state"] for row in rows}
+
+
+def supervision(heard: list[Any]) -> str:
+    """Return the text of the alert of supervision in the newest list; "": there is none."""
+    found = [one.message for one in heard[-1].status if one.name.startswith("10015.")]
+    return str(found[0]) if heard and found else ""
+
+
+def test_the_crew_sees_a_recorder_in_trouble_or_silent(bench: Bench, tmp_path: Path) -> None:
+    scene = tmp_path / "small.yaml"
+    scene.write_text(SMALL_SCENE)
+    heard, recorder = bench.listen("alerts"), bench.publisher("diagnostics")
+    bench.make("simulation", scene=str(scene), speed=5.0, wait_for="alerts").begin()
+    full = Status("recorder: bag", Level.ERROR, "the disk is full")
+
+    def reported() -> bool:
+        recorder.publish(encode_diagnostics(0, [full]))
+        return bool(heard) and supervision(heard) == "the disk is full"
+
+    bench.until(reported, "its trouble")
+    bench.until(lambda: "silent for" in supervision(heard), "its silence")
 
 
 def test_an_alert_over_topics_and_sentences(

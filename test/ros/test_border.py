@@ -196,7 +196,7 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
         if topic.publisher and topic.name != CUT_TOPIC:
             assert topic.name in profiles[topic.publisher].publish
     inputs = profiles["simulation"].subscribe
-    assert inputs == {*INPUTS, ALERT_COMMAND, FORECAST_RISK, "clock"} - {CUT_TOPIC}
+    assert inputs == {*INPUTS, ALERT_COMMAND, FORECAST_RISK, "diagnostics", "clock"} - {CUT_TOPIC}
     assert {name for name, one in profiles.items() if one.publish & set(INPUTS)} == {
         "sea_state", "winch_schedule", "feed", "console"
     }  # fmt: skip

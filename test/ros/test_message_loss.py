@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ros_bench import Bench
 
-from rope_twin.messages import encode_heave
+from rope_twin.messages import Level, encode_heave
 from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
@@ -47,12 +48,20 @@ def test_what_waits_at_the_end_is_recorded(bench: Bench, tmp_path: Path) -> None
     assert node.lost == 0
 
 
-def test_what_ran_over_is_counted_and_reported(bench: Bench, tmp_path: Path) -> None:
+def test_what_ran_over_is_counted_and_reported(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sent = 1 + ROOM + 250
     node = held_up_recorder(bench, tmp_path / "bag", sent)
     bench.until(lambda: node.received > ROOM, "what is left of them")
     assert node.lost == 250
     assert "250 messages missing" in node.status().message
+    assert node.status().level == Level.WARN
+    minute_later = time.monotonic() + 60.0
+    monkeypatch.setattr(time, "monotonic", lambda: minute_later)
+    assert node.status().level == Level.OK, "a loss of long ago is no trouble of now"
+    assert "250 messages missing" in node.status().message
+    monkeypatch.undo()
     node.close()
     assert node.lost == 250
     assert len(heave_in(tmp_path / "bag")) == sent - 250
