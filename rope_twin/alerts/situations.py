@@ -31,6 +31,7 @@ from rope_twin.alerts.limits import (
 )
 from rope_twin.messages.status import RECORDER_ROW, Level, Status
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.quality import BUILD_UP
 from rope_twin.twin.snapshot import BORDER, Snapshot, disagrees
 from rope_twin.twin.winch.commands import EMERGENCY_STOP
 
@@ -168,16 +169,19 @@ def _about(label: str, words: str) -> str:
 
 
 def _quality(at: Moment) -> Iterator[Measure]:
-    """Find results that may no longer be relied on: one alert, since most share their cause."""
-    if at.shot.motion_ramp < 1.0:
-        return  # the start-up is known to everybody
-    worst = min(at.shot.quality, key=lambda one: one.index, default=None)
-    if worst is not None:
-        levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
-        poor = [one.element for one in at.shot.quality if one.index < POOR_INDEX - 1e-6]
-        labels = ", ".join(poor or [worst.element]).replace("_", " ")
-        text = f"quality of {labels} {worst.index:.1f}, {worst.cause}: {worst.reason}"
-        yield Measure("twin", 1.0 - worst.index, levels, text)
+    """Find results that may no longer be relied on: one alert, since most share their cause.
+
+    The start-up, from which an index rises for some seconds more, is known to everybody.
+    """
+    known = (one for one in at.shot.quality if not one.reason.startswith(BUILD_UP))
+    worst = min(known, key=lambda one: one.index, default=None)
+    if worst is None or at.shot.motion_ramp < 1.0:
+        return
+    levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
+    poor = [one.element for one in at.shot.quality if one.index < POOR_INDEX - 1e-6]
+    labels = ", ".join(poor or [worst.element]).replace("_", " ")
+    text = f"quality of {labels} {worst.index:.1f}, {worst.cause}: {worst.reason}"
+    yield Measure("twin", 1.0 - worst.index, levels, text)
 
 
 def _stopped(at: Moment) -> Iterator[Measure]:

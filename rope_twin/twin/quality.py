@@ -51,6 +51,7 @@ WARNED = 0.6  # at most, while an input or a measurement has a warning
 REFUSED_ALL = 0.5  # share of refused samples in 60 s at which an input is worth nothing
 RECENT_S = 60.0  # period of the counts of refused samples
 FAILED_NS = 60_000_000_000  # after a failed step numerics are 0 for so long
+BUILD_UP = "build-up"  # begins the reason of an index that starts below
 BUILDING_UP = 0.5  # while the ship's motion or the forces of the water build up
 TOO_LARGE = 3.0  # a discretisation error of so many tolerances makes 0
 # tolerances of the discretisation error: RMS bound of the top tension [% of its standard deviation]
@@ -315,7 +316,8 @@ def _validity(shot: Snapshot) -> Iterator[Component]:
         if rope.utilisation >= 1.0:
             yield Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
     if shot.motion_ramp < 1.0:
-        yield Component(BUILDING_UP, f"build-up: {shot.motion_ramp:.0%} of the ship motion applied")
+        words = f"{BUILD_UP}: {shot.motion_ramp:.0%} of the ship motion applied"
+        yield Component(BUILDING_UP, words)
     if any(factor != 1.0 for factor in shot.fluid_factors):
         yield Component(BUILDING_UP, "the forces of the water are not applied in full")
 

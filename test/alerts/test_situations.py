@@ -20,6 +20,7 @@ from rope_twin.messages.reports import decode_alerts, encode_alerts
 from rope_twin.messages.status import Level, Status
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
+from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.snapshot import (
     Bend,
     InputHealth,
@@ -268,6 +269,9 @@ def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     course.see(11.0, quality=(replace(QUALITY, index=0.65),))
     assert course.see(11.0, quality=(replace(QUALITY, index=0.7),)) == {}, "without a measurement"
     assert course.see(30.0, quality=(replace(QUALITY, index=0.1),), motion_ramp=0.5) == {}
+    rising = QualityIndex().judge(replace(course.quiet, motion_ramp=0.99)).quality
+    assert rising[0].index == 0.5
+    assert course.see(30.0, quality=rising) == {}, "it rises for seconds after the start-up"
     poor = [replace(QUALITY, element=one, index=0.6) for one in ("top_tension", "slack", "fatigue")]
     fine = replace(QUALITY, element="payload_depth", index=0.9)
     assert course.see(11.0, quality=(*poor, fine)) == {(10008, "twin"): Priority.CAUTION}
