@@ -22,10 +22,10 @@ def measured(time_s: float, raised_m: float) -> tuple[float, float]:
 
 
 def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[Snapshot]:
-    """Sixteen seconds, a snapshot each step; no sample within `gap`, all raised after it."""
+    """Eighteen seconds, a snapshot each step; no sample within `gap`, all raised after it."""
     twin = Twin(small_scene(folder))
     shots, k = [], 0
-    for step in range(1600):
+    for step in range(1800):
         while k * SAMPLE_NS <= step * twin.step_ns + AHEAD_NS:
             t = k * SAMPLE_NS * 1e-9
             if not gap[0] < t < gap[1]:
@@ -39,7 +39,10 @@ def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[
 
 @pytest.mark.parametrize("raised_m", [0.0, 1.0, -3.0])
 def test_a_gap_of_two_seconds(tmp_path: Path, raised_m: float) -> None:
-    """Finite, marked stale, no jump in place or speed, and back on the samples within 2.5 s."""
+    """Finite, marked stale, no jump in place or speed, and back on the samples.
+
+    A leap adds 6·leap/T² = 0.5 m/s², in 2 s at least: a lift that hangs at rest is not jerked.
+    """
     shots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
     assert not [name for shot in shots for name in not_finite(shot)]
     assert not any(shot.doubtful for shot in shots)
@@ -53,8 +56,10 @@ def test_a_gap_of_two_seconds(tmp_path: Path, raised_m: float) -> None:
     heave = np.array([shot.heave_m for shot in shots])
     speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
     assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
-    assert np.abs(np.diff(speed)).max() < 0.15, "the hang-off must not be kicked: 15 m/s² at most"
-    late = times > 10.5
+    assert np.abs(np.diff(speed)).max() < 0.05, "the hang-off must not be kicked: 5 m/s² at most"
+    leap = float(heave[times < 7.9][-1]) - measured(7.9, raised_m)[0]
+    late = times > 8.2 + max(2.0, math.sqrt(6.0 * abs(leap) / 0.5))
+    assert late.sum() > 100
     track = np.array([measured(t, raised_m)[0] for t in times[late]])
     assert np.abs(heave[late] - track).max() < 1e-3
 

@@ -41,7 +41,7 @@ KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
 REJOIN_S = 2.0
-REJOIN_SPEED_M_PER_S = 3.0  # speed limit of the blending, which takes longer for larger jumps
+REJOIN_M_PER_S2 = 0.5  # of the blending, as of a ship in a moderate sea: longer for larger leaps
 NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -245,8 +245,11 @@ class HeaveTrack:
         self._rejoin_s = self._rejoin_duration()
 
     def _rejoin_duration(self) -> float:
-        """Return the time of the blending [s]; the cubic's highest speed is 1.5·leap/T."""
-        return max(REJOIN_S, 1.5 * abs(self._error[0]) / REJOIN_SPEED_M_PER_S)
+        """Return the time of the blending [s]; a leap gives the cubic an acceleration of 6·leap/T².
+
+        Faster, the return of a sensor would jerk a lift that hangs at rest: a false snap load.
+        """
+        return max(REJOIN_S, math.sqrt(6.0 * abs(self._error[0]) / REJOIN_M_PER_S2))
 
     def _rejoining(self, time_ns: int) -> bool:
         return time_ns - self._error_ns < self._rejoin_s * 1e9
