@@ -45,6 +45,7 @@ COVERAGE = 1.96  # half width of a 95 % interval over its standard deviation
 LEAST_COMPARED = 10  # readings for a standard deviation of the computed tension
 FROZEN_NS, FROZEN_READINGS = 5_000_000_000, 5  # equal readings for so long, while the twin moves
 FROZEN_SHARE, FROZEN_M = 0.02, 0.5  # by more than this share of a tension, or this length
+MISFIT, MISFIT_S = 5.0, 10  # ratio of tensions that no error of cell or twin explains
 WAITING_MOST = 5000  # readings of one sensor that may wait for their time
 Values = tuple[float, ...]
 Follow = Callable[[str, int, float, float | None], None]
@@ -169,6 +170,11 @@ class Comparison:
             self._equal = value, since_ns, count + 1, min(low, computed), max(high, computed)
 
     @property
+    def doubt(self) -> str:
+        """Return the warning on the readings of late, or ""."""
+        return self.frozen or self.misfit
+
+    @property
     def frozen(self) -> str:
         """Return the warning on a reading that stays equal while the twin's value moves, or ""."""
         value, since_ns, count, low, high = self._equal
@@ -180,6 +186,23 @@ class Comparison:
             return ""
         what = f"frozen: {self.quantity} {value:.6g} for {equal_ns * 1e-9:.0f} s"
         return f"{what}, while the twin's moved by {high - low:.3g}"
+
+    @property
+    def misfit(self) -> str:
+        """Return the warning on a tension of another size than the twin's for MISFIT_S, or ""."""
+        if self.quantity != TENSION or not self._bins:
+            return ""
+        newest = self._bins[-1][0]
+        if newest - self._bins[0][0] < MISFIT_S:
+            return ""
+        late = [one for one in self._bins if one[0] > newest - MISFIT_S]
+        n = sum(one[1] for one in late)
+        computed = self._level + sum(one[6] for one in late) / n
+        measured = computed + sum(one[2] for one in late) / n
+        if computed <= 0.0 or 1.0 / MISFIT <= measured / computed <= MISFIT:
+            return ""
+        what = f"it reads {measured / 1e3:.4g} kN where the twin has {computed / 1e3:.4g} kN"
+        return f"{what}: another unit, sign or load"
 
     def _spread(self) -> float | None:
         """Return the standard deviation of the computed values; None: too few."""
@@ -344,12 +367,12 @@ class MeasuredInputs:
             return {}
         for at, one in enumerate(self._winches):
             tells = () if self._motor_tells else (self._tensions[at],)
-            frozen = [one.speed_doubt, *(part.frozen for part in (*tells, self._lengths[at]))]
-            one.warning = "; ".join(words for words in frozen if words)
+            doubts = [one.speed_doubt, *(part.doubt for part in (*tells, self._lengths[at]))]
+            one.warning = "; ".join(words for words in doubts if words)
         if self._motor_tells:
             for motor, part in zip(self._motors, self._tensions, strict=True):
-                motor.warning = part.frozen
-        self._depth.warning = self._depths.frozen
+                motor.warning = part.doubt
+        self._depth.warning = self._depths.doubt
         return {
             one.counter.name: one.health(now_ns, self.lead_s)
             for one in self._groups

@@ -20,6 +20,7 @@ from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.error_bound import KnownError
+from rope_twin.scene.instruments import Measured
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
@@ -233,6 +234,30 @@ def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted:
     assert ("1.50 s ahead of their arrival" in words) == doubted
     inputs.lead_s = 2.0  # of a replay
     assert "ahead" not in inputs.health(second)["payload_depth"].warning
+
+
+@pytest.mark.parametrize(
+    ("scale", "words"),
+    [
+        (1e-3, "it reads 0.15 kN where the twin has 150 kN: another unit, sign or load"),
+        (-1.0, "it reads -150 kN where the twin has 150 kN: another unit, sign or load"),
+        (0.3, ""),
+        (4.9, ""),
+    ],
+)
+def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: str) -> None:
+    """Where the scene gives no uncertainty too."""
+    plain = replace(scene, measured=Measured())
+    inputs, shot = MeasuredInputs(plain), Twin(plain).snapshot()
+    for k in range(200):
+        time_ns, swing = k * 100_000_000, (1e4, -1e4)[k % 2]
+        inputs.record(time_ns, (1.5e5 + swing, 200.0, 200.0))
+        tension_n = scale * (1.5e5 + swing)
+        assert inputs.offer(Measurement.of_winch(time_ns, tension_n=tension_n), time_ns) == ""
+        inputs.residuals(shot)
+        if k == 80:
+            assert inputs.health(time_ns)["winch_measured"].warning == ""
+    assert inputs.health(time_ns)["winch_measured"].warning == words
 
 
 def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
