@@ -23,6 +23,7 @@ from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
 from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, WinchCommand
+from rope_twin.twin.winch.winch import input_of
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
 ALIVE_S = 2.0  # without a message of the page with the seat until it counts as disconnected
@@ -419,8 +420,9 @@ class Desk:
             last = (seat or {}).get("values", {}).get("last rejection", "")
             return last or phrase(_words(command), f"the seat is not the console's ({holder})",
                                   "take the seat and send it again")  # fmt: skip
-        row = values.get("diagnostics simulation: input winch command", {})
-        reason = row.get("message", "") if row.get("level") else ""
+        name = input_of(command, winch).replace("_", " ")
+        row = values.get(f"diagnostics simulation: input {name}", {})
+        reason = row.get("message", "").removesuffix(".") if row.get("level") else ""
         what = f"no effect seen within {FEEDBACK_S:g} s"
         return phrase(_words(command), what, reason or "look at the winch's state")
 

@@ -178,6 +178,25 @@ def test_a_command_without_effect_is_reported() -> None:
     assert "winch_schedule" in done["words"]
 
 
+def test_a_switch_without_effect_is_answered_with_its_own_refusal() -> None:
+    """Not with that of a motion, and as one sentence."""
+    rig = ConsoleRig()
+    page = rig.page(signed_in=True)
+    rig.desk.take(page, {"id": 1, "do": "take_seat"})
+    rig.source.seat = "winch: console"
+    why = "last: winch command: 'release_brake' in an emergency stop; reset it first."
+    rig.source.rows = [
+        Status("simulation: input winch command", Level.WARN, "last: 'speed' is refused."),
+        Status("simulation: input winch switch", Level.WARN, why),
+    ]
+    rig.tick()
+    replies(page)
+    rig.desk.take(page, {"id": 2, "do": "command", "winch": "winch", "kind": "release_brake"})
+    rig.tick(60)
+    words = replies(page)[-1]["words"]
+    assert words == f"release brake: no effect seen within 2.5 s; {why}"
+
+
 @pytest.mark.parametrize("command", [
     {"kind": "speed", "value": "fast"}, {"kind": "speed", "value": float("nan")},
     {"kind": "speed", "value": True}, {"kind": "speed"}, {"kind": "new_commander"},
