@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rope_twin.alerts.alert_list import SECOND, Priority, Situation
+from rope_twin.alerts.alert_list import SECOND, Situation
 from rope_twin.alerts.limits import (
     ALARM,
     CAUTION,
@@ -47,6 +47,10 @@ LAYER_NEAR_M = 5.0  # of line until a rope leaves the drum from another layer
 WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situation
 RISK_SPAN_S = 30.0  # within which a crew can still stop, haul or lower through
 POSSIBLE, LIKELY = 0.1, 0.5  # probabilities that call for a caution and a warning
+SUPERVISED = (  # rows of the diagnostics
+    "simulation: saving", "simulation: clocks", "simulation: sources", "simulation: messages",
+    "simulation: senders", RECORDER_ROW,
+)  # fmt: skip
 RISK_AGE_NS = 5 * SECOND  # of the last forecast heard: an older one is of the past
 
 
@@ -208,17 +212,6 @@ def _numerics(at: Moment) -> Iterator[Measure]:
         yield present("solver", WARNING, words)
 
 
-def _faults(at: Moment) -> Iterator[Measure]:
-    """Find a fault that the tests beside learning have found, or tests that do not run.
-
-    The row exists while the twin learns. The alert ends when the fault alarm is acknowledged by its
-    service, which lets learning go on.
-    """
-    row = at.rows.get("simulation: faults")
-    if row is not None and row.level > Level.OK:
-        yield present("faults", WARNING if row.level >= Level.ERROR else CAUTION, row.message)
-
-
 def _forecast(at: Moment) -> Iterator[Measure]:
     """Find what the forecast node expects within RISK_SPAN_S."""
     risk, levels = at.risk, ((POSSIBLE, CAUTION), (LIKELY, WARNING))
@@ -235,14 +228,21 @@ def _forecast(at: Moment) -> Iterator[Measure]:
             yield Measure(name, risk[name], levels, text)
 
 
-def _rows(priority: Priority, *names: str) -> Callable[[Moment], Iterator[Measure]]:
-    """Return what finds trouble in rows of the diagnostics."""
+def _supervision(at: Moment) -> Iterator[Measure]:
+    """Find trouble of the suite beside the lift."""
+    for name in SUPERVISED:
+        row = at.rows.get(name)
+        if row is not None and row.level > Level.OK:
+            yield present(name.removeprefix("simulation: "), CAUTION, row.message)
+
+
+def _by_level(name: str) -> Callable[[Moment], Iterator[Measure]]:
+    """Return what finds a row of the diagnostics: a warning at ERROR, a caution at WARN."""
 
     def find(at: Moment) -> Iterator[Measure]:
-        for name in names:
-            row = at.rows.get(name)
-            if row is not None and row.level > Level.OK:
-                yield present(name.removeprefix("simulation: "), priority, row.message)
+        row = at.rows.get(f"simulation: {name}")
+        if row is not None and row.level > Level.OK:
+            yield present(name, WARNING if row.level >= Level.ERROR else CAUTION, row.message)
 
     return find
 
@@ -263,16 +263,10 @@ KINDS = (
     Kind(10011, "limit broken", lambda at: at.limits.broken(at.shot), hold_s=0.0, category="A"),
     Kind(10012, "emergency stop", _stopped, hold_s=0.0),
     Kind(10013, "rope cut", _cut, category="A"),
-    Kind(10014, "twin late", _rows(WARNING, "simulation: pacing"), delay_s=5.0, hold_s=10.0),
-    Kind(
-        10015, "supervision",
-        _rows(
-            CAUTION, "simulation: saving", "simulation: clocks", "simulation: sources",
-            "simulation: messages", "simulation: senders", RECORDER_ROW,
-        ),
-        delay_s=5.0, hold_s=10.0,
-    ),
-    Kind(10016, "fault alarm", _faults, hold_s=0.0, category="A"),
+    Kind(10014, "twin late", _by_level("pacing"), delay_s=5.0, hold_s=10.0),
+    Kind(10015, "supervision", _supervision, delay_s=5.0, hold_s=10.0),
+    # while the twin learns; ends when the fault alarm is acknowledged by its service
+    Kind(10016, "fault alarm", _by_level("faults"), hold_s=0.0, category="A"),
     Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
     Kind(10018, "clearance", lambda at: at.limits.clearance(at.shot), hold_s=WAVES_S, category="A"),
     Kind(10019, "line on the drum", _drum, hold_s=10.0, deadband=0.2),

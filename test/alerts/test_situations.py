@@ -278,7 +278,10 @@ def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     (one,) = course.watch.look(course.last)
     assert one.text.startswith("quality of top tension, slack, fatigue 0.6"), "one situation"
     course.see(11.0)
-    course.watch.take_rows([Status("simulation: pacing", Level.WARN, "0.6 s behind")])
+    late = Status("simulation: pacing", Level.WARN, "2 missed deadlines, worst 1.5 ms late")
+    course.watch.take_rows([late])
+    assert course.see(6.0) == {(10014, "pacing"): Priority.CAUTION}
+    course.watch.take_rows([replace(late, level=Level.ERROR, message="0.6 s behind")])
     assert course.see(6.0) == {(10014, "pacing"): Priority.WARNING}
     course.watch.take_rows([])
     assert course.see(11.0) == {}
