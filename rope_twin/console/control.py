@@ -21,8 +21,13 @@ from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import of_winch
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
-from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, WinchCommand
+from rope_twin.twin.snapshot import CONTROL_MODES, LENGTH, SPEED
+from rope_twin.twin.winch.commands import (
+    COMPENSATE,
+    EMERGENCY_STOP,
+    MAX_SPEED_M_PER_S,
+    WinchCommand,
+)
 from rope_twin.twin.winch.winch import input_of
 
 LOST_S = 3.0  # after the page with the seat has disconnected until the seat is given up
@@ -304,7 +309,20 @@ class Desk:
             return winch, WinchCommand(kind, 0.0)
         if not is_finite(value):
             raise Refusal("command", f"{kind} {value!r}", "it must be a finite number")
-        return winch, WinchCommand(kind, float(value))
+        command = WinchCommand(kind, float(value))
+        self._check_reach(winch, command)
+        return winch, command
+
+    def _check_reach(self, winch: str, command: WinchCommand) -> None:
+        """Refuse what the twin would refuse: its repeats would take the place of those in force."""
+        figures = (self._pages.facts.get("winches") or {}).get(winch, {})
+        least, most = figures.get("least_line_out_m"), figures.get("most_line_out_m")
+        if command.kind == SPEED and abs(command.value) > MAX_SPEED_M_PER_S:
+            right = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
+            raise Refusal("command", _words(command), right)
+        if command.kind == LENGTH and figures and not least <= command.value <= most:
+            right = f"this winch has {least:g} to {most:g} m out"
+            raise Refusal("command", _words(command), right)
 
     def _check_seat(self, page: Page, what: str) -> None:
         if page is not self._holder:

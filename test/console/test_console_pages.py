@@ -200,6 +200,8 @@ def test_a_switch_without_effect_is_answered_with_its_own_refusal() -> None:
 @pytest.mark.parametrize("command", [
     {"kind": "speed", "value": "fast"}, {"kind": "speed", "value": float("nan")},
     {"kind": "speed", "value": True}, {"kind": "speed"}, {"kind": "new_commander"},
+    {"kind": "speed", "value": -10.1}, {"kind": "length", "value": 99.9},
+    {"kind": "length", "value": 3200.1},
     {"kind": ["speed"], "value": 1.0}, {"kind": "speed", "value": 1.0, "winch": "other"},
     {"kind": "speed", "value": 1.0, "winch": {}},
 ])  # fmt: skip
