@@ -20,6 +20,8 @@ from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.twin.inputs import CurrentInput
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
+from rope_twin.twin.motion.boundary_conditions import Blending
+from rope_twin.twin.motion.heave_track import REJOIN_M_PER_S2
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
     CHECKPOINTS,
@@ -303,6 +305,21 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
     keeper.finish()
     assert load_state(tmp_path / "run.state").about.step == 400
     assert not load_state(tmp_path / "run.state").about.failure
+
+
+def test_the_hang_off_is_led_back_without_a_jerk() -> None:
+    """A leap of 2 m asks for at most 0.5 m/s² and leaves neither step nor kink."""
+    blending = Blending(2)
+    leap = np.array([[0.0, 0.0, 2.0], [0.0, 0.3, -0.4]])
+    blending.begin(1_000_000_000, leap, np.zeros((2, 3)))
+    times = np.arange(1_000_000_000, blending.until_ns + 20_000_000, 10_000_000)
+    found = [blending.at(int(time_ns)) for time_ns in times]
+    place, rate = (np.array([one[k] for one in found]) for k in range(2))
+    assert np.array_equal(place[0], leap)
+    assert not place[-1].any()
+    assert np.abs(np.diff(rate, axis=0)).max() / 0.01 < REJOIN_M_PER_S2 * 1.001
+    middle = 0.5 * (rate[1:] + rate[:-1])
+    assert np.allclose(np.diff(place, axis=0), 0.01 * middle, atol=1e-5)
 
 
 def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:

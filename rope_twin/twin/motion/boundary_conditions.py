@@ -26,7 +26,7 @@ from rope_twin.scene.schema import Scene, Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.hang_off import Moves
-from rope_twin.twin.motion.heave_track import REJOIN_S, HeaveSeries, ramp
+from rope_twin.twin.motion.heave_track import HeaveSeries, ramp, rejoin_s
 from rope_twin.twin.winch.commands import (
     FEEDBACK_MODES,
     CommandSample,
@@ -41,8 +41,8 @@ OFFERED_NS = 8_000_000_000  # commands known in advance reach the winch so much 
 class Blending:
     """Blending of each hang-off into the live motion after a return to an earlier state.
 
-    The difference decays to zero within REJOIN_S as the cubic that has the difference and its rate
-    at its beginning and zero at its end, as after a gap in the heave samples.
+    The difference decays to zero in the time and as the cubic of a gap in the heave samples: it has
+    the difference and its rate at its beginning and zero at its end.
     """
 
     def __init__(self, ropes: int) -> None:
@@ -51,18 +51,23 @@ class Blending:
 
     def begin(self, now_ns: int, error_m: rows.Floats, rate_m_per_s: rows.Floats) -> None:
         """Start blending from these differences of the hang-offs, (ropes, 3) each."""
-        self.until_ns = now_ns + round(REJOIN_S * 1e9)
         self._error, self._rate = error_m.copy(), rate_m_per_s.copy()
+        self.until_ns = now_ns + round(self._over_s * 1e9)
+
+    @property
+    def _over_s(self) -> float:
+        return rejoin_s(float(np.linalg.norm(self._error, axis=1).max()))
 
     def at(self, time_ns: int) -> tuple[rows.Floats, rows.Floats]:
         """Return difference [m] and its rate [m/s] of each hang-off, (ropes, 3) each."""
         if time_ns >= self.until_ns:
             return np.zeros_like(self._error), np.zeros_like(self._rate)
-        u = 1.0 - (self.until_ns - time_ns) * 1e-9 / REJOIN_S
-        e, d = self._error, self._rate * REJOIN_S
+        over_s = self._over_s
+        u = 1.0 - (self.until_ns - time_ns) * 1e-9 / over_s
+        e, d = self._error, self._rate * over_s
         value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
         slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
-        return value, slope / REJOIN_S
+        return value, slope / over_s
 
     def added(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
         """Add the differences to the other hang-offs' motion; heave moves those without poses."""

@@ -45,6 +45,14 @@ REJOIN_M_PER_S2 = 0.5  # of the blending, as of a ship in a moderate sea: longer
 NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
+def rejoin_s(leap_m: float) -> float:
+    """Return the time in which a leap is blended [s]; the cubic's acceleration is 6·leap/T².
+
+    Faster, it would jerk a lift that hangs at rest: a false snap load.
+    """
+    return max(REJOIN_S, math.sqrt(6.0 * abs(leap_m) / REJOIN_M_PER_S2))
+
+
 class HeaveTrack:
     """Heave over twin time [ns]; `offer` takes samples, `at` is called with rising times."""
 
@@ -245,11 +253,7 @@ class HeaveTrack:
         self._rejoin_s = self._rejoin_duration()
 
     def _rejoin_duration(self) -> float:
-        """Return the time of the blending [s]; a leap gives the cubic an acceleration of 6·leap/T².
-
-        Faster, the return of a sensor would jerk a lift that hangs at rest: a false snap load.
-        """
-        return max(REJOIN_S, math.sqrt(6.0 * abs(self._error[0]) / REJOIN_M_PER_S2))
+        return rejoin_s(self._error[0])
 
     def _rejoining(self, time_ns: int) -> bool:
         return time_ns - self._error_ns < self._rejoin_s * 1e9
