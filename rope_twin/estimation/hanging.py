@@ -18,6 +18,7 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.payload import Payload, SplashZoneParams, TwoWayPayload
 from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError
 from rope_twin.scene.environment import bed_at
 from rope_twin.scene.joined_model import build_joined
@@ -85,12 +86,16 @@ class OpenWater:
 
 
 CLEAR_OF_SURFACE_M = 10.0  # above the crests that a load is lifted in
+WAVES_OVER_NOISE = 0.3  # of the load pin, which is white: a force at the waves' periods tells more
 CLEAR_OF_BED_M = 5.0  # that charts, line counters and tides are out together
 LEAN = 0.1  # the payload is at most this share of the depth away from below the hang-off
 
 
-def open_water(scene: Scene) -> OpenWater:
-    """Return the depths between splash zone and seabed, where a scene has them.
+def open_water(scene: Scene, noise_n: float) -> OpenWater:
+    """Return the depths between waves, splash zone and seabed, where a scene has them.
+
+    noise_n: standard deviation of the load pin's noise [N], beside which the force of waves at the
+    payload has to be small: they are not measured.
 
     Raises:
         InputError: there is no such depth.
@@ -98,11 +103,29 @@ def open_water(scene: Scene) -> OpenWater:
     splash, bed = scene.listed(SplashZoneParams), scene.listed(SeabedParams)
     half_m = 0.0 if splash is None else 0.5 * splash.height_m
     least = -np.inf if splash is None else CLEAR_OF_SURFACE_M + half_m
+    least = max(least, _below_waves(scene, noise_n))
     most = np.inf if bed is None else -_highest(scene, bed) - CLEAR_OF_BED_M - half_m
     if least > most:
-        what = f"no depth is {CLEAR_OF_SURFACE_M:g} m off the surface and {CLEAR_OF_BED_M:g} m off"
-        raise InputError(f"learn {scene.name}", f"{what} the seabed", "lift in deeper water")
+        what = f"surface and waves reach down to {least:.0f} m, the bed up to {most:.0f} m"
+        raise InputError(f"learn {scene.name}", what, "learn in deeper water")
     return OpenWater(least, most)
+
+
+def _below_waves(scene: Scene, noise_n: float) -> float:
+    """Return the depth at which the waves' force on what hangs is small [m]; -inf: no waves.
+
+    Taken as the mass with added mass times the acceleration a·ω²·exp(-k·z) of deep water, which is
+    not less than the vertical one in shallow water.
+    """
+    params = scene.listed(WavesParams)
+    if params is None:
+        return -np.inf
+    waves = components_of(params, scene.environment.gravity_m_per_s2)
+    depths = np.geomspace(1.0, 1e4, 2000)
+    square = 0.5 * (waves.amplitude_m * waves.omega**2) ** 2
+    force = np.sqrt(np.exp(-2.0 * np.outer(depths, waves.wave_number)) @ square)
+    force *= hanging_of(scene).mass_kg
+    return float(depths[np.argmax(force <= WAVES_OVER_NOISE * noise_n)])
 
 
 def _highest(scene: Scene, bed: SeabedParams) -> float:

@@ -153,7 +153,7 @@ class LiftModel:
         """
         check_learnable(scene)
         self.lift = lift
-        self._water = open_water(scene)
+        self._water = open_water(scene, lift.pin_noise_n)
         self.bar: Bar = bar_of(scene)
         self.elements = elements_of(self.bar)
         self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)

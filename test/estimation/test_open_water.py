@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 import pytest
 from learned_lift import NOISE_N, motion
 from scipy.interpolate import PchipInterpolator
+from small_scene import SMALL_SCENE
 
 from rope_twin.errors import InputError
 from rope_twin.estimation.estimator import Estimator, begin_at_rest
 from rope_twin.estimation.figures import INDEX
-from rope_twin.estimation.hanging import CLEAR_OF_BED_M, CLEAR_OF_SURFACE_M, LEAN, open_water
+from rope_twin.estimation.hanging import (
+    CLEAR_OF_BED_M,
+    CLEAR_OF_SURFACE_M,
+    LEAN,
+    hanging_of,
+    open_water,
+)
 from rope_twin.estimation.measured_lift import FORGETTING_S, MeasuredLift
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.scene.schema import Scene
@@ -88,19 +96,33 @@ def test_means_near_the_bed_are_left_out_until_the_rope_has_forgotten_it() -> No
 
 def test_open_water_lies_between_splash_zone_and_bed() -> None:
     """The slope counts over the reach of the payload; a scene with neither has no limits."""
-    water = open_water(landing())
+    water = open_water(landing(), NOISE_N)
     assert water.least_m == -np.inf
     assert water.most_m == pytest.approx(400.0 - CLEAR_OF_BED_M - 0.02 * LEAN * 400.0)
-    wet = open_water(load_scene("splash_zone"))
+    calm = change_scene(
+        load_scene("splash_zone"), [Change("effects.waves.jonswap.significant_height_m", 0.01)]
+    )
+    wet = open_water(calm, NOISE_N)
     assert wet.least_m == CLEAR_OF_SURFACE_M + 1.25
     assert wet.most_m == np.inf
-    deep = open_water(load_scene("deep_lift"))
+    deep = open_water(load_scene("deep_lift"), NOISE_N)
     assert not deep.without(np.array([-5.0, 5.0, 5000.0])).any()
     assert wet.without(np.array([-5.0, 11.0, 12.0])).tolist() == [True, True, False]
 
 
+def test_open_water_lies_below_the_waves(tmp_path: Path) -> None:
+    """A regular wave's force a·ω²·exp(-k·z)·M is 0.3 times the noise there, as an RMS value."""
+    path = tmp_path / "wave.yaml"
+    wave = "  - waves: {regular: {height_m: 2.0, period_s: 8.0}}\n"
+    path.write_text(SMALL_SCENE.replace("effects:\n", f"effects:\n{wave}"))
+    scene = load_scene(path)
+    omega, noise_n = 2.0 * np.pi / 8.0, 500.0
+    force_n = np.sqrt(0.5) * omega**2 * hanging_of(scene).mass_kg
+    exact = np.log(force_n / (0.3 * noise_n)) * 9.80665 / omega**2
+    assert open_water(scene, noise_n).least_m == pytest.approx(exact, rel=0.01)
+
+
 def test_too_little_water_is_refused() -> None:
-    """Half the load's height, ten metres and five are more than the water is deep."""
-    shallow = change_scene(load_scene("manifold_lift"), [Change("effects.seabed.depth_m", 15.0)])
-    with pytest.raises(InputError, match="lift in deeper water"):
-        open_water(shallow)
+    """A module between waves that are felt at 40 m and a bed at 45 m is never in open water."""
+    with pytest.raises(InputError, match=r"waves reach down to .* deeper water"):
+        open_water(load_scene("two_line_landing"), NOISE_N)
