@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Floats, Rope, Table
 from rope_twin.effects.current import Current, CurrentInTime, RisingCurrent, RisingCurrentInTime
 from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
@@ -59,6 +60,12 @@ _FIELDS: dict[type, dict[str, tuple[str, ...]]] = {
     Current: _CURRENT,
     RisingCurrent: _CURRENT,
 }
+# Weight and buoyancy of a body are scaled alike; its mass follows by the added mass along z.
+_BODY: dict[str, tuple[str, ...]] = {
+    "submerged_weight": ("W", "g", "hook_weight"),
+    "oscillating_mass": ("added", "rising"),
+    "payload_drag": ("k", "rising_k"),
+}
 # effects that contain the data of one of the above
 _INSIDE = {
     ReynoldsDrag: "drag",
@@ -81,8 +88,13 @@ def figures_of(rope: Rope) -> tuple[str, ...]:
         known.add("axial_stiffness")
     for effect in rope.effects:
         inner = getattr(effect, _INSIDE[type(effect)]) if type(effect) in _INSIDE else effect
-        known |= _FIELDS.get(type(inner), {}).keys()
+        known |= _fields_of(inner).keys()
     return tuple(name for name in FIGURES if name in known)
+
+
+def _fields_of(effect: Any) -> Mapping[str, tuple[str, ...]]:
+    """Return the fields of an effect's kernel data that figures scale, by figure."""
+    return _BODY if isinstance(effect, RigidBody) else _FIELDS.get(type(effect), {})
 
 
 def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dict[str, Floats]:
@@ -156,9 +168,13 @@ def _scaled(effect: Any, factors: Mapping[str, Any], times: Any) -> Any:
         inner = _scaled(getattr(effect, inside), factors, times)
         return effect._replace(**{inside: inner})
     changed = {}
-    for figure, names in _FIELDS.get(type(effect), {}).items():
+    for figure, names in _fields_of(effect).items():
         for name in names:
             changed[name] = _times(factors[figure], getattr(effect, name), times)
+    if isinstance(effect, RigidBody):
+        changed["added"] = effect.added.copy()
+        moved_kg = effect.hook + effect.m + effect.added[2]
+        changed["added"][2] += (factors["oscillating_mass"] - 1.0) * moved_kg
     return effect._replace(**changed)
 
 
@@ -191,7 +207,7 @@ def scaled_fields(
             (inner,) = scaled_fields((getattr(first, inside),), (getattr(own, inside),), factors)
             made.append(own._replace(**{inside: inner}))
             continue
-        fields = _FIELDS.get(type(own), {})
+        fields = _fields_of(own)
         names = [name for figure in fields if figure != "current" for name in fields[figure]]
         scaled = _scaled(first, factors, np.multiply) if names else first
         made.append(own._replace(**{name: getattr(scaled, name) for name in names}))

@@ -28,7 +28,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, sections_law
-from rope_twin.core.body.state import RigidBody
+from rope_twin.core.body.state import FIXED, RigidBody
 from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_flows
 from rope_twin.core.joined.stack import FLOW_COLUMN
 from rope_twin.core.loads.accounts import law_of_lowest
@@ -452,11 +452,13 @@ def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
 def with_arrays_of(live: Any, effect: Any) -> Any:
     """Return an effect with the arrays of a live one of its type, if that has internal variables.
 
-    The arrays are not copied.
+    The arrays are not copied. Those that no step writes stay the effect's own.
     """
     if not has_state(live):
         return effect
-    return effect._replace(**{k: v for k, v in live._asdict().items() if _is_array(v)})
+    fixed = FIXED if isinstance(live, RigidBody) else ()
+    arrays = {k: v for k, v in live._asdict().items() if _is_array(v) and k not in fixed}
+    return effect._replace(**arrays)
 
 
 def on_nodes(

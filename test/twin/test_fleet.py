@@ -313,6 +313,32 @@ def test_members_with_a_body_are_stepped_in_lanes() -> None:
     check_equal_to_twin(Fleet(scene, 3, elements=6, step_s=0.0025), expected, 400, 5)
 
 
+def test_members_with_a_body_have_figures_of_their_own() -> None:
+    """Weight is in the mean tension; mass and drag change how it moves, each member by itself."""
+    hanging = Change("ropes[0].length_m", 16.0)
+    scene = change_scene(at_setting(load_scene("lift_off"), 6, 0.0025), [hanging])
+    body = body_of(build(scene))
+    assert body is not None
+    kinds = "submerged_weight", "oscillating_mass", "payload_drag"
+    factors = {name: np.where(np.arange(4) == k, 1.1, 1.0) for k, name in enumerate(kinds, 1)}
+    times = 0.0025 * np.arange(801)
+    wave = 0.2 * np.sin(np.pi * times) ** 2, 0.2 * np.pi * np.sin(2.0 * np.pi * times)
+    inputs = FleetInputs(*wave, np.full(801, 16.0), np.zeros(801))
+    fleet = Fleet(scene, 4, elements=6, step_s=0.0025)
+    fleet.set_figures(factors)
+    found = fleet.advance(inputs, look_steps=100).top_tension_n
+    for k in range(4):
+        alone = Fleet(scene, 1, elements=6, step_s=0.0025)
+        alone.set_figures({name: float(factors[name][k]) for name in kinds})
+        own = alone.advance(inputs, look_steps=100).top_tension_n[:, 0]
+        assert np.array_equal(own, found[:, k])
+    more = found.mean(axis=0) - found[:, 0].mean()
+    assert more[1] == pytest.approx(0.1 * body.W, rel=0.02)
+    moved = np.abs(found - found[:, :1]).max(axis=0)
+    assert moved[2] > 0.01 * body.W  # it is heaved
+    assert moved[3] > 0.0  # drag of the air
+
+
 def test_orders_side_by_side(scene: Scene, paying: Driven) -> None:
     """Members that pay out, hold and haul in among each other, on two threads."""
     runs = [paying, driven(scene, STEPS), driven(scene, STEPS, speed=-1.4)]

@@ -176,6 +176,10 @@ class RigidBody(NamedTuple):
     here: float = 1.0  # 0: another rope of the system carries it, or it hangs below a cut
 
 
+# Arrays of a body that no step writes.
+FIXED = "inertia", "added", "k", "buoyed", "watered", "middle", "size", "legs", "corners"
+
+
 @jit_exact_within
 def vector(table: Any, i: int) -> Any:
     """Return three entries of a table from index i on."""
