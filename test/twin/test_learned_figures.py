@@ -11,10 +11,12 @@ from small_scene import small_scene
 from rope_twin import Twin
 from rope_twin.core.state import Table
 from rope_twin.errors import InputError
-from rope_twin.scene.load import Change, change_scene
+from rope_twin.scene.load import Change, change_scene, load_scene
+from rope_twin.twin.ensemble.fleet import Fleet
 from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import FIGURES, FigureBase, LearnedFigures
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
+from rope_twin.twin.snapshot_builder import body_of
 
 
 @pytest.fixture
@@ -167,3 +169,29 @@ def test_a_stiffness_table_is_scaled_and_a_live_state_has_its_own(twin: Twin) ->
     twin.advance(1)
     live = live_state(twin)
     assert not np.shares_memory(live.rope.sections, twin.rope.sections)
+
+
+def test_a_rigid_body_takes_figures_over() -> None:
+    """Weight is in the tension, mass along z; a saved state goes on with both."""
+    scene = change_scene(load_scene("manifold_lift"), [Change("ropes[0].length_m", 60.0)])
+    scaled, plain = Twin(scene), Twin(scene)
+    before = body_of(plain.rope)
+    assert before is not None
+    assert scaled.offer_figures(ramp_s=1.0, submerged_weight=1.05, oscillating_mass=1.1) == ""
+    scaled.advance(200)
+    again = Twin.restore(scaled.capture(), scene)
+    for twin in (scaled, again, plain):
+        twin.advance(600 if twin is not plain else 800)
+    assert scaled.top_pull_n == again.top_pull_n
+    weight_n = (before.m - before.displaced) * before.g + before.hook_weight
+    assert scaled.top_pull_n - plain.top_pull_n == pytest.approx(0.05 * weight_n, rel=0.05)
+    body = body_of(scaled.rope)
+    assert body is not None
+    moved_kg = before.hook + before.m + before.added[2]
+    assert body.added[2] == pytest.approx(before.added[2] + 0.1 * moved_kg)
+    assert list(body.added[[0, 1, 3, 4, 5]]) == list(before.added[[0, 1, 3, 4, 5]])
+    fleet = Fleet(scene, 1)
+    fleet.begin_from(live_state(scaled))  # its figures are the scene's, and not scaled twice
+    base = body_of(fleet._members.ropes[0])
+    assert base is not None
+    assert base.added[2] == before.added[2]
