@@ -26,9 +26,10 @@ from validation.state_bench import Vector
 MARCH_S = 1e-3
 SAMPLE_NS = 50_000_000  # heave at 20 Hz
 AHEAD_NS = 150_000_000
-# A cubic over 2 s leads over 1 m with 1.5 m/s²; the heave itself has 0.9, and the speed assumed in
-# the gap differs from the one measured after it.
-GENTLE = 3.0  # m/s²
+# A leap is led over with 0.5 m/s²; the heave itself has 0.9, and the speed assumed in the gap
+# differs from the one measured after it.
+GENTLE = 2.0  # m/s²
+BACK = 2350  # steps until the leap is led over: 2.5 m with 0.5 m/s² take sqrt(6·2.5/0.5) s
 
 
 def step_of_100_ms() -> list[Finding]:
@@ -110,13 +111,13 @@ def heave_jump() -> list[Finding]:
     pull = np.array([shot.tension_top_n for shot in shots])
     speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
     kick = float(np.abs(np.diff(speed)).max()) / rig.step
-    track = np.array([heave(shot.time_s)[0] + 1.0 for shot in shots[2050:]])
-    away = np.array([shot.heave_m for shot in shots[2050:]]) - track
+    track = np.array([heave(shot.time_s)[0] + 1.0 for shot in shots[BACK:]])
+    away = np.array([shot.heave_m for shot in shots[BACK:]]) - track
     return [
         rms_off("top tension before the gap, rms", pull[:1600], exact[:1600], 0.05),
         rms_off("top tension over the whole, rms", pull, exact, front_pct(GENTLE)),
         limited("largest acceleration of the hang-off", kick, GENTLE, "m/s²"),
-        limited("heave against the track 2.5 s after the gap", np.abs(away).max(), 1e-3, "m"),
+        limited("heave against the track 5.5 s after the gap", np.abs(away).max(), 1e-3, "m"),
         all_converged(shots[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 
@@ -145,6 +146,6 @@ CASES = (
               "critical angle w·sin a = ½ρ·d·Cdn·U²·cos² a; skin drag; W + w·L",
               current_step, 12.0),
     hard_case("heave_jump", "heave that jumps 1 m after a gap of 2 s",
-              "exact travelling waves for the motion made; 3 m/s²; back on the track in 2.5 s",
+              "exact travelling waves for the motion made; 2 m/s²; back on the track in 5.5 s",
               heave_jump, 1.0, True),
 )  # fmt: skip
