@@ -11,15 +11,12 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-
 from rope_twin.alerts.alert_list import Alert, State
 from rope_twin.alerts.sentences import COMMANDS, REQUEST, AlertCommand, alc, alf, arc, read_acn
 from rope_twin.errors import InputError
 from rope_twin.messages import encode_text
 from rope_twin.messages.reports import decode_alerts
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import ALERT_COMMAND, ALERTS, BY_NAME
 
@@ -29,7 +26,7 @@ _SECOND_NS = 1_000_000_000
 _DATAGRAM = 4096
 
 
-class AlertOutputNode(Node):
+class AlertOutputNode(SuiteNode):
     """Sends the alerts of a running suite to one address."""
 
     def __init__(self, host: str, port: int, replies: int = 0, **node_options: Any) -> None:
@@ -42,11 +39,6 @@ class AlertOutputNode(Node):
         self._sequence = self._lists = 0
         self.sent = self.taken = self.refused = 0
         self._commands = publish(self, BY_NAME[ALERT_COMMAND])
-
-    @property
-    def finished(self) -> bool:
-        """Return False: it runs until it is stopped."""
-        return False
 
     def begin(self) -> None:
         """Open the sockets and listen to the suite.
@@ -69,10 +61,9 @@ class AlertOutputNode(Node):
             what = str(error.strerror or error)
             raise InputError(where, what, "give a free port and a known host") from error
         listen(self, BY_NAME[ALERTS], self._take)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(LIST_S, self._send_list, clock=steady)
+        self.every(LIST_S, self._send_list)
         if self._back is not None:
-            self.create_timer(_POLL_S, self._read_replies, clock=steady)
+            self.every(_POLL_S, self._read_replies)
 
     def close(self) -> None:
         """Close the sockets; may be called twice."""

@@ -30,7 +30,7 @@ from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
 from rope_twin.messages import encode_order, encode_text
-from rope_twin.ros.entry import middleware, run_node
+from rope_twin.ros.entry import SuiteNode, middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
@@ -210,7 +210,7 @@ class WinchCommander:
         return client
 
 
-class ConsoleNode(Node):
+class ConsoleNode(SuiteNode):
     """Serves the console; commands winches if the parameter `control` is true."""
 
     def __init__(
@@ -268,11 +268,6 @@ class ConsoleNode(Node):
     def address(self) -> str:
         """Return the address for a browser; "": not served yet."""
         return self._server.address if self._server is not None else ""
-
-    @property
-    def finished(self) -> bool:
-        """Return False: the console serves until it is stopped."""
-        return False
 
     def close(self) -> None:
         """Stop serving."""

@@ -19,12 +19,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 
 from rope_twin.errors import InputError, RopeTwinError
@@ -46,12 +47,13 @@ _NOT_RELEASED = (
 )
 
 
-class SuiteNode(Protocol):
-    """Interface of every node of the suite; `destroy_node` is rclpy's own."""
+class SuiteNode(Node):
+    """Node of the suite: `run_node` begins it, spins it until it has finished, and closes it."""
 
     @property
     def finished(self) -> bool:
-        """Return whether the node has completed its task."""
+        """Return whether the node has completed its task; most run until they are stopped."""
+        return False
 
     def begin(self) -> None:
         """Start working.
@@ -63,8 +65,10 @@ class SuiteNode(Protocol):
     def close(self) -> None:
         """Shut down cleanly: join threads, close files; may be called twice."""
 
-    def destroy_node(self) -> None:
-        """Release the resources of the middleware."""
+    def every(self, period_s: float, call: Callable[[], None]) -> Timer:
+        """Call a function periodically by the steady clock, also with use_sim_time."""
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        return self.create_timer(period_s, call, clock=steady)
 
 
 def initialise(args: list[str] | None) -> None:

@@ -15,9 +15,6 @@ import time
 from collections import Counter
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import FeedCounts, Instrument, LineSample, MotionSample, Sample
@@ -42,7 +39,7 @@ from rope_twin.messages import (
     encode_pose,
 )
 from rope_twin.messages.status import counted
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.topics import BY_NAME, MOTION_TOPICS, MOTOR_TENSION, WINCH_MEASURED
@@ -152,7 +149,7 @@ def feed_status(
     return Status(title, Level.OK, accepted, values)
 
 
-class FeedNode(Node):
+class FeedNode(SuiteNode):
     """Publishes the measurements of all instruments of a settings file."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -188,9 +185,8 @@ class FeedNode(Node):
         for topic in (WINCH_MEASURED, MOTOR_TENSION, *MOTION_TOPICS):
             if self._needs(topic):
                 self._own_publishers[topic] = publish(self, BY_NAME[topic])
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_POLL_S, self._publish_arrived, clock=steady)
-        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self.every(_POLL_S, self._publish_arrived)
+        self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self._began_s = time.monotonic()
         for one in self._channels:
             one.source.start()
@@ -270,7 +266,7 @@ def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSetting
     return feeds
 
 
-class FeedSimulator(Node):
+class FeedSimulator(SuiteNode):
     """Sends winch and ship of a running simulation as lines of instruments."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -309,7 +305,7 @@ class FeedSimulator(Node):
             ("ship/odometry", self._take_pose),
         ):
             listen(self, BY_NAME[topic], take)
-        self.create_timer(_POLL_S, self._send_due, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.every(_POLL_S, self._send_due)
 
     def close(self) -> None:
         """Close the ways out; may be called twice."""

@@ -10,9 +10,6 @@ import math
 import sys
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import MotionError
 from rope_twin.forecast.live import (
@@ -37,7 +34,7 @@ from rope_twin.forecast.tension_forecast import (
 from rope_twin.forecast.winches import other_winches
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
 from rope_twin.scene.load import load_scene
@@ -60,7 +57,7 @@ _DIAGNOSTICS_S = 1.0
 _SILENT_S = 0.5 * LARGEST_GAP_S
 
 
-class ForecastNode(Node):
+class ForecastNode(SuiteNode):
     """Subscribes to motion, line and tension; its worker publishes the forecasts."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -101,14 +98,8 @@ class ForecastNode(Node):
         )
         for name in _HEARD:
             listen(self, BY_NAME[name], self._taker(name), _DEPTH)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self.worker.start()
-
-    @property
-    def finished(self) -> bool:
-        """Return False: the node does not finish by itself."""
-        return False
 
     def close(self) -> None:
         """End the worker."""

@@ -6,10 +6,8 @@ import time
 from abc import ABC, abstractmethod
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-
 from rope_twin.errors import phrase
+from rope_twin.ros.entry import SuiteNode
 from rope_twin.ros.qos import Senders, message_type, profile, publish
 from rope_twin.topics import BY_NAME
 
@@ -67,7 +65,7 @@ class InputClock:
         return round((steady_now_ns - self._steady_at_zero_ns) * self._speed)
 
 
-class InputNode(Node, ABC):
+class InputNode(SuiteNode, ABC):
     """Node whose `publish_interval` is called for each interval of simulation time, in order."""
 
     def __init__(self, name: str, **node_options: Any) -> None:
@@ -78,11 +76,6 @@ class InputNode(Node, ABC):
         self._simulation = ""  # name of the node whose epoch is followed
         self._epochs: dict[bytes, tuple[int, dict[str, Any]]] = {}  # pending, by publisher
         self._warned: set[str] = set()
-
-    @property
-    def finished(self) -> bool:
-        """Return False: an input node does not finish by itself."""
-        return False
 
     def close(self) -> None:
         """Stop publishing."""
@@ -102,10 +95,7 @@ class InputNode(Node, ABC):
         for name in topics:
             self._own_publishers[name] = publish(self, BY_NAME[name])
         self._due_clock = InputClock(lead_s, speed, first_ns)
-        period_s = max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed))
-        self.create_timer(
-            period_s, self._publish_due, clock=Clock(clock_type=ClockType.STEADY_TIME)
-        )
+        self.every(max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed)), self._publish_due)
 
     def await_epoch(self, simulation: str) -> None:
         """Follow the epoch that the node of this name publishes, also if it starts later."""

@@ -19,15 +19,12 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.bag_writer import BagRecorder
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import listen, message_type, publish
 from rope_twin.topics import BY_NAME, CUT_TOPIC, SESSION_TOPIC, TOPICS, Qos, Topic
@@ -110,7 +107,7 @@ class BagBeginning:
         return stamp_ns if began_ns - stamp_ns < _OLD_NS else began_ns
 
 
-class RecorderNode(Node):
+class RecorderNode(SuiteNode):
     """Subscribes to all topics as raw bytes and hands them to a BagRecorder."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -145,7 +142,7 @@ class RecorderNode(Node):
                 timer.cancel()
                 self._start()
 
-        timer = self.create_timer(_POLL_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        timer = self.every(_POLL_S, look)
         self.get_logger().info("recorder on standby")
 
     def _start(self) -> None:
@@ -160,8 +157,7 @@ class RecorderNode(Node):
         self._kept.clear()
         self._listen(self._topics())
         self._diagnostics = publish(self, BY_NAME["diagnostics"])
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
+        self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self.get_logger().info(f"recording to {directory}")
 
     def _topics(self) -> list[Topic]:
@@ -174,11 +170,6 @@ class RecorderNode(Node):
                 continue
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
             self._listening[topic.name] = listen(self, topic, self._taker(topic), depth)
-
-    @property
-    def finished(self) -> bool:
-        """Return False: a recorder does not finish by itself."""
-        return False
 
     @property
     def received(self) -> int:

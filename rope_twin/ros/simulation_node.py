@@ -16,7 +16,6 @@ from functools import partial
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidServiceNameException
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -28,7 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import (
@@ -76,7 +75,7 @@ NO_RECORDER = Status(RECORDER_ROW, Level.OK, "no recorder has reported")
 WAITING_FOR_CLOCK = "waiting for the first message on /clock (use_sim_time is true)"
 
 
-class SimulationNode(LifecycleNode):
+class SimulationNode(SuiteNode, LifecycleNode):
     """Publishes all topics of the table whose publisher is `simulation`."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -109,9 +108,8 @@ class SimulationNode(LifecycleNode):
         if self._params.lockstep:
             best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             self.create_subscription(ClockMessage, "/clock", self._grant, best_effort)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
-        self.create_timer(_POLL_S, self._poll, clock=steady)
+        self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
+        self.every(_POLL_S, self._poll)
 
     # -- lifecycle -----------------------------------------------------------------------------
 

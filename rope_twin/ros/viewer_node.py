@@ -14,11 +14,9 @@ from collections import deque
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
-
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.messages import decode
-from rope_twin.ros.entry import run_node
+from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ViewerParams, declare
 from rope_twin.ros.qos import Senders, listen
 from rope_twin.topics import BY_NAME, Qos
@@ -33,7 +31,7 @@ _NEWEST_ONLY = (
 )  # fmt: skip
 
 
-class ViewerNode(Node):
+class ViewerNode(SuiteNode):
     """Subscribes to the topics that RopeView shows."""
 
     def __init__(self, **node_options: Any) -> None:
