@@ -17,7 +17,7 @@ from typing import Any
 
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
-from rope_twin.feeds.instrument import FeedCounts, Instrument, LineSample, MotionSample, Sample
+from rope_twin.feeds.instrument import Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
     NO_FAULTS,
     FaultySink,
@@ -100,53 +100,40 @@ class _Channel:
             self._refused, self.refused_s = self.instrument.counts.refused_total, now_s
         return samples
 
+    def status(self) -> Status:
+        """Return the diagnostics row of the feed."""
+        title, counts, now_s = f"feed: {self.name}", self.instrument.counts, time.monotonic()
+        values = {
+            "lines": str(counts.lines),
+            "accepted": str(counts.accepted),
+            "of other sentences": str(counts.others),
+            "refused": str(counts.refused_total),
+            **{f"refused: {reason}": str(one) for reason, one in counts.refused.most_common()},
+            "lost by this node": str(self.lost),  # pieces of bytes that it was too late for
+            # samples of motion that came with their successor, which replaced them
+            "held up on the way": str(self.track.replaced),
+            "holes": str(counts.holes),
+            "longest hole [s]": f"{counts.longest_hole_s:.1f}",
+        }
+        if self.source.fault:
+            return Status(title, Level.ERROR, f"no connection: {self.source.fault}", values)
+        silent_s = now_s - self.heard_s
+        if silent_s > self.settings.silent_after_s:
+            words = "no valid line yet" if not counts.accepted else f"silent for {silent_s:.0f} s"
+            if counts.last_fault and not counts.accepted:
+                words += f"; last one refused: {counts.last_fault}"
+            return Status(title, Level.ERROR, words, values)
+        accepted = f"{counted(counts.accepted, 'line')} accepted"
+        if now_s - self.refused_s < _RECENT_S:
+            words = f"{counts.refused_total} refused, the last one: {counts.last_fault}"
+            return Status(title, Level.WARN, f"{accepted}; {words}", values)
+        return Status(title, Level.OK, accepted, values)
+
     def close(self) -> None:
         """Stop reading; may be called twice."""
         self.source.close()
         if self.sink is not None:
             self.sink.close()
-
-
-def feed_status(
-    name: str,
-    counts: FeedCounts,
-    fault: str,
-    silent_s: float,
-    limit_s: float,
-    recent: bool,
-    lost: int = 0,
-    held_up: int = 0,
-) -> Status:
-    """Return the diagnostics row of a feed.
-
-    fault: of its connection; silent_s: time since the last sample; limit_s: time after which data
-    are missing; recent: whether a line was refused lately; lost: pieces of bytes that this node was
-    too late for; held_up: samples of motion that came with their successor, which replaced them.
-    """
-    title = "feed: " + name
-    values = {
-        "lines": str(counts.lines),
-        "accepted": str(counts.accepted),
-        "of other sentences": str(counts.others),
-        "refused": str(counts.refused_total),
-        **{f"refused: {reason}": str(number) for reason, number in counts.refused.most_common()},
-        "lost by this node": str(lost),
-        "held up on the way": str(held_up),
-        "holes": str(counts.holes),
-        "longest hole [s]": f"{counts.longest_hole_s:.1f}",
-    }
-    if fault:
-        return Status(title, Level.ERROR, f"no connection: {fault}", values)
-    if silent_s > limit_s:
-        words = "no valid line yet" if not counts.accepted else f"silent for {silent_s:.0f} s"
-        if counts.last_fault and not counts.accepted:
-            words += f"; last one refused: {counts.last_fault}"
-        return Status(title, Level.ERROR, words, values)
-    accepted = f"{counted(counts.accepted, 'line')} accepted"
-    if recent:
-        words = f"{counts.refused_total} refused, the last one: {counts.last_fault}"
-        return Status(title, Level.WARN, f"{accepted}; {words}", values)
-    return Status(title, Level.OK, accepted, values)
 
 
 class FeedNode(SuiteNode):
@@ -211,20 +198,7 @@ class FeedNode(SuiteNode):
 
     def statuses(self) -> list[Status]:
         """Return a diagnostics row for each instrument."""
-        now_s = time.monotonic()
-        return [
-            feed_status(
-                one.name,
-                one.instrument.counts,
-                one.source.fault,
-                now_s - one.heard_s,
-                one.settings.silent_after_s,
-                now_s - one.refused_s < _RECENT_S,
-                one.lost,
-                one.track.replaced,
-            )
-            for one in self._channels
-        ]
+        return [one.status() for one in self._channels]
 
     def _publish_arrived(self) -> None:
         for channel in self._channels:
