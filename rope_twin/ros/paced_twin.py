@@ -11,11 +11,11 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
 from rope_twin.alerts.monitor import AlertMonitor
@@ -60,7 +60,6 @@ from rope_twin.twin.twin import Twin
 if TYPE_CHECKING:
     from rope_twin.estimation.live import LiveLearning
 
-MOTION_ROW = "simulation: input heave"
 CLOCK_STEP_S = 0.05  # tolerance of ROS time against the steady clock
 
 
@@ -76,13 +75,6 @@ def publishing_row(error: str, lost_snapshots: int) -> Status:
     return Status(name, Level.OK, "all snapshots published", values)
 
 
-class Clocks(NamedTuple):
-    """ROS time and steady time, read one right after the other."""
-
-    ros_ns: int
-    steady_ns: int
-
-
 def clock_row(moved_s: float) -> Status:
     """Return the row on the drift of ROS time against the steady clock since the start."""
     values = {"ROS time against steady time [s]": f"{moved_s:.3f}"}
@@ -94,16 +86,6 @@ def clock_row(moved_s: float) -> Status:
         )
         return Status(name, Level.WARN, message, values)
     return Status(name, Level.OK, "ROS time and the steady clock agree", values)
-
-
-def with_hint(rows: Sequence[Status], hint: Callable[[], str]) -> list[Status]:
-    """Return the rows with a hint added to that of the ship motion if no sample was received."""
-    return [
-        replace(row, message=f"{row.message}; {hint()}")
-        if row.name == MOTION_ROW and row.level is Level.ERROR and row.values["accepted"] == "0"
-        else row
-        for row in rows
-    ]
 
 
 def saving_row(saving: SavingStatus) -> Status:
@@ -308,7 +290,7 @@ class PacedTwin:
         self._publisher = Publisher(
             self._handover, publish, self._first, self._log, published, self.alerts, watch
         )
-        self._clocks: Clocks | None = None  # at the last start
+        self._ros_ahead_ns = 0  # ROS time less steady time at the last start
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
         if self.learning is not None:
             self.border.listener = self.learning.hear
@@ -333,7 +315,7 @@ class PacedTwin:
             epoch_ns = ros_now_ns - at_ns
             origin_ns = ros_now_ns + self.pacer.slot_ns
             self.granted.grant(ros_now_ns)
-        self._clocks = Clocks(ros_now_ns, steady_now_ns)
+        self._ros_ahead_ns = ros_now_ns - steady_now_ns
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
         self._inputs.begin()
         self._publish(SESSION_TOPIC, encode_session(described, self._published()))
@@ -464,8 +446,11 @@ class PacedTwin:
         """Return the ROS time of a message that arrives now; None if speed is not 1."""
         return ros_now_ns if self._params.speed == 1.0 else None
 
-    def rows(self, now: Clocks) -> list[Status]:
-        """Return the diagnostics rows of solver, pacing, inputs, messages and clocks."""
+    def rows(self, ros_ahead_ns: int) -> list[Status]:
+        """Return the diagnostics rows of solver, pacing, inputs, messages and clocks.
+
+        ros_ahead_ns: ROS time less steady time now [ns].
+        """
         health = self.pacer.health()
         rows = [self.summary().row(), *statuses(self.last, health)]
         if self.protection is not None:
@@ -478,14 +463,8 @@ class PacedTwin:
         if self.learning is not None:
             rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
         if self.border.epoch_ns is not None and self.granted is None:
-            rows.append(clock_row(self._clock_moved_s(now)))
+            rows.append(clock_row((ros_ahead_ns - self._ros_ahead_ns) * 1e-9))
         return rows
-
-    def _clock_moved_s(self, now: Clocks) -> float:
-        """Return the shift of ROS time against the steady clock since the last start [s]."""
-        assert self._clocks is not None
-        begun = self._clocks
-        return ((now.ros_ns - begun.ros_ns) - (now.steady_ns - begun.steady_ns)) * 1e-9
 
 
 def _learning(scene: Scene, inputs: InputQueue) -> LiveLearning:

@@ -12,6 +12,7 @@ import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -28,7 +29,7 @@ from rope_twin.errors import InputError, RopeTwinError, did_you_mean
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
-from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
+from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import (
     Senders,
@@ -71,6 +72,7 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 _POLL_S, _DIAGNOSTICS_S, _COMMANDERS_S = 0.1, 1.0, 0.5
 _DESCRIBE_S = 10.0  # minimum time between two session descriptions for joining recorders
 _SILENT_S = 5.0  # of a recorder, which reports once a second
+MOTION_ROW = "simulation: input heave"
 NO_RECORDER = Status(RECORDER_ROW, Level.OK, "no recorder has reported")
 WAITING_FOR_CLOCK = "waiting for the first message on /clock (use_sim_time is true)"
 
@@ -389,15 +391,15 @@ class SimulationNode(SuiteNode, LifecycleNode):
 
     def _publish_diagnostics(self) -> None:
         """Publish diagnostics, once per second and at each change of state."""
-        now = Clocks(self.get_clock().now().nanoseconds, time.monotonic_ns())
+        now_ns, steady_ns = self.get_clock().now().nanoseconds, time.monotonic_ns()
         level = Level.WARN if self._state == WAITING_FOR_CLOCK else Level.OK
         rows = [Status("simulation: state", level, self._state), *self._graph_rows()]
         if self._sentence and self.paced is None:
             rows = [Status("simulation: state", Level.ERROR, self._sentence)]
         if self.paced is not None:
-            rows += with_hint(self.paced.rows(now), self._motion_hint)
+            rows += [self._with_hint(row) for row in self.paced.rows(now_ns - steady_ns)]
             self.paced.alerts.take_rows([*rows, self._recorder_row()])
-        self._publish("diagnostics", encode_diagnostics(now.ros_ns, rows))
+        self._publish("diagnostics", encode_diagnostics(now_ns, rows))
 
     def _take_diagnostics(self, data: bytes) -> None:
         """Keep the recorder's row: its trouble is one of the alerts."""
@@ -419,8 +421,13 @@ class SimulationNode(SuiteNode, LifecycleNode):
         words = f"the recorder has been silent for {silent_s:.0f} s: the run may not be recorded"
         return Status(RECORDER_ROW, Level.ERROR, words)
 
-    def _motion_hint(self) -> str:
-        """Return where ship motion is expected, and which publishers are incompatible."""
+    def _with_hint(self, row: Status) -> Status:
+        """Return a row; that of ship motion with where it is expected, if none was received.
+
+        The hint names the publishers there that are incompatible.
+        """
+        if row.name != MOTION_ROW or row.level is not Level.ERROR or row.values["accepted"] != "0":
+            return row
         domain = self.context.get_domain_id()
         names = [self.resolve_topic_name(name) for name in MOTION_TOPICS]
         hint = (
@@ -430,10 +437,10 @@ class SimulationNode(SuiteNode, LifecycleNode):
         unheard = [words for name in MOTION_TOPICS
                    for words in unheard_publishers(self, BY_NAME[name])]  # fmt: skip
         if unheard:
-            return f"{hint}; {', '.join(unheard)}"
-        if not any(self.count_publishers(name) for name in MOTION_TOPICS):
-            return f"{hint}; no publisher there"
-        return hint
+            hint += f"; {', '.join(unheard)}"
+        elif not any(self.count_publishers(name) for name in MOTION_TOPICS):
+            hint += "; no publisher there"
+        return replace(row, message=f"{row.message}; {hint}")
 
     def _graph_rows(self) -> list[Status]:
         """Return the row on publishers and subscribers of our topics, as the graph has them."""

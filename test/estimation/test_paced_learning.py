@@ -14,7 +14,7 @@ from small_scene import SMALL_SCENE
 from rope_twin import load_scene
 from rope_twin.messages import encode_heave, encode_measurement
 from rope_twin.messages.reports import ROW
-from rope_twin.ros.paced_twin import Clocks, PacedTwin
+from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.topics import ESTIMATE_TOPIC
 from rope_twin.twin.readings import Measurement
@@ -46,7 +46,7 @@ def test_without_learning_there_is_no_thread(scene_file: str, tmp_path: Path) ->
     assert paced.learning is None
     assert paced.border.listener is None
     assert paced.border.motion_listener is None
-    assert ROW not in [row.name for row in paced.rows(Clocks(0, time.monotonic_ns()))]
+    assert ROW not in [row.name for row in paced.rows(-time.monotonic_ns())]
     assert not worker_threads()
 
 
@@ -87,6 +87,6 @@ def test_figures_come_out_and_are_taken_over(scene_file: str, tmp_path: Path) ->
     assert any("taken over in 20 s" in words for words in said)
     summary = paced.summary()
     assert {one["name"] for one in summary.learned} > {"submerged_weight", "tension_bias"}
-    row = next(r for r in paced.rows(Clocks(0, 0)) if r.name == ROW)
+    row = next(r for r in paced.rows(0) if r.name == ROW)
     assert float(row.values["CPU [% of a core]"]) > 0.0
     assert not worker_threads()

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 from ros_messages import BAD, encode_speed, multi_array
 
 from rope_twin.messages import Level, Status, encode_heave
@@ -36,7 +36,7 @@ class Running:
         return int(self.node.paced.pacer.health().steps)
 
     def rows(self) -> dict[str, Status]:
-        return {row.name: row for row in self.node.paced.rows(clocks())}
+        return {row.name: row for row in self.node.paced.rows(ros_ahead_ns())}
 
     def refused(self, topic: str) -> int:
         rows = self.rows()

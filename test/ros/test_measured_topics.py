@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 from small_scene import SMALL_SCENE
 
 from rope_twin.messages import Level, encode_measurement, read_cloud
@@ -77,7 +77,7 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     publishers["winch/measured"].publish(b"no message")
 
     def rows() -> dict[str, Any]:
-        return {row.name: row for row in node.paced.rows(clocks())}
+        return {row.name: row for row in node.paced.rows(ros_ahead_ns())}
 
     bench.until(
         lambda: rows()["simulation: input winch measured"].values["refused"] == "1", "a refusal"

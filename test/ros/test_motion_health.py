@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 
 from rope_twin.messages import Level, Status, encode_heave
 
@@ -21,7 +21,9 @@ def simulation(bench: Bench, **parameters: Any) -> Any:
 
 
 def heave_row(node: Any) -> Status:
-    (row,) = [row for row in node.paced.rows(clocks()) if row.name == "simulation: input heave"]
+    (row,) = [
+        row for row in node.paced.rows(ros_ahead_ns()) if row.name == "simulation: input heave"
+    ]
     return row
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from ros_bench import clocks
+from ros_bench import ros_ahead_ns
 
 from rope_twin.messages import Level, Status
 from rope_twin.ros.paced_twin import PacedTwin
@@ -18,7 +18,7 @@ def paced(**parameters: object) -> PacedTwin:
 
 
 def rung_rows(twin: PacedTwin) -> list[Status]:
-    return [row for row in twin.rows(clocks()) if row.name == "simulation: accuracy level"]
+    return [row for row in twin.rows(ros_ahead_ns()) if row.name == "simulation: accuracy level"]
 
 
 def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 from ros_process import Processes
 
 from rope_twin import Twin, load_scene
@@ -43,7 +43,7 @@ def motion(message: Any) -> tuple[float, ...]:
 
 
 def row(node: Any, name: str) -> Any:
-    return next(row for row in node.paced.rows(clocks()) if row.name == f"simulation: {name}")
+    return next(row for row in node.paced.rows(ros_ahead_ns()) if row.name == f"simulation: {name}")
 
 
 def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path: Path) -> None:
@@ -112,7 +112,7 @@ def test_nothing_is_saved_unless_asked(
     node = simulation(bench)
     node.begin()
     bench.until(lambda: node.paced.last.step >= 10, "it runs")
-    assert not [row for row in node.paced.rows(clocks()) if row.name == "simulation: saving"]
+    assert not [row for row in node.paced.rows(ros_ahead_ns()) if row.name == "simulation: saving"]
     node.close()
     assert not [path for path in tmp_path.iterdir() if path.suffix == ".state"]
 

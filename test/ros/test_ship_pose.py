@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 
 from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.twin.motion.ship_motion import ShipPose
@@ -52,7 +52,7 @@ def test_a_pose_from_outside_moves_it_and_a_bad_one_does_not(bench: Bench) -> No
 
     def torn() -> bool:
         publisher.publish(half)
-        rows = {row.name: row for row in node.paced.rows(clocks())}
+        rows = {row.name: row for row in node.paced.rows(ros_ahead_ns())}
         return int(rows["simulation: messages"].values["ship/odometry"]) > 0
 
     bench.until(lambda: node.paced.last.inputs["heave"].refused > before, "NaN is refused")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 
 from rope_twin.messages import Level, Status, encode_order
 from rope_twin.twin.winch.commands import WinchCommand
@@ -65,7 +65,9 @@ class Operators:
 
     def row(self) -> Status:
         return next(
-            row for row in self.simulation.paced.rows(clocks()) if row.name.endswith("seat winch")
+            row
+            for row in self.simulation.paced.rows(ros_ahead_ns())
+            if row.name.endswith("seat winch")
         )
 
     def refused(self) -> int:
@@ -167,7 +169,7 @@ def test_no_message_gives_what_the_seat_orders(bench: Bench) -> None:
     own.tell("two", WinchCommand("commander_lost"))
 
     def malformed() -> int:
-        rows = {row.name: row for row in own.simulation.paced.rows(clocks())}
+        rows = {row.name: row for row in own.simulation.paced.rows(ros_ahead_ns())}
         return int(rows["simulation: messages"].values["winch/switch_command"])
 
     bench.until(lambda: malformed() == 1, "it is refused")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench, clocks
+from ros_bench import Bench, ros_ahead_ns
 
 from rope_twin.messages import encode_order, read_cloud
 from rope_twin.scene.load import load_scene
@@ -71,14 +71,14 @@ def _rows_if_it_fails(node: Any) -> Iterator[None]:
     try:
         yield
     except AssertionError as error:
-        for row in node.paced.rows(clocks()):
+        for row in node.paced.rows(ros_ahead_ns()):
             if "winch" in row.name or row.name.endswith("messages"):
                 error.add_note(f"{row.name}: {row.message} {row.values}")
         raise
 
 
 def _refused(node: Any, name: str) -> int:
-    rows = {row.name: row for row in node.paced.rows(clocks())}
+    rows = {row.name: row for row in node.paced.rows(ros_ahead_ns())}
     return int(rows[f"simulation: input {name}"].values["refused"])
 
 
@@ -113,6 +113,8 @@ def test_orders_for_another_winch_and_stops_with_any_stamp(bench: Bench) -> None
     bench.until(lambda: "speed 0.5 m/s" in mode[-1].data, "without a name it is")
     switch.publish(with_bad_nanoseconds(encode_order(0, WinchCommand("emergency_stop"))[1]))
     bench.until(lambda: "emergency stop" in mode[-1].data, "it stops")
-    row = next(r for r in node.paced.rows(clocks()) if r.name == "simulation: input winch switch")
+    row = next(
+        r for r in node.paced.rows(ros_ahead_ns()) if r.name == "simulation: input winch switch"
+    )
     assert "executed at once all the same" in row.message
     assert row.values["refused"] == "0"

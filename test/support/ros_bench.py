@@ -7,16 +7,14 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rope_twin.ros.paced_twin import Clocks
-
 # Every wait of these tests ends as soon as it may; this is only for one that would never end.
 PATIENCE_S = 300.0
 POLL_S = 0.01  # between two looks at a condition
 
 
-def clocks() -> Clocks:
-    """ROS time and steady time now."""
-    return Clocks(time.time_ns(), time.monotonic_ns())
+def ros_ahead_ns() -> int:
+    """ROS time less steady time now [ns]."""
+    return time.time_ns() - time.monotonic_ns()
 
 
 class Bench:
