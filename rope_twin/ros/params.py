@@ -226,8 +226,8 @@ class ForecastParams:
                                    default=0.2)  # fmt: skip
 
 
-# Publishing nodes are shut down first, subscribing ones last.
-END_ORDER = (
+# Nodes of a run, in the order of their shutdown: publishing ones first, subscribing ones last.
+NODES = (
     "simulation", "sea_state", "winch_schedule", "forecast", "console", "viewer", "recorder",
 )  # fmt: skip
 

@@ -23,7 +23,7 @@ from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
 from rope_twin.ros.entry import PARENT, initialise
 from rope_twin.ros.middleware import keep_to_loopback
-from rope_twin.ros.params import END_ORDER, node_parameters
+from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
 from rope_twin.ros.startup import Spare
 from rope_twin.run.options import RunOptions
@@ -337,7 +337,7 @@ class _Supervisor:
 
     def end(self) -> None:
         """End the processes, simulation first and recorder last, so that everything is recorded."""
-        for name in (*END_ORDER, STANDBY):
+        for name in (*NODES, STANDBY):
             self._processes.interrupt(name)
             give_up = time.monotonic() + _END_S
             while name in self._processes.names and time.monotonic() < give_up:

@@ -25,6 +25,7 @@ from pathlib import Path
 
 from rope_twin.core.jit.decorators import make_ready
 from rope_twin.errors import RopeTwinError
+from rope_twin.ros.params import NODES
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal, ending_signals
 from rope_twin.scene.load import at_setting, load_scene
@@ -74,10 +75,6 @@ def _build(options: RunOptions) -> None:
     Twin(scene, options.monitors)
 
 
-# nodes of a run, which a spare may have to become
-NODES = (
-    "simulation", "sea_state", "winch_schedule", "forecast", "console", "recorder", "viewer",
-)  # fmt: skip
 _COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
 
 

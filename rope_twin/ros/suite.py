@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 import time
 from collections.abc import Callable
@@ -12,15 +13,13 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import InstanceLock, initialise, lock_instance
+from rope_twin.ros.entry import InstanceLock, SuiteNode, initialise, lock_instance
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.middleware import keep_to_loopback
-from rope_twin.ros.params import END_ORDER, node_parameters, overrides
+from rope_twin.ros.params import NODES, node_parameters, overrides
 from rope_twin.ros.recorder_node import RecorderNode
-from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
 from rope_twin.ros.startup import Precompilation
-from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress, StopSignal
 from rope_twin.run.summary import RunSummary
@@ -105,7 +104,7 @@ class Suite:
         """Shut down the publishing nodes, let the recorder drain, then shut down the others."""
         if self._precompilation is not None:
             self._precompilation.end()
-        for name in END_ORDER:
+        for name in NODES:
             if name not in self._nodes:
                 continue
             if name == "recorder":
@@ -163,23 +162,9 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
         stop.restore()
 
 
-def _make(name: str, parameters: dict[str, Any]) -> Any:
-    made: dict[str, type[Any]] = {
-        "recorder": RecorderNode,
-        "sea_state": SeaStateNode,
-        "winch_schedule": WinchScheduleNode,
-        "simulation": SimulationNode,
-    }
-    if name == "forecast":  # imported only if asked for
-        from rope_twin.ros.forecast_node import ForecastNode
-
-        made[name] = ForecastNode
-    if name == "viewer":  # imported only if needed: rerun is an optional dependency
-        from rope_twin.ros.viewer_node import ViewerNode
-
-        made[name] = ViewerNode
-    if name == "console":  # likewise: the web server is
-        from rope_twin.ros.console_node import ConsoleNode
-
-        made[name] = ConsoleNode
-    return made[name](parameter_overrides=overrides(parameters))
+def _make(name: str, parameters: dict[str, Any]) -> SuiteNode:
+    """Make a node; its module is imported only now, since those of some need optional libraries."""
+    kind = name.title().replace("_", "") + "Node"
+    module = importlib.import_module(f"rope_twin.ros.{name}_node")
+    node: SuiteNode = getattr(module, kind)(parameter_overrides=overrides(parameters))
+    return node

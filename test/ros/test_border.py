@@ -22,7 +22,7 @@ from rope_twin.console.requests import LEARNING
 from rope_twin.messages import encode_cut
 from rope_twin.ros.feed_node import FeedNode, FeedSimulator
 from rope_twin.ros.middleware import DISCOVERY_RANGE
-from rope_twin.ros.params import END_ORDER, overrides
+from rope_twin.ros.params import NODES, overrides
 from rope_twin.ros.processes import STANDBY
 from rope_twin.share import share_dir
 from rope_twin.topics import (
@@ -176,7 +176,7 @@ def policy() -> dict[str, Profile]:
 
 def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() -> None:
     profiles = policy()
-    assert set(profiles) == {*END_ORDER, STANDBY, "monitor", *FEEDS}
+    assert set(profiles) == {*NODES, STANDBY, "monitor", *FEEDS}
     of_ros = {"parameter_events", "rosout", "clock", "simulation/transition_event"}
     for name, profile in profiles.items():
         assert profile.publish | profile.subscribe <= {*BY_NAME, *of_ros}, name

@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 from rope_twin.ros import startup
-from rope_twin.ros.params import node_parameters
-from rope_twin.ros.startup import NODES, Precompilation
+from rope_twin.ros.params import NODES, node_parameters
+from rope_twin.ros.startup import Precompilation
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 
