@@ -52,23 +52,13 @@ class FileSink:
         self._path = path
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._waiting = bytearray()
-        self._written = 0
-        self._trouble = ""
-
-    @property
-    def trouble(self) -> str:
-        """Return why bytes are pending, in the words of the operating system, or ""."""
-        return self._trouble
+        self.written_bytes = 0
+        self.trouble = ""  # why bytes are pending, in the words of the operating system
 
     @property
     def waiting_bytes(self) -> int:
         """Return the number of bytes not yet written to the file."""
         return len(self._waiting)
-
-    @property
-    def written_bytes(self) -> int:
-        """Return the number of bytes written to the file."""
-        return self._written
 
     @property
     def displaced(self) -> bool:
@@ -89,7 +79,7 @@ class FileSink:
 
     def tell(self) -> int:
         """Return the position in the file of the next byte."""
-        return self._written + len(self._waiting)
+        return self.written_bytes + len(self._waiting)
 
     def flush(self) -> None:
         """Write the pending bytes; an error is kept in `trouble`, and no byte is dropped."""
@@ -97,10 +87,10 @@ class FileSink:
         try:
             while done < len(self._waiting):
                 done += os.write(self._descriptor, memoryview(self._waiting)[done:])
-            self._trouble = ""
+            self.trouble = ""
         except OSError as error:
-            self._trouble = error.strerror or str(error)
-        self._written += done
+            self.trouble = error.strerror or str(error)
+        self.written_bytes += done
         del self._waiting[:done]
 
     def settle(self) -> bool:
@@ -218,7 +208,7 @@ class BagWriter(ClosableBag):
         Raises:
             BagError: the directory is in use, cannot be made, or a message type is unknown.
         """
-        self._directory = Path(directory)
+        self.directory = Path(directory)
         self._chunk_bytes = chunk_bytes
         described = [describe_topic(topic) for topic in topics]
         self._make_directory()
@@ -240,11 +230,6 @@ class BagWriter(ClosableBag):
             self.add_topic(topic)
 
     @property
-    def directory(self) -> Path:
-        """Return the directory of the bag."""
-        return self._directory
-
-    @property
     def counts(self) -> Mapping[str, int]:
         """Return the number of messages by recorded topic name."""
         files = [file.counts for file in self._summary().files]
@@ -264,7 +249,7 @@ class BagWriter(ClosableBag):
         if not reason:
             return ""
         return phrase(
-            f"bag {self._directory}",
+            f"bag {self.directory}",
             f"the disk refuses to take it ({reason}), {self._waiting_bytes} bytes wait in memory",
             "make room and it goes on",
         )
@@ -383,9 +368,15 @@ class BagWriter(ClosableBag):
             raise self._error(
                 f"the disk did not take its last {self._waiting_bytes} bytes "
                 f"({self._disk_trouble})",
-                f"`rope_twin recover {self._directory}` saves what is there",
+                f"`rope_twin recover {self.directory}` saves what is there",
             )
-        self._write_metadata_file(self._summary().as_file())
+        try:
+            write_whole(self.directory / "metadata.yaml", self._summary().as_file().encode())
+        except OSError as error:
+            raise self._error(
+                f"metadata.yaml cannot be written ({error.strerror})",
+                f"`rope_twin recover {self.directory}` makes one",
+            ) from error
 
     @property
     def _sinks(self) -> list[FileSink]:
@@ -403,27 +394,18 @@ class BagWriter(ClosableBag):
         self._unsettled = [sink for sink in self._unsettled if not sink.settle()]
 
     def _make_file(self, number: int) -> _McapFile:
-        name = f"{self._directory.resolve().name}_{number}.mcap"
-        return _McapFile(self._directory / name, self._chunk_bytes)
+        name = f"{self.directory.resolve().name}_{number}.mcap"
+        return _McapFile(self.directory / name, self._chunk_bytes)
 
     def _summary(self, files: Sequence[FileSummary] | None = None) -> BagSummary:
         """Return the content of metadata.yaml for those of the bag's files, by default all."""
         files = [*self._ended, self._file.summary] if files is None else files
         return BagSummary(files, list(self._topics.values()), self._custom_data)
 
-    def _write_metadata_file(self, text: str) -> None:
-        try:
-            write_whole(self._directory / "metadata.yaml", text.encode())
-        except OSError as error:
-            raise self._error(
-                f"metadata.yaml cannot be written ({error.strerror})",
-                f"`rope_twin recover {self._directory}` makes one",
-            ) from error
-
     def _make_directory(self) -> None:
         try:
-            self._directory.mkdir(parents=True, exist_ok=True)
-            in_use = any(self._directory.iterdir())
+            self.directory.mkdir(parents=True, exist_ok=True)
+            in_use = any(self.directory.iterdir())
         except OSError as error:
             raise self._error(f"it cannot be made ({error.strerror})") from error
         if in_use:
@@ -436,7 +418,7 @@ class BagWriter(ClosableBag):
         )
 
     def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
-        return BagError(f"bag {self._directory}", what, right)
+        return BagError(f"bag {self.directory}", what, right)
 
 
 @dataclass(frozen=True)
@@ -466,6 +448,7 @@ class BagRecorder(ClosableBag):
             BagError: the bag cannot be created.
         """
         self._bag = BagWriter(directory, topics, metadata)
+        self.directory = self._bag.directory
         self._bag.note_channels()
         self._condition = threading.Condition()
         self._queue: deque[tuple[str, int, bytes, int]] = deque()
@@ -478,11 +461,6 @@ class BagRecorder(ClosableBag):
         self._thread = threading.Thread(target=self._run, name="bag_recorder", daemon=True)
         self._thread.start()
 
-    @property
-    def directory(self) -> Path:
-        """Return the directory of the bag."""
-        return self._bag.directory
-
     def write(self, topic_name: str, stamp_ns: int, data: bytes, sequence: int = 0) -> bool:
         """Queue one message; return False (and count it) if the queue is full.
 
@@ -490,7 +468,8 @@ class BagRecorder(ClosableBag):
         """
         with self._condition:
             if self._closing or self._failure is not None:
-                self._lose(f"the recorder has ended{_because(self._failure)}")
+                why = "" if self._failure is None else f": {self._failure}"
+                self._lose(f"the recorder has ended{why}")
                 return False
             if self._queued_bytes > QUEUE_LIMIT_BYTES:
                 self._lose("the disk is slower than the topics")
@@ -566,7 +545,3 @@ class BagRecorder(ClosableBag):
     def _lose(self, reason: str) -> None:
         self._lost += 1
         self._reason = reason
-
-
-def _because(failure: BaseException | None) -> str:
-    return f": {failure}" if failure is not None else ""
