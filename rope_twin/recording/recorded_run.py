@@ -115,14 +115,33 @@ class RecordedSession:
 class BagContent:
     """The small topics of a bag in memory; the others are read again when they are compared."""
 
-    def __init__(self, bag: Path, files: list[Path]) -> None:
-        self._bag = bag
+    def __init__(self, files: list[Path]) -> None:
+        """Read sessions, log and inputs.
+
+        Raises:
+            BagError: a message of them does not make sense.
+        """
         self._files = files
         self.sessions: list[RecordedSession] = []
         self.inputs = RecordedInputs()
         self.notes: list[str] = []
         self._stamps: list[tuple[int, int]] = []  # log time and stamp of _STAMPED
-        self._recovered = False
+        own_notes: dict[str, str] = {}
+        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]] = defaultdict(list)
+        known: dict[tuple[str, int], RecordedSession] = {}
+        for file in self._files:
+            scan = McapScan(file)
+            for one in _scan(scan, own_notes):
+                self._take(one, known, logged)
+            self.notes += scan.problems
+        self.sessions = sorted(known.values(), key=lambda one: (one.log_ns, one.session.number))
+        for key, session in known.items():
+            session.entries += [one for one in logged[key] if isinstance(one, LoggedCalls)]
+            session.skipped += [one for one in logged[key] if isinstance(one, Skipped)]
+        for at, session in enumerate(self.sessions):
+            session.judge(self._logged(at), self._first_ns(at))
+        if self.sessions and (self.notes or _RECOVERED in own_notes):
+            self._judge_tail()
 
     @cached_property
     def runs(self) -> list[str]:
@@ -153,26 +172,6 @@ class BagContent:
         wanted = frozenset(topics)
         for file in self._files:
             yield from (one for one in _scan(McapScan(file)) if one.topic in wanted)
-
-    def read(self) -> None:
-        """Read sessions, log and inputs. Raises BagError."""
-        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]] = defaultdict(list)
-        known: dict[tuple[str, int], RecordedSession] = {}
-        for file in self._files:
-            scan = McapScan(file)
-            for one in _scan(scan, self._note_metadata):
-                self._take(one, known, logged)
-            self.notes += scan.problems
-        self.sessions = sorted(known.values(), key=lambda one: (one.log_ns, one.session.number))
-        for key, session in known.items():
-            for entry in logged[key]:
-                (session.entries if isinstance(entry, LoggedCalls) else session.skipped).append(
-                    entry  # type: ignore[arg-type]
-                )
-        for at, session in enumerate(self.sessions):
-            session.judge(self._logged(at), self._first_ns(at))
-        if self.sessions and (self.notes or self._recovered):
-            self._judge_tail()
 
     def _take(
         self,
@@ -207,10 +206,6 @@ class BagContent:
         session, epoch_ns = self.sessions[at], self.sessions[at].session.epoch_ns
         first = (ns - epoch_ns for log_ns, ns in self._stamps if at == 0 or log_ns > session.log_ns)
         return min(first, default=None)
-
-    def _note_metadata(self, record: Metadata) -> None:
-        if record.name == OWN_RECORD and _RECOVERED in record.metadata:
-            self._recovered = True
 
     def _judge_tail(self) -> None:
         """Check the end of a truncated bag: messages may be present whose inputs are lost."""
@@ -295,16 +290,15 @@ def read_content(bag: Path) -> BagContent:
     if not files:
         what = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
         raise BagError(f"bag {bag}", what, "give a bag that rope_twin recorded")
-    content = BagContent(bag, files)
-    content.read()
+    content = BagContent(files)
     if not content.sessions:
         what = f"it has no {SESSION_TOPIC}, which says what was run"
         raise BagError(f"bag {bag}", what, "give a bag that this version of rope_twin recorded")
     return content
 
 
-def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
-    """Return the messages of a file with their topic names."""
+def _scan(scan: McapScan, notes: dict[str, str] | None = None) -> Iterator[Recorded]:
+    """Return the messages of a file with their topic names; `notes` takes those on the bag."""
     topics: dict[int, str] = {}
     for record in scan.records():
         if isinstance(record, StoredMessage):
@@ -312,8 +306,8 @@ def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
                 yield Recorded(topic, record.sequence, record.log_ns, record.data)
         elif isinstance(record, Channel):
             topics[record.id] = record.topic.removeprefix("/")
-        elif isinstance(record, Metadata) and metadata is not None:
-            metadata(record)
+        elif isinstance(record, Metadata) and record.name == OWN_RECORD and notes is not None:
+            notes |= record.metadata
 
 
 def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
