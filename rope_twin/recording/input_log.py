@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rope_twin.errors import BagError, InputError
-from rope_twin.messages import decode, encode_measurement
+from rope_twin.messages import decode
 from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import counted
@@ -254,8 +254,3 @@ def _epoch_ns(reader: BagReader) -> int:
             stamp: Any = decode(_EPOCH, data)
             found.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))
     return found.pop() if len(found) == 1 else 0
-
-
-def encoded(measurement: Measurement, epoch_ns: int) -> tuple[str, bytes]:
-    """Return topic and message of a measurement of a run whose t = 0 is this ROS time."""
-    return encode_measurement(epoch_ns + measurement.stamp_ns, measurement)

@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from math import cos, pi, sin
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,10 @@ from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.motion.ship_motion import ShipPose, Vector3, attitude, body_rates, turned
+
+if TYPE_CHECKING:
+    from rope_twin.twin.input_queue import InputQueue
+    from rope_twin.twin.twin import Twin
 
 Floats = NDArray[np.float64]
 
@@ -95,15 +99,7 @@ def open_sea(
     return sea_of_waves(scene)
 
 
-class MotionInput(Protocol):
-    """Twin, or its queue of inputs, as far as it takes ship motion."""
-
-    def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str: ...
-
-    def offer_pose(self, pose: ShipPose) -> str: ...
-
-
-def offer(twin: MotionInput, sample: HeaveSample) -> str:
+def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:
     """Pass one sample to a twin; return why it was rejected, or ""."""
     if sample.pose is not None:
         return twin.offer_pose(sample.pose)

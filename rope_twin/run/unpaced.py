@@ -20,6 +20,7 @@ from rope_twin.messages import (
     encode_diagnostics,
     encode_elevation,
     encode_epoch,
+    encode_measurement,
     encode_order,
     statuses,
 )
@@ -30,7 +31,6 @@ from rope_twin.recording.input_log import (
     InputLog,
     MeasuredReplay,
     encode_json,
-    encoded,
     open_measured,
 )
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
@@ -193,7 +193,7 @@ class UnpacedRun:
             at_ns = measured.stamp_ns
             if at_ns > self._known_ns.get(GROUPS[measured.source], FIRST_NS - 1):
                 self._inputs.offer_measurement(measured)
-            messages.append((at_ns, *encoded(measured, self.epoch_ns)))
+            messages.append((at_ns, *encode_measurement(self.epoch_ns + at_ns, measured)))
         for name, winch in winches_by_name(self.twin.scene).items():
             if winch.follows == FOLLOWS_MEASURED:
                 continue  # it takes no commands
