@@ -45,7 +45,10 @@ def encode_heave(
 
     recorded: for a sea record, in RECORD_FRAME and with unknown (zero) covariance.
     """
-    return _heave(recorded).fill(
+    template = _odometry("map", "hang_off", templates.HEAVE)
+    if recorded:
+        template = _odometry(RECORD_FRAME, "hang_off", None)
+    return template.fill(
         {
             **templates.stamp(stamp_ns),
             "pose.pose.position": (0.0, 0.0, position_m),
@@ -58,7 +61,7 @@ def encode_lower_end(
     stamp_ns: int, position_m: Sequence[float], velocity_m_per_s: Sequence[float]
 ) -> bytes:
     """Return a lower_end/odometry message: motion of the rope's lower end, in map."""
-    return _lower_end().fill(
+    return _odometry("map", "lower_end").fill(
         {
             **templates.stamp(stamp_ns),
             "pose.pose.position": tuple(position_m),
@@ -69,7 +72,7 @@ def encode_lower_end(
 
 def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
     """Return a ship/odometry message: pose of the reference point relative to its rest position."""
-    return _pose().fill(
+    return _odometry("ship_mean", "ship").fill(
         {
             **templates.stamp(stamp_ns),
             "pose.pose.position": pose.position_m,
@@ -159,20 +162,8 @@ def encode_epoch(epoch_ns: int) -> bytes:
 
 
 @cache
-def _heave(recorded: bool) -> Template:
-    if recorded:
-        return Template(templates.odometry(RECORD_FRAME, "hang_off", None))
-    return Template(templates.odometry("map", "hang_off", templates.HEAVE))
-
-
-@cache
-def _pose() -> Template:
-    return Template(templates.odometry("ship_mean", "ship"))
-
-
-@cache
-def _lower_end() -> Template:
-    return Template(templates.odometry("map", "lower_end"))
+def _odometry(frame: str, child_frame: str, known: Sequence[int] | None = range(6)) -> Template:
+    return Template(templates.odometry(frame, child_frame, known))
 
 
 @cache
