@@ -13,7 +13,7 @@ own executor.
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -80,13 +80,12 @@ class SuiteExecutor(SingleThreadedExecutor):
             super().spin_once(timeout_sec=0.0)
 
 
-class _Ready:
+class _Ready(NamedTuple):
     """Ready entities after a wait."""
 
-    def __init__(self, timers: list[Any], subscriptions: list[Any], others: bool) -> None:
-        self.timers = timers
-        self.subscriptions = subscriptions
-        self.others = others
+    timers: list[Any]
+    subscriptions: list[Any]
+    others: bool
 
 
 class _Gathered:
