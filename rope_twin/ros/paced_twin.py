@@ -437,11 +437,6 @@ class PacedTwin:
             _, words = learning.apply()
             yield words
 
-    @property
-    def epoch_ns(self) -> int | None:
-        """Return the ROS time of t = 0 [ns]; None: halted."""
-        return self.border.epoch_ns
-
     def arrival_ns(self, ros_now_ns: int) -> int | None:
         """Return the ROS time of a message that arrives now; None if speed is not 1."""
         return ros_now_ns if self._params.speed == 1.0 else None

@@ -345,49 +345,40 @@ class SimulationNode(SuiteNode, LifecycleNode):
         self._published[name] += 1
 
     def _taker(self, name: str) -> Any:
-        def take_motion(data: bytes, info: dict[str, Any]) -> None:
-            if self.paced is not None:
-                sender, now_ns = info["publisher_gid"]["data"], self.get_clock().now().nanoseconds
-                self.paced.border.take_motion(name, data, sender, self.paced.arrival_ns(now_ns))
-
-        def take_command(data: bytes, info: dict[str, Any]) -> None:
-            if self.paced is None:
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            if (paced := self.paced) is None:
                 return
-            publisher = publisher_name(info["publisher_gid"]["data"])
-            sender, seats = self._senders.name(name, info) or publisher, self.paced.border.seats
-            seats.name_holders(lambda holder: self._senders.node_of(holder, WINCH_TOPICS))
-            self.paced.border.take_order(name, data, sender)
-            self._publish_seat()
-
-        def take(data: bytes) -> None:
-            if self.paced is None:
-                return
-            if name == CUT_TOPIC:
-                self.paced.border.take_cut(data)
-            elif name == LOWER_END:
-                self.paced.border.take_lower_end(data)
-            elif name == FORECAST_RISK:
-                self.paced.alerts.take_risks(self.paced.border.take_forecast(data))
+            publisher = info["publisher_gid"]["data"]
+            arrival_ns = paced.arrival_ns(self.get_clock().now().nanoseconds)
+            if name in MOTION_TOPICS:
+                paced.border.take_motion(name, data, publisher, arrival_ns)
             elif name in MEASURED_TOPICS:
-                arrival_ns = self.paced.arrival_ns(self.get_clock().now().nanoseconds)
-                self.paced.border.take_measurement(name, data, arrival_ns)
+                paced.border.take_measurement(name, data, arrival_ns)
+            elif name in WINCH_TOPICS:
+                sender = self._senders.name(name, info) or publisher_name(publisher)
+                paced.border.seats.name_holders(
+                    lambda holder: self._senders.node_of(holder, WINCH_TOPICS)
+                )
+                paced.border.take_order(name, data, sender)
+                self._publish_seat()
+            elif name == CUT_TOPIC:
+                paced.border.take_cut(data)
+            elif name == LOWER_END:
+                paced.border.take_lower_end(data)
+            elif name == FORECAST_RISK:
+                paced.alerts.take_risks(paced.border.take_forecast(data))
+            elif name == ALERT_COMMAND:
+                self._command_alerts(paced, data)
             else:
-                self.paced.border.take_current(data)
+                paced.border.take_current(data)
 
-        def take_alert_command(data: bytes) -> None:
-            if self.paced is None:
-                return
-            try:
-                words = str(decode(ALERT_COMMAND, data).data)
-                self.get_logger().info(self.paced.alerts.command(words))
-            except InputError as error:
-                self.get_logger().warning(str(error))
+        return take
 
-        if name == ALERT_COMMAND:
-            return take_alert_command
-        if name in WINCH_TOPICS:
-            return take_command
-        return take_motion if name in MOTION_TOPICS else take
+    def _command_alerts(self, paced: PacedTwin, data: bytes) -> None:
+        try:
+            self.get_logger().info(paced.alerts.command(str(decode(ALERT_COMMAND, data).data)))
+        except InputError as error:
+            self.get_logger().warning(str(error))
 
     def _publish_diagnostics(self) -> None:
         """Publish diagnostics, once per second and at each change of state."""

@@ -51,12 +51,12 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
         "both listeners of every input",
     )
     node.begin()
-    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
     sent_ns = 0
 
     def send(stamp_ns: int, *reported: Measurement) -> None:
         for one in reported:
-            topic, data = encode_measurement(node.paced.epoch_ns + stamp_ns, one)
+            topic, data = encode_measurement(node.paced.border.epoch_ns + stamp_ns, one)
             publishers[topic].publish(data)
 
     while (now_ns := node.paced.last.stamp_ns) < UNTIL_NS:
@@ -70,7 +70,9 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
             )
             sent_ns += EVERY_NS
             score = {"coverage": 0.9, "judged": 40.0, "factor": 1.0, "age_s": 0.4}
-            risk = encode_forecast(FORECAST_RISK, node.paced.epoch_ns + sent_ns, "map", [score])
+            risk = encode_forecast(
+                FORECAST_RISK, node.paced.border.epoch_ns + sent_ns, "map", [score]
+            )
             forecast.publish(risk)
         bench.executor.spin_once(timeout_sec=0.02)
     send(sent_ns, Measurement.of_winch(0, 5000.0))

@@ -121,7 +121,7 @@ def test_the_epoch_waits_for_the_first_clock(bench: Bench) -> None:
 
     bench.until(waits, "it says what it waits for")
     assert not epochs
-    assert node.paced.epoch_ns is None
+    assert node.paced.border.epoch_ns is None
     clock = bench.own.create_publisher(Clock, "/clock", 10)
     message = Clock()
     message.clock.sec = 500

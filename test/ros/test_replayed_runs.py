@@ -82,7 +82,7 @@ class Sender:
     def sail(self, until_ns: int) -> None:
         """Send heave as it is due until the twin has come to a time."""
         while self._node.paced.last.stamp_ns < until_ns:
-            epoch_ns, now_ns = self._node.paced.epoch_ns, self._node.paced.last.stamp_ns
+            epoch_ns, now_ns = self._node.paced.border.epoch_ns, self._node.paced.last.stamp_ns
             while self._sent_ns < now_ns + 600_000_000:
                 t = self._sent_ns * 1e-9
                 data = encode_heave(epoch_ns + self._sent_ns, np.sin(t), np.cos(t))
@@ -99,7 +99,7 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     sender = Sender(bench, node)
     sender.send("current", multi_array([0.0, 0.3, 0.1, -500.0, 0.1, 0.0], [2, 3]))  # before t = 0
     node.begin()
-    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
     sender.sail(600_000_000)
     sender.command(WinchCommand(SPEED, 0.4))
     sender.send("ship/heave", b"no message")
@@ -107,12 +107,12 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     node.paced.pacer.watch(lambda slot: node.paced.protection.start_at(3.0))  # as if overloaded
     sender.sail(1_800_000_000)
     assert node.paced.twin.level.step_ns > 10_000_000
-    sender.command(WinchCommand(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)
+    sender.command(WinchCommand(LENGTH, 201.5), node.paced.border.epoch_ns + 2_000_000_000)
     sender.send("current", multi_array([0.0, 0.5, -0.2, -500.0, 0.1, 0.0], [2, 3]))
     sender.sail(2_400_000_000)
     node.trigger_deactivate()
     node.trigger_activate()
-    bench.until(lambda: node.paced.epoch_ns is not None, "its new epoch")
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its new epoch")
     at_ns = node.paced.last.stamp_ns
     sender.command(WinchCommand("emergency_stop"))
     sender.sail(at_ns + 600_000_000)
@@ -140,7 +140,7 @@ def test_switches_by_service_are_replayed(bench: Bench, tmp_path: Path) -> None:
     recorder, node = recorded(bench, bag, scene="emergency_stop")
     sender = Sender(bench, node)
     node.begin()
-    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
     sender.sail(400_000_000)
     calls = (
         ("emergency_stop", Trigger, Trigger.Request()),
@@ -171,7 +171,7 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(
     recorder, first = recorded(bench, bag, **kept)
     sender = Sender(bench, first)
     first.begin()
-    bench.until(lambda: first.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: first.paced.border.epoch_ns is not None, "its epoch")
     sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(800_000_000)
     first.close()
@@ -181,7 +181,7 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(
     second = bench.make("simulation", **given, allow_cut=True)
     second.begin()
     assert second.paced.twin.time_ns >= 800_000_000
-    bench.until(lambda: second.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: second.paced.border.epoch_ns is not None, "its epoch")
     sender = Sender(bench, second)
     sender.sail(second.paced.twin.time_ns + 600_000_000)
     end(bench, recorder, second)
@@ -197,7 +197,7 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     first, node = recorded(bench, tmp_path / "first")
     sender = Sender(bench, node)
     node.begin()
-    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
     sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(1_500_000_000)
     second = bench.make("recorder", out=str(tmp_path / "second"), allow_cut=True)

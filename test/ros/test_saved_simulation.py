@@ -70,7 +70,7 @@ def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path
     bench.until(lambda: len(odometry) > heard + 5, "it publishes")
     stamps = [nanoseconds(message.header.stamp) for message in odometry]
     assert stamps == sorted(set(stamps))
-    assert stamps[heard] - second.paced.epoch_ns == (reached + 2) * 10_000_000
+    assert stamps[heard] - second.paced.border.epoch_ns == (reached + 2) * 10_000_000
     second.close()
 
 

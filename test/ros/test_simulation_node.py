@@ -94,7 +94,7 @@ def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running
     bench.until(lambda: tension, "the twin runs")
     epochs = bench.listen("twin/epoch")
     bench.until(lambda: epochs, "the latched epoch")
-    assert epochs[0].sec * 10**9 + epochs[0].nanosec == running.paced.epoch_ns
+    assert epochs[0].sec * 10**9 + epochs[0].nanosec == running.paced.border.epoch_ns
 
 
 def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running: Any) -> None:
@@ -113,7 +113,7 @@ def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running:
     def newest() -> int:
         return int(epochs[-1].sec) * 10**9 + int(epochs[-1].nanosec)
 
-    bench.until(lambda: epochs and newest() == paced.epoch_ns, "the new epoch")
+    bench.until(lambda: epochs and newest() == paced.border.epoch_ns, "the new epoch")
     now_ns = time.time_ns()
     # the new epoch places the twin's present at ROS time, less the input delay
     assert abs(newest() + paced.twin.time_ns - now_ns) < 1_500_000_000
