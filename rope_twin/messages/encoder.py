@@ -50,9 +50,6 @@ class Encoder:
         self._sized = Templates()
         self._rope_markers = RopeMarkers(MAP, self._stamp)
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
-            "ropes/tension_top": self._tension_top,
-            "ropes/tension_bottom": self._tension_bottom,
-            "ropes/length": self._length,
             "ropes/nodes": self._nodes,
             "ropes/element_tension": self._element_tension,
             "ropes/vibration": self._vibration,
@@ -65,6 +62,7 @@ class Encoder:
             "winch/state": self._winch_state,
             "winch/mode": winch_mode,
             "lines/events": line_events,
+            **{topic: partial(self._joints, topic) for topic in JOINTS},
             **{topic: partial(self._rows, topic) for topic in TABLES},
         }
 
@@ -88,9 +86,10 @@ class Encoder:
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
         return templates.stamp(self._epoch_ns + snapshot.stamp_ns, path)
 
-    def _joints(self, topic: str, snapshot: Snapshot, **values: Sequence[float]) -> bytes:
-        """Return a JointState with a joint for each rope."""
-        names = tuple(rope.name for rope in ropes_of(snapshot))
+    def _joints(self, topic: str, snapshot: Snapshot) -> bytes:
+        """Return a JointState of JOINTS, with a joint for each rope."""
+        ropes = ropes_of(snapshot)
+        names, values = tuple(rope.name for rope in ropes), JOINTS[topic](ropes)
         template = self._sized.get(topic, names, lambda: templates.joint_state(names, values))
         return template.fill({**self._stamp(snapshot), **values})
 
@@ -116,23 +115,6 @@ class Encoder:
         return template.fill({**self._stamp(snapshot), **data})
 
     # -- ropes ---------------------------------------------------------------------------------
-
-    def _tension_top(self, snapshot: Snapshot) -> bytes:
-        effort = [rope.tension_top_n for rope in ropes_of(snapshot)]
-        return self._joints("ropes/tension_top", snapshot, effort=effort)
-
-    def _tension_bottom(self, snapshot: Snapshot) -> bytes:
-        effort = [float(rope.node_tension_n[-1]) for rope in ropes_of(snapshot)]
-        return self._joints("ropes/tension_bottom", snapshot, effort=effort)
-
-    def _length(self, snapshot: Snapshot) -> bytes:
-        ropes = ropes_of(snapshot)
-        return self._joints(
-            "ropes/length",
-            snapshot,
-            position=[rope.line_out_m for rope in ropes],
-            velocity=[rope.payout_speed_m_per_s for rope in ropes],
-        )
 
     def _nodes(self, snapshot: Snapshot) -> bytes:
         ropes = ropes_of(snapshot)
@@ -420,6 +402,17 @@ def _residuals(snapshot: Snapshot) -> Rows:
         )  # fmt: skip
 
 
+# Joints of all ropes by topic: values by the field that carries them, in the order of the ropes.
+JOINTS: dict[str, Callable[[Sequence[RopeShot]], dict[str, list[float]]]] = {
+    "ropes/tension_top": lambda ropes: {"effort": [one.tension_top_n for one in ropes]},
+    "ropes/tension_bottom": lambda ropes: {
+        "effort": [float(one.node_tension_n[-1]) for one in ropes]
+    },
+    "ropes/length": lambda ropes: {
+        "position": [one.line_out_m for one in ropes],
+        "velocity": [one.payout_speed_m_per_s for one in ropes],
+    },
+}
 # Tables with fixed columns by topic: names of the columns, and what yields the rows.
 TABLES: dict[str, tuple[str, Callable[[Snapshot], Rows]]] = {
     "ropes/tension_top_error": ("name rms_pct lower_n upper_n", _errors),
