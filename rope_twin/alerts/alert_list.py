@@ -57,6 +57,14 @@ class State(Enum):
 ACTIVE = State.UNACKNOWLEDGED, State.SILENCED, State.ACKNOWLEDGED, State.TRANSFERRED
 WAITING = State.UNACKNOWLEDGED, State.SILENCED, State.RECTIFIED  # for an acknowledgement
 
+# What a crew does with an alert: in the past tense, the states that it suits, and the next one.
+ACTIONS = {
+    "acknowledge": ("acknowledged", WAITING, State.ACKNOWLEDGED),
+    "silence": ("silenced", (State.UNACKNOWLEDGED,), State.SILENCED),  # for SILENCE_NS
+    # the responsibility has been taken over elsewhere
+    "transfer": ("transferred", (State.UNACKNOWLEDGED, State.SILENCED), State.TRANSFERRED),
+}
+
 
 @dataclass(frozen=True)
 class Alert:
@@ -222,41 +230,13 @@ class AlertList:
 
     # -- what a crew does ------------------------------------------------------------------------
 
-    def acknowledge(self, key: str) -> str:
-        """Acknowledge an alert, or all that are listed; return the answer in words.
+    def act(self, action: str, key: str) -> str:
+        """Do one of ACTIONS with an alert, or with all that it suits; return the answer in words.
 
         Raises:
-            InputError: there is no such alert, or it does not wait for an acknowledgement.
+            InputError: there is no such alert, or it is not in a state that the action suits.
         """
-        return self._act(key, "acknowledged", WAITING, State.ACKNOWLEDGED)
-
-    def silence(self, key: str) -> str:
-        """Silence an alert, or all, for SILENCE_NS; raise and return as `acknowledge`."""
-        return self._act(key, "silenced", (State.UNACKNOWLEDGED,), State.SILENCED)
-
-    def transfer(self, key: str) -> str:
-        """Mark the responsibility as taken over elsewhere; raise and return as `acknowledge`."""
-        held = State.UNACKNOWLEDGED, State.SILENCED
-        return self._act(key, "transferred", held, State.TRANSFERRED)
-
-    def shelve(self, key: str, seconds: float) -> str:
-        """Keep an alert out of the list for a time; 0 s: list it again.
-
-        Raises:
-            InputError: there is no such alert, or the time is not possible.
-        """
-        most = SHELVED_MOST_NS // SECOND
-        if not 0.0 <= seconds <= most:
-            right = f"give 0 to {most} s; 0 lists it again"
-            raise InputError(f"alert {key}", f"shelving for {seconds:g} s", right)
-        at = self._find(key)
-        until = self.now_ns + round(seconds * SECOND) if seconds else 0
-        self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)
-        self._mark_first_out()
-        return f"alert {key} shelved for {seconds:g} s" if seconds else f"alert {key} listed again"
-
-    def _act(self, key: str, word: str, of: tuple[State, ...], to: State) -> str:
-        """Change the state of an alert, or of every one that it suits."""
+        word, of, to = ACTIONS[action]
         every = [at for at, one in self._alerts.items() if one.waits and one.state in of]
         if key == EVERY:
             chosen = [at for at in every if not self._alerts[at].shelved(self.now_ns)]
@@ -273,6 +253,22 @@ class AlertList:
         self._mark_first_out()
         some = f"alert {key}" if key != EVERY else f"{len(chosen)} alerts"
         return f"{some} {word}"
+
+    def shelve(self, key: str, seconds: float) -> str:
+        """Keep an alert out of the list for a time; 0 s: list it again.
+
+        Raises:
+            InputError: there is no such alert, or the time is not possible.
+        """
+        most = SHELVED_MOST_NS // SECOND
+        if not 0.0 <= seconds <= most:
+            right = f"give 0 to {most} s; 0 lists it again"
+            raise InputError(f"alert {key}", f"shelving for {seconds:g} s", right)
+        at = self._find(key)
+        until = self.now_ns + round(seconds * SECOND) if seconds else 0
+        self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)
+        self._mark_first_out()
+        return f"alert {key} shelved for {seconds:g} s" if seconds else f"alert {key} listed again"
 
     def _find(self, key: str) -> tuple[int, str]:
         for at, one in self._alerts.items():

@@ -14,7 +14,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from rope_twin.alerts.alert_list import EVERY, SECOND, Alert, AlertList, Priority
+from rope_twin.alerts.alert_list import ACTIONS, EVERY, SECOND, Alert, AlertList, Priority
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages.status import Status
@@ -119,9 +119,8 @@ def _chattering(comings: tuple[Coming, ...]) -> tuple[str, ...]:
     return tuple(key for key, some in times.items() if _most(some, CHATTER_NS) >= CHATTER)
 
 
-ACKNOWLEDGE, SILENCE, TRANSFER, SHELVE, UNSHELVE, LIMIT = COMMANDS = (
-    "acknowledge", "silence", "transfer", "shelve", "unshelve", "limit",
-)  # fmt: skip
+SHELVE, UNSHELVE, LIMIT = "shelve", "unshelve", "limit"
+COMMANDS = (*ACTIONS, SHELVE, UNSHELVE, LIMIT)
 _EXAMPLES = {
     SHELVE: "shelve 10008.1 600",
     LIMIT: "limit tension_n 400000, or limit tension_n scene",
@@ -209,9 +208,4 @@ class AlertMonitor:
             return self._list.shelve(rest[0], seconds)
         if verb == UNSHELVE:
             return self._list.shelve(rest[0], 0.0)
-        act = {
-            ACKNOWLEDGE: self._list.acknowledge,
-            SILENCE: self._list.silence,
-            TRANSFER: self._list.transfer,
-        }[verb]
-        return act(rest[0])
+        return self._list.act(verb, rest[0])

@@ -44,7 +44,7 @@ def test_an_alarm_waits_until_it_is_acknowledged_and_goes_when_its_cause_does() 
     )  # fmt: skip
     assert raised.sounds(5 * SECOND)
     assert alerts.update([situation()], 6 * SECOND) == []
-    assert alerts.acknowledge("10001.1") == "alert 10001.1 acknowledged"
+    assert alerts.act("acknowledge", "10001.1") == "alert 10001.1 acknowledged"
     assert only(alerts).state is State.ACKNOWLEDGED
     assert not only(alerts).sounds(6 * SECOND)
     (gone,) = alerts.update([], 7 * SECOND)
@@ -58,14 +58,14 @@ def test_what_nobody_saw_stays_in_the_list_as_rectified() -> None:
     alerts.update([], SECOND)
     assert only(alerts).state is State.RECTIFIED
     assert not only(alerts).sounds(SECOND)
-    alerts.acknowledge("all")
+    alerts.act("acknowledge", "all")
     assert alerts.listed() == []
 
 
 def test_silence_ends_after_thirty_seconds() -> None:
     alerts = AlertList()
     alerts.update([situation()], 0)
-    alerts.silence("10001.1")
+    alerts.act("silence", "10001.1")
     alerts.update([situation()], SILENCE_NS - 1)
     assert only(alerts).state is State.SILENCED
     alerts.update([situation()], SILENCE_NS)
@@ -91,7 +91,7 @@ def test_a_caution_neither_sounds_nor_waits() -> None:
     assert only(alerts).state is State.ACKNOWLEDGED
     assert not only(alerts).sounds(0)
     with pytest.raises(InputError, match="it is acknowledged"):
-        alerts.acknowledge("10001.1")
+        alerts.act("acknowledge", "10001.1")
     alerts.update([], 1)
     assert alerts.listed() == []
 
@@ -99,11 +99,11 @@ def test_a_caution_neither_sounds_nor_waits() -> None:
 def test_what_becomes_worse_must_be_acknowledged_again() -> None:
     alerts = AlertList()
     alerts.update([situation(priority=WARNING)], 0)
-    alerts.acknowledge("all")
+    alerts.act("acknowledge", "all")
     (worse,) = alerts.update([situation(priority=ALARM)], SECOND)
     assert (worse.state, worse.priority, worse.instance) == (State.UNACKNOWLEDGED, ALARM, 1)
     assert worse.revision == 3
-    alerts.acknowledge("all")
+    alerts.act("acknowledge", "all")
     (better,) = alerts.update([situation(priority=WARNING)], 2 * SECOND)
     assert (better.state, better.priority) == (State.ACKNOWLEDGED, WARNING)
     (caution,) = alerts.update([situation(priority=CAUTION)], 3 * SECOND)
@@ -118,7 +118,7 @@ def test_a_warning_that_fades_to_a_caution_still_waits(act: str | None) -> None:
     alerts = AlertList()
     alerts.update([situation(priority=WARNING)], 0)
     if act is not None:
-        getattr(alerts, act)("10001.1")
+        alerts.act(act, "10001.1")
     alerts.update([situation(priority=CAUTION)], SECOND)
     seen = act == "acknowledge"
     assert only(alerts).priority is (CAUTION if seen else WARNING)
@@ -132,7 +132,7 @@ def test_a_warning_that_fades_to_a_caution_still_waits(act: str | None) -> None:
     assert (only(alerts).priority, only(alerts).waits) == (WARNING, True)
     alerts.update([situation(priority=WARNING)], 4 * SECOND)
     alerts.update([situation(priority=CAUTION)], 5 * SECOND)
-    alerts.acknowledge("10001.1")
+    alerts.act("acknowledge", "10001.1")
     alerts.update([situation(priority=CAUTION)], 6 * SECOND)
     assert (only(alerts).priority, only(alerts).waits) == (CAUTION, False)
 
@@ -145,7 +145,7 @@ def test_the_order_is_that_of_bridge_displays() -> None:
     every = [situation(number, priority) for number, priority in six.items()]
     alerts.update(every, 0)
     for key in ("10004.1", "10005.1"):
-        alerts.acknowledge(key)
+        alerts.act("acknowledge", key)
     alerts.update([one for one in every if one.identifier != 10003], SECOND)
     assert [one.identifier for one in alerts.listed()] == [10001, 10002, 10003, 10004, 10005, 10006]
     alerts.update([*every, situation(10001, ALARM, "second")], 2 * SECOND)
@@ -175,7 +175,7 @@ def test_the_first_of_several_is_marked_until_nothing_waits() -> None:
     alerts.update([situation(10005, WARNING)], 0)
     alerts.update([situation(10005, WARNING), situation(10001)], SECOND)
     assert {one.identifier: one.first_out for one in alerts.listed()} == {10005: True, 10001: False}
-    alerts.acknowledge("10005.1")
+    alerts.act("acknowledge", "10005.1")
     assert {one.identifier: one.first_out for one in alerts.listed()} == {10005: False, 10001: True}
 
 
@@ -207,7 +207,7 @@ def test_any_course_keeps_the_rules(course: list[Any]) -> None:
                 if act == "shelve":
                     alerts.shelve(f"{what}.1", 50.0)
                 else:
-                    getattr(alerts, act)(f"{what}.1")
+                    alerts.act(act, f"{what}.1")
             except InputError:
                 pass
         before = {one.key: one for one in (*alerts.listed(), *alerts.shelved())}

@@ -198,7 +198,7 @@ def test_a_limit_that_each_wave_exceeds_is_one_alert(scene: Any) -> None:
         changed = alerts.update(course.watch.look(shot), shot.stamp_ns)
         if any(one.state is State.UNACKNOWLEDGED and one.escalation == 0 for one in changed):
             raised += 1
-            alerts.acknowledge("all")
+            alerts.act("acknowledge", "all")
     assert raised == 2, "the warning, and the alarm that it becomes"
 
 
@@ -446,7 +446,7 @@ def test_rates_count_each_activation_once() -> None:
             alerts.update(present, now_ns)
             lists.append((now_ns, tuple(alerts.listed())))
             if on:
-                alerts.acknowledge("all")
+                alerts.act("acknowledge", "all")
                 lists.append((now_ns, tuple(alerts.listed())))
     found = rates(lists, 1800 * SECOND)
     assert (len(found.comings), found.cautions) == (12, 1)
