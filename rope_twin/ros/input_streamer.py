@@ -28,20 +28,15 @@ class InputClock:
         self._lead_ns = round(lead_s * max(1.0, speed) * 1e9)
         self._speed = speed
         self._first_ns = first_ns
-        self._epoch_ns: int | None = None
+        self.epoch_ns: int | None = None  # of the simulation; None: not known yet
         self._steady_at_zero_ns = 0
         self._sent_ns = 0
 
-    @property
-    def epoch_ns(self) -> int | None:
-        """Return the current epoch; None: not known yet."""
-        return self._epoch_ns
-
     def follow(self, epoch_ns: int, ros_now_ns: int, steady_now_ns: int) -> None:
         """Follow the epoch of a simulation that has started, or resumed after a pause."""
-        if epoch_ns == self._epoch_ns:
+        if epoch_ns == self.epoch_ns:
             return
-        self._epoch_ns = epoch_ns
+        self.epoch_ns = epoch_ns
         # From here on only the steady clock is used: a step of the system clock has no effect.
         self._steady_at_zero_ns = steady_now_ns - (ros_now_ns - epoch_ns)
         now_ns = self._twin_time_ns(steady_now_ns)
@@ -53,7 +48,7 @@ class InputClock:
 
         A long interval is split, one piece per call, so that subscribers can read each in time.
         """
-        if self._epoch_ns is None:
+        if self.epoch_ns is None:
             return 0, 0
         wanted_ns = self._twin_time_ns(steady_now_ns) + self._lead_ns
         until_ns = min(max(self._sent_ns, wanted_ns), self._sent_ns + PIECE_NS)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
@@ -134,7 +134,7 @@ class Senders:
             self._names.clear()
             self._asked_s.clear()
         self._asked_s[publisher] = now_s
-        self._look_up(topic)
+        self._look_up((topic,))
         return self._names.get(publisher, "")
 
     def node_of(self, publisher: str, topics: Iterable[str]) -> str:
@@ -144,21 +144,17 @@ class Senders:
         """
         _, nameless, gid = publisher.partition(_PUBLISHER)
         if nameless and bytes.fromhex(gid) not in self._names:
-            for topic in topics:
-                self._look_up(topic)
+            self._look_up(topics)
         return self._names.get(bytes.fromhex(gid), "")
 
-    def _look_up(self, topic: str) -> None:
-        """Take the names of the nodes that publish on a topic from the graph."""
-        for end in self._node.get_publishers_info_by_topic(topic):
-            if end.node_name not in ("", _UNKNOWN):
-                self._names[bytes(end.endpoint_gid)] = self._called(end)
+    def _look_up(self, topics: Iterable[str]) -> None:
+        """Take the names of the nodes that publish on these topics from the graph."""
+        self._names.update((gid, name) for gid, name in self._publishers(topics) if name)
 
     def present(self, topics: Iterable[str]) -> set[str]:
         """Return the names of all nodes and publishers that currently publish on these topics."""
-        ends = [end for one in topics for end in self._node.get_publishers_info_by_topic(one)]
-        names = {self._called(end) for end in ends if end.node_name not in ("", _UNKNOWN)}
-        return names | {publisher_name(bytes(end.endpoint_gid)) for end in ends}
+        found = list(self._publishers(topics))
+        return {name for _, name in found if name} | {publisher_name(gid) for gid, _ in found}
 
     def others(self, topics: Iterable[str]) -> list[str]:
         """Return the names of other nodes and publishers that currently publish on these topics.
@@ -167,10 +163,9 @@ class Senders:
         started again: it counts once it has had no name for NAMELESS_S.
         """
         now_s, names, nameless = time.monotonic(), set(), dict[bytes, float]()
-        for end in (end for one in topics for end in self._node.get_publishers_info_by_topic(one)):
-            gid = bytes(end.endpoint_gid)
-            if end.node_name not in ("", _UNKNOWN):
-                names.add(self._called(end))
+        for gid, name in self._publishers(topics):
+            if name:
+                names.add(name)
                 continue
             nameless[gid] = self._nameless_s.get(gid, now_s)
             if now_s - nameless[gid] >= NAMELESS_S:
@@ -178,9 +173,14 @@ class Senders:
         self._nameless_s = nameless
         return sorted(names - {self._node.get_name()})
 
-    def _called(self, end: Any) -> str:
-        name, own = str(end.node_name), self._node.get_namespace()
-        return name if end.node_namespace == own else f"{end.node_namespace.rstrip('/')}/{name}"
+    def _publishers(self, topics: Iterable[str]) -> Iterator[tuple[bytes, str]]:
+        """Yield identity and node of each publisher on these topics; "": its node is not known."""
+        own = self._node.get_namespace()
+        for end in (end for one in topics for end in self._node.get_publishers_info_by_topic(one)):
+            name = "" if end.node_name == _UNKNOWN else str(end.node_name)
+            if name and end.node_namespace != own:
+                name = f"{end.node_namespace.rstrip('/')}/{name}"
+            yield bytes(end.endpoint_gid), name
 
 
 def publisher_name(publisher: bytes) -> str:
