@@ -55,6 +55,11 @@ class SuiteNode(Node):
         """Return whether the node has completed its task; most run until they are stopped."""
         return False
 
+    @property
+    def exit_code(self) -> int:
+        """Return the exit code of a node that was closed after it ended, or was asked to end."""
+        return 0
+
     def begin(self) -> None:
         """Start working.
 
@@ -93,15 +98,10 @@ def initialise(args: list[str] | None) -> None:
         raise InputError("arguments", f"unknown argument '{others[0]}'", _USAGE)
 
 
-def run_node(
-    make: Callable[[], SuiteNode],
-    args: list[str] | None = None,
-    verdict: Callable[[], int] = lambda: 0,
-) -> int:
+def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
     """Run one node until it has finished or a stop is requested; return the exit code.
 
-    `verdict` is the exit code of a run that ended by itself or by request, asked of the closed
-    node. When the middleware does not release the node's resources within END_S, the process ends
+    When the middleware does not release the node's resources within END_S, the process ends
     here, with that code.
     """
     stop = StopSignal(signal.SIG_DFL)
@@ -125,7 +125,7 @@ def run_node(
     finally:
         if node is not None:
             node.close()
-        code = code or verdict()
+            code = code or node.exit_code
         with _ended_in_time(code):
             _release(node, executor)
         stop.restore()

@@ -172,6 +172,11 @@ class RecorderNode(SuiteNode):
             self._listening[topic.name] = listen(self, topic, self._taker(topic), depth)
 
     @property
+    def exit_code(self) -> int:
+        """Return 1 if the bag is incomplete."""
+        return int(bool(self.failure))
+
+    @property
     def received(self) -> int:
         """Return the number of messages received."""
         return self._loss.received
@@ -284,13 +289,7 @@ class RecorderNode(SuiteNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the node (console entry); the exit code is 1 if the bag is incomplete."""
-    made: list[RecorderNode] = []
-
-    def make() -> RecorderNode:
-        made.append(RecorderNode())
-        return made[0]
-
-    return run_node(make, args, lambda: int(any(node.failure for node in made)))
+    return run_node(RecorderNode, args)
 
 
 if __name__ == "__main__":

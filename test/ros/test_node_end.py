@@ -31,13 +31,14 @@ from rope_twin.ros import entry
 
 class Held(Node):
     finished = True
+    exit_code = {verdict}
     def __init__(self): super().__init__("held")
     def begin(self): {begin}
     def close(self): Path({written!r}).write_text("complete")
     def destroy_node(self): {teardown}
 
 entry.END_S = {end_s}
-code = entry.run_node(Held, ["held"], lambda: {verdict})
+code = entry.run_node(Held, ["held"])
 {after}
 sys.exit(code)
 """
