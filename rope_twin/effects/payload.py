@@ -20,6 +20,8 @@ The submergence ratio is β = (η - z_bottom)/H, from 0 in air to 1 below the su
 `payload` and `waves` load the whole body; this effect subtracts (1 - β) of their loads. While the
 body enters with the speed v_s relative to the surface, slamming acts upward with ½·ρ·C_s·A·v_s²
 over its slamming area A (DNV-RP-N103, 4.3.8; C_s at least 5 except for smooth cylinders).
+C_s is constant over the height: at a constant speed the impulse of entry is ½·ρ·C_s·A·H·v_s. It is
+that of the added mass, A33·v_s, for C_s = 2·A33/(ρ·A·H).
 """
 
 from __future__ import annotations

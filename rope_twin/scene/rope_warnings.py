@@ -39,6 +39,7 @@ from rope_twin.scene.water_warnings import (
     check_current,
     check_depth_profiles,
     check_environment,
+    check_slamming,
     check_water,
     check_winch,
     is_air,
@@ -227,7 +228,8 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
     first = alone(scene, 0)
     for check in checks:
         if check is not check_load:
-            yield from check(first, lift_figures(first))
+            seen = scene if check is check_slamming else first
+            yield from check(seen, lift_figures(first))
     for number in range(1, len(scene.ropes)):
         if isinstance(scene.ropes[number], NetPart):
             continue
@@ -508,6 +510,7 @@ CHECKS: tuple[Check, ...] = (
     check_winch,
     check_compensator,
     check_water,
+    check_slamming,
     check_body,
     _limits,
     _ship,

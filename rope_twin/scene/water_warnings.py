@@ -12,12 +12,13 @@ from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.current import CurrentParams, Point, Velocity
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.scene.environment import bed_at, reference_point_m, spectrum_of, vessel_raos
-from rope_twin.scene.lift import LiftFigures
-from rope_twin.scene.rigging import places, winches_by_name
+from rope_twin.scene.lift import LiftFigures, point_figures
+from rope_twin.scene.rigging import body_payload, places, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.raos import FADE, long_wave_doubts
 from rope_twin.sea.spectrum import BREAKING, steepness_warning
@@ -28,6 +29,7 @@ THROUGH_M_PER_S = 0.01  # accepted vertical current through the surface or the s
 LEFT_OUT = 0.01  # of a variance: accepted loss beyond an RAO table
 ANOTHER = 0.2  # of the water depth: accepted difference of the waves' depth on a sloping seabed
 SAGGING = 1.01  # length over depth up to which a rope hangs free
+OTHER_MASS = 2.0  # accepted factor between the mass of water that slamming moves and added mass
 SAGGING_UP = 10.0  # length over depth of the anchor up to which a mooring is taut
 
 
@@ -312,6 +314,39 @@ def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if not 9.76 <= gravity <= 9.84:
         what = f"{gravity:g} m/s² is not the Earth's"
         yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")
+
+
+def check_slamming(scene: Scene, _figures: LiftFigures) -> Iterator[str]:
+    """Check the momentum that slamming gives the water against that of each payload's added mass.
+
+    C_s = 2/(ρ·A)·dA33/dh at the submergence h (DNV-RP-N103, 4.3.8). The effect has one C_s over the
+    height H, so the water gets ½·ρ·C_s·A·H·v where its added mass at full submergence takes A33·v.
+    """
+    common = scene.listed(SplashZoneParams)
+    if common is None:
+        return
+    density, figures = scene.environment.water_density_kg_per_m3, point_figures(scene)
+    body = body_payload(scene)
+    for number, payload in enumerate(scene.payloads):
+        if body is not None and payload.name != body:
+            continue
+        zone = payload.splash_zone or common
+        added = figures[payload.name].added_mass_kg[2]
+        moved = 0.5 * density * zone.slamming * zone.bottom_area_m2 * zone.height_m
+        if moved == 0.0 or added == 0.0 or 1.0 / OTHER_MASS <= moved / added <= OTHER_MASS:
+            continue
+        own = f"payloads[{number}].splash_zone" if payload.splash_zone else "effects.splash_zone"
+        what = (
+            f"slamming over the whole height moves {moved / 1e3:.3g} t of water, "
+            f"{moved / added:.2g} times the vertical added mass of '{payload.name}', "
+            f"{added / 1e3:.3g} t"
+        )
+        side = "a larger C_s is for the peak force alone" if moved > added else "loads are too low"
+        right = (
+            f"C_s = 2·A33/(ρ·A·H) is {zone.slamming * added / moved:.2g}; {side} "
+            f"(DNV-RP-N103, 4.3.8)"
+        )
+        yield phrase(f"{own}.slamming", what, right)
 
 
 ON, OFF = "compensate", "stop_compensating"

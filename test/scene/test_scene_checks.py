@@ -405,3 +405,30 @@ def test_a_payload_above_the_water_weighs_what_it_weighs_in_air(tmp_path: Path) 
     assert figures.top_tension_n(600.0) == pytest.approx(in_air - 0.5 * lift + 600.0 * per_metre)
     assert figures.top_tension_n(700.0) == pytest.approx(in_air - lift + 700.0 * per_metre)
     assert figures.hung.dry_share(500.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("area_m2", "said"),
+    [(8.0, "10.2 t of water, 2.5 times the vertical"), (2.0, ""), (1.0, "0.32 times the vertical")],
+)
+def test_slamming_gives_the_water_the_momentum_of_the_added_mass(
+    tmp_path: Path, area_m2: float, said: str
+) -> None:
+    """½·ρ·C_s·A·H of a box of 0.5 m against 4 t of added mass; without an area nothing is said."""
+    tool = "added_mass_kg: [1000.0, 1000.0, 4040.0]\n    shape: {box: {"
+    text = GOOD.replace("shape: {box: {", tool)
+    zone = "  - splash_zone: {height_m: 0.5, bottom_area_m2: AREA, slamming: 5.0}\n"
+    assert not _slamming(
+        written(tmp_path, text.replace("effects:\n", "effects:\n" + zone.replace("AREA", "0.0")))
+    )
+    listed = "effects:\n" + zone.replace("AREA", f"{area_m2}")
+    found = _slamming(written(tmp_path, text.replace("effects:\n", listed)))
+    assert len(found) == (1 if said else 0)
+    assert all(said in warning for warning in found)
+    least = 2.0 * 4040.0 / (1025.0 * area_m2 * 0.5)
+    assert all(f"C_s = 2·A33/(ρ·A·H) is {least:.2g};" in warning for warning in found)
+
+
+def _slamming(path: Path) -> list[str]:
+    place = "effects.splash_zone.slamming"
+    return [words for words in sense_checks(load_scene(path)) if words.startswith(place)]

@@ -20,10 +20,10 @@ ACCEPTED = {  # warnings that a shipped scene accepts, each with its reason
     "slack_5km": ("without damping",),
     "snap_vertical": ("expect a slack rope",),  # what they are for
     "snap_2km": ("expect a slack rope",),
-    "splash_zone": ("rope's own axial wave",),
-    "two_line_landing": ("rope's own axial wave",),
+    "splash_zone": ("rope's own axial wave", "vertical added mass"),
+    "two_line_landing": ("rope's own axial wave", "vertical added mass"),
     "lift_off": ("bring no accuracy",),  # 21 m in blows: 0.5 m is too coarse for what they leave
-    "manifold_lift": ("rope's own axial wave",),
+    "manifold_lift": ("rope's own axial wave", "vertical added mass"),
     "net_wall": ("rope's own axial wave",),
     "net_screen": ("rope's own axial wave", "first axial period"),
     "cage_and_clump": ("rope's own axial wave",),
