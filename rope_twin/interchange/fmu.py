@@ -53,6 +53,13 @@ OUTPUTS = {
     "line_out_m": "paid-out length",
     "least_tension_n": "least tension of any element",
 }
+# names of FMI's units by the ends of the variables' names, longest first, with their SI exponents
+UNITS = {
+    "_m_per_s2": ("m/s2", {"m": 1, "s": -2}),
+    "_m_per_s": ("m/s", {"m": 1, "s": -1}),
+    "_m": ("m", {"m": 1}),
+    "_n": ("N", {"kg": 1, "m": 1, "s": -2}),
+}
 STEP_TOL = 1e-6  # of a time step
 SCRIPT = '''"""FMU of scene {scene}, by rope_twin."""
 
@@ -171,20 +178,27 @@ def _motion(
     return (x, y, z), (r, s, t)
 
 
+def unit_of(name: str) -> str:
+    """Return the unit of a variable of the FMU, by the end of its name."""
+    return next(unit for end, (unit, _) in UNITS.items() if name.endswith(end))
+
+
 def _taken(refusal: str) -> None:
     if refusal:
         raise InputError(refusal)
 
 
 def register(slave: Any) -> None:
-    """Register the variables of an FMU on its slave, with their values at the start."""
-    from pythonfmu3 import Float64, Fmi3Causality, Fmi3Variability  # of the FMU that calls
+    """Register the variables of an FMU and their units on its slave, with values at the start."""
+    from pythonfmu3 import Float64, Fmi3Causality, Fmi3Variability, Unit  # of the FMU that calls
 
     slave.time = 0.0
     slave.author = "rope_twin"
+    slave.register_units([Unit("s", s=1), *(Unit(unit, **si) for unit, si in UNITS.values())])
     slave.register_variable(
         Float64(
             "time",
+            unit="s",
             causality=Fmi3Causality.independent,
             variability=Fmi3Variability.continuous,
         )
@@ -192,11 +206,15 @@ def register(slave: Any) -> None:
     scene = slave.model.twin.scene
     for name, about in inputs_of(scene).items():
         setattr(slave, name, 0.0)
-        slave.register_variable(Float64(name, causality=Fmi3Causality.input, description=about))
+        slave.register_variable(
+            Float64(name, unit=unit_of(name), causality=Fmi3Causality.input, description=about)
+        )
     for name, value in slave.model.outputs().items():
         setattr(slave, name, value)
         about = outputs_of(scene)[name]
-        slave.register_variable(Float64(name, causality=Fmi3Causality.output, description=about))
+        slave.register_variable(
+            Float64(name, unit=unit_of(name), causality=Fmi3Causality.output, description=about)
+        )
 
 
 def export_fmu(name_or_path: str, out: Path) -> Scene:

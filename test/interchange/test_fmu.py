@@ -63,6 +63,25 @@ def test_fmpy_accepts_it(fmu: Path) -> None:
     assert {name for name, cause in causes.items() if cause == "output"} == set(OUTPUTS)
 
 
+def test_every_variable_has_its_si_unit(fmu: Path) -> None:
+    """Units are declared with their exponents, so that an importer can check what it connects."""
+    described = pytest.importorskip("fmpy").read_model_description(str(fmu))
+    units = {one.name: one.unit for one in described.modelVariables}
+    assert set(units) == {"time", *INPUTS, *OUTPUTS}
+    assert units["time"] == "s"
+    assert {name for name, unit in units.items() if unit == "N"} == {
+        "hook_force_x_n", "hook_force_y_n", "hook_force_z_n", "hook_load_n", "payload_tension_n",
+        "least_tension_n",
+    }  # fmt: skip
+    assert (units["tip_x_m"], units["line_out_m"], units["payload_z_m"]) == ("m", "m", "m")
+    assert (units["tip_vz_m_per_s"], units["winch_speed_m_per_s"]) == ("m/s", "m/s")
+    assert units["tip_az_m_per_s2"] == "m/s2"
+    base = {one.name: one.baseUnit for one in described.unitDefinitions}
+    newton = base["N"]
+    assert (newton.kg, newton.m, newton.s, newton.factor) == (1, 1, -2, 1.0)
+    assert (base["m/s2"].m, base["m/s2"].s) == (1, -2)
+
+
 @pytest.mark.parametrize(("derivatives", "within"), [(2, 2e-5), (1, 1e-3)])
 def test_run_by_fmpy_is_that_of_the_twin(
     fmu: Path, right: list[Snapshot], derivatives: int, within: float
