@@ -77,7 +77,7 @@ def hanging_of(scene: Scene) -> Hanging:
 class OpenWater:
     """Depths of the payload at which nothing but the water and its rope is known to act on it."""
 
-    least_m: float  # -inf: the scene has no splash zone
+    least_m: float  # -inf: the scene has neither waves nor splash zone
     most_m: float  # inf: it has no seabed
 
     def without(self, depth_m: Floats) -> Bools:
