@@ -20,6 +20,7 @@ import numpy as np
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.state import Floats
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SolverError
 from rope_twin.estimation.figures import (
     BIAS,
@@ -96,6 +97,7 @@ class LoadPin:
 
 
 FEWEST_ELEMENTS, MOST_ELEMENTS, STEP_S = 6, 20, 0.05
+FEWEST_ABOVE_BODY = 12  # its rocking moves the rope aside, in waves that are shorter
 WAVE_SHARE = 0.2  # of the way of an axial wave in a step, which an element has at least
 STEPS_PER_MEAN = round(MEAN_S / STEP_S)
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
@@ -156,6 +158,8 @@ class LiftModel:
         self._water = open_water(scene, lift.pin_noise_n)
         self.bar: Bar = bar_of(scene)
         self.elements = elements_of(self.bar)
+        if scene.listed(RigidBodyParams) is not None:
+            self.elements = max(self.elements, FEWEST_ABOVE_BODY)
         self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
         # of the rope itself: slings may have a figure that it has not, the stiffness of steel
         self._known = figures_of(hanging_of(scene).rope)
@@ -294,12 +298,10 @@ class LiftModel:
         """
         tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
         theta = prediction.theta
-        skipped = round((from_s - prediction.begin_s) / MEAN_S)
         friction = self.pin.friction_state(tension, line, prediction.sheave)
 
         def means(reading: Floats) -> Floats:
-            whole = reading.reshape(-1, STEPS_PER_MEAN, *reading.shape[1:]).mean(axis=1)
-            return np.asarray(whole[skipped:])
+            return self.lift.sampled_means(reading, prediction.begin_s, STEP_S, from_s)
 
         of_members = means(self.pin.measured(tension, friction, theta))
         predicted = of_members[:, 0]

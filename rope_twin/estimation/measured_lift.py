@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 from scipy.signal import savgol_coeffs
+from scipy.sparse import csr_array
 
 from rope_twin.core.state import Floats
 
@@ -97,6 +98,11 @@ def without_spikes(values: Floats, limit: float) -> Floats:
     return np.where(np.abs(values - near) > limit, np.nan, values)
 
 
+def _intervals(time_s: Floats, begin_s: float) -> NDArray[np.int64]:
+    """Return the number k of the interval (k, k + 1]·MEAN_S from begin that times lie in."""
+    return np.ceil((time_s - begin_s) / MEAN_S - 1e-6).astype(np.int64) - 1
+
+
 def interval_means(
     time_s: Floats, values: Floats, begin_s: float, count: int
 ) -> tuple[Floats, Floats]:
@@ -105,7 +111,7 @@ def interval_means(
     Second result: number of samples in each mean, (count,). Data are missing where fewer than
     LEAST_GOOD of the samples that the median interval has are finite.
     """
-    bins = np.ceil((time_s - begin_s) / MEAN_S - 1e-6).astype(np.int64) - 1
+    bins = _intervals(time_s, begin_s)
     inside = (bins >= 0) & (bins < count)
     good = inside & np.isfinite(values)
     number = np.bincount(bins[good], minlength=count).astype(float)
@@ -256,15 +262,57 @@ class MeasuredLift:
         Second result: median number of samples in a mean.
         """
         count = round((end_s - begin_s) / MEAN_S)
-        table = self.tension.table
-        table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
-        clean = without_spikes(table[:, 1], SPIKE_SDS * self.pin_noise_n)
-        means, number = interval_means(table[:, 0], clean, begin_s, count)
+        means, number = interval_means(*self._clean_tension(begin_s, end_s), begin_s, count)
         for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
             ends = begin_s + MEAN_S * np.arange(1, count + 1)
             means[(ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
         present = number[number > 0]
         return means, float(np.median(present)) if len(present) else 1.0
+
+    def sampled_means(self, steps: Floats, begin_s: float, step_s: float, from_s: float) -> Floats:
+        """Return the means of a model's tension at the instants of the measured one, (k, ...).
+
+        A load cell samples an interval at instants of its own, whose middle may be some tenths of a
+        second from the interval's. Where there is no sample the mean is that of the steps.
+
+        Args:
+            steps: at the ends of steps from begin_s on, (a whole number of means, ...).
+            begin_s: begin of the first step [s].
+            step_s: time step, a whole fraction of MEAN_S.
+            from_s: begin of the first mean, a whole number of them after begin_s.
+        """
+        per_mean = round(MEAN_S / step_s)
+        skipped = round((from_s - begin_s) / MEAN_S)
+        count = len(steps) // per_mean - skipped
+        time_s, clean = self._clean_tension(from_s, from_s + MEAN_S * count)
+        interval = _intervals(time_s, from_s)
+        good = np.isfinite(clean) & (interval >= 0) & (interval < count)
+        at = np.clip((time_s[good] - begin_s) / step_s - 1.0, 0.0, len(steps) - 1.0)
+        before = np.minimum(at.astype(np.int64), max(len(steps) - 2, 0))
+        share = at - before
+        row, number = interval[good], np.bincount(interval[good], minlength=count)
+        empty = np.flatnonzero(number == 0)
+        even = (empty[:, None] + skipped) * per_mean + np.arange(per_mean)
+        weights = csr_array(
+            (
+                np.concatenate([
+                    (1.0 - share) / number[row], share / number[row],
+                    np.full(even.size, 1.0 / per_mean),
+                ]),
+                (
+                    np.concatenate([row, row, np.repeat(empty, per_mean)]),
+                    np.concatenate([before, before + 1, even.ravel()]),
+                ),
+            ),
+            shape=(count, len(steps)),
+        )  # fmt: skip
+        return np.asarray(weights @ steps)
+
+    def _clean_tension(self, begin_s: float, end_s: float) -> tuple[Floats, Floats]:
+        """Return times and tension about an interval, NaN: a spike."""
+        table = self.tension.table
+        table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
+        return table[:, 0], without_spikes(table[:, 1], SPIKE_SDS * self.pin_noise_n)
 
     def _holes(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
         """Return begin and end of the holes in heave and line out that overlap an interval."""

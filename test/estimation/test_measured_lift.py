@@ -39,6 +39,27 @@ def test_means_are_of_the_samples_since_the_previous_border() -> None:
     assert np.array_equal(number, np.full(8, 5.0))
 
 
+@given(st.floats(1.0, 120.0), st.floats(0.0, 1.0))
+@settings(max_examples=40, deadline=None)
+def test_a_model_is_averaged_at_the_instants_of_the_samples(rate_hz: float, phase: float) -> None:
+    """Whatever rate and phase a load cell has, a model that is right has its means."""
+    step_s, begin_s, from_s, w = 0.05, 10.0, 12.5, 2.0 * np.pi / 5.0
+    made = MeasuredLift(3000.0)
+    t = begin_s + (np.arange(np.floor(20.0 * rate_hz)) + phase) / rate_hz
+    made.tension.extend(t, 1e3 * np.sin(w * t))
+    steps = begin_s + step_s * np.arange(1, 401)
+    model = 1e3 * np.sin(w * steps)[:, None] * [1.0, 2.0]
+    means, _ = made.tension_means(from_s, 30.0)
+    found = made.sampled_means(model, begin_s, step_s, from_s)
+    assert found.shape == (70, 2)
+    known = np.isfinite(means)
+    assert np.allclose(found[known, 0], means[known], atol=1e3 * (w * step_s) ** 2 / 8.0)
+    assert np.allclose(found[:, 1], 2.0 * found[:, 0])
+    even = model[:, 0].reshape(-1, 5).mean(axis=1)[10:]
+    empty = ~np.isin(np.arange(70), np.ceil((t - from_s) / MEAN_S - 1e-6) - 1)
+    assert np.allclose(found[empty, 0], even[empty])
+
+
 def test_a_mean_of_too_few_samples_is_missing() -> None:
     """At least three of five."""
     t = 0.05 * np.arange(21)
