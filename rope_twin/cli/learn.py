@@ -24,7 +24,7 @@ rope and payload, load pin and motion sensor a minute at a time, from the uncert
 scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
 needed. Nothing is learned while the payload is in the splash zone or near the seabed. Ropes that
 meet below one hang-off, such as a bridle, can be learned; loads on several ropes from the ship and
-rigid bodies cannot yet."""
+those that begin on a deck cannot yet."""
 LEAST_S = 120.0
 
 

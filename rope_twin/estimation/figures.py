@@ -35,13 +35,15 @@ def check_learnable(scene: Scene) -> None:
     Raises:
         InputError: one sentence, if they cannot be learned yet.
     """
-    right = "point payloads on one rope from one hang-off can be learned"
+    right = "payloads on one rope from one hang-off can be learned"
     if is_joined(scene):
         what = _why_not_joined(scene)
         if what:
             raise InputError(f"learn {scene.name}", what, right)
-    if scene.listed(RigidBodyParams) is not None:
-        raise InputError(f"learn {scene.name}", "its payload is a rigid body", right)
+    body = scene.listed(RigidBodyParams)
+    if body is not None and body.deck is not None:
+        what = "its payload begins on a deck, which carries a part of it that no sensor measures"
+        raise InputError(f"learn {scene.name}", what, right)
     if scene.ropes[0].fixed_at_m or not scene.payloads:
         raise InputError(f"learn {scene.name}", "its rope carries no payload", right)
 

@@ -9,11 +9,13 @@ added mass across them are neglected beside those of the rope and the payloads.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.payload import Payload, SplashZoneParams, TwoWayPayload
 from rope_twin.effects.rope_mass import AddedMassParams
@@ -36,24 +38,37 @@ class Hanging:
 
     rope: Rope
     metre_kg: Floats  # mass of each section of the rope with added mass [kg/m], (sections,)
-    bodies: tuple[Payload | TwoWayPayload, ...]  # all payloads and connections below it
+    bodies: tuple[tuple[float, float, float], ...]  # `_vertical_figures` of all below it
     slings_kg: float  # mass of the ropes below it, with added mass along them
     air_kg: float  # mass in air of payloads, connections and bars
 
     @property
     def weight_n(self) -> float:
         """Return the submerged weight of the bodies [N]."""
-        return float(sum(one.W for one in self.bodies))
+        return float(sum(weight_n for weight_n, _, _ in self.bodies))
 
     @property
     def mass_kg(self) -> float:
         """Return the mass of the bodies with added mass along z [kg]."""
-        return float(sum(one.Mz for one in self.bodies))
+        return float(sum(mass_kg for _, mass_kg, _ in self.bodies))
 
     @property
     def drag_kg_per_m(self) -> float:
         """Return ½·ρ·CdA of the bodies along z [kg/m]."""
-        return float(sum(one.kz for one in self.bodies))
+        return float(sum(drag for _, _, drag in self.bodies))
+
+
+def _vertical_figures(effect: Any) -> tuple[float, float, float] | None:
+    """Return submerged weight [N], mass with added mass along z [kg] and ½·ρ·CdA along z [kg/m].
+
+    None: the effect is no payload.
+    """
+    if isinstance(effect, Payload | TwoWayPayload):
+        return effect.W, effect.Mz, effect.kz
+    if isinstance(effect, RigidBody):
+        submerged_n = (effect.m - effect.displaced) * effect.g + effect.hook_weight
+        return submerged_n, effect.hook + effect.m + effect.added[2], effect.k[2]
+    return None
 
 
 def hanging_of(scene: Scene) -> Hanging:
@@ -68,7 +83,8 @@ def hanging_of(scene: Scene) -> Hanging:
         float(kg @ line.lengths_m(line.length_m))
         for line, kg in zip(scene.ropes[1:], metres[1:], strict=True)
     )
-    bodies = [e for rope in ropes for e in rope.effects if isinstance(e, Payload | TwoWayPayload)]
+    found = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
+    bodies = [one for one in found if one is not None]
     air_kg = sum(one.mass_kg for one in point_figures(scene).values())
     return Hanging(ropes[0], metres[0], tuple(bodies), slings_kg, air_kg)
 

@@ -154,8 +154,8 @@ def test_a_tare_and_a_freeze(tmp_path: Path) -> None:
 
 def test_scenes_that_cannot_be_learned_are_refused_at_the_start() -> None:
     """The parameter `learn` of such a scene is one sentence, not a thread that fails."""
-    scene = load_scene("manifold_lift")
-    with pytest.raises(InputError, match="rigid body"):
+    scene = load_scene("lift_off")
+    with pytest.raises(InputError, match="begins on a deck"):
         LiveLearning(scene, None)  # type: ignore[arg-type]
 
 
