@@ -15,6 +15,7 @@ from sheave_rigs import DRUM, G, atwood, circulate, flow, laid_loop, let_run, li
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import OPTIONS
 from rope_twin.core.joined import sheaves, statics
+from rope_twin.core.joined.initial_guess import set_initial_guess
 from rope_twin.core.joined.joints import System, Wheel, reeve
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.step import advance_joined, finish_at_sheave
@@ -227,6 +228,18 @@ def test_rest_of_a_fine_loop_costs_few_solves_of_it(monkeypatch: pytest.MonkeyPa
     assert end.left_m < 1e-9
     assert end.tension_n == pytest.approx(27726.184857932436, rel=1e-12)
     assert sum(spent) < 100
+
+
+def test_a_loop_is_found_from_its_lengths_alone() -> None:
+    """The guess reaches the wheel from the lower ends of its ropes; the rest is that as laid."""
+    laid, guessed = laid_loop(), laid_loop()
+    place = laid.still(0).value[:, 0]
+    expected = solve_joined_statics(laid.system, place)
+    set_initial_guess(guessed.system)
+    end = solve_joined_statics(guessed.system, place)
+    assert end.found
+    assert end.tension_n == pytest.approx(expected.tension_n, rel=1e-9)
+    assert guessed.joints == pytest.approx(laid.joints, abs=1e-6)
 
 
 def test_ropes_that_cannot_run_over_a_wheel_are_refused() -> None:

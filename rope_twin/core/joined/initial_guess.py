@@ -75,7 +75,10 @@ def guess_positions(
 def _hang_straight(
     found: dict[Hashable, Point], ropes: Sequence[Link], bars: Sequence[Link]
 ) -> None:
-    """Place each point straight below the first rope that leads there, or next to the first bar."""
+    """Place each point straight below the first rope that leads there, or next to the first bar.
+
+    A sheave is the upper end of the ropes that meet at it; it is placed below their lower ends.
+    """
     waiting = True
     while waiting:
         waiting = False
@@ -90,6 +93,13 @@ def _hang_straight(
                 x, y, z = found[there]
                 found[missing] = [x + length, y, z]
                 waiting = True
+        if not waiting:
+            for upper, lower, length in ropes:
+                if lower in found and upper not in found:
+                    x, y, z = found[lower]
+                    found[upper] = [x, y, z - length]
+                    waiting = True
+                    break
 
 
 def _move(
