@@ -21,8 +21,8 @@ from rope_twin.cli.console import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
 from rope_twin.effects.current import CurrentParams
-from rope_twin.errors import SceneError, did_you_mean
-from rope_twin.messages.diagnostics import breach_words
+from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.messages.diagnostics import breach_words, compressed_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import format_bound
@@ -190,8 +190,17 @@ def _check(args: argparse.Namespace) -> int:
         print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
         return ExitCode.ERROR
     accepted, idle = accepted_warnings(scene)
-    warnings = sense_checks(scene) + idle
-    broken = Twin(scene).snapshot().breaches
+    resting = Twin(scene).snapshot()
+    pressed = [
+        phrase(
+            "effects bending",
+            f"in static equilibrium, {compressed_words(one, len(resting.bends) > 1)}",
+            "give it tension, or take it from a beam analysis",
+        )
+        for one in resting.bends
+        if one.compressed_m > 0.0
+    ]
+    warnings, broken = sense_checks(scene) + idle + pressed, resting.breaches
     if args.json:
         found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
         found |= {"warnings": warnings, "accepted": accepted}

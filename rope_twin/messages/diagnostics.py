@@ -144,7 +144,10 @@ def touchdown_words(one: Touchdown, named: bool) -> str:
 
 
 def bend_status(ropes: Sequence[RopeBend]) -> Status:
-    """Return the row on the rope closest to its minimum bend radius, and on all below theirs."""
+    """Return the row on the rope closest to its minimum bend radius, and on all below theirs.
+
+    It warns too of a rope whose bending stiffness would meet compression now.
+    """
     values: dict[str, str] = {}
     for one in ropes:
         values |= {
@@ -154,9 +157,20 @@ def bend_status(ropes: Sequence[RopeBend]) -> Status:
         }
         if one.now.minimum_m:
             values[f"{one.now.name}: minimum bend radius [m]"] = f"{one.now.minimum_m:g}"
-    level = Level.WARN if any(one.tightest.too_tight for one in ropes) else Level.OK
-    message = "; ".join(bends_in_words([one.tightest for one in ropes]))
-    return Status("simulation: bend", level, message, values)
+    pressed = [one for one in ropes if one.compressed_m > 0.0]
+    doubt = bool(pressed) or any(one.tightest.too_tight for one in ropes)
+    words = bends_in_words([one.tightest for one in ropes])
+    words += [compressed_words(one, len(ropes) > 1) for one in pressed]
+    return Status("simulation: bend", Level.WARN if doubt else Level.OK, "; ".join(words), values)
+
+
+def compressed_words(one: RopeBend, named: bool) -> str:
+    """Return in words the length that gets shorter where a stiff rope would bend aside."""
+    which = f" of '{one.now.name}'" if named else ""
+    return (
+        f"{one.compressed_m:.3g} m{which} would be in compression, which no rope carries here: "
+        "elements get shorter instead, and neither shape nor bend radius is valid there"
+    )
 
 
 def bends_in_words(bends: Sequence[Bend]) -> list[str]:

@@ -20,7 +20,9 @@ turn to it counts over half the top element, as in `effects/bending.py`.
 
 The mesh limits the result: a rope folded back on itself has a curvature of 2/l, so no radius below
 l/2 is ever reported, and an arc shorter than an element is not resolved. A slack rope without
-bending stiffness bends as sharply as its elements allow: its radius is then that of the mesh.
+bending stiffness bends as sharply as its elements allow: its radius is then that of the mesh. A
+rope with bending stiffness that would carry compression gets shorter instead of bending aside
+(`effects/bending.py`): the unstretched length of such elements is reported beside the radius.
 """
 
 from __future__ import annotations
@@ -66,6 +68,7 @@ from rope_twin.vortex.line_model import bending_stiffness
 
 LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
 MOST_N = 1e12
+SHORTENING_TOL = 1e-3  # of an element's length: less is round-off, or a damper's
 SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest element's own weight
 ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
 PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s",
@@ -363,7 +366,7 @@ class BendMonitor:
         if now.tightness > known.tightness:
             known = now
             self._tightest[number] = [getattr(now, name) for name in _STORED]
-        return RopeBend(now, position, known)
+        return RopeBend(now, position, known, compressed_length_m(hung))
 
 
 def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
@@ -385,6 +388,14 @@ def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, 
         element_m=float(rest.mean()),
     )
     return found, (x, y, z)
+
+
+def compressed_length_m(hung: RopeShape) -> float:
+    """Return the unstretched length of a stiff rope's elements that are shorter than it [m]."""
+    if bending_stiffness(hung.core.effects) == 0.0:
+        return 0.0
+    rest, length = np.diff(hung.arc_m), np.linalg.norm(np.diff(hung.position_m, axis=0), axis=1)
+    return float(rest[length < (1.0 - SHORTENING_TOL) * rest].sum())
 
 
 def watches_bends(scene: Scene) -> bool:

@@ -306,6 +306,8 @@ class RopeBend:
     now: Bend
     position_m: tuple[float, float, float]
     tightest: Bend  # smallest radius of all snapshots since the start
+    # unstretched length of elements that are shorter now, where a stiff rope would be compressed
+    compressed_m: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rope_twin import Twin, load_scene
+from rope_twin.cli import main
 from rope_twin.messages import Level
 from rope_twin.messages.diagnostics import statuses
 from rope_twin.run.summary import RunSummary, summarise
@@ -77,6 +78,37 @@ def swung() -> Scene:
     return Rig(length=100.0, elements=20, EI=5e3, clamp=(0.3, 0.0, -1.0)).scene()
 
 
+CANTILEVER = """\
+about: a light pipe that leaves a wall level
+ropes:
+  - name: pipe
+    rope:
+      diameter_m: 0.05
+      mass_kg_per_m: 6.0
+      hydrodynamic_diameter_m: 0.05
+      axial_stiffness_n: 50.0e+6
+      breaking_load_n: 200.0e+3
+    length_m: 4.0
+    elements: 20
+    damping: {newton_seconds: 1.0e+4}
+    to: cap
+payloads:
+  - name: cap
+    mass_kg: 1.0
+    displaced_volume_m3: 0.0
+    added_mass_kg: [0.0, 0.0, 0.0]
+    drag_area_m2: [0.0, 0.0, 0.0]
+effects:
+  - current: {profile: [[0.0, [0.0, 0.0]], [-10.0, [0.0, 0.0]]]}
+  - weight: {}
+  - drag: {normal: 1.2, tangential: 0.01}
+  - added_mass: {}
+  - bending: {stiffness_n_m2: 5.0e+3, clamped_along: [1.0, 0.0, 0.0]}
+  - payload: {}
+time: {step_s: 0.01}
+"""
+
+
 def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
     """In diagnostics and at the end; remembered, saved, and taken up again."""
     free = Twin(swung()).snapshot().bends[0]
@@ -96,6 +128,25 @@ def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
         assert RunSummary.from_values(said.row().values) == said
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", scene).snapshot().bends == shot.bends
+
+
+def test_a_stiff_rope_that_would_be_compressed_is_warned_of(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A cantilever has no tension: all of it gets shorter, and its straight shape is not its own.
+
+    One that hangs aslant from its clamp is in tension throughout, down to the end of the bend.
+    """
+    assert Twin(swung()).snapshot().bends[0].compressed_m == 0.0
+    cantilever = tmp_path / "cantilever.yaml"
+    cantilever.write_text(CANTILEVER)
+    shot = Twin(cantilever).snapshot()
+    assert shot.bends[0].compressed_m == pytest.approx(4.0)
+    (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
+    assert row.level == Level.WARN
+    assert "4 m would be in compression" in row.message
+    assert main(["scene", "check", str(cantilever)]) == 0
+    assert "\nwarning: effects bending: in static equilibrium, 4 m " in capsys.readouterr().out
 
 
 def test_the_tightest_of_all_snapshots_is_kept() -> None:
