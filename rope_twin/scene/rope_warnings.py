@@ -26,7 +26,7 @@ from rope_twin.scene.lift import (
 )
 from rope_twin.scene.rigging import NetPart, is_joined
 from rope_twin.scene.rope_data import SAFETY_FACTOR
-from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.schema import Rope, RopeLine, Scene
 from rope_twin.scene.shapes import Box
 from rope_twin.scene.vortex import (
     check_vortex_inputs,
@@ -155,6 +155,7 @@ def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str
 
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
 SMEARED_SHARE = 0.05  # of the side force of the hull, h/(4·z)
+CLAMP_EXCESS = 0.12  # of a bend radius at a clamp: that of elements of √(EI/T)
 LARGEST_DAMPING = 0.1  # damping ratio
 # Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
 STEPS_PER_PERIOD = 100.0
@@ -388,6 +389,33 @@ def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if scene.winch and bending and bending.clamped_along is not None:
         what = "rope from a winch is clamped in one direction (transients where elements split)"
         yield phrase("effects bending.clamped_along", what, "remove it, or the winch")
+    elif bending and bending.clamped_along is not None:
+        yield from _clamp(bending.stiffness_n_m2, scene.ropes[0], figures)
+
+
+def _clamp(EI: float, line: RopeLine, figures: LiftFigures) -> Iterator[str]:
+    """Check the mesh at a clamp, from which the bend decays over √(EI/T).
+
+    With x = l/√(EI/T) the turns of the elements l from there decay by r, r + 1/r - 2 = x², and of
+    the clamp's angle θ the first has s·θ, 1/s = 1 + (1 - r + x²)/2: curvature 2·(1 - s)·θ/l instead
+    of θ/√(EI/T) (derived from the balance of moments in effects/bending.py, small angles).
+    """
+    tension = figures.top_tension_n(line.length_m)
+    if line.fixed_at_m:
+        tension = tension_at_length(figures.bars, figures.chord_m)
+    if EI == 0.0 or tension <= 0.0:
+        return
+    reach, length = sqrt(EI / tension), figures.longest_element_m
+    x = length / reach
+    decay = 1.0 + 0.5 * x * x - x * sqrt(1.0 + 0.25 * x * x)
+    turned = 1.0 / (1.0 + 0.5 * (1.0 - decay + x * x))
+    excess = 0.5 * x / (1.0 - turned) - 1.0
+    if excess > CLAMP_EXCESS:
+        what = (
+            f"elements of {length:.2g} m spread the bend at clamped_along, which decays over "
+            f"√(EI/T) = {reach:.2g} m: its radius is {100.0 * excess:.0f} % too large"
+        )
+        yield phrase("ropes[0].elements", what, f"give {ceil(line.length_m / reach)} or more")
 
 
 def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:

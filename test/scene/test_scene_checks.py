@@ -35,6 +35,11 @@ def fixed(text: str, end: str) -> str:
     )
 
 
+BENT = "  - bending: {stiffness_n_m2: 1.0e+6, clamped_along: [0.3, 0.0, -1.0]}\n"
+CLAMPED = spoilt("  - payload: {}\n", f"  - payload: {{}}\n{BENT}")
+CLAMPED = CLAMPED.replace(CLAMPED[CLAMPED.index("winch:") : CLAMPED.index("ship:")], "")
+
+
 # name: (scene, start of the warning, words in it)
 ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "over a third": (
@@ -190,6 +195,12 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         spoilt(PROFILE, "[[0.0, [0.5, 0.0, 0.2]], [-900.0, [0.0, 0.0, 0.0]]]"),
         "effects current.profile: ",
         ("0.2 m/s of vertical current pass through the surface", "a row at z = 0 m with 0 up"),
+    ),
+    "a bend that elements at a clamp spread": (
+        # T = 133.0 kN, √(EI/T) = 2.742 m, l/√(EI/T) = 3.647: by hand 1/κ is 2.08 times √(EI/T)/θ
+        CLAMPED,
+        "ropes[0].elements: ",
+        ("elements of 10 m", "√(EI/T) = 2.7 m", "108 % too large", "give 183 or more"),
     ),
     "a winch through a clamp": (
         spoilt(
