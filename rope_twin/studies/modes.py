@@ -197,7 +197,7 @@ def _energy(rest: AtRest, motion: Floats) -> float:
 
 
 def _normal(rest: AtRest) -> Floats:
-    """Return the normal of the rope's mean plane; of a straight rope, across the current or y."""
+    """Return the normal of the rope's mean plane; of a straight rope, across the current or x."""
     offset = rest.place - rest.place[:, -1:]
     axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
     if sizes[1] > STRAIGHT * sizes[0]:
@@ -205,6 +205,8 @@ def _normal(rest: AtRest) -> Floats:
     across = np.cross(axes[:, 0], _water(rest).sum(axis=1))
     if not across.any():
         across = np.cross(axes[:, 0], [1.0, 0.0, 0.0])
+    if not across.any():  # along x
+        across = np.cross(axes[:, 0], [0.0, 1.0, 0.0])
     return np.asarray(across / np.linalg.norm(across))
 
 
