@@ -385,7 +385,7 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    bending = scene.listed(BendingParams)
+    bending = scene.ropes[0].bending or scene.listed(BendingParams)
     if scene.winch and bending and bending.clamped_along is not None:
         what = "rope from a winch is clamped in one direction (transients where elements split)"
         yield phrase("effects bending.clamped_along", what, "remove it, or the winch")

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, spoilt, written
 
+from rope_twin.effects.bending import BendingParams
 from rope_twin.scene.lift import hung_together, lift_figures, schedule_meets_limit, stretch_m
 from rope_twin.scene.load import load_scene, rope_preset
 from rope_twin.scene.rope_warnings import sense_checks
@@ -254,6 +255,20 @@ def test_odd_scene_is_warned_about(name: str, tmp_path: Path) -> None:
     assert found[0].startswith(start)
     assert "; " in found[0]
     assert found[0].endswith(".")
+
+
+def test_a_clamp_is_judged_by_the_bending_of_its_own_rope(tmp_path: Path) -> None:
+    """A rope with a clamp and stiffness of its own, and one that the effect's clamp leaves free."""
+    scene = load_scene(written(tmp_path, CLAMPED))
+    for own, count in (
+        (BendingParams(stiffness_n_m2=1e5, clamped_along=(0.0, 0.0, -1.0)), 1),
+        (BendingParams(stiffness_n_m2=1e5), 0),
+    ):
+        line = dataclasses.replace(scene.ropes[0], bending=own)
+        warnings = sense_checks(dataclasses.replace(scene, ropes=(line,)))
+        found = [warning for warning in warnings if "√(EI/T) = 0.87 m" in warning]
+        assert len(found) == count
+        assert not any("√(EI/T) = 2.7 m" in warning for warning in warnings)
 
 
 @pytest.mark.parametrize(
