@@ -25,7 +25,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool, Trigger
 
-from rope_twin.errors import InputError, RopeTwinError, did_you_mean
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
@@ -59,6 +59,7 @@ from rope_twin.topics import (
     RELEASE,
     SAVE_STATE,
     SEAT_TOPIC,
+    SWITCH_TOPIC,
     TAKE,
     TARE_ESTIMATE,
     TOPICS,
@@ -347,6 +348,11 @@ class SimulationNode(SuiteNode, LifecycleNode):
     def _taker(self, name: str) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
             if (paced := self.paced) is None:
+                if name == SWITCH_TOPIC:
+                    what = f"a switch came, and the simulation is {self._state} and has no winch"
+                    self.get_logger().warning(
+                        phrase(name, what, "configure it"), throttle_duration_sec=10.0
+                    )
                 return
             publisher = info["publisher_gid"]["data"]
             arrival_ns = paced.arrival_ns(self.get_clock().now().nanoseconds)

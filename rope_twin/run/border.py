@@ -41,7 +41,7 @@ from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 SILENT_S = 0.5  # silence of the sender of motion after which another one is accepted
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
@@ -116,6 +116,7 @@ class InputBorder:
         self._strangers = {name: Refusals() for name in MOTION_TOPICS}
         self._senders = {name: MotionSender() for name in MOTION_TOPICS}
         self._ignored = 0
+        self._latched: set[str] = set()  # winches whose stop waits for the simulation to go on
         self._remarked_s = -math.inf
         self.seats = Seats(
             twin.scene,
@@ -181,9 +182,16 @@ class InputBorder:
             sender: name of its node, which must have the winch's seat.
         """
         content = self._read(topic, lambda: read_order(topic, data))
-        if content is None or (epoch_ns := self._epoch()) is None:
+        if content is None:
             return
         stamp_ns, order, name = content
+        # the planner's stops belong to its schedule, which begins again with the next epoch
+        is_stop = order.kind == EMERGENCY_STOP and not self.seats.plans(sender)
+        if is_stop and self.epoch_ns is None:
+            self._latch_stop(self._twin.inputs.winch_called(name))
+            return
+        if (epoch_ns := self._epoch()) is None:
+            return
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
         command = self.seats.admit(winch, Command(order, at_ns, sender), now_ns)
@@ -194,12 +202,18 @@ class InputBorder:
             self._inputs.offer_command(command.stamp_ns, order, name)
 
     def switch(self, winch: str, kind: str) -> tuple[bool, str]:
-        """Execute a switch that comes by a service immediately; return success and text."""
-        if self._epoch() is None:
+        """Execute a switch that comes by a service immediately; return success and text.
+
+        An emergency stop while the simulation is not active is latched until it is.
+        """
+        if kind != EMERGENCY_STOP and self._epoch() is None:
             return False, f"winch {winch}: '{kind}' ignored, the simulation is not active"
         refusal = self.seats.permit(winch, kind) or self._twin.inputs.winch_forbids(winch, kind)
         if refusal:
             return False, refusal
+        if self._epoch() is None:
+            self._latch_stop(winch)
+            return True, _latched_words([winch])
         self._inputs.offer_command(None, WinchCommand(kind), winch)
         return True, f"winch {winch}: {kind.replace('_', ' ')}"
 
@@ -248,9 +262,10 @@ class InputBorder:
         with self._lock:
             now_s = self._now_s()
             ignored = self._ignored + self._inputs.refused
+            latched = sorted(self._latched) if self.epoch_ns is None else []
             return [
                 *self.seats.rows(),
-                _messages_row(self._malformed, ignored, now_s),
+                _messages_row(self._malformed, ignored, latched, now_s),
                 _senders_row(self._strangers, now_s),
             ]
 
@@ -278,18 +293,44 @@ class InputBorder:
             self._remarked_s = now_s
             self._inputs.take_remark(note.removesuffix("."))
 
+    def _latch_stop(self, winch: str) -> None:
+        """Queue an emergency stop for the first cycle after a pause.
+
+        It is reported, and queued once, if the winch will execute it.
+        """
+        if winch in self.seats.winches and not (
+            self.seats.permit(winch, EMERGENCY_STOP)
+            or self._twin.inputs.winch_forbids(winch, EMERGENCY_STOP)
+        ):
+            with self._lock:
+                if winch in self._latched:
+                    return
+                self._latched.add(winch)
+        self._inputs.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
+
     def _epoch(self) -> int | None:
         """Return the epoch; if there is none, count the input as ignored and return None."""
         epoch_ns = self.epoch_ns
         if epoch_ns is None:
             self._ignored += 1
+        elif self._latched:  # they have reached the twin
+            self._latched.clear()
         return epoch_ns
 
 
-def _messages_row(malformed: dict[str, Refusals], ignored: int, now_s: float) -> Status:
-    """Return the row on malformed messages, and on inputs ignored while not active."""
+def _latched_words(winches: list[str]) -> str:
+    names = ", ".join(winches)
+    return f"winch {names}: emergency stop latched, in force once the simulation goes on"
+
+
+def _messages_row(
+    malformed: dict[str, Refusals], ignored: int, latched: list[str], now_s: float
+) -> Status:
+    """Return the row on malformed messages, inputs ignored and stops latched while not active."""
     values = {topic: str(refused.count) for topic, refused in malformed.items()}
     values["ignored while not active"] = str(ignored)
+    if latched:
+        return Status(MESSAGES_ROW, Level.WARN, _latched_words(latched), values)
     recent = {topic: count for topic, one in malformed.items() if (count := one.recent(now_s))}
     if not recent:
         total = sum(refused.count for refused in malformed.values())

@@ -289,9 +289,13 @@ class Seats:
             seat.note(command.command, command.stamp_ns, now_ns, now_s)
         is_stop = command.command.kind == EMERGENCY_STOP
         ahead = command.stamp_ns is not None and command.stamp_ns > now_ns
-        if is_stop and ahead and command.sender.rpartition("/")[2] != self._planner:
+        if is_stop and ahead and not self.plans(command.sender):
             return command._replace(stamp_ns=None)
         return command
+
+    def plans(self, sender: str) -> bool:
+        """Return whether a node is the planning one."""
+        return sender.rpartition("/")[2] == self._planner
 
     def name_holders(self, node_of: Callable[[str], str]) -> None:
         """Call holders that were known by a publisher by the name of its node, once that is known.

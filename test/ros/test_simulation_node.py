@@ -122,6 +122,31 @@ def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running:
     assert running.paced is None
 
 
+def test_an_emergency_stop_in_a_pause_holds_from_the_first_step_after_it(bench: Bench) -> None:
+    from rope_twin.messages import encode_order
+    from rope_twin.twin.winch.commands import WinchCommand
+
+    node, diagnostics = simulation(bench, scene="emergency_stop"), bench.listen("diagnostics")
+    node.begin()
+    paced, (topic, stop) = node.paced, encode_order(0, WinchCommand("emergency_stop"))
+    panel = bench.publisher(topic)
+    bench.until(lambda: paced.pacer.health().steps and panel.get_subscription_count(), "it runs")
+    node.trigger_deactivate()
+    steps = paced.pacer.health().steps
+    panel.publish(stop)
+
+    def latched() -> bool:
+        row = rows_of(diagnostics[-1])["simulation: messages"] if diagnostics else None
+        return row is not None and "winch winch: emergency stop latched" in row.message
+
+    bench.until(latched, "it is reported in the pause")
+    modes = bench.listen("winch/mode")
+    node.trigger_activate()
+    bench.until(lambda: modes, "the mode after the pause")
+    assert modes[0].data.startswith("winch: emergency stop")
+    assert paced.pacer.health().steps > steps
+
+
 def test_a_scene_that_does_not_exist_fails_to_configure_with_one_sentence(bench: Bench) -> None:
     node = simulation(bench, scene="shalow_lift")
     with pytest.raises(InputError, match="did you mean 'shallow_lift'"):

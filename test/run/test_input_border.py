@@ -92,6 +92,40 @@ def test_a_service_is_answered_with_what_the_winch_will_do() -> None:
     assert rig.border.switch("winch", "release_brake")[0]
 
 
+def test_an_emergency_stop_in_a_pause_is_latched() -> None:
+    """By topic or service it holds from the first step after the pause, and is reported."""
+    for by_service in (True, False):
+        rig = Rig("emergency_stop")
+        rig.border.epoch_ns = None
+        latched = "winch winch: emergency stop latched, in force once the simulation goes on"
+        for _ in range(3):
+            if by_service:
+                assert rig.border.switch("winch", "emergency_stop") == (True, latched)
+            else:
+                order = encode_order(0, WinchCommand("emergency_stop"))
+                rig.border.take_order(*order, "/panel")
+        assert (rig.row(MESSAGES_ROW).level, rig.row(MESSAGES_ROW).message) == (Level.WARN, latched)
+        assert not rig.border.switch("winch", "reset")[0]
+        rig.border.epoch_ns = EPOCH_NS
+        assert [name for name, _ in rig.calls()] == ["offer_command"]
+        assert rig.inputs.snapshot().winches[0].mode == "emergency_stop"
+        assert rig.row(MESSAGES_ROW).level == Level.OK
+
+
+def test_a_stop_that_no_winch_executes_is_not_reported_as_latched(rig: Rig) -> None:
+    """Nor is one of the schedule, which begins again with the next epoch."""
+    rig.border.epoch_ns = None
+    assert "add `emergency_stop` to it" in rig.border.switch("winch", "emergency_stop")[1]
+    order = WinchCommand("emergency_stop")
+    rig.border.take_order(*encode_order(0, order, "no such winch"), "/panel")
+    rig.border.take_order(*encode_order(EPOCH_NS, order), "winch_schedule")
+    assert rig.row(MESSAGES_ROW).level == Level.OK
+    assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "1"
+    rig.border.epoch_ns = EPOCH_NS
+    assert [name for name, _ in rig.calls()] == ["offer_command"]
+    assert "no winch 'no such winch'" in rig.inputs.snapshot().inputs["winch_switch"].refusal
+
+
 def test_a_seat_is_reserved_only_while_commands_are_taken(rig: Rig) -> None:
     rig.border.take_order(*encode_order(0, WinchCommand(SPEED, 0.1)), "/panel")
     assert rig.border.ask_seat("winch") == rig.border.seats.ask("winch")
