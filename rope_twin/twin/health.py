@@ -19,6 +19,8 @@ CLOCK_SAMPLES_MIN = 10  # minimum number of offsets to report one
 CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only add to the clocks' difference
 CLOCK_SURE = 3  # of the newest CLOCK_SAMPLES_MIN: so many early ones are no single wrong stamp
 CLOCK_WARN_S, CLOCK_ERROR_S = 0.2, 1.0
+CLOCK_WARN_NS = 200_000_000  # also the least step, and the scatter in which one is recognised
+CLOCK_JITTER_NS = 50_000_000  # of the offsets of a sender by its link
 SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their time
 
 
@@ -36,7 +38,7 @@ def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
     late_ns = now_ns - stamp_ns
     if late_ns > AHEAD_NS:
         behind = f"stamp {stamp_ns * 1e-9:.1f} s lies {late_ns * 1e-9:.1f} s back"
-        return behind, "sender and twin must share one clock"
+        return behind, "sender and twin must share one clock, a replay the twin's epoch"
     late = f"it came {late_ns * 1e-6:.0f} ms after it was {due}"
     return late, "raise the input delay by more than that"
 
@@ -184,6 +186,11 @@ class SenderClock:
     A live sensor is late by the transport delay and never early, so three early samples decide,
     where it takes many late ones. A replay publishes each sample up to `lead_s` before its time.
     Any offset beyond these is an error of the sender's clock.
+
+    A step of the clock changes the offset of every sample from one to the next: forward beyond what
+    a link can make good, or back, with stamps that run backwards, as no link makes them. Samples
+    wait until CLOCK_SURE agree on the step. From then on their stamps are corrected by it, so that
+    the motion goes on at the times that it had before, unless the step has mended the clock.
     """
 
     def __init__(self) -> None:
@@ -191,10 +198,60 @@ class SenderClock:
         self.correct = False  # whether stamps are corrected by the offset
         self._offsets: deque[int] = deque(maxlen=CLOCK_SAMPLES)
         self._shift_ns = 0  # correction added to the stamps at present
+        self._newest_ns = -(10**18)  # stamp of the newest sample, as sent
+        self._apart: list[int] = []  # offsets of consecutive samples that differ by a step
+        self._stepped_ns = 0  # twin time of the newest step
+        self._is_broken = False  # whether its correction leaves a gap in the times of the motion
+        self.mended = ""  # a step that has mended the clock, in words, until it is read
 
-    def take(self, stamp_ns: int, received_ns: int) -> None:
-        """Take the stamp and the arrival of a sample, both in twin time [ns]."""
-        self._offsets.append(received_ns - stamp_ns)
+    def take(self, stamp_ns: int, received_ns: int) -> float:
+        """Take the stamp and the arrival of a sample, both in twin time [ns].
+
+        Returns:
+            Step of its stamp [s] against those before that is not confirmed: + ahead; 0: none.
+        """
+        offset_ns, backwards = received_ns - stamp_ns, stamp_ns < self._newest_ns
+        self._newest_ns = stamp_ns
+        newest = list(islice(reversed(self._offsets), CLOCK_SAMPLES_MIN))
+        usual_ns = min(newest, default=0)
+        later_ns = offset_ns - usual_ns
+        is_steady = len(newest) == CLOCK_SAMPLES_MIN and max(newest) - usual_ns <= CLOCK_WARN_NS
+        is_apart = later_ns < -CLOCK_WARN_NS or (
+            later_ns > CLOCK_WARN_NS and (backwards or bool(self._apart))
+        )
+        if self.correct or not (is_steady and is_apart and abs(later_ns) <= AHEAD_NS):
+            self._apart.clear()
+            self._offsets.append(offset_ns)
+            return 0.0
+        if self._apart and abs(offset_ns - self._apart[0]) > CLOCK_WARN_NS:
+            self._apart.clear()
+        self._apart.append(offset_ns)
+        if len(self._apart) < CLOCK_SURE:
+            return -later_ns * 1e-9
+        self._step(usual_ns, received_ns)
+        return 0.0
+
+    def _step(self, usual_ns: int, now_ns: int) -> None:
+        """Correct the stamps by a step from the usual offset to that of the newest samples."""
+        step_ns = min(self._apart) - usual_ns
+        was_wrong = abs(self._excess_s(usual_ns * 1e-9)) > CLOCK_WARN_S
+        is_right = abs(self._excess_s((usual_ns + step_ns) * 1e-9)) <= CLOCK_WARN_S
+        continued_ns = self._shift_ns + step_ns
+        self._shift_ns = 0 if was_wrong and is_right else continued_ns
+        if abs(self._shift_ns) < CLOCK_JITTER_NS:
+            self._shift_ns = 0
+        self._is_broken = abs(self._shift_ns - continued_ns) > CLOCK_JITTER_NS
+        self._stepped_ns = now_ns
+        if not self._shift_ns:
+            self.mended = (
+                f"the sender's clock stepped by {-step_ns * 1e-9:+.2f} s at {now_ns * 1e-9:.1f} s, "
+                "its stamps need no correction"
+            )
+        while len(self._apart) < CLOCK_SAMPLES_MIN:  # they stand for those to come
+            self._apart.append(self._apart[0])
+        self._offsets.clear()
+        self._offsets.extend(self._apart)
+        self._apart.clear()
 
     @property
     def offset_s(self) -> float:
@@ -215,14 +272,19 @@ class SenderClock:
     def excess_s(self) -> float:
         """Offset beyond that of a sender with a correct clock [s]: + late, - early; 0: none."""
         offset_s = self.offset_s
-        if math.isnan(offset_s):
-            return 0.0
+        return 0.0 if math.isnan(offset_s) else self._excess_s(offset_s)
+
+    def _excess_s(self, offset_s: float) -> float:
         return offset_s if offset_s > 0.0 else min(0.0, offset_s + self.lead_s)
 
     def shift_ns(self) -> tuple[int, bool]:
-        """Return the correction of stamps [ns] and whether it has changed since the last call."""
+        """Return the correction of stamps [ns], and whether the motion's times have a gap by it.
+
+        The gap is one since the last call.
+        """
         if not self.correct:
-            return 0, False
+            is_broken, self._is_broken = self._is_broken, False
+            return self._shift_ns, is_broken
         excess_s, before_ns = self.excess_s, self._shift_ns
         offset_s = self.offset_s
         if abs(excess_s) <= CLOCK_WARN_S:
@@ -234,9 +296,12 @@ class SenderClock:
     def fault(self) -> tuple[str, bool]:
         """Return the fault of the sender's clock, or "", and whether it is an error."""
         excess_s = self.excess_s
-        if abs(excess_s) <= CLOCK_WARN_S:
+        stepped = not self.correct and self._shift_ns
+        if abs(excess_s) <= CLOCK_WARN_S and not stepped:
             return "", False
-        if excess_s > 0.0:
+        if abs(excess_s) <= CLOCK_WARN_S:
+            what = "the sender's clock has stepped"
+        elif excess_s > 0.0:
             what = (
                 f"samples arrive {self.offset_s:.2f} s after their stamps: the sender's clock is "
                 "behind, or its link slow"
@@ -247,7 +312,9 @@ class SenderClock:
                 "allowed: the sender's clock is ahead"
             )
         if self._shift_ns:
-            return f"{what}; its stamps are corrected by {self._shift_ns * 1e-9:+.2f} s", False
+            since = f" since its step at {self._stepped_ns * 1e-9:.1f} s" if stepped else ""
+            shift = f"{self._shift_ns * 1e-9:+.2f} s{since}"
+            return f"{what}; its stamps are corrected by {shift}", False
         right = "synchronise the clocks, or set correct_sender_clocks"
         return f"{what}; {right}", abs(excess_s) > CLOCK_ERROR_S
 

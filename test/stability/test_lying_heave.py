@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import random
 from collections.abc import Callable
@@ -436,3 +437,66 @@ def test_a_restart_in_the_midst_of_it_changes_no_bit(tmp_path: Path) -> None:
         assert digest(unbroken) == digest([*before, *after])
         rows = [statuses(shots[-1], None)[-3:] for shots in (unbroken, after)]
         assert rows[0] == rows[1]
+
+
+@pytest.mark.parametrize(("from_s", "step_s"), [(0.0, 0.7), (0.0, -0.7), (0.0, -9.0), (0.7, -0.7)])
+def test_a_step_of_the_senders_clock_and_back_moves_nothing(
+    tmp_path: Path, step_s: float, from_s: float
+) -> None:
+    """Three samples decide; the motion keeps its times, and the row says so while they are shifted.
+
+    A clock that was ahead and steps to the right time is not corrected.
+    """
+
+    def fault(one: Sample) -> Sample:
+        own_s = from_s + (step_s if FAULT_AT_S <= one.stamp_s < 14.0 else 0.0)
+        return replace(one, stamp_s=one.stamp_s + own_s)
+
+    found = run(Twin(usual(tmp_path)), fault, 22.0, at_s=-1.0, clocked=True)
+    mends = from_s + step_s == 0.0
+    refused = [shot.inputs["heave"].refused for shot in found.shots]
+    steps = [b - a for a, b in itertools.pairwise(refused) if b > a]
+    assert steps == [1] * 4, "two samples wait at each step, and no other is refused"
+    off = [
+        abs(shot.heave_m - truth(shot.time_s - (0.0 if mends else from_s))[0])
+        for shot in found.shots
+        if 5.0 < shot.time_s < (6.0 if mends else 22.0) or 10.0 < shot.time_s < 13.8
+    ]
+    assert max(off) < 0.02 + (1.5 * OMEGA * from_s if mends else 0.0)
+    words = f"its stamps are corrected by {-step_s:+.2f} s since its step at 6.1 s"
+    assert (words in found.messages()) is not mends
+    assert "disagree" not in found.messages()
+    assert "order of their stamps" not in found.messages()
+
+
+def test_samples_of_another_run_are_called_so(tmp_path: Path) -> None:
+    """A publisher that starts again with its former epoch: not an order of stamps to be mended."""
+
+    def fault(one: Sample) -> Sample:
+        return replace(one, stamp_s=one.stamp_s - 60.0)
+
+    found = run(Twin(usual(tmp_path)), fault, 8.0, clocked=True)
+    words = "s back; sender and twin must share one clock, a replay the twin's epoch"
+    assert words in found.rows[-1].message
+    assert "order of their stamps" not in found.messages()
+
+
+def test_a_step_of_the_clock_across_a_restart_changes_no_bit(tmp_path: Path) -> None:
+    scene = usual(tmp_path)
+    for cut_s in (6.0, 6.1, 9.0):
+        whole, first = Twin(scene), Twin(scene)
+
+        def follow(twin: Twin, from_s: float, to_s: float) -> list[Snapshot]:
+            shots = []
+            for k in range(round(from_s * 20), round(to_s * 20)):
+                t = 0.05 * k
+                stamp_ns = round((t + 0.2 + (0.7 if t > 5.8 else 0.0)) * 1e9)
+                twin.offer_heave(stamp_ns, *truth(t + 0.2), round((t + 0.21) * 1e9))
+                twin.advance(5)
+                shots.append(twin.snapshot())
+            return shots
+
+        expected = follow(whole, 0.0, 10.0)[round(cut_s * 20) :]
+        follow(first, 0.0, cut_s)
+        resumed = Twin.restore(first.capture(), scene)
+        assert digest(follow(resumed, cut_s, 10.0)) == digest(expected)

@@ -16,7 +16,14 @@ from rope_twin.errors import phrase
 from rope_twin.scene.environment import reference_point_m
 from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
+from rope_twin.twin.health import (
+    CLOCK_SURE,
+    STUCK_NS,
+    UNJUDGED,
+    Judgement,
+    SenderClock,
+    StuckDetector,
+)
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.plausibility import (
     NOISE_M,
@@ -183,7 +190,9 @@ class HangOffTrack(HeaveTrack):
             return self.counter.refuse("impossible", phrase("heave", what, right))
         if self._prescribed:
             return super().offer(stamp_ns, position_m, velocity_m_per_s)
-        stamp_ns = self._by_own_clock(stamp_ns, received_ns)
+        if waits := self._clock_fault(stamp_ns, received_ns, "heave"):
+            return waits
+        stamp_ns += self._shift_ns(received_ns)
         sample = (position_m, velocity_m_per_s)
         if self._in_doubt and self._is_settled(stamp_ns, sample):
             return ""
@@ -198,7 +207,9 @@ class HangOffTrack(HeaveTrack):
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Submit a ship pose; return "" or the reason for its rejection."""
-        pose = replace(pose, stamp_ns=self._by_own_clock(pose.stamp_ns, received_ns))
+        if waits := self._clock_fault(pose.stamp_ns, received_ns, "ship pose"):
+            return waits
+        pose = replace(pose, stamp_ns=pose.stamp_ns + self._shift_ns(received_ns))
         fault = self._pose_fault(pose)
         if fault:
             kind = "impossible" if is_finite(pose) else "non_finite"
@@ -269,16 +280,28 @@ class HangOffTrack(HeaveTrack):
         for further in self._further:
             further.offer(pose)
 
-    def _by_own_clock(self, stamp_ns: int, received_ns: int | None) -> int:
-        """Return the stamp by the twin's clock, if the sender's is corrected."""
+    def _clock_fault(self, stamp_ns: int, received_ns: int | None, what: str) -> str:
+        """Judge the sender's clock; return why the sample waits for others, counted; or ""."""
         if received_ns is None:
-            return stamp_ns
-        self.clock.take(stamp_ns, received_ns)
-        shift_ns, changed = self.clock.shift_ns()
-        if changed:
+            return ""
+        if not (step_s := self.clock.take(stamp_ns, received_ns)):
+            return ""
+        fault = f"its stamp has stepped by {step_s:+.2f} s against its arrival"
+        right = f"it is taken once {CLOCK_SURE} samples agree on it"
+        return self.counter.refuse("unconfirmed", phrase(what, fault, right))
+
+    def _shift_ns(self, received_ns: int | None) -> int:
+        """Return the correction of the newest sample's stamp [ns]; a gap by it is joined."""
+        if received_ns is None:
+            return 0
+        shift_ns, is_broken = self.clock.shift_ns()
+        if is_broken:
             self.drop()
             self._drop_samples()
-        return stamp_ns + shift_ns
+        if mended := self.clock.mended:
+            self.counter.warn(mended, received_ns)
+            self.clock.mended = ""
+        return shift_ns
 
     def _drop_samples(self) -> None:
         """Join the next samples as after a gap, in all directions and at all hang-offs."""

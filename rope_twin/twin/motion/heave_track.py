@@ -156,11 +156,13 @@ class HeaveTrack:
         if self._stamps and stamp_ns == self._stamps[-1]:
             right = "each sample needs a stamp of its own"
             return refuse("repeated", phrase(name, f"{stamp} came twice", right))
+        now = self._asked_ns
         if self._stamps and stamp_ns < self._stamps[-1]:
+            if now is not None and now - stamp_ns > AHEAD_NS:  # another clock, whatever their order
+                return refuse("late", phrase(name, *too_late(stamp_ns, now)))
             what = f"{stamp} follows {self._stamps[-1] * 1e-9:.3f} s"
             right = "samples must come in the order of their stamps"
             return refuse("late", phrase(name, what, right))
-        now = self._asked_ns
         if now is not None and stamp_ns < now:
             return refuse("late", phrase(name, *too_late(stamp_ns, now, "needed")))
         ahead_ns = stamp_ns - (now or 0)
