@@ -125,6 +125,11 @@ class _SetPoint:
     command: WinchCommand
     given_s: float
     confirmed: bool = False  # whether the twin has given the console the winch's seat
+    in_force: WinchCommand | None = None  # newest one that the twin has reported
+
+    def stop(self) -> None:
+        """Repeat speed 0, as after an emergency stop."""
+        self.command = self.in_force = _STOP
 
 
 class Desk:
@@ -269,11 +274,12 @@ class Desk:
             own = self._set_points.setdefault(winch, _SetPoint(command, now_s))
             own.command, own.given_s = command, now_s
         elif command.kind == EMERGENCY_STOP and winch in self._set_points:
-            self._set_points[winch].command = _STOP
+            self._set_points[winch].stop()
+        refused = self._refused(winch, command)
         self._commander.send(winch, command)
         return Sent(
             lambda: self._effect(winch, command),
-            lambda: self._why_not(winch, command),
+            lambda: self._why_not(winch, command, refused),
             f"sent: {_words(command)}",
         )
 
@@ -316,6 +322,9 @@ class Desk:
     def _check_reach(self, winch: str, command: WinchCommand) -> None:
         """Refuse what the twin would refuse: its repeats would take the place of those in force."""
         figures = (self._pages.facts.get("winches") or {}).get(winch, {})
+        if command.kind not in figures.get("modes", CONTROL_MODES):
+            right = f"this winch has {', '.join(figures['modes'])}"
+            raise Refusal("command", _words(command), right)
         least, most = figures.get("least_line_out_m"), figures.get("most_line_out_m")
         if command.kind == SPEED and abs(command.value) > MAX_SPEED_M_PER_S:
             right = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
@@ -378,7 +387,7 @@ class Desk:
         self._repeated_s = now_s
         for winch, own in self._set_points.items():
             if self._mode(winch).startswith(f"{winch}: emergency stop"):
-                own.command = _STOP
+                own.stop()
             self._commander.send(winch, own.command)
 
     def _commands(self, winch: str) -> bool:
@@ -408,6 +417,9 @@ class Desk:
             unit = CONTROL_MODES[command.kind]
             order_text = f"{winch}: {command.kind} {command.value:g} {unit}"
             seen = own == order_text or own.startswith(f"{order_text} (")
+            given = self._set_points.get(winch)
+            if seen and given is not None and given.command == command:
+                given.in_force = command
         elif command.kind == EMERGENCY_STOP:
             seen = own.startswith(f"{winch}: emergency stop")
         elif command.kind == "reset":
@@ -426,8 +438,34 @@ class Desk:
     def _node(self) -> str:
         return self._commander.name if self._commander else ""
 
-    def _why_not(self, winch: str, command: WinchCommand) -> str:
-        """Return what is known of a command without effect; drop it if another one commands."""
+    def _input_row(self, winch: str, command: WinchCommand) -> Mapping[str, Any]:
+        """Return the diagnostics row of the input that takes a command; empty: not known."""
+        name = input_of(command, winch).replace("_", " ")
+        row: Mapping[str, Any] = self._pages.readings.values.get(
+            f"diagnostics simulation: input {name}", {}
+        )
+        return row
+
+    def _refused(self, winch: str, command: WinchCommand) -> int:
+        """Return how many commands the twin has refused at the input that takes a command."""
+        return int(self._input_row(winch, command).get("values", {}).get("refused", 0))
+
+    def _return_from(self, winch: str, command: WinchCommand) -> None:
+        """Repeat the set-point in force in place of one that the twin refuses, or none."""
+        own = self._set_points.get(winch)
+        if own is None or own.command != command:
+            return
+        if own.in_force is None:
+            del self._set_points[winch]
+        else:
+            own.command = own.in_force
+
+    def _why_not(self, winch: str, command: WinchCommand, refused: int) -> str:
+        """Return what is known of a command without effect.
+
+        It is repeated no more if another one commands, or if the twin has refused more than
+        `refused` commands, as many as before it.
+        """
         values = self._pages.readings.values
         seat = values.get(f"diagnostics simulation: seat {winch}")
         holder = str(values.get("seat", ""))
@@ -438,8 +476,9 @@ class Desk:
             last = (seat or {}).get("values", {}).get("last rejection", "")
             return last or phrase(_words(command), f"the seat is not the console's ({holder})",
                                   "take the seat and send it again")  # fmt: skip
-        name = input_of(command, winch).replace("_", " ")
-        row = values.get(f"diagnostics simulation: input {name}", {})
+        if command.kind in CONTROL_MODES and self._refused(winch, command) > refused:
+            self._return_from(winch, command)
+        row = self._input_row(winch, command)
         reason = row.get("message", "").removesuffix(".") if row.get("level") else ""
         what = f"no effect seen within {FEEDBACK_S:g} s"
         return phrase(_words(command), what, reason or "look at the winch's state")

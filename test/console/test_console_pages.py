@@ -201,7 +201,7 @@ def test_a_switch_without_effect_is_answered_with_its_own_refusal() -> None:
     {"kind": "speed", "value": "fast"}, {"kind": "speed", "value": float("nan")},
     {"kind": "speed", "value": True}, {"kind": "speed"}, {"kind": "new_commander"},
     {"kind": "speed", "value": -10.1}, {"kind": "length", "value": 99.9},
-    {"kind": "length", "value": 3200.1},
+    {"kind": "length", "value": 3200.1}, {"kind": "tension", "value": 1e5},
     {"kind": ["speed"], "value": 1.0}, {"kind": "speed", "value": 1.0, "winch": "other"},
     {"kind": "speed", "value": 1.0, "winch": {}},
 ])  # fmt: skip
@@ -315,6 +315,33 @@ def test_a_set_point_ends_with_the_seat_of_its_winch() -> None:
     rig.source.seat = "winch: nobody"  # the panel leaves: the winch must not start by itself
     rig.tick(60)
     assert rig.commander.sent == []
+
+
+def test_a_set_point_that_the_twin_refuses_is_not_repeated() -> None:
+    """The one in force is repeated again; without one, none is."""
+    for in_force in (True, False):
+        rig = ConsoleRig()
+        page = rig.page(True)
+        rig.source.seat = "winch: console"
+        rig.tick()
+        command = {"do": "command", "winch": "winch"}
+        rig.desk.take(page, {"do": "take_seat", "id": 1})
+        if in_force:
+            rig.desk.take(page, command | {"kind": "speed", "value": 0.5, "id": 2})
+            rig.tick(20)
+        rig.commander.obeys = False
+        rig.desk.take(page, command | {"kind": "depth", "value": 5000.0, "id": 3})
+        sentence = "winch command: depth 5000 m; this winch's 3200 m of rope reach 3251.2 m."
+        refused = Status("simulation: input winch command", Level.WARN, sentence, {"refused": "9"})
+        rig.source.rows = [refused]
+        rig.tick(round(FEEDBACK_S / 0.05) + 2)
+        answer = replies(page)[-1]
+        assert (answer["id"], answer["ok"]) == (3, False)
+        assert "3251.2 m" in answer["words"]
+        rig.commander.sent.clear()
+        rig.tick(20)
+        kept = {WinchCommand("speed", 0.5)} if in_force else set()
+        assert {sent for _, sent in rig.commander.sent} == kept
 
 
 def test_another_page_does_not_inherit_a_set_point() -> None:
