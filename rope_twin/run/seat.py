@@ -184,7 +184,9 @@ class CommandSeat:
         if not self._silent:
             self._silent = True
             return ()
-        above = sorted(one for one in present if self.rank(one) < self.rank(self.holder))
+        # a publisher whose node is not known yet, by a name with a space, may be any node's
+        named = (one for one in present if " " not in one)
+        above = sorted(one for one in named if self.rank(one) < self.rank(self.holder))
         if above:
             self._yielded = above[0]
             return ()

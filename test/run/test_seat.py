@@ -156,6 +156,15 @@ def test_a_schedule_that_yields_is_not_lost() -> None:
     assert own.look({"winch_schedule"}, last_ns + 20 * S, 20.0) == (COMMANDER_LOST,)
 
 
+def test_a_commander_does_not_yield_to_a_publisher_that_may_be_its_own() -> None:
+    """As of a schedule that was killed and starts again: the graph has no name for it at first."""
+    own = seat()
+    present, late_ns = {"winch_schedule", "publisher 010f78fd"}, streamed(own, "winch_schedule")
+    assert own.look(present, late_ns + 2 * SILENT_NS, 5.0) == ()
+    assert own.look(present, late_ns + 2 * SILENT_NS, 5.5) == (COMMANDER_LOST,)
+    assert "winch_schedule stopped sending" in own.words()
+
+
 def test_after_a_pause_silence_counts_from_then_on() -> None:
     own = seat()
     last_ns = streamed(own, "console")
