@@ -151,7 +151,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
         self._params = read(self, SimulationParams)
         try:
             known = (*self._inputs, *self._own_publishers)
-            if self._params.lockstep and not self.get_parameter("use_sim_time").value:
+            if self._params.lockstep and not self._uses_sim_time:
                 where = "node simulation, parameter lockstep"
                 raise InputError(where, "it needs the time of /clock", "set use_sim_time")
             unknown = [name for name in self._params.wait_for.split() if name not in known]
@@ -263,6 +263,10 @@ class SimulationNode(SuiteNode, LifecycleNode):
             self._listeners, self._described_s = listeners, now_s
             self.paced.describe_again()
 
+    @property
+    def _uses_sim_time(self) -> bool:
+        return bool(self.get_parameter("use_sim_time").value)
+
     def _has_time(self) -> bool:
         """Return whether ROS time is known: with use_sim_time it is 0 until the first /clock."""
         return bool(self.get_clock().now().nanoseconds > 0)
@@ -327,7 +331,8 @@ class SimulationNode(SuiteNode, LifecycleNode):
 
     def _judge_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         if self._state == "unconfigured" or all(
-            change.name == "use_sim_time" for change in changes
+            change.name == "use_sim_time" and change.value == self._uses_sim_time
+            for change in changes
         ):
             return SetParametersResult(successful=True)
         reason = f"the simulation is {self._state}; deactivate and clean up first, then configure"

@@ -232,6 +232,9 @@ def test_parameters_cannot_change_under_a_running_twin(bench: Bench, running: An
     result = running.set_parameters([Parameter("speed", value=2.0)])[0]
     assert not result.successful
     assert "clean up first" in result.reason
+    # with another clock every stamp of an input would be wrong
+    assert not running.set_parameters([Parameter("use_sim_time", value=True)])[0].successful
+    assert running.set_parameters([Parameter("use_sim_time", value=False)])[0].successful
     running.trigger_deactivate()
     running.trigger_cleanup()
     assert running.set_parameters([Parameter("speed", value=2.0)])[0].successful
