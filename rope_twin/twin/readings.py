@@ -199,11 +199,11 @@ class Readings(ABC):
         newest_ns, at = self._newest_ns, f"stamp {stamp_ns * 1e-9:.3f} s"
         if stamp_ns == newest_ns:
             return "repeated", f"{at} came twice", "each reading needs a stamp of its own"
+        if stamp_ns < now_ns - HISTORY_NS:  # another clock, whatever the order
+            return ("late", *too_late(stamp_ns, now_ns))
         if newest_ns is not None and stamp_ns < newest_ns:
             what = f"{at} follows {newest_ns * 1e-9:.3f} s"
             return "late", what, "readings must come in the order of their stamps"
-        if stamp_ns < now_ns - HISTORY_NS:
-            return ("late", *too_late(stamp_ns, now_ns))
         if stamp_ns > now_ns + AHEAD_NS:
             what = too_far_ahead("", stamp_ns, now_ns).removeprefix(": ")
             fault, _, right = what.rstrip(".").partition("; ")

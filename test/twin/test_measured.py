@@ -171,6 +171,14 @@ REFUSED = {
 }
 
 
+def test_readings_of_another_clock_are_called_so(scene: Scene) -> None:
+    """Such as stamps of zero: not an order to be mended."""
+    inputs = MeasuredInputs(scene)
+    assert inputs.offer(Measurement.of_winch(10**11, 200.0), 10**11) == ""
+    refusal = inputs.offer(Measurement.of_winch(-(10**18), 200.0), 10**11)
+    assert "must share one clock" in refusal
+
+
 @pytest.mark.parametrize("case", REFUSED)
 def test_garbage_gets_one_sentence(case: str, scene: Scene) -> None:
     measurement, words = REFUSED[case]
