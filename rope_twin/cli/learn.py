@@ -92,8 +92,8 @@ def run(args: argparse.Namespace) -> int:
     last = estimator.results[-1]
     minutes = len(estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
-    if last.near > 0.0:
-        print(report.near_words(last.near))
+    for words in report.left_out_words(last):
+        print(words)
     if last.held:
         held = ", ".join(last.held)
         print(f"at the limit of 4 prior sd: {held}; check scene, units and signs", file=sys.stderr)

@@ -116,6 +116,7 @@ class BlockResult:
     nis: float  # normalised innovation squared of the residual that is left, over its number
     held: tuple[str, ...]  # figures at the limit of what the prior allows
     near: float  # share of the means left out with the payload near the surface or the seabed
+    stopped: float  # share of the tension left out at an end of the load pin's range
 
 
 class Estimator:
@@ -276,7 +277,10 @@ class Estimator:
         self._memory.learn(posterior)
         posterior = Gaussian(posterior.mean[:COUNT], posterior.covariance[:COUNT, :COUNT])
         held = self.prior.held(self.theta)
-        self.results.append(BlockResult(end_s, posterior, float(used.mean()), nis, held, near))
+        stopped = self.model.lift.stopped_share(begin_s, end_s)
+        self.results.append(
+            BlockResult(end_s, posterior, float(used.mean()), nis, held, near, stopped)
+        )
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
         motion = prediction.motion

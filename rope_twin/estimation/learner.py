@@ -30,7 +30,7 @@ class Estimate:
     figures: tuple[report.FigureEstimate, ...]
     factors: dict[str, float]  # on the scene's figures, without the current
     held: tuple[str, ...]  # figures at the limit of the prior
-    near: float  # share of the block left out with the payload near the surface or the seabed
+    left_out: tuple[str, ...]  # why how much of the block was left out, in words
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of estimate/figures."""
@@ -41,8 +41,8 @@ class Estimate:
         known = [one for one in self.figures if one.state == report.LEARNED]
         listed = ", ".join(f"{one.name} {one.value:.4g} {one.unit}" for one in known)
         head = f"after {self.minutes} min"
-        if self.near > 0.0:
-            head += f" ({report.near_words(self.near)})"
+        if self.left_out:
+            head += f" ({'; '.join(self.left_out)})"
         return f"{head}: {listed}" if listed else f"{head}: no figure is known better than before"
 
 
@@ -164,7 +164,7 @@ class Learner:
             figures=report.estimates(self._base, estimator.prior, last.posterior, advice),
             factors={name: float(factors[name]) for name in known},
             held=last.held,
-            near=last.near,
+            left_out=tuple(report.left_out_words(last)),
         )
 
     def factors_to_apply(self) -> dict[str, float]:

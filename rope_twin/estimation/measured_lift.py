@@ -23,6 +23,9 @@ Bools = NDArray[np.bool_]
 MEAN_S = 0.25  # interval of the means that are compared
 NEIGHBOURS = 9  # samples of the median
 SPIKE_SDS = 5.0  # of the pin's noise, from that median
+STOP_SHARE = 0.03  # of the values at the extreme: the sensor may be at the end of its range ...
+STOP_RATIO = 4.0  # ... with so many times those next to it; the counts of a sine have 2.4 times ...
+STOP_GAP = 0.2  # ... so near, in standard deviations: coarser counts say nothing of it
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
 _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
@@ -101,6 +104,22 @@ def without_spikes(values: Floats, limit: float) -> Floats:
 def _intervals(time_s: Floats, begin_s: float) -> NDArray[np.int64]:
     """Return the number k of the interval (k, k + 1]·MEAN_S from begin that times lie in."""
     return np.ceil((time_s - begin_s) / MEAN_S - 1e-6).astype(np.int64) - 1
+
+
+def at_stops(values: Floats) -> Bools:
+    """Return which values (k,) are at an end of the sensor's range, (k,).
+
+    A sensor that saturates repeats its extreme to the last digit, far more often than the value
+    next to it.
+    """
+    levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
+    found = np.zeros(len(values), dtype=np.bool_)
+    for end, next_to in ((0, 1), (-1, -2)) if len(levels) > 2 else ():
+        is_near = abs(levels[end] - levels[next_to]) < STOP_GAP * np.nanstd(values)
+        is_often = counts[end] > max(STOP_SHARE * counts.sum(), STOP_RATIO * counts[next_to])
+        if is_near and is_often:
+            found |= values == levels[end]
+    return found
 
 
 def interval_means(
@@ -262,7 +281,10 @@ class MeasuredLift:
         Second result: median number of samples in a mean.
         """
         count = round((end_s - begin_s) / MEAN_S)
-        means, number = interval_means(*self._clean_tension(begin_s, end_s), begin_s, count)
+        time_s, clean = self._clean_tension(begin_s, end_s)
+        means, number = interval_means(time_s, clean, begin_s, count)
+        stopped = np.where(at_stops(clean), 1.0, 0.0)
+        means[np.nan_to_num(interval_means(time_s, stopped, begin_s, count)[0]) > 0.0] = np.nan
         for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
             ends = begin_s + MEAN_S * np.arange(1, count + 1)
             means[(ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
@@ -313,6 +335,12 @@ class MeasuredLift:
         table = self.tension.table
         table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
         return table[:, 0], without_spikes(table[:, 1], SPIKE_SDS * self.pin_noise_n)
+
+    def stopped_share(self, begin_s: float, end_s: float) -> float:
+        """Return the share of the tension from begin to end at the ends of the pin's range."""
+        times, values = self.tension.table.T
+        values = values[(times > begin_s) & (times <= end_s)]
+        return float(at_stops(values).mean()) if len(values) else 0.0
 
     def _holes(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
         """Return begin and end of the holes in heave and line out that overlap an interval."""

@@ -347,9 +347,20 @@ def _applied_words(one: FigureEstimate) -> str:
     return f"{one.applied:.4g}, {inside} ({one.applied_off_sds:+.1f} sd)"
 
 
-def near_words(share: float) -> str:
-    """Return why a share of the last minute was left out, in words."""
-    return f"{share:.0%} of the last minute left out: payload near the surface or the seabed"
+def left_out_words(last: BlockResult) -> list[str]:
+    """Return why shares of the last minute were left out, in words, and if too little was left."""
+    found = []
+    if last.near > 0.0:
+        where = "payload near the surface or the seabed"
+        found.append(f"{last.near:.0%} of the last minute left out: {where}")
+    if last.stopped > 0.0:
+        where = "the load pin at an end of its range"
+        found.append(f"{last.stopped:.0%} of the last minute left out: {where}")
+    if last.used < LEAST_USED and not found:
+        most = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
+        why = f"a sensor is missing, tension comes below {1.0 / MEAN_S:g} Hz, or the rope is slack"
+        found.append(f"{most}: {why}")
+    return found
 
 
 def as_json(
@@ -359,6 +370,7 @@ def as_json(
     blocks = [
         {
             "end_s": one.end_s, "used": one.used, "near": one.near,
+            "stopped": one.stopped,
             "nis": None if np.isnan(one.nis) else one.nis,
             "held": list(one.held), "mean": one.posterior.mean.tolist(),
             "sd": one.posterior.sd.tolist(),

@@ -24,6 +24,7 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
+from rope_twin.estimation.report import left_out_words
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
 
@@ -91,6 +92,38 @@ def test_a_hole_in_the_tension_is_no_data() -> None:
     assert first.posterior.sd[2] > learned().results[0].posterior.sd[2]
     off = np.abs(made.results[-1].posterior.mean - theta) / made.results[-1].posterior.sd
     assert (off[:4] < 2.5).all()
+
+
+@pytest.mark.parametrize("end", ["high", "low"])
+def test_a_load_pin_at_an_end_of_its_range_is_no_data_there(end: str) -> None:
+    """A fifth of its samples; taken as they are, mass and stiffness came out 5 sd too small."""
+    theta, _, _ = recorded()
+    whole, clipped = lift(), MeasuredLift(NOISE_N)
+    times, tension = whole.tension.table.T
+    at = np.quantile(tension, 0.8 if end == "high" else 0.2)
+    clipped.tension.extend(times, (np.minimum if end == "high" else np.maximum)(tension, at))
+    clipped.heave.extend(*whole.heave.table.T)
+    clipped.line_out.extend(*whole.line_out.table.T)
+    made = estimator(clipped)
+    made.run(120.0)
+    (only,) = made.results
+    assert only.stopped == pytest.approx(0.2, abs=0.05)
+    assert only.used == pytest.approx(1.0 - only.stopped, abs=0.08)
+    assert left_out_words(only)[0].endswith("left out: the load pin at an end of its range")
+    off = np.abs(only.posterior.mean - theta) / only.posterior.sd
+    assert (off[:4] < 2.5).all(), dict(zip(NAMES, off, strict=True))
+
+
+def test_a_load_cell_that_is_too_slow_is_said_to_be() -> None:
+    """Of one sample a second nothing is learned."""
+    whole, slow = lift(), MeasuredLift(NOISE_N)
+    slow.tension.extend(*whole.tension.table[::20].T)
+    slow.heave.extend(*whole.heave.table.T)
+    slow.line_out.extend(*whole.line_out.table.T)
+    made = estimator(slow)
+    made.run(120.0)
+    (words,) = left_out_words(made.results[-1])
+    assert "compared, 25% are needed: a sensor is missing, tension comes below 4 Hz" in words
 
 
 def test_without_tension_nothing_is_learned() -> None:

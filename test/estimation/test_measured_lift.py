@@ -13,6 +13,7 @@ from rope_twin.estimation.measured_lift import (
     SMOOTHING_LEAVES,
     MeasuredLift,
     Series,
+    at_stops,
     interval_means,
     straightened,
     without_spikes,
@@ -81,6 +82,29 @@ def test_spikes_go_and_a_ramp_stays(seed: int, length: int) -> None:
     values[at : at + length] += 50e3 * rng.choice([-1.0, 1.0])
     gone = np.isnan(without_spikes(values, 15e3))
     assert np.array_equal(np.flatnonzero(gone), np.arange(at, at + length))
+
+
+@pytest.mark.parametrize("count_n", [0.0, 10.0, 1000.0, 3000.0])
+@pytest.mark.parametrize("noise_n", [0.0, 500.0])
+def test_an_end_of_the_range_is_no_crest_of_a_coarse_sensor(count_n: float, noise_n: float) -> None:
+    """A sine in counts repeats its crests too; at an end it stands for a fifth of the time."""
+    times = 0.05 * np.arange(1200)
+    force = 78e3 + 8500.0 * np.sin(2.0 * np.pi * times / 7.3)
+    force += noise_n * np.random.default_rng(3).standard_normal(len(times))
+
+    def counted(values: np.ndarray) -> np.ndarray:
+        return count_n * np.round(values / count_n) if count_n else values
+
+    assert not at_stops(counted(force)).any()
+    limit = float(np.quantile(force, 0.8))
+    cut = counted(np.minimum(force, limit))
+    stopped = at_stops(cut)
+    if count_n < 1000.0:
+        assert np.array_equal(stopped, force >= limit) or count_n > 0.0
+        assert stopped.mean() == pytest.approx(0.2, abs=0.02)
+        assert np.array_equal(at_stops(-cut), stopped)
+    assert not at_stops(np.full(100, 5.0)).any(), "a calm: no end of a range"
+    assert not at_stops(np.full(100, np.nan)).any()
 
 
 def test_samples_late_doubled_or_not_finite() -> None:
