@@ -218,8 +218,9 @@ TOPICS: tuple[Topic, ...] = (
           "high, 90 % interval, and prior, the scene's value (N, kg, m², N, N·s, kg/m², current: "
           "-; load pin: bias N, gain -; motion sensor: gain -, delay s; sheave friction -); "
           "prior_sd, sd, standard deviations (of the logarithm for the scene's figures); state, 0 "
-          "not observable, 1 weak, 2 learned; correlation, the largest with another figure; "
-          "stamped with the end of the data", of_snapshot=False, in_view=False),
+          "not observable, 1 weak, 2 learned, 3 at the limit of the prior; correlation, the "
+          "largest with another figure; stamped with the end of the data",
+          of_snapshot=False, in_view=False),
     Topic("estimate/alarms", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
           "with the parameter learn: fault found by its tests, at each change of the alarm: its "
           "cause, or the two that remain, and since when [s of twin time] (text); empty: "

@@ -72,7 +72,8 @@ def run(args: argparse.Namespace) -> int:
         actions.append(report.tare_action(estimator.prior, posterior))
     base = report.base_values(scene)
     advice = report.best_actions(posterior, actions)
-    found = report.estimates(base, estimator.prior, posterior, advice)
+    held = estimator.results[-1].held
+    found = report.estimates(base, estimator.prior, posterior, advice, held)
     found = report.score_applied(found, base, recorded.applied)
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
@@ -94,9 +95,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
     for words in report.left_out_words(last):
         print(words)
-    if last.held:
-        held = ", ".join(last.held)
-        print(f"at the limit of 4 prior sd: {held}; check scene, units and signs", file=sys.stderr)
+    if held:
+        print(report.held_words(held), file=sys.stderr)
     return ExitCode.OK
 
 

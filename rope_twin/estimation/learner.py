@@ -43,7 +43,8 @@ class Estimate:
         head = f"after {self.minutes} min"
         if self.left_out:
             head += f" ({'; '.join(self.left_out)})"
-        return f"{head}: {listed}" if listed else f"{head}: no figure is known better than before"
+        found = f"{head}: {listed or 'no figure is known better than before'}"
+        return "; ".join(filter(None, (found, report.held_words(self.held))))
 
 
 class Learner:
@@ -161,7 +162,9 @@ class Learner:
             time_s=last.end_s,
             minutes=sum(one.used >= LEAST_USED for one in estimator.results),
             tared=self._tared,
-            figures=report.estimates(self._base, estimator.prior, last.posterior, advice),
+            figures=report.estimates(
+                self._base, estimator.prior, last.posterior, advice, last.held
+            ),
             factors={name: float(factors[name]) for name in known},
             held=last.held,
             left_out=tuple(report.left_out_words(last)),

@@ -136,6 +136,7 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
 
 NORMAL_90 = 1.6448536269514722  # half width of a 90 % interval in standard deviations
 LEARNED, WEAK, NOT_OBSERVABLE = "learned", "weak", "not observable"
+AT_LIMIT = "at limit"  # of the prior: no figure of this lift, however small its interval
 LEARNED_BELOW, WEAK_BELOW = 0.5, 0.9  # posterior over prior standard deviation
 LEAST_CORRELATION = 0.5  # that is reported
 LEAST_GAIN = 0.15  # an action is proposed if it narrows a figure by this share
@@ -153,7 +154,7 @@ class FigureEstimate:
     high: float
     prior_sd: float  # relative [-] for the scene's figures, in `unit` for the instruments
     sd: float
-    state: str  # LEARNED, WEAK or NOT_OBSERVABLE
+    state: str  # LEARNED, WEAK, NOT_OBSERVABLE or AT_LIMIT
     correlated: str = ""  # with which figure it is most correlated
     correlation: float = 0.0
     advice: str = ""  # what would tell more
@@ -200,11 +201,16 @@ def disagreement(estimator: Estimator) -> str:
 
 
 def estimates(
-    base: dict[str, float], prior: Prior, posterior: Gaussian, advice: dict[str, str] | None = None
+    base: dict[str, float],
+    prior: Prior,
+    posterior: Gaussian,
+    advice: dict[str, str] | None = None,
+    held: Sequence[str] = (),
 ) -> tuple[FigureEstimate, ...]:
     """Return the estimates of all figures that the scene has.
 
-    base: `base_values` of the scene; advice: by figure, what would tell more.
+    base: `base_values` of the scene; advice: by figure, what would tell more; held: figures at the
+    limit of the prior.
     """
     found = []
     count = len(REPORTED)
@@ -219,6 +225,7 @@ def estimates(
             ends, start = base[name] * np.exp(ends), base[name] * np.exp(start)
         ratio = sd / before
         state = LEARNED if ratio < LEARNED_BELOW else WEAK if ratio < WEAK_BELOW else NOT_OBSERVABLE
+        state = AT_LIMIT if name in held else state
         other = int(np.abs(correlation[k]).argmax())
         tied = abs(correlation[k, other]) >= LEAST_CORRELATION
         found.append(
@@ -345,6 +352,12 @@ def _applied_words(one: FigureEstimate) -> str:
         return "-"
     inside = "inside" if one.low <= one.applied <= one.high else "outside"
     return f"{one.applied:.4g}, {inside} ({one.applied_off_sds:+.1f} sd)"
+
+
+def held_words(held: Sequence[str]) -> str:
+    """Return that figures are at the limit of the prior, in words; "": none is."""
+    listed = ", ".join(held)
+    return f"at the limit of 4 prior sd: {listed}; check scene, units and signs" if held else ""
 
 
 def left_out_words(last: BlockResult) -> list[str]:

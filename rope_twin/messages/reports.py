@@ -21,7 +21,7 @@ from rope_twin.messages.status import Level, Status, encode_diagnostics
 from rope_twin.topics import ALERTS, FORECAST_RISK, WHAT_IF_ORDERS
 
 FIGURE_COLUMNS = "name value low high prior prior_sd sd state correlation"
-STATES = "not observable", "weak", "learned"  # numbers 0, 1, 2 of the column `state`
+STATES = "not observable", "weak", "learned", "at limit"  # numbers 0 to 3 of the column `state`
 # of value, low, high and prior
 UNITS = {
     "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",

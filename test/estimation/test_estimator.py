@@ -24,7 +24,8 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
-from rope_twin.estimation.report import left_out_words
+from rope_twin.estimation.report import base_values, estimates, held_words, left_out_words
+from rope_twin.messages.reports import STATES
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
 
@@ -112,6 +113,25 @@ def test_a_load_pin_at_an_end_of_its_range_is_no_data_there(end: str) -> None:
     assert left_out_words(only)[0].endswith("left out: the load pin at an end of its range")
     off = np.abs(only.posterior.mean - theta) / only.posterior.sd
     assert (off[:4] < 2.5).all(), dict(zip(NAMES, off, strict=True))
+
+
+def test_a_figure_at_the_limit_of_its_prior_is_not_called_learned() -> None:
+    """Of a tension that stands still in waves mass and drag come out as nothing, within 5 %."""
+    frozen = MeasuredLift(NOISE_N)
+    times, tension = lift().tension.table.T
+    frozen.tension.extend(times, np.full_like(tension, tension[0]))
+    frozen.heave.extend(*lift().heave.table.T)
+    frozen.line_out.extend(*lift().line_out.table.T)
+    made = estimator(frozen)
+    made.run(120.0)
+    (last,) = made.results
+    found = estimates(base_values(scene()), made.prior, last.posterior, held=last.held)
+    states = {one.name: one.state for one in found}
+    assert "oscillating_mass" in last.held
+    assert states["oscillating_mass"] == "at limit"
+    assert STATES.index(states["oscillating_mass"]) == 3
+    assert "oscillating_mass" in held_words(last.held)
+    assert held_words(()) == ""
 
 
 def test_a_load_cell_that_is_too_slow_is_said_to_be() -> None:
