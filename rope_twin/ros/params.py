@@ -280,8 +280,10 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     return nodes
 
 
-def declare(node: Node, params: type[P]) -> P:
+def declare(node: Node, params: type[P], *, read_only: bool = True) -> P:
     """Declare every field of `params` at the node and read it.
+
+    read_only: the node reads them once, so that a later change is refused.
 
     Raises:
         InputError: a value has the wrong type or is out of range; one sentence.
@@ -292,8 +294,10 @@ def declare(node: Node, params: type[P]) -> P:
     for field in fields:
         if node.has_parameter(field.name):
             continue
+        descriptor = _descriptor(field, hints[field.name])
+        descriptor.read_only = read_only
         try:
-            node.declare_parameter(field.name, field.default, _descriptor(field, hints[field.name]))
+            node.declare_parameter(field.name, field.default, descriptor)
         except (InvalidParameterTypeException, InvalidParameterValueException) as error:
             raise _sentence(node, field, hints[field.name]) from error
     return read(node, params)

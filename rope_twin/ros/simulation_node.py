@@ -83,7 +83,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("simulation", **node_options)
-        self._params = declare(self, SimulationParams)
+        self._params = declare(self, SimulationParams, read_only=False)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self._state = "unconfigured"
         self._sentence = ""  # why the last transition failed
@@ -154,6 +154,9 @@ class SimulationNode(SuiteNode, LifecycleNode):
             if self._params.lockstep and not self._uses_sim_time:
                 where = "node simulation, parameter lockstep"
                 raise InputError(where, "it needs the time of /clock", "set use_sim_time")
+            if self._params.apply_learned and not self._params.learn:
+                where = "node simulation, parameter apply_learned"
+                raise InputError(where, "nothing is learned", "set learn too")
             unknown = [name for name in self._params.wait_for.split() if name not in known]
             if unknown:
                 where = "node simulation, parameter wait_for"

@@ -46,6 +46,25 @@ def publish_epoch(bench: Bench, ahead_s: float = LEAD_S) -> int:
     return epoch_ns
 
 
+@pytest.mark.parametrize(
+    ("name", "parameter", "value"),
+    [("sea_state", "loop", False), ("winch_schedule", "lead_s", 1.0), ("recorder", "out", "bag")],
+)
+def test_a_parameter_that_is_read_once_cannot_be_set_later(
+    bench: Bench, name: str, parameter: str, value: object
+) -> None:
+    """Accepted, it would have no effect."""
+    from rclpy.parameter import Parameter
+
+    node = bench.make(name)
+    before = node.get_parameter(parameter).value
+    (result,) = node.set_parameters([Parameter(parameter, value=value)])
+    assert not result.successful
+    assert parameter in result.reason
+    assert "read-only" in result.reason
+    assert node.get_parameter(parameter).value == before
+
+
 def test_another_node_s_epoch_is_ignored(bench: Bench) -> None:
     """It would shift the sea; that of the simulation is followed, in whatever order they come."""
     import rclpy

@@ -226,6 +226,12 @@ def test_a_wrong_parameter_gets_one_sentence(
     assert words in str(caught.value)
 
 
+def test_what_is_not_learned_cannot_be_applied(bench: Bench) -> None:
+    words = "parameter apply_learned: nothing is learned; set learn too"
+    with pytest.raises(InputError, match=words):
+        simulation(bench, apply_learned=True).begin()
+
+
 def test_parameters_cannot_change_under_a_running_twin(bench: Bench, running: Any) -> None:
     from rclpy.parameter import Parameter
 
