@@ -40,7 +40,7 @@ from rope_twin.topics import (
     due_topics,
     slot_of,
 )
-from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.level import TwinOverloadProtection
 from rope_twin.twin.pacing import (
     CATCH_UP,
@@ -56,6 +56,7 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.state_file import AutoSave, SavingStatus
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET
 
 if TYPE_CHECKING:
     from rope_twin.estimation.live import LiveLearning
@@ -268,7 +269,8 @@ class PacedTwin:
         self.protection = _protection_of(self.twin, params)
         self._described = describe_run(scene, setup, params.speed)
         self._log = InputLog(uuid4().hex)
-        self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
+        self._stopped: set[str] = set()  # winches whose emergency stop is in the saved state
+        self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._take_entry)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
         self.granted = GrantedClock(self._motion_reach_ns) if params.lockstep else None
@@ -357,6 +359,23 @@ class PacedTwin:
             self._log.take(Mark(self.twin.time_ns, described))
 
         self._inputs.at_next_slot(mark)
+
+    def _take_entry(self, entry: LogEntry) -> None:
+        """Log inputs; an emergency stop or a cut is saved with this cycle, to outlive a kill."""
+        self._log.take(entry)
+        if (keeper := self._keeper) is None:
+            return
+        for call in entry.calls:
+            if call.method == "offer_cut":
+                keeper.request()
+            if call.method != "offer_command":
+                continue
+            _, command, winch = call.arguments
+            if command.kind == RESET:
+                self._stopped.discard(winch)
+            elif command.kind == EMERGENCY_STOP and winch not in self._stopped:
+                self._stopped.add(winch)
+                keeper.request()
 
     def halt(self) -> None:
         """Stop after the current cycle, publish all computed snapshots and save the state."""

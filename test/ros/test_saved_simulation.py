@@ -17,11 +17,12 @@ from ros_process import Processes
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
-from rope_twin.messages import Level, decode
+from rope_twin.messages import Level, decode, encode_order
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.twin.state import load_state
+from rope_twin.twin.winch.commands import WinchCommand
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -72,6 +73,25 @@ def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path
     assert stamps == sorted(set(stamps))
     assert stamps[heard] - second.paced.border.epoch_ns == (reached + 2) * 10_000_000
     second.close()
+
+
+def test_an_emergency_stop_is_saved_at_once(bench: Bench, tmp_path: Path) -> None:
+    """A simulation that is killed right after it goes on stopped; repeats of it are not saved."""
+    path, scene = tmp_path / "run.state", "emergency_stop"
+    node = bench.make("simulation", scene=scene, save_state=str(path), save_every_s=3600.0)
+    node.begin()
+    topic, stop = encode_order(0, WinchCommand("emergency_stop"))
+    panel = bench.publisher(topic)
+    bench.until(lambda: node.paced.last.step and panel.get_subscription_count(), "it runs")
+    assert not path.exists()
+    panel.publish(stop)
+    bench.until(path.exists, "the state with the stop", timeout_s=20.0)
+    saved = load_state(path)
+    resumed = Twin.restore(saved, load_scene(scene))
+    assert resumed.snapshot().winches[0].mode == "emergency_stop"
+    panel.publish(stop)
+    bench.until(lambda: node.paced.last.step > saved.about.step + 50, "a second one")
+    assert load_state(path).about.step == saved.about.step
 
 
 def test_the_end_counts_from_the_beginning_of_the_run(bench: Bench, tmp_path: Path) -> None:
