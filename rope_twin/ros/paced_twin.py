@@ -321,7 +321,7 @@ class PacedTwin:
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
         self._inputs.begin()
         self._publish(SESSION_TOPIC, encode_session(described, self._published()))
-        self.border.seats.resume(at_ns)
+        self.border.seats.resume(at_ns, self.last.winches if at_ns > 0 else ())
         if at_ns > 0:
             self._inputs.invalidate_inputs()
         self.border.epoch_ns = epoch_ns

@@ -279,7 +279,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
         now_s = time.monotonic()
         if (
             self.paced is None
-            or not self.paced.border.seats.taken
+            or not self.paced.border.seats.watched
             or now_s < self._looked_s + _COMMANDERS_S
         ):
             return

@@ -8,22 +8,23 @@ released by a service call. Any node may trigger an emergency stop; only the com
 A commander that leaves the network, or stops sending after a stream of commands, is lost: the seat
 becomes free and the winch does what its scene specifies (`when_commander_lost`). A commander that
 stops sending while a node of higher priority is present has yielded to it, and its last command
-remains in force.
+remains in force. A simulation that resumes from a saved state does not know who commanded a winch
+that runs: the commander is lost unless a command comes within AWAITED_NS.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 from rope_twin.errors import phrase
 from rope_twin.messages import Level, Status
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.winch import SWITCHES
+from rope_twin.scene.winch import FOLLOWS_COMMANDS, SWITCHES
 from rope_twin.topics import RELEASE, TAKE, service_name
-from rope_twin.twin.snapshot import CONTROL_MODES, SPEED
+from rope_twin.twin.snapshot import CONTROL_MODES, SPEED, WinchShot
 from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
     EMERGENCY_STOP,
@@ -35,6 +36,7 @@ ANY = "*"  # in a priority list: every node that the list does not name
 PRIORITY = "local_panel console * winch_schedule"
 RESERVED_S = 5.0  # how long a requested seat waits for its new commander
 SILENT_NS = 2_000_000_000  # simulation time without a command after which a stream has ended
+AWAITED_NS = 5_000_000_000  # after a restart, for the commander to find the simulation again
 STREAM_GAP_NS = 500_000_000  # commands at shorter intervals are a stream ...
 STREAM_COMMANDS = 10  # ... once there are so many
 AHEAD_NS = 1_000_000_000  # a stamp further ahead is reported, except from the planning node
@@ -69,6 +71,7 @@ class CommandSeat:
         self._reserved_until_s = 0.0
         self._lost = ""  # how the last commander was lost, until another one commands
         self._yielded = ""
+        self._awaited_ns: int | None = None  # since when a commander of before a restart is awaited
         self._commanded_s = 0.0  # arrival time of the last command
         self._newest_ns = 0  # simulation time up to which the winch was commanded
         self._streak = 0  # consecutive commands of a stream
@@ -99,6 +102,7 @@ class CommandSeat:
         self.holder = self._former = sender
         self._reserved_until_s = 0.0
         self._lost = self._yielded = ""
+        self._awaited_ns = None
         self._streak, self._unseen_s, self._silent = 0, None, False
         return Verdict(is_new=is_new)
 
@@ -170,7 +174,7 @@ class CommandSeat:
         present: names of the nodes that currently publish on its command topics.
         """
         if not self.holder:
-            return ()
+            return self._look_for_former(now_ns)
         if self.holder not in present:
             self._unseen_s = now_s if self._unseen_s is None else self._unseen_s
             if now_s - self._unseen_s >= GONE_S:
@@ -191,6 +195,23 @@ class CommandSeat:
             self._yielded = above[0]
             return ()
         return self._lose("stopped sending", now_ns)
+
+    def await_former(self, now_ns: int) -> None:
+        """Await the commander of a winch that runs at a commanded speed, unless one is known."""
+        if not self.holder:
+            self._awaited_ns, self._stands = now_ns, False
+
+    @property
+    def watched(self) -> bool:
+        """Return whether its commander, known or awaited, may be lost."""
+        return bool(self.holder) or self._awaited_ns is not None
+
+    def _look_for_former(self, now_ns: int) -> tuple[str, ...]:
+        if self._awaited_ns is None or now_ns - self._awaited_ns < AWAITED_NS:
+            return ()
+        self._awaited_ns = None
+        self.holder = "the commander of before the restart"
+        return self._lose("has not come back", now_ns)
 
     def _lose(self, how: str, now_ns: int) -> tuple[str, ...]:
         at_s = now_ns * 1e-9
@@ -269,9 +290,9 @@ class Seats:
         return tuple(self._by_winch)
 
     @property
-    def taken(self) -> bool:
-        """Return whether any winch has a commander."""
-        return any(seat.holder for seat in self._by_winch.values())
+    def watched(self) -> bool:
+        """Return whether any winch has a commander, or awaits that of before a restart."""
+        return any(seat.watched for seat in self._by_winch.values())
 
     def admit(self, winch: str, command: Command, now_ns: int) -> Command | None:
         """Return the command to be passed on, or None if another node commands the winch.
@@ -317,19 +338,23 @@ class Seats:
             return phrase(f"winch {winch}", what, f"add `{needed}` to it in the scene")
         return self._by_winch[winch].permit(kind, self._now_s())
 
-    def resume(self, now_ns: int) -> None:
-        """Start, or continue after a pause."""
+    def resume(self, now_ns: int, winches: Sequence[WinchShot] = ()) -> None:
+        """Start, or continue after a pause; winches: as they run then."""
         for seat in self._by_winch.values():
             seat.resume(now_ns)
+        for one in winches:
+            is_commanded = self._winches[one.name].follows == FOLLOWS_COMMANDS
+            if is_commanded and one.mode == SPEED and one.target != 0.0:
+                self._by_winch[one.name].await_former(now_ns)
 
     def look(self, present: set[str], now_ns: int) -> list[str]:
         """Check whether the commanders are still present; return a sentence for each lost one."""
         found = []
         for name, seat in self._by_winch.items():
-            held, now_s = seat.holder, self._now_s()
+            held, now_s = seat.watched, self._now_s()
             for kind in seat.look(present, now_ns, now_s):
                 self._order(WinchCommand(kind), name)
-            if held and not seat.holder:
+            if held and not seat.watched:
                 found.append(f"winch {name}: {seat.row(now_s).message}")
         return found
 

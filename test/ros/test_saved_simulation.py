@@ -94,6 +94,29 @@ def test_an_emergency_stop_is_saved_at_once(bench: Bench, tmp_path: Path) -> Non
     assert load_state(path).about.step == saved.about.step
 
 
+def test_a_commander_that_does_not_come_back_after_a_restart_is_lost(
+    bench: Bench, tmp_path: Path
+) -> None:
+    """The winch of the saved state runs; then it does what its scene says."""
+    path = tmp_path / "run.state"
+    twin = Twin(load_scene("emergency_stop"))
+    twin.offer_speed(None, 0.3)
+    twin.advance(200)
+    twin.save(path)
+    node = bench.make("simulation", scene="emergency_stop", from_state=str(path))
+    diagnostics, modes = bench.listen("diagnostics"), bench.listen("winch/mode")
+    node.begin()
+    bench.until(lambda: modes, "it runs")
+    assert modes[-1].data.startswith("winch: speed 0.3 m/s")
+    bench.until(lambda: modes[-1].data.startswith("winch: speed 0 m/s"), "it stops", 60.0)
+
+    def reported() -> bool:
+        rows = {row.name: row for row in diagnostics[-1].status}
+        return "has not come back at " in rows["simulation: seat winch"].message
+
+    bench.until(reported, "the seat says why")
+
+
 def test_the_end_counts_from_the_beginning_of_the_run(bench: Bench, tmp_path: Path) -> None:
     path = tmp_path / "some.state"
     twin = Twin(load_scene(SCENE))

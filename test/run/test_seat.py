@@ -6,6 +6,7 @@ import pytest
 
 from rope_twin.messages import Level
 from rope_twin.run.seat import (
+    AWAITED_NS,
     GONE_S,
     PRIORITY,
     RESERVED_S,
@@ -163,6 +164,22 @@ def test_a_commander_does_not_yield_to_a_publisher_that_may_be_its_own() -> None
     assert own.look(present, late_ns + 2 * SILENT_NS, 5.0) == ()
     assert own.look(present, late_ns + 2 * SILENT_NS, 5.5) == (COMMANDER_LOST,)
     assert "winch_schedule stopped sending" in own.words()
+
+
+def test_after_a_restart_a_winch_that_runs_awaits_its_commander() -> None:
+    """Its scene says what it does if none comes; one that comes takes the seat."""
+    lost, found = seat("brake"), seat("brake")
+    for own in (lost, found):
+        own.await_former(60 * S)
+        assert own.watched
+        assert own.look({"console"}, 60 * S + AWAITED_NS - 1, 5.0) == ()
+    found.judge("console", SPEED, 5.0)
+    assert found.look({"console"}, 60 * S + AWAITED_NS, 6.0) == ()
+    assert lost.look({"console"}, 60 * S + AWAITED_NS, 6.0) == (COMMANDER_LOST,)
+    words = "the commander of before the restart has not come back at 65.0 s: brake"
+    assert lost.words() == f"winch: free ({words})"
+    assert lost.row(7.0).level == Level.ERROR
+    assert not lost.watched
 
 
 def test_after_a_pause_silence_counts_from_then_on() -> None:
