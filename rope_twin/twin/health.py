@@ -264,9 +264,15 @@ class SenderClock:
 
     @property
     def lateness_s(self) -> float:
-        """Arrival minus corrected stamp of the later samples [s]; 0 while unknown."""
-        late_s = self._quantile_s(1.0 - CLOCK_QUANTILE)
-        return 0.0 if math.isnan(late_s) else max(0.0, late_s - self._shift_ns * 1e-9)
+        """Arrival minus corrected stamp of the later samples [s]; 0 while unknown.
+
+        A stamp of another clock, such as 0, says nothing of a delay.
+        """
+        offsets = sorted(one for one in self._offsets if abs(one) <= AHEAD_NS)
+        if len(offsets) < CLOCK_SAMPLES_MIN:
+            return 0.0
+        late_ns = offsets[int((1.0 - CLOCK_QUANTILE) * (len(offsets) - 1))]
+        return max(0.0, (late_ns - self._shift_ns) * 1e-9)
 
     @property
     def excess_s(self) -> float:

@@ -12,7 +12,7 @@ from rope_twin import load_scene
 from rope_twin.recording.heave import HeaveSample
 from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.scene.load import scene_names
-from rope_twin.twin.health import StuckDetector
+from rope_twin.twin.health import SenderClock, StuckDetector
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.plausibility import end_slope, needed_interval_s, shortest_period_s
 from rope_twin.twin.motion.ship_motion import ShipPose, turned
@@ -123,6 +123,15 @@ def test_equal_values_count_as_stuck_after_a_second() -> None:
     assert stuck.varied
     slow = StuckDetector()
     assert [slow.is_stuck(k * 2 * 10**9, (0.5,)) for k in range(4)] == [False, False, True, True]
+
+
+def test_stamps_of_zero_are_no_delay_of_the_link() -> None:
+    """A fifth of the samples; an `input_delay_s` of 57 years was advised."""
+    clock = SenderClock()
+    for k in range(100):
+        arrival_ns = k * 50_000_000
+        clock.take(arrival_ns - (1_800_000_000 * 10**9 if k % 5 == 0 else 30_000_000), arrival_ns)
+    assert clock.lateness_s == pytest.approx(0.03)
 
 
 def test_the_slope_of_a_parabola_is_exact() -> None:
