@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_json, add_time, measure
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ possible heave. Beyond the horizon that is printed the band is what this sea doe
 any time. ORDER is hold, stop, lower:SPEED, haul:SPEED, land:SPEED, compensation:on or
 compensation:off, for all winches or, as in stop@WINCH, for one of them; all are compared on the
 same heave, and nothing is commanded."""
+MEMBERS_MOST = 960  # that of the node's parameter `members`
 SHOWN_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
 FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisation)"
 
@@ -66,6 +68,7 @@ def run(args: argparse.Namespace) -> int:
     from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
     from rope_twin.studies.picture import check_picture
 
+    _check(args)
     if args.picture is not None:
         check_picture(args.picture)
     asked = [read_order(word) for word in args.what_if]
@@ -91,6 +94,30 @@ def run(args: argparse.Namespace) -> int:
         return ExitCode.OK
     _tell(lift, forecaster, made, limits)
     return ExitCode.OK
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what would fail only after the forecast, or would be left out without a word."""
+    from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
+    from rope_twin.forecast.risk import BEGINS_S
+
+    if args.limit is not None and args.limit <= 0.0:
+        raise InputError("--limit", f"it is {args.limit:g} N", "give more than 0")
+    if args.members > MEMBERS_MOST:
+        right = f"give at most {MEMBERS_MOST}"
+        raise InputError("--members", f"{args.members} ropes are too many", right)
+    longest_s = AHEAD_S - max(BEGINS_S)
+    if not 0.0 < args.quiet_time <= longest_s:
+        right = f"give more than 0 and at most {longest_s:g} s"
+        raise InputError("--quiet-time", f"it is {args.quiet_time:g} s", right)
+    if args.every < SAMPLE_S:
+        right = f"give {SAMPLE_S:g} s or more"
+        raise InputError("--every", f"the origins are {args.every:g} s apart", right)
+    of_one = {"--at": args.at, "--what-if": args.what_if or None, "--picture": args.picture}
+    given = next((option for option, value in of_one.items() if value is not None), "")
+    if args.score and given:
+        right = "leave one of the two out"
+        raise InputError(given, "it is for one origin, and --score has many", right)
 
 
 def _risks(

@@ -25,7 +25,7 @@ EXAMPLES = (
     "alerts --udp 127.0.0.1:60001 --replies 60002",
 )
 MORE = """Counts alarms and warnings against what EEMUA 191 asks for: about one in 10 min, no flood
-above 10 in 10 min, none that stands for a day. Exit code NEGATIVE if a recording exceeds that."""
+above 10 in 10 min, none that stands for a day. Exit code 3 if a recording exceeds that."""
 PORTS = range(1, 65536)
 
 

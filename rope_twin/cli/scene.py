@@ -77,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         actions, "check", "check a scene file for errors and implausible values",
         ("scene check my_lift.yaml", "scene check deep_lift --json"),
         "Reports file, line, key, problem and remedy of every error, and warns about valid but "
-        "implausible values. Exit code 1: invalid; 4: a limit is exceeded in static equilibrium.",
+        "implausible values. Exit code 1: invalid, or a limit is exceeded in static equilibrium.",
     )  # fmt: skip
     add_scene(check)
     add_json(check)
@@ -180,7 +180,8 @@ def _check(args: argparse.Namespace) -> int:
     """Check a scene. Raises SceneError: it has one error, or there is no static equilibrium."""
     try:
         scene = load_scene(args.scene)
-    except SceneError as error:
+        resting = Twin(scene).snapshot()
+    except SceneError as error:  # also that there is no static equilibrium
         sentences = error.every
         if args.json:
             print_json({"scene": args.scene, "valid": False, "errors": sentences})
@@ -190,7 +191,6 @@ def _check(args: argparse.Namespace) -> int:
         print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
         return ExitCode.ERROR
     accepted, idle = accepted_warnings(scene)
-    resting = Twin(scene).snapshot()
     pressed = [
         phrase(
             "effects bending",

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean
+from rope_twin.quantity import read_quantity
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.winch import HeaveCompensation
 
@@ -78,11 +79,11 @@ def read_order(word: str) -> Order:
             raise InputError("order", f"'{kind}' takes no value", f"write {kind}")
         return Order(kind, winch=winch)
     try:
-        speed = USUAL_SPEED if value is None else float(value)
+        speed = USUAL_SPEED if value is None else read_quantity(value, "m/s")
     except ValueError:
         speed = math.nan
-    if not (math.isfinite(speed) and speed > 0.0):
-        right = f"give metres per second above 0, like {kind}:0.5"
+    if not speed > 0.0:
+        right = f"give a speed above 0 in m/s or with a unit, like {kind}:0.5 or {kind}:20m/min"
         raise InputError("order", f"the speed of '{word}' is {value}", right)
     return Order(kind, speed, winch=winch)
 

@@ -7,6 +7,7 @@ import json
 import re
 import shlex
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -91,5 +92,11 @@ def test_the_main_help_has_every_exit_code_and_every_command() -> None:
     assert set(MEANINGS) == set(ExitCode)
     for code, meaning in MEANINGS.items():
         assert f"  {code:<4}{meaning.split()[0]}" in words
+    page = Path("docs/reference/exit_codes.md").read_text(encoding="utf-8")
+    (row,) = re.findall(r"^\| 3 \|(.+)\|$", page, re.MULTILINE)
+    in_page = {words.split()[0] for words in re.findall(r"`(\w[^`]*)`", row)}
+    in_help = re.findall(r"\(([a-z][^)]+)\)", MEANINGS[ExitCode.NEGATIVE])
+    assert in_page == {one.split()[0] for words in in_help for one in words.split(", ")}
     for parser in COMMANDS:
+        assert "NEGATIVE" not in parser.format_help()
         assert re.search(rf"^    {parser.prog.split()[1]}\b", words, re.MULTILINE)

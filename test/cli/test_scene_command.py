@@ -1,6 +1,7 @@
 """`rope_twin scene list | show | check`, through the parser that the command adds."""
 
 import argparse
+import json
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,19 @@ def test_a_bad_scene_gets_one_sentence_and_one(
     assert out == ""
     assert err.startswith(f"{path}, line 8, ropes[0].elements: the text 'many' is not a number; ")
     assert err.count("\n") == 1
+
+
+def test_check_of_a_payload_that_floats_up_is_one_json_object(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    light = "mass_kg: 1.0\n    displaced_volume_m3: 9.0"
+    path = written(tmp_path, spoilt("mass_kg: 20000.0", light))
+    assert command("check", str(path), "--json") == 1
+    found = json.loads(capsys.readouterr().out)
+    assert found["valid"] is False
+    assert [sentence for sentence in found["errors"] if "floats up" in sentence]
+    assert command("check", str(path)) == 1
+    assert "floats up" in capsys.readouterr().err
 
 
 def errors_of(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:

@@ -135,6 +135,36 @@ def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "no 'jump'" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--quiet-time", "60s"], "--quiet-time: it is 60 s; give more than 0 and at most 50 s"),
+        (["--limit", "0"], "--limit: it is 0 N; give more than 0"),
+        (["--members", "100000"], "--members: 100000 ropes are too many; give at most 960"),
+        (["--score", "--every", "0"], "--every: the origins are 0 s apart; give 0.5 s or more"),
+        (["--score", "--at", "5min"], "--at: it is for one origin"),
+        (["--score", "--what-if", "stop"], "--what-if: it is for one origin"),
+        (["--score", "--picture", "x.png"], "--picture: it is for one origin"),
+    ],
+)
+def test_options_are_refused_before_anything_is_computed(
+    words: list[str], said: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Neither half an answer nor an option that is left out without a word."""
+    assert main(["ahead", str(folder / "lift"), "--scene", str(folder / "small.yaml"), *words]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+
+
+def test_speed_of_an_order_takes_a_unit() -> None:
+    """As every speed of a command line does."""
+    assert read_order("lower:30m/min").speed_m_per_s == pytest.approx(0.5)
+    assert read_order("haul:1kn@aft").speed_m_per_s == pytest.approx(1852.0 / 3600.0)
+    with pytest.raises(InputError, match=r"like lower:0\.5"):
+        read_order("lower:0.5kN")
+
+
 def test_tension_in_other_units_is_doubted(lift: RecordedLift) -> None:
     """A load cell in kN, or in mN, is named; one in N is not."""
     assert tension_doubt(lift) == ""
