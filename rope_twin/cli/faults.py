@@ -64,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
         if name not in INPUTS:
             where = f"--input {name}"
             raise InputError(where, "there is no such input", did_you_mean(name, INPUTS))
+    if args.jobs < 1:
+        raise InputError("--jobs", f"{args.jobs} runs in parallel", "give 1 or more")
     if args.sound is not None:
         return _run_sound(scene, args.sound, args.json)
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)

@@ -52,7 +52,8 @@ def fit_gumbel(maxima: Floats) -> Gumbel:
     mean = x.mean(axis=-1, keepdims=True)
     spread = x.std(axis=-1, ddof=1, keepdims=True)
     flat = spread <= SAME * np.maximum(np.abs(mean), 1.0)
-    y = (x - mean) / np.where(flat, 1.0, spread)  # mean 0, so that no exponential overflows
+    # mean 0, so that no exponential overflows; what rounding leaves of equal values is 0
+    y = np.where(flat, 0.0, x - mean) / np.where(flat, 1.0, spread)
     b = np.full_like(spread, math.sqrt(6.0) / math.pi)
     for _ in range(NEWTON):
         w = np.exp(-y / b)

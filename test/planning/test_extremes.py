@@ -94,3 +94,12 @@ def test_rayleigh_factor_by_hand() -> None:
     assert rayleigh_factor(200.0, most_probable) == pytest.approx(math.sqrt(2.0 * math.log(200.0)))
     p90 = rayleigh_factor(200.0, 90.0)
     assert math.exp(-200.0 * math.exp(-0.5 * p90**2)) == pytest.approx(0.9)
+
+
+@pytest.mark.filterwarnings("error")
+def test_equal_maxima_whose_mean_rounds_off_are_their_own_percentile() -> None:
+    """A landing speed that every seed shares: numpy's warnings went to the user."""
+    maxima = np.full(24, 1.6710501)
+    assert maxima.mean() != maxima[0]
+    found = characteristic_maximum(maxima, 90.0)
+    assert (found.value, found.low, found.high) == pytest.approx(3 * (1.6710501,), rel=1e-15)

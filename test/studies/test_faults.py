@@ -222,6 +222,11 @@ def test_without_a_fault_the_quality_index_does_not_fall(
 def test_an_unknown_fault_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["faults", "deep_lift", "--fault", "stuk"]) == 1
     assert "did you mean 'stuck'" in capsys.readouterr().err
+
+
+def test_no_jobs_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["faults", "deep_lift", "--jobs", "0"]) == 1
+    assert "--jobs: 0 runs in parallel; give 1 or more." in capsys.readouterr().err
     assert main(["faults", "deep_lift", "--input", "ship/heav"]) == 1
     assert "did you mean 'ship/heave'" in capsys.readouterr().err
     assert main(["faults", "still_water", "--fault", "stuck"]) == 1
