@@ -142,8 +142,9 @@ class FeedSettings:
             fault = self._map_fault(MAPPED[self.format])
         if fault := fault or self._idle_key():
             return fault
-        return _table_fault("units", self.units, form.units_of(self), UNITS) or _table_fault(
-            "positive", self.positive, form.signs_of(self), SIGNS
+        units, signs = _measured(form.units, self), _measured(form.signs, self)
+        return _table_fault("units", self.units, units, UNITS) or _table_fault(
+            "positive", self.positive, signs, SIGNS
         )
 
     def _idle_key(self) -> str | None:
@@ -233,14 +234,6 @@ class Format(NamedTuple):
     signs: tuple[str, ...]  # quantities whose sign they must state
     keys: Mapping[str, tuple[str, ...]] = {}  # further keys that they must give, and their values
     has_time: bool = False
-
-    def units_of(self, settings: FeedSettings) -> tuple[str, ...]:
-        """Return the quantities whose unit must be stated."""
-        return _measured(self.units, settings)
-
-    def signs_of(self, settings: FeedSettings) -> tuple[str, ...]:
-        """Return the quantities whose sign must be stated."""
-        return _measured(self.signs, settings)
 
 
 def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]:
@@ -338,11 +331,6 @@ class FeedsFile:
         return None if self.feeds else "feeds is empty; name at least one feed"
 
 
-def settings_folder() -> Path:
-    """Return the folder of the settings that come with the program."""
-    return share_dir() / "config" / "feeds"
-
-
 def read_settings(name_or_path: str) -> dict[str, FeedSettings]:
     """Return the feeds of a settings file, from a name in config/feeds/ or a path.
 
@@ -350,7 +338,7 @@ def read_settings(name_or_path: str) -> dict[str, FeedSettings]:
         InputError: there is no such file or name.
         SceneError: the file is invalid; one sentence for each error.
     """
-    folder = settings_folder()
+    folder = share_dir() / "config" / "feeds"
     names = sorted(path.stem for path in folder.glob("*.yaml"))
     path = folder / f"{name_or_path}.yaml" if name_or_path in names else Path(name_or_path)
     if not path.is_file():

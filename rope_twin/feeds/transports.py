@@ -351,11 +351,11 @@ def open_source(
         right = f"the format {form} takes {' or '.join(_POLLED[form].values())}"
         raise InputError(settings.source, f"format {settings.format}", right)
     if settings.format == MODBUS:
-        from rope_twin.feeds.modbus import ModbusSource  # which needs an extra
+        from rope_twin.feeds.plc import ModbusSource  # which needs an extra
 
         return ModbusSource(address, take, settings)
     if address.kind == OPCUA:
-        from rope_twin.feeds.opcua import OpcUaSource  # which needs an extra
+        from rope_twin.feeds.plc import OpcUaSource  # which needs an extra
 
         return OpcUaSource(address, take, settings)
     links: dict[str, Callable[[Address, Take], Source]] = {

@@ -17,7 +17,7 @@ import pytest
 from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings, read_settings
 from rope_twin.feeds.instrument import Instrument, LineSample
-from rope_twin.feeds.opcua import NO_TIMESTAMP, STALE, Freshness
+from rope_twin.feeds.plc import NO_TIMESTAMP, STALE, Freshness
 from rope_twin.feeds.readings import OPCUA_START, OpcNode, Refusal, line_of
 from rope_twin.feeds.transports import Address, Source, open_source, read_address
 

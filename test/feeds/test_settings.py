@@ -13,11 +13,11 @@ from rope_twin.feeds.configuration import (
     FORMATS,
     FeedSettings,
     read_settings,
-    settings_folder,
     with_source,
 )
+from rope_twin.share import share_dir
 
-SHIPPED = sorted(path.stem for path in settings_folder().glob("*.yaml"))
+SHIPPED = sorted(path.stem for path in (share_dir() / "config" / "feeds").glob("*.yaml"))
 
 
 @pytest.mark.parametrize("name", SHIPPED)

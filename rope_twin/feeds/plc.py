@@ -1,11 +1,14 @@
-"""Source that reads the nodes of an OPC UA server (crane or winch control), with asyncua.
+"""Sources that poll a PLC: registers by Modbus TCP or RTU, or nodes of an OPC UA server.
 
-All nodes are read in one request at a rate, so that their values are of one moment and a server
-that does not answer is noticed; a subscription would report changes only, and could not tell a
-winch that stands still from one that has fallen silent. One read gives one line
-`$OPCUA,VALUE,...*hh`, stamped in the middle between request and reply. A value whose status is not
-Good (OPC 10000-4, 7.39), or whose source timestamp stands still, is missing: its status is in its
-place.
+One poll gives one line `$MODBUS,VALUE,...*hh` or `$OPCUA,VALUE,...*hh`, stamped in the middle
+between request and reply. The values of one poll are consistent:
+
+* Modbus (pymodbus): if their registers fit into one request, as the specification allows 125 of
+  them (MODBUS Application Protocol V1.1b3, 6.3).
+* OPC UA (asyncua): all nodes are read in one request, and a server that does not answer is noticed;
+  a subscription would report changes only, and could not tell a winch that stands still from one
+  that has fallen silent. A value whose status is not Good (OPC 10000-4, 7.39), or whose source
+  timestamp stands still, is missing: its status is in its place.
 """
 
 from __future__ import annotations
@@ -19,31 +22,99 @@ from collections.abc import Awaitable
 from datetime import datetime
 from typing import Any, TypeVar
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, require
 from rope_twin.feeds.configuration import FeedSettings
-from rope_twin.feeds.readings import OPCUA_START, line_of
-from rope_twin.feeds.transports import Address, Source, Take
+from rope_twin.feeds.readings import OPCUA_START, Register, line_of, requests
+from rope_twin.feeds.transports import SERIAL, Address, Source, Take
 
-TIMEOUT_S = 2.0  # of a request, and of a connection
+_MODBUS_TIMEOUT_S = 1.0  # of a request, and of a connection
+_OPCUA_TIMEOUT_S = 2.0
+_POLL_S = 0.2  # until a stop request is noticed
+_PARITIES = {"none": "N", "even": "E", "odd": "O"}
 STALE, NO_TIMESTAMP, NO_NUMBER = "Stale", "NoSourceTimestamp", "NoNumber"
 _UNKNOWN = "BadNodeIdUnknown", "BadNodeIdInvalid"
-_POLL_S = 0.2  # until a stop request is noticed
 
 Given = TypeVar("Given")
 
 
-def load_asyncua() -> Any:
-    """Return the package asyncua.
+class ModbusSource(Source):
+    """Polls the registers of one device at a rate, and hands over a line for each poll."""
 
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import asyncua
-    except ImportError as error:
-        right = "install it with: pip install '.[opcua]'"
-        raise InputError("source opc.tcp", f"asyncua is missing ({error})", right) from None
-    return asyncua
+    def __init__(self, address: Address, take: Take, settings: FeedSettings) -> None:
+        """Prepare the polls.
+
+        Raises:
+            InputError: pymodbus is not installed, or a serial line has no parity.
+        """
+        super().__init__(address, take)
+        if (address.kind == SERIAL) != bool(settings.parity):
+            what, right = "parity is missing", f"give {', '.join(_PARITIES)}; there is no default"
+            if settings.parity:
+                what, right = f"parity is '{settings.parity}'", "it is of a serial line; remove it"
+            raise InputError(f"source {address}", what, right)
+        require("pymodbus", "pymodbus is missing", "modbus", "source modbus")
+        from pymodbus import client
+
+        self._clients, self._parity = client, settings.parity
+        self._registers = dict(settings.registers)
+        self._requests = requests(self._registers)
+        self._period_s, self._device = 1.0 / settings.poll_rate_hz, settings.device
+
+    def _client(self) -> Any:
+        name, number = self._address.name, self._address.number
+        if self._address.kind == SERIAL:
+            return self._clients.ModbusSerialClient(
+                name,
+                baudrate=number,
+                parity=_PARITIES[self._parity],
+                timeout=_MODBUS_TIMEOUT_S,
+                retries=0,
+            )
+        name = name or "127.0.0.1"
+        return self._clients.ModbusTcpClient(
+            name, port=number, timeout=_MODBUS_TIMEOUT_S, retries=0
+        )
+
+    def _read(self) -> None:
+        client = self._client()
+        with contextlib.closing(client):
+            if not client.connect():
+                raise OSError(None, f"no connection to the Modbus {self._end}")
+            due_s = time.monotonic()
+            while not self._stop.is_set():
+                before_ns = time.time_ns()
+                values = self._poll(client)
+                arrival_ns = (before_ns + time.time_ns()) // 2
+                self.fault = ""
+                self._take(line_of(values), arrival_ns, True)
+                # a poll that took longer than the period is followed by the next one at once
+                due_s = max(due_s + self._period_s, time.monotonic())
+                self._stop.wait(due_s - time.monotonic())
+
+    @property
+    def _end(self) -> str:
+        return "line" if self._address.kind == SERIAL else "server"
+
+    def _poll(self, client: Any) -> list[float]:
+        """Return the values of all registers. Raises OSError where the device refuses."""
+        words: dict[tuple[str, int], int] = {}
+        for table, first, count in self._requests:
+            read = getattr(client, f"read_{table}_registers")
+            try:
+                reply = read(first, count=count, device_id=self._device)
+            except Exception as error:  # pymodbus has its own kinds, for links and for frames
+                raise OSError(None, f"{type(error).__name__}: {error}") from error
+            if reply.isError() or len(reply.registers) < count:
+                raise OSError(None, f"{table} register {first} to {first + count - 1}: {reply}")
+            words |= {(table, first + k): word for k, word in enumerate(reply.registers)}
+        return [self._value(client, one, words) for one in self._registers.values()]
+
+    def _value(self, client: Any, one: Register, words: dict[tuple[str, int], int]) -> float:
+        own = [words[one.table, at] for at in range(one.address, one.end)]
+        kind = client.DATATYPE[one.type.upper()]
+        return one.scale * float(
+            client.convert_from_registers(own, kind, word_order=one.word_order or "big")
+        )
 
 
 class Freshness:
@@ -76,7 +147,10 @@ class OpcUaSource(Source):
             InputError: asyncua is not installed.
         """
         super().__init__(address, take)
-        self._asyncua = load_asyncua()
+        require("asyncua", "asyncua is missing", "opcua", "source opc.tcp")
+        import asyncua
+
+        self._asyncua: Any = asyncua
         logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # `fault` says it in one sentence
         host = address.name or "127.0.0.1"
         host = f"[{host}]" if ":" in host else host
@@ -89,7 +163,7 @@ class OpcUaSource(Source):
 
     async def _session(self) -> None:
         """Connect and read until a stop is requested. Raises OSError."""
-        client = self._asyncua.Client(self._url, timeout=TIMEOUT_S)
+        client = self._asyncua.Client(self._url, timeout=_OPCUA_TIMEOUT_S)
         await self._answer(client.connect())
         try:
             request = await self._answer(self._request(client))
@@ -108,14 +182,14 @@ class OpcUaSource(Source):
                     await asyncio.sleep(min(left_s, _POLL_S))
         finally:
             with contextlib.suppress(Exception):  # the server may be gone
-                await asyncio.wait_for(client.disconnect(), TIMEOUT_S)
+                await asyncio.wait_for(client.disconnect(), _OPCUA_TIMEOUT_S)
 
     async def _answer(self, asked: Awaitable[Given]) -> Given:
         """Return the answer of the server. Raises OSError if there is none, or a refusal."""
         try:
-            return await asyncio.wait_for(asked, 2.0 * TIMEOUT_S)
+            return await asyncio.wait_for(asked, 2.0 * _OPCUA_TIMEOUT_S)
         except TimeoutError:
-            raise OSError(None, f"no answer within {2.0 * TIMEOUT_S:g} s") from None
+            raise OSError(None, f"no answer within {2.0 * _OPCUA_TIMEOUT_S:g} s") from None
         except OSError:
             raise
         except Exception as error:  # asyncua has its own kinds, for links and for answers
