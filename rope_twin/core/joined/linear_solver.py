@@ -5,173 +5,45 @@ for a dense system, solved by LDLᵀ. All of it is O(nodes). Where an effect cou
 next neighbours (bending), every connection belongs to the dense system and ropes are condensed onto
 them one way. `push_system` solves for other forces with the factors of the last elimination; it is
 for plans without bending and sheaves.
-
-**Trees** are eliminated two nodes at a time, every node onto its neighbour nearer to the root, as
-in `core/tridiagonal` for one rope. A connection's residual and block are the sums over the rope
-ends there; the chain that leads on from it begins with what the others left.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import (
-    RECORD,
-    eliminate_pair,
-    lanes,
-    push_pair,
-    pushed_on,
-    six,
-    six_lanes,
-    substitute_pair,
-    two,
-    two_of_six,
-)
+from rope_twin.core.elimination import six
 from rope_twin.core.jit.decorators import jit, jit_apart, jit_ordered
 from rope_twin.core.jit.functions import by_width
-from rope_twin.core.jit.rows import column, end_to_end, lane, rows, table_rows
+from rope_twin.core.jit.rows import column, end_to_end
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.joined.chains import (
     eliminate_between,
+    eliminate_between_wide,
     eliminate_coupled_between,
     eliminate_coupled_downward,
     eliminate_coupled_upward,
     push_between,
+    push_between_wide,
     substitute_between,
+    substitute_between_wide,
     substitute_coupled_between,
     substitute_coupled_downward,
     substitute_coupled_upward,
 )
 from rope_twin.core.joined.joints import LOOSE, add_block, count_joints, first_free
-from rope_twin.core.joined.plan import (
-    A_BEGIN,
-    A_INTO,
-    A_WAY,
-    B_BEGIN,
-    B_INTO,
-    B_WAY,
-    BETWEEN,
-    COUNT,
-    DENSE,
-    FORCE,
-    IDLE,
-    KEPT,
-    LEFT,
-    ONTO,
-    ROOTS,
-    SPANS,
-    A,
-    B,
-)
+from rope_twin.core.joined.plan import BETWEEN, DENSE, FORCE, LEFT, ONTO
 from rope_twin.core.joined.sheaves import condense_flow, couple_flow, substitute_flow
 from rope_twin.core.joined.stack import effects_at, work_of
-from rope_twin.core.joined.tree_sums import (
-    add_force,
-    add_left,
-    begin_chain,
-    begin_force,
-    begin_sums,
-    begin_tree_forces,
-    solve_roots,
-    spread,
-)
-from rope_twin.core.joined.wide_chains import (
-    eliminate_between_wide,
-    push_between_wide,
-    substitute_between_wide,
-)
-from rope_twin.core.joined.wide_trees import (
+from rope_twin.core.joined.trees import (
+    eliminate_trees,
     eliminate_trees_wide,
+    push_trees,
     push_trees_wide,
+    substitute_trees,
     substitute_trees_wide,
 )
 from rope_twin.core.loads.hooks import chosen_by, couples
-from rope_twin.core.state import BLOCK, CORRECTION, ELEMENTS, RESIDUAL, ZERO
-
-_records = table_rows("scratch 0", 1)
-_NONE = (0.0, 0.0, 0.0)
-
-
-@jit_ordered
-def eliminate_trees(work: Any, plan: Any) -> None:
-    """Eliminate all chains; work: the scratch of all ropes, end to end."""
-    begin_sums(plan, work)
-    sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
-    one, other, at = (_NONE + _NONE, _NONE), (_NONE + _NONE, _NONE), 0
-    for s in range(plan.sizes[SPANS]):
-        i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
-        one = begin_chain(work, sums, spans[s, A_BEGIN], i, way, one, _NONE)
-        other = begin_chain(work, sums, spans[s, B_BEGIN], j, back, other, _NONE)
-        if spans[s, A_BEGIN] == IDLE:
-            one = other
-        if spans[s, B_BEGIN] == IDLE:
-            other = one
-        d, e = (0 if way > 0 else -1), (0 if back > 0 else -1)
-        state = two_of_six(one[0], other[0]), two(one[1], other[1])
-        for _ in range(spans[s, COUNT]):
-            state = eliminate_pair(work, record, at, (i, j), (i + d, j + e), state)
-            i, j, at = i + way, j + back, at + RECORD
-        one = six_lanes(state[0], 0), lanes(state[1], 0)
-        other = six_lanes(state[0], 1), lanes(state[1], 1)
-        add_left(sums, spans[s, A_INTO], one[0], one[1])
-        add_left(sums, spans[s, B_INTO], other[0], other[1])
-    for m in range(plan.sizes[ROOTS]):
-        root, slot = plan.roots[m, 0], plan.roots[m, 1]
-        for k in range(6):
-            sums[KEPT + k, slot] = sums[LEFT + k, slot] + work[BLOCK + k, root]
-
-
-@jit_ordered
-def push_trees(work: Any, plan: Any) -> None:
-    """Push the residuals through the factors of all chains; work: the scratch of all ropes."""
-    begin_tree_forces(plan, work)
-    sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
-    one, other, at = _NONE, _NONE, 0
-    for s in range(plan.sizes[SPANS]):
-        i, way, j, back = spans[s, A], spans[s, A_WAY], spans[s, B], spans[s, B_WAY]
-        one = begin_force(sums, spans[s, A_BEGIN], one, _NONE)
-        other = begin_force(sums, spans[s, B_BEGIN], other, _NONE)
-        if spans[s, A_BEGIN] == IDLE:
-            one = other
-        if spans[s, B_BEGIN] == IDLE:
-            other = one
-        f = two(one, other)
-        for _ in range(spans[s, COUNT]):
-            f = push_pair(record, at, pushed_on(work, i, j, f))
-            i, j, at = i + way, j + back, at + RECORD
-        one, other = lanes(f, 0), lanes(f, 1)
-        add_force(sums, spans[s, A_INTO], one)
-        add_force(sums, spans[s, B_INTO], other)
-
-
-@jit_ordered
-def substitute_trees(work: Any, plan: Any, joints: Any) -> None:
-    """Set the corrections of roots, then of all chains from their ends on; joints: scratch of the
-    connections, which get theirs, as do all rope ends there.
-
-    The corrections of dense connections are already at the ends of their ropes.
-    """
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    spans, record = plan.spans, _records(plan.records)[0]
-    at = 0
-    solve_roots(work, plan)
-    for s in range(plan.sizes[SPANS]):
-        at += RECORD * spans[s, COUNT]
-    for s in range(plan.sizes[SPANS] - 1, -1, -1):
-        way, back, count = spans[s, A_WAY], spans[s, B_WAY], spans[s, COUNT]
-        i, j = spans[s, A] + count * way, spans[s, B] + count * back
-        p = two((dx[i], dy[i], dz[i]), (dx[j], dy[j], dz[j]))
-        for _ in range(count):
-            i, j, at = i - way, j - back, at - RECORD
-            p = substitute_pair(record, at, p)
-            px, py, pz = p
-            dx[i], dx[j] = lane(px, 0), lane(px, 1)
-            dy[i], dy[j] = lane(py, 0), lane(py, 1)
-            dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
-        if spans[s, A_BEGIN] >= 0:
-            spread(work, plan, joints, spans[s, A_BEGIN], i)
-        if spans[s, B_BEGIN] >= 0:
-            spread(work, plan, joints, spans[s, B_BEGIN], j)
+from rope_twin.core.state import CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 
 @jit
@@ -259,6 +131,21 @@ _substitute_trees = by_width(
 
 
 @jit
+def _add_between(system: Any, r: int, left: Any) -> None:
+    """Add what a rope between two connections leaves there: block and force above, below, P."""
+    joints, sheaves, matrix = system.joints, system.sheaves, system.joints.matrix
+    low, high = joints.lower[r], joints.upper[r]
+    Z, f, D, g, P = left
+    add_block(matrix, high, Z)
+    push_force(joints, high, f)
+    add_block(matrix, low, D)
+    push_force(joints, low, g)
+    couple_by(matrix, high, low, P)
+    condense_flow(sheaves, joints, matrix, r, (Z, f))
+    couple_flow(sheaves, joints, matrix, r, P)
+
+
+@jit
 def _condense(system: Any, moved: Any) -> None:
     """Add what trees and ropes between dense connections leave to the dense system."""
     stack, joints, plan, sheaves = system.stack, system.joints, system.joints.plan, system.sheaves
@@ -271,16 +158,8 @@ def _condense(system: Any, moved: Any) -> None:
         condense_flow(sheaves, joints, matrix, r, (Z, f))
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
-        low, high = joints.lower[r], joints.upper[r]
         work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
-        Z, f, D, g, P = _eliminate_between(work, n, moved)
-        add_block(matrix, high, Z)
-        push_force(joints, high, f)
-        add_block(matrix, low, D)
-        push_force(joints, low, g)
-        couple_by(matrix, high, low, P)
-        condense_flow(sheaves, joints, matrix, r, (Z, f))
-        couple_flow(sheaves, joints, matrix, r, P)
+        _add_between(system, r, _eliminate_between(work, n, moved))
 
 
 @jit
@@ -374,14 +253,7 @@ def _condense_coupled(system: Any, work: Any, n: int, r: int) -> None:
         add_block(matrix, low, Z)
         push_force(joints, low, f)
     else:
-        Z, f, D, g, P = eliminate_coupled_between(work, n)
-        add_block(matrix, high, Z)
-        push_force(joints, high, f)
-        add_block(matrix, low, D)
-        push_force(joints, low, g)
-        couple_by(matrix, high, low, P)
-        condense_flow(sheaves, joints, matrix, r, (Z, f))
-        couple_flow(sheaves, joints, matrix, r, P)
+        _add_between(system, r, eliminate_coupled_between(work, n))
 
 
 @jit
