@@ -59,9 +59,18 @@ from rope_twin.core.waves import (
 )
 from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread, together
-from rope_twin.sea.components import Waves as Components
-from rope_twin.sea.spectrum import SPECTRA_FOLDER, WaveSpectrum, jonswap, read_spectrum
+from rope_twin.sea.spectrum import (
+    DEEP,
+    SPECTRA_FOLDER,
+    WaveSpectrum,
+    irregular_waves,
+    jonswap,
+    read_spectrum,
+    regular_wave,
+    spread,
+    together,
+)
+from rope_twin.sea.spectrum import Waves as Components
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

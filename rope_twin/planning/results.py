@@ -21,8 +21,7 @@ from rope_twin.planning.seas import ResponsesTip, SeaState
 from rope_twin.planning.tables import sling_loads
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.load_chart import FORMAT
-from rope_twin.sea.components import DEEP, irregular_waves, spread
-from rope_twin.sea.spectrum import STANDARD_GRAVITY, usual_height_m
+from rope_twin.sea.spectrum import DEEP, STANDARD_GRAVITY, irregular_waves, spread, usual_height_m
 from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:

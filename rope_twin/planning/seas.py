@@ -20,10 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len
 
-from rope_twin.sea.components import Waves, random_shares, wave_at
 from rope_twin.sea.raos import Responses, moved_by
 from rope_twin.sea.ship_motion import BoxHull, heave_response
-from rope_twin.sea.spectrum import STANDARD_GRAVITY, WaveSpectrum, jonswap
+from rope_twin.sea.spectrum import (
+    STANDARD_GRAVITY,
+    Waves,
+    WaveSpectrum,
+    jonswap,
+    random_shares,
+    wave_at,
+)
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.heave_track import HeaveSeries
 

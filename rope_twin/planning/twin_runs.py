@@ -24,7 +24,7 @@ from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.schema import SeaState as SceneSea
-from rope_twin.sea.components import wave_at
+from rope_twin.sea.spectrum import wave_at
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples

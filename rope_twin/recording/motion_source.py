@@ -22,10 +22,10 @@ from rope_twin.errors import InputError
 from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave import HeaveSample, open_heave, open_poses, sample_of
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
-from rope_twin.sea.components import Waves, wave_at
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
+from rope_twin.sea.spectrum import Waves, wave_at
 from rope_twin.sea.tables import Vector
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HeaveSeries

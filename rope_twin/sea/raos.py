@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.quantity import SparingRepr, quantity, text
-from rope_twin.sea.components import Waves
+from rope_twin.sea.spectrum import Waves
 from rope_twin.sea.tables import Vector
 
 SHIFTS, TURNS = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")

@@ -40,7 +40,7 @@ from rope_twin.messages.reports import (
 )
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.schema import Scene
-from rope_twin.sea.components import wave_at
+from rope_twin.sea.spectrum import wave_at
 from rope_twin.topics import BY_NAME
 
 SETTINGS = ForecastSettings(members=19, burn_in_s=30.0)

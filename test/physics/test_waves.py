@@ -28,7 +28,7 @@ from rope_twin.effects.waves import (
     build,
     components_of,
 )
-from rope_twin.sea.components import Waves, wave_numbers
+from rope_twin.sea.spectrum import Waves, wave_numbers
 from rope_twin.twin.twin import Twin
 
 G = 9.80665

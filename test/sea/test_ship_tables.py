@@ -18,11 +18,10 @@ from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Ship
-from rope_twin.sea.components import DEEP, irregular_waves
 from rope_twin.sea.rao_files import COLUMNS, read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import read_way
-from rope_twin.sea.spectrum import jonswap
+from rope_twin.sea.spectrum import DEEP, irregular_waves, jonswap
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_motion import ShipPose

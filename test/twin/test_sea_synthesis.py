@@ -6,9 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.sea.components import random_phases
 from rope_twin.sea.ship_motion import BoxHull, heave_response
-from rope_twin.sea.spectrum import jonswap, read_spectrum
+from rope_twin.sea.spectrum import jonswap, random_phases, read_spectrum
 from rope_twin.twin.motion.ship_motion import synthesise
 
 MEASURED = read_spectrum("ndbc_46042_1996", "1996-10-16T00Z")

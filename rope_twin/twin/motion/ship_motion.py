@@ -23,9 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.sea.components import random_phases
 from rope_twin.sea.ship_motion import BoxHull, heave_response
-from rope_twin.sea.spectrum import WaveSpectrum
+from rope_twin.sea.spectrum import WaveSpectrum, random_phases
 from rope_twin.sea.tables import Vector
 
 Vector3 = tuple[float, float, float]
