@@ -14,6 +14,7 @@ from pathlib import Path
 from rope_twin.cli.console import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
+from rope_twin.files import shipped_file
 from rope_twin.planning.cells import Cell
 from rope_twin.planning.dataset import check_netcdf, write_netcdf
 from rope_twin.planning.pictures import limits_figure, show_cell
@@ -26,19 +27,12 @@ from rope_twin.planning.results import (
     table_rows,
     write_results,
 )
-from rope_twin.planning.run import (
-    PlanFolder,
-    cell_named,
-    plan_stamp,
-    prepare,
-    run_plan,
-)
+from rope_twin.planning.run import PlanFolder, cell_named, plan_stamp, prepare, run_plan
 from rope_twin.planning.settings import find_within
 from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
-from rope_twin.share import shipped_file
 from rope_twin.studies.picture import check_picture, write_picture
 from rope_twin.studies.study_run import check_parquet
 

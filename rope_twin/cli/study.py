@@ -15,9 +15,9 @@ from rope_twin.cli.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError
+from rope_twin.files import shipped_file
 from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress
-from rope_twin.share import shipped_file
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.study_design import read_study
 from rope_twin.studies.study_results import draw_study, study_lines

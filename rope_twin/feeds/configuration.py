@@ -14,9 +14,9 @@ from typing import NamedTuple
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.feeds import line_monitors, motion_sensors
 from rope_twin.feeds.readings import OPCUA_START, START, OpcNode, Parser, Register
+from rope_twin.files import share_dir
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.reader import Place, read_document, read_object
-from rope_twin.share import share_dir
 
 _G = 9.80665  # standard gravity [m/s²], exact
 _LB_N = 0.45359237 * _G

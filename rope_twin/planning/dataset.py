@@ -18,11 +18,11 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.errors import require
+from rope_twin.files import write_whole
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.results import daf
 from rope_twin.quantity import unit_of
 from rope_twin.scene.convergence import solver_version
-from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -12,6 +12,7 @@ import numpy as np
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
+from rope_twin.files import write_whole
 from rope_twin.planning.phases import hung_at
 from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
 from rope_twin.planning.simplified import lift_of, resonance_period_s
@@ -20,7 +21,6 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.picture import write_picture
 from rope_twin.twin.ensemble.member import TOP
-from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import Cell, CellLimit

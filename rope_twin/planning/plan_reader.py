@@ -15,15 +15,8 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError, RopeTwinError, SceneErrors
-from rope_twin.planning.plan_file import (
-    BY_TWIN,
-    Criteria,
-    LiftedFrom,
-    LiftOff,
-    Phase,
-    Plan,
-    Vessel,
-)
+from rope_twin.files import shipped_file
+from rope_twin.planning.plan_file import BY_TWIN, Criteria, LiftedFrom, LiftOff, Phase, Plan, Vessel
 from rope_twin.planning.seas import DeckTransfer, HullTip, ResponsesTip, TipTransfer
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.environment import vessel_raos
@@ -37,7 +30,6 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.tables import is_path
-from rope_twin.share import shipped_file
 from rope_twin.twin.motion.boundary_conditions import is_known_in_advance
 from rope_twin.twin.motion.hang_off import arm_from_bow
 

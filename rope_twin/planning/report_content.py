@@ -16,6 +16,7 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
+from rope_twin.files import write_whole
 from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.pictures import (
     AROUND_S,
@@ -45,7 +46,6 @@ from rope_twin.planning.tables import further_tables
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined
-from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit, PhaseWork

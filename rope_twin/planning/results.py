@@ -16,13 +16,13 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.files import write_whole
 from rope_twin.planning.judgement import Judgement
 from rope_twin.planning.seas import ResponsesTip, SeaState
 from rope_twin.planning.tables import sling_loads
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.load_chart import FORMAT
 from rope_twin.sea.spectrum import DEEP, STANDARD_GRAVITY, irregular_waves, spread, usual_height_m
-from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit

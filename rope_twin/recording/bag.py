@@ -19,8 +19,8 @@ import yaml
 from rosbags.rosbag2 import Reader
 
 from rope_twin.errors import BagError, did_you_mean
+from rope_twin.files import share_dir
 from rope_twin.messages.cdr import typestore
-from rope_twin.share import share_dir
 from rope_twin.topics import QOS_ROWS, Qos, Topic, recorded_name
 
 METADATA_VERSION = 9

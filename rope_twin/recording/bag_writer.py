@@ -16,6 +16,7 @@ from pathlib import Path
 from mcap.writer import CompressionType, Writer
 
 from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.files import write_whole
 from rope_twin.recording.bag import (
     CHANNELS_RECORD,
     OWN_RECORD,
@@ -27,7 +28,6 @@ from rope_twin.recording.bag import (
     describe_topic,
 )
 from rope_twin.topics import Topic, recorded_name
-from rope_twin.whole_file import write_whole
 
 WAITING_LIMIT_BYTES = 64 * 2**20
 FLUSH_PERIOD_S = 0.4  # a killed process loses this much and the moment of writing, at most 1 s

@@ -19,12 +19,12 @@ import numpy as np
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, did_you_mean, require
+from rope_twin.files import write_whole
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.sea.tables import Vector
-from rope_twin.whole_file import write_whole
 
 EPOCH = "twin/epoch"
 ENDINGS = (".csv", ".parquet", ".nc")

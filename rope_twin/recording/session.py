@@ -29,6 +29,7 @@ from typing import Any
 from rope_twin import __version__
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.errors import BagError, InputError, RopeTwinError, StateError
+from rope_twin.files import share_dir
 from rope_twin.recording.input_log import encode_json
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.convergence import OTHER_SEA, study_path
@@ -38,7 +39,6 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
 from rope_twin.sea.ship_motion import WAYS_FOLDER
 from rope_twin.sea.tables import find_table
-from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.monitors import Monitors

@@ -12,7 +12,7 @@ from rclpy.executors import SingleThreadedExecutor
 from std_msgs.msg import Float64
 
 from rope_twin.errors import InputError
-from rope_twin.share import share_dir
+from rope_twin.files import share_dir
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 _PATIENCE_S = 0.05  # with a message, which is lost while the participants do not know each other

@@ -14,13 +14,13 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams, WaveSystem
 from rope_twin.errors import InputError, did_you_mean
+from rope_twin.files import share_dir
 from rope_twin.scene.schema import Fault, OnWaves, Rule, Scene, Triple
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import NO_CONVENTIONS, Responses
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_way
 from rope_twin.sea.spectrum import WaveSpectrum, breaking_fault, jonswap
 from rope_twin.sea.tables import is_path
-from rope_twin.share import share_dir
 
 # A frequency step of a spectrum is a gap when it is this many times both adjacent steps: one
 # missing row doubles it; the first and the last have only one adjacent step.

@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, SceneErrors, did_you_mean
+from rope_twin.files import share_dir, shipped_file
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.environment import beside, is_bag_path
 from rope_twin.scene.grid import elements_with
@@ -27,7 +28,6 @@ from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import SHAPES
 from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.sea.tables import is_path
-from rope_twin.share import share_dir, shipped_file
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
 _KINDS = {

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, unreadable
-from rope_twin.share import share_dir
+from rope_twin.files import share_dir
 
 Vector = NDArray[np.float64]
 

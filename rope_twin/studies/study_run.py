@@ -17,6 +17,7 @@ from typing import IO, TYPE_CHECKING, Any, Self, TypeVar
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
 from rope_twin.errors import InputError, RopeTwinError, require
+from rope_twin.files import write_whole
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.joined_model import build_joined
@@ -40,7 +41,6 @@ from rope_twin.studies.study_design import (
 )
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, cores, whole_steps
 from rope_twin.vortex.results import RopeDamage
-from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pyarrow

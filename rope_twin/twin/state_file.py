@@ -6,7 +6,7 @@
     <arrays>                       C order, little-endian, nothing between them
 
 The checksum covers all that follows the second line. A file is written whole or not at all
-(`whole_file`) and contains nothing that could be executed.
+(`files.write_whole`) and contains nothing that could be executed.
 
 `serialise` returns the plain form of a value: numbers, strings, arrays, containers, NamedTuples,
 dataclasses and objects of this package with all their attributes. An unknown type is an error, so
@@ -37,7 +37,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import SolverError, StateError
-from rope_twin.whole_file import write_whole
+from rope_twin.files import write_whole
 
 if TYPE_CHECKING:
     from rope_twin.twin.recovery import Recovery

@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
+from rope_twin.files import share_dir
 from rope_twin.sea.tables import find_table, read_grid
-from rope_twin.share import share_dir
 
 FORCES_FOLDER = "viv"
 RANGES = {  # of a table's columns: far beyond what was measured, against other units or signs

@@ -9,13 +9,8 @@ import pytest
 from feed_samples import LINES, MOTIONS, SETTINGS
 
 from rope_twin.errors import InputError, SceneError
-from rope_twin.feeds.configuration import (
-    FORMATS,
-    FeedSettings,
-    read_settings,
-    with_source,
-)
-from rope_twin.share import share_dir
+from rope_twin.feeds.configuration import FORMATS, FeedSettings, read_settings, with_source
+from rope_twin.files import share_dir
 
 SHIPPED = sorted(path.stem for path in (share_dir() / "config" / "feeds").glob("*.yaml"))
 

@@ -12,8 +12,8 @@ from rigs import Rig, march, sine, still
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import SceneError
+from rope_twin.files import share_dir
 from rope_twin.scene.winch import PassiveCompensation, Winch
-from rope_twin.share import share_dir
 from rope_twin.twin.winch.components import root
 
 MASS, AREA, VOLUME, EXPONENT, FALLS, SHEAVE = 50e3, 0.1, 1.2, 1.3, 2, 2000.0

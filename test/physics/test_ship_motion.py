@@ -15,13 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.files import share_dir
 from rope_twin.recording.motion_source import FIRST_NS, ShipOnWaves, offer, open_sea, series_of
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import Waves
-from rope_twin.share import share_dir
 from rope_twin.studies.accuracy_run import Course
 from rope_twin.twin.motion.ship_motion import ShipPose, hang_off_motion
 from rope_twin.twin.twin import Twin

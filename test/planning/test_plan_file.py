@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from rope_twin.errors import RopeTwinError
+from rope_twin.files import share_dir
 from rope_twin.planning.plan_file import Heights, Lowering
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of
-from rope_twin.share import share_dir
 
 PLANS = sorted(path.stem for path in (share_dir() / "config" / "plans").glob("*.yaml"))
 

@@ -25,6 +25,7 @@ import xarray
 from rope_twin.cli import main
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
+from rope_twin.files import share_dir
 from rope_twin.planning import cells, settings
 from rope_twin.planning.cells import Cell, CellLimit, RowStore, bisect
 from rope_twin.planning.phases import Leg, legs_of
@@ -46,7 +47,6 @@ from rope_twin.planning.seas import SeaState, Ship
 from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.load_chart import read_load_chart
-from rope_twin.share import share_dir
 
 SMALL = """about: one depth, two periods
 scene: deep_lift

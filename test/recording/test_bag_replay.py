@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from rope_twin.errors import BagError
+from rope_twin.files import share_dir
 from rope_twin.messages import encode_heave
 from rope_twin.messages.cdr import typestore
 from rope_twin.recording.bag import list_bags
 from rope_twin.recording.heave import HeaveRecord, HeaveReplay, open_heave, read_heave, replay_sea
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap, read_spectrum
-from rope_twin.share import share_dir
 from rope_twin.twin.motion.ship_motion import synthesise
 
 SECOND = 1_000_000_000

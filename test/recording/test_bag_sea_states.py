@@ -12,11 +12,11 @@ from rosbags.highlevel import AnyReader
 
 from rope_twin.cli import sea_state
 from rope_twin.errors import InputError
+from rope_twin.files import share_dir
 from rope_twin.recording.bag import list_bags
 from rope_twin.recording.heave import read_heave
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import read_spectrum
-from rope_twin.share import share_dir
 from rope_twin.twin.motion.ship_motion import synthesise
 
 README = (share_dir() / "bags" / "README.md").read_text(encoding="utf-8")

@@ -15,6 +15,7 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import BagError
+from rope_twin.files import share_dir
 from rope_twin.messages import decode, encode_heave
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.exact_replay import Outcome, same_payload, verify
@@ -23,7 +24,6 @@ from rope_twin.recording.recorded_run import Recorded, read_content
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
-from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, TOPICS
 from rope_twin.vortex.results import MonitorSettings
 

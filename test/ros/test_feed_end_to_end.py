@@ -27,8 +27,8 @@ from serial_cable import cable
 
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.instrument import Instrument, LineSample
+from rope_twin.files import share_dir
 from rope_twin.messages import read_cloud
-from rope_twin.share import share_dir
 
 pytestmark = pytest.mark.ros
 FAULTS = "lost:0.01,doubled:0.01,cut:0.01,garbled:0.01,delayed:0.01:0.1s"

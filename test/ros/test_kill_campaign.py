@@ -23,14 +23,13 @@ import pytest
 from ros_bench import Bench
 from ros_process import Process, Processes
 
+from rope_twin.files import share_dir, write_whole
 from rope_twin.messages import decode
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.recover import recover
 from rope_twin.ros import processes as ros_processes
 from rope_twin.ros.params import NODES
 from rope_twin.run.options import RunOptions
-from rope_twin.share import share_dir
-from rope_twin.whole_file import write_whole
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

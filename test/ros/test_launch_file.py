@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 import yaml
 
+from rope_twin.files import share_dir
 from rope_twin.ros import params
-from rope_twin.share import share_dir
 
 pytestmark = pytest.mark.ros  # parameters are rclpy's
 LAUNCH = share_dir() / "launch" / "rope_twin.launch.py"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from ros_process import Processes
 
-from rope_twin.share import share_dir
+from rope_twin.files import share_dir
 
 pytestmark = pytest.mark.ros
 LISTENER = Path(__file__).parents[1] / "support" / "cyclone_listener.py"

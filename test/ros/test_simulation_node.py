@@ -295,7 +295,7 @@ def test_a_step_of_the_system_clock_is_reported(running: Any) -> None:
 
 
 def test_scene_files_may_be_named_by_path(bench: Bench, tmp_path: Path) -> None:
-    from rope_twin.share import share_dir
+    from rope_twin.files import share_dir
 
     text = (share_dir() / "config" / "scenes" / f"{SCENE}.yaml").read_text(encoding="utf-8")
     mine = tmp_path / "mine.yaml"

@@ -8,8 +8,8 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.errors import SceneError
+from rope_twin.files import share_dir
 from rope_twin.scene.rope_warnings import sense_checks
-from rope_twin.share import share_dir
 
 SCENE = (share_dir() / "config" / "scenes" / "passive_lift.yaml").read_text(encoding="utf-8")
 UNIT = SCENE[SCENE.index("  - name: hoist") : SCENE.index("      - {rope: steel_wire_40mm}")]

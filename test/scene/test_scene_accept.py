@@ -9,6 +9,7 @@ from scene_text import GOOD, STEPPED, assert_refused, spoilt, written
 
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
+from rope_twin.files import share_dir
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
@@ -21,7 +22,6 @@ from rope_twin.sea.spectrum import (
     steepness_warning,
     zero_crossing_period_s,
 )
-from rope_twin.share import share_dir
 from rope_twin.twin.state import scene_properties
 from rope_twin.twin.twin import Twin
 

@@ -11,8 +11,8 @@ from scene_text import assert_refused, written
 from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import ANCHORED, FORCE, SECOND
+from rope_twin.files import share_dir
 from rope_twin.scene.joined_model import build_joined
-from rope_twin.share import share_dir
 
 LOOP = (share_dir() / "config" / "scenes" / "two_line_loop.yaml").read_text()
 OWN_FIGURES = LOOP[LOOP.index("    mass_kg: 1500.0") : LOOP.index("hang_offs:")]

@@ -8,10 +8,10 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.cli import main
+from rope_twin.files import share_dir
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks
-from rope_twin.share import share_dir
 
 LOOP = (share_dir() / "config" / "scenes" / "two_line_loop.yaml").read_text()
 WEIGHT = "  - weight: {}\n"

@@ -13,6 +13,7 @@ import rao_samples as samples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rope_twin.files import share_dir
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.orcaflex_raos import read_orcaflex
@@ -28,7 +29,6 @@ from rope_twin.sea.raos import (
     long_wave_doubts,
     moved_by,
 )
-from rope_twin.share import share_dir
 
 TIP = (10.0, -18.0, 24.0)
 ULEN_M = 60.0

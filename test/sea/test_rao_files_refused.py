@@ -12,10 +12,10 @@ import pytest
 import rao_samples as samples
 
 from rope_twin.errors import InputError, SceneError
+from rope_twin.files import share_dir
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import NO_CONVENTIONS, RaoConventions
-from rope_twin.share import share_dir
 
 Model = dict[str, Any]
 

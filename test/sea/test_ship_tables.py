@@ -12,6 +12,7 @@ from scipy.integrate import quad
 
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError, SceneError
+from rope_twin.files import share_dir
 from rope_twin.messages import encode_pose
 from rope_twin.messages.inputs import read_pose
 from rope_twin.recording.motion_source import open_sea
@@ -22,7 +23,6 @@ from rope_twin.sea.rao_files import COLUMNS, read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import read_way
 from rope_twin.sea.spectrum import DEEP, irregular_waves, jonswap
-from rope_twin.share import share_dir
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.twin import Twin

@@ -12,7 +12,7 @@ import pytest
 import yaml
 
 from rope_twin.cli import main
-from rope_twin.share import share_dir
+from rope_twin.files import share_dir
 
 SHALLOW = "shallow_lift"
 Printed = pytest.CaptureFixture[str]

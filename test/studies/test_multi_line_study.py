@@ -14,8 +14,8 @@ import yaml
 
 from rope_twin.cli import main
 from rope_twin.core.jit.wide import LANES
+from rope_twin.files import share_dir
 from rope_twin.scene.load import Change, load_scene
-from rope_twin.share import share_dir
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system, run_systems
 from rope_twin.twin.ensemble.ensemble import Variation

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from rope_twin.files import share_dir
 from rope_twin.scene.convergence import FOLDER, read_study, study_path
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.share import share_dir
 from rope_twin.studies import accuracy_study as accuracy
 from rope_twin.studies.accuracy_run import BY_NAME
 from rope_twin.studies.accuracy_study import make_plan

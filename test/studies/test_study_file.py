@@ -10,8 +10,8 @@ import pytest
 from study_text import DRAWN, GOOD, written
 
 from rope_twin.errors import RopeTwinError
+from rope_twin.files import share_dir
 from rope_twin.scene.load import change_scene
-from rope_twin.share import share_dir
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import design_runs, made_of, read_study
 from rope_twin.studies.study_run import cut_into_batches

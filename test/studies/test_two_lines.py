@@ -17,11 +17,11 @@ from sample_snapshot import hanging_rope
 from rope_twin import Snapshot, load_scene, messages
 from rope_twin.cli import main
 from rope_twin.errors import InputError
+from rope_twin.files import share_dir
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
-from rope_twin.share import share_dir
 from rope_twin.topics import due_topics
 from rope_twin.twin.multi_line_snapshot import (
     ClearanceMonitor,

@@ -17,7 +17,7 @@ EVERYTHING = [*SOURCES, *LABORATORY, *TESTS, *sorted(ROOT.glob("launch/*.py"))]
 
 # Imports run downward only; parts of one floor may use each other.
 FLOORS = (
-    ("core", "sea", "errors", "quantity", "share", "whole_file"),
+    ("core", "sea", "errors", "quantity", "files"),
     ("effects", "vortex"),
     ("scene",),
     ("twin",),

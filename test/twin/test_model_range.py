@@ -11,9 +11,9 @@ import pytest
 from sample_snapshot import RESIDUAL, hanging_rope
 from small_scene import small_scene
 
+from rope_twin.files import share_dir
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks, validity_warnings
-from rope_twin.share import share_dir
 from rope_twin.twin.snapshot import BedContact, Crossing, InputHealth, LinesShot, Nearest, Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.validity import DOUBTED, OUTSIDE, Finding, ModelRange

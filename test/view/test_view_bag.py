@@ -12,8 +12,8 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError
+from rope_twin.files import share_dir
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, TOPICS
 from rope_twin.view.rope_view import play
 

@@ -11,7 +11,7 @@ import pytest
 import yaml
 from rosbags.typesys import Stores, get_typestore
 
-from rope_twin.share import share_dir
+from rope_twin.files import share_dir
 from rope_twin.topics import BY_NAME, Qos
 
 LAYOUTS = share_dir() / "config" / "layouts"

@@ -1,4 +1,4 @@
-"""Location of the files that come with the package: scenes, rope presets, sea states, bags."""
+"""Files that come with the package, and files that are written as a whole or not at all."""
 
 from __future__ import annotations
 
@@ -51,3 +51,30 @@ def shipped_file(
         return path
     right = f"{did_you_mean(name_or_path, known)} (or give the path of a YAML file)"
     raise error(phrase(f"{noun} '{name_or_path}'", f"there is no such {noun}", right))
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a temporary file in the same folder, sync it to disk, rename it, and sync the folder.
+
+    Raises:
+        OSError: the disk rejects it; the old file is unchanged and the temporary one removed.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+        _sync_folder(path.parent)
+    except OSError:
+        part.unlink(missing_ok=True)
+        raise
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
