@@ -29,7 +29,7 @@ from rope_twin.forecast.heave_process import (
     Response,
     heave_spectrum,
 )
-from rope_twin.forecast.orders import CONTINUE, Order
+from rope_twin.forecast.orders import CONTINUE, Order, check_lift_order
 from rope_twin.forecast.recorded_lift import (
     NominalRope,
     line_to_contact_m,
@@ -54,7 +54,6 @@ from rope_twin.forecast.tension_forecast import (
     TensionForecaster,
     unlearned_spread,
 )
-from rope_twin.forecast.winches import check_lift_order
 from rope_twin.messages.reports import (
     QUANTITIES,
     QUIET_TOPIC,

@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import BagError, InputError, SolverError
 from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTEST_RECORD_S
-from rope_twin.forecast.orders import LinePath
+from rope_twin.forecast.orders import LinePath, Lines, below_main_m, other_winches
+from rope_twin.forecast.orders import scene_at_line as scene_at_line
 from rope_twin.forecast.tension_forecast import ForecastSettings, Known
-from rope_twin.forecast.winches import Lines, below_main_m, other_winches
-from rope_twin.forecast.winches import scene_at_line as scene_at_line
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import BagReader, find_bag

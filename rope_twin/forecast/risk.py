@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
+from rope_twin.forecast.orders import hung_ropes
 from rope_twin.forecast.score import coverage
 from rope_twin.forecast.tension_forecast import DEPTH, MARGIN, SPEED, TensionForecast
-from rope_twin.forecast.winches import hung_ropes
 from rope_twin.scene.schema import Scene
 
 Floats = NDArray[np.float64]

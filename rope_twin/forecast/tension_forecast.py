@@ -41,12 +41,15 @@ from rope_twin.forecast.orders import (
     WITH_SPEED,
     LineNow,
     LinePath,
+    Lines,
     Order,
+    check_lift_order,
     compensation_path,
     line_path,
+    other_winches,
+    senses,
 )
 from rope_twin.forecast.score import member_quantiles
-from rope_twin.forecast.winches import Lines, check_lift_order, other_winches, senses
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import WINCH, Scene, Winch
 from rope_twin.twin.ensemble.fleet import (
@@ -282,7 +285,7 @@ class TensionForecaster:
         Args:
             known: measured up to the origin.
             start: state of the rope `burn_in_s` before the origin, on measured heave.
-            orders: what the winches do from the origin on; see `forecast.winches`.
+            orders: what the winches do from the origin on; see `forecast.orders`.
             factor: on the spread of top tension at each lead; None: 1.
             plans: line out of winches from the origin on at every step, by name, in place of
                 `continue`.

@@ -23,7 +23,7 @@ from rope_twin.forecast.live import (
     tables_of,
     usual_limits,
 )
-from rope_twin.forecast.orders import read_orders
+from rope_twin.forecast.orders import other_winches, read_orders
 from rope_twin.forecast.recorded_lift import seabed_depth_m
 from rope_twin.forecast.tension_forecast import (
     ERROR_MARGIN,
@@ -31,7 +31,6 @@ from rope_twin.forecast.tension_forecast import (
     ForecastSettings,
     unlearned_spread,
 )
-from rope_twin.forecast.winches import other_winches
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
 from rope_twin.ros.entry import SuiteNode, run_node

@@ -17,7 +17,16 @@ from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.live import Heard, LiveForecaster, Series, orders_of, tables_of
 from rope_twin.forecast.offline import RecordingForecaster
-from rope_twin.forecast.orders import LineNow, read_order, read_orders
+from rope_twin.forecast.orders import (
+    LineNow,
+    below_main_m,
+    check_lift_order,
+    hung_ropes,
+    read_order,
+    read_orders,
+    scene_at_line,
+    senses,
+)
 from rope_twin.forecast.recorded_lift import line_to_contact_m, nominal_states, read_lift
 from rope_twin.forecast.risk import Limits, compare, risks, tension_limits
 from rope_twin.forecast.tension_forecast import (
@@ -29,13 +38,6 @@ from rope_twin.forecast.tension_forecast import (
     Known,
     TensionForecast,
     TensionForecaster,
-)
-from rope_twin.forecast.winches import (
-    below_main_m,
-    check_lift_order,
-    hung_ropes,
-    scene_at_line,
-    senses,
 )
 from rope_twin.messages import encode_heave, encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
