@@ -24,7 +24,6 @@ from textual.widgets import Digits, Static
 
 from rope_twin.alerts.limits import CrewLimits
 from rope_twin.cli import main
-from rope_twin.console.chart import LABEL, Curve, Styles, curves, draw
 from rope_twin.console.figures import (
     UNITS,
     View,
@@ -36,7 +35,7 @@ from rope_twin.console.figures import (
     risk_lines,
     winch_figures,
 )
-from rope_twin.console.terminal import TerminalConsole
+from rope_twin.console.terminal import LABEL, Curve, Styles, TerminalConsole, curves, draw
 
 KN_M_PER_MIN, T_M_PER_MIN, KN_M_PER_S, _ = UNITS
 STYLES = Styles("c", "m", "b", "l", "a")
