@@ -28,25 +28,18 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.joined_group import JoinedKind
 from rope_twin.core.lanes.step import FOLDS, LEAST, Run
-from rope_twin.core.state import (
-    ELEMENTS,
-    PULL_COLUMNS,
-    STEPS_PER_CALL,
-    Boundary,
-    Floats,
-)
+from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
-from rope_twin.twin.ensemble.borders import Borders, is_known
-from rope_twin.twin.ensemble.borders import Variation as Variation
 from rope_twin.twin.ensemble.joined_turn import OFTEN, OFTEN_LEAST, JoinedTurn
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,
+    Borders,
     Member,
     MemberResults,
     Scratch,
@@ -54,7 +47,9 @@ from rope_twin.twin.ensemble.member import (
     SteppedMember,
     TwinMember,
     UnstartedMember,
+    is_known,
 )
+from rope_twin.twin.ensemble.member import Variation as Variation
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.regrid import element_tension

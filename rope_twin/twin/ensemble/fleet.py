@@ -27,7 +27,7 @@ from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside
-from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetRecord, FleetState, LiveState
+from rope_twin.twin.ensemble.fleet_members import FleetInputs, FleetRecord, FleetState, LiveState
 from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
 from rope_twin.twin.ensemble.fleet_stretch import STRETCH_STEPS, Record, Stretch
 from rope_twin.twin.ensemble.fleet_systems import SystemMembers

@@ -17,8 +17,14 @@ from rope_twin.core.state import Boundary, Floats, Ints, Rope, State, columns_fo
 from rope_twin.core.step import advance
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
-from rope_twin.twin.ensemble.fleet_members import Course, Members, Scratch
+from rope_twin.twin.ensemble.fleet_members import (
+    Course,
+    FleetInputs,
+    FleetState,
+    LiveState,
+    Members,
+    Scratch,
+)
 from rope_twin.twin.ensemble.live_state import on_mesh
 from rope_twin.twin.ensemble.member import fold_of
 from rope_twin.twin.figures import scaled_rope, stacked_effects, stacked_sections

@@ -27,8 +27,14 @@ from rope_twin.core.step import advance_joined
 from rope_twin.errors import InputError
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.fleet_data import FleetInputs, FleetState, LiveState
-from rope_twin.twin.ensemble.fleet_members import Course, Members, Scratch
+from rope_twin.twin.ensemble.fleet_members import (
+    Course,
+    FleetInputs,
+    FleetState,
+    LiveState,
+    Members,
+    Scratch,
+)
 from rope_twin.twin.ensemble.live_state import on_mesh
 from rope_twin.twin.ensemble.member import fold_of
 from rope_twin.twin.figures import scaled_law, scaled_rope

@@ -20,7 +20,7 @@ from rope_twin.core.payout import SMALLEST_REST, TRIALS
 from rope_twin.core.state import SAME_PLACE, Floats, Ints, Model, Rope, State, new_state
 from rope_twin.effects.current import profile_of, with_profile
 from rope_twin.errors import InputError, StateError
-from rope_twin.twin.ensemble.fleet_data import LiveState as LiveState
+from rope_twin.twin.ensemble.fleet_members import LiveState as LiveState
 from rope_twin.twin.figures import copied_law
 from rope_twin.twin.regrid import (
     Elements,

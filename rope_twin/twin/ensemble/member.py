@@ -1,16 +1,18 @@
-"""Member of an ensemble: one rope with its state, its results and the reason of its failure.
+"""Member of an ensemble: its variation, one rope with its state, its results, why it failed.
 
 A `Twin` has the boundary conditions and the records of a member of a multi-line scene, or of one
 with tension feedback of its winch: they belong to several ropes, or follow from the rope itself, so
 that no other member can share them. It gets its inputs a batch of steps at a time. Its system of
 ropes can still be stepped in SIMD lanes (twin/ensemble/joined_turn.py).
+
+Members with equal inputs share their boundary conditions (`Borders`).
 """
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,27 +31,90 @@ from rope_twin.core.loads.middle import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError
-from rope_twin.scene.rigging import winch_of, winches_by_name
-from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.twin.motion.boundary_conditions import GivenMotion, SharedBoundary, check_commands
+from rope_twin.scene.load import Change
+from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
+from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
+from rope_twin.twin.motion.boundary_conditions import (
+    GivenMotion,
+    SharedBoundary,
+    WinchMotion,
+    check_commands,
+    is_known_in_advance,
+)
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure
 from rope_twin.twin.regrid import element_tension, own_copies
 from rope_twin.twin.ropes import OpenSteps
 from rope_twin.twin.snapshot import Snapshot, amended
-from rope_twin.twin.snapshot_builder import (
-    Extremes,
-    build_snapshot,
-    with_body,
-    with_compensator,
-)
+from rope_twin.twin.snapshot_builder import Extremes, build_snapshot, with_body, with_compensator
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import CommandSample, schedule_samples
+from rope_twin.twin.winch.winch import spooled_rope, winch_of_rope
 from rope_twin.vortex.coupled import VivDragAmplification
 
 # Columns of a watched step: top tension [N], those of a look at its end, line out [m]
 TOP, LINE_OUT, WATCHED = 0, FOLDS + 1, FOLDS + 2
 LEAD_NS = 1_000_000_000  # heave is given to the twin this long ahead; it takes up to 2 s
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Changes and inputs of one member."""
+
+    changes: tuple[Change, ...] = ()  # of the scene's numbers
+    heave: HeaveSeries | None = None  # None: the ship lies still
+    commands: tuple[CommandSample, ...] | None = None  # of the winch; None: the scene's schedule
+
+
+class Borders:
+    """Boundary conditions of members; those with equal inputs share them."""
+
+    def __init__(self) -> None:
+        self._winches: dict[Any, WinchMotion] = {}
+        self._borders: dict[Any, SharedBoundary] = {}
+
+    def of(self, scene: Scene, own: Variation) -> SharedBoundary:
+        """Return the boundary conditions of a member that is one rope."""
+        return self._hung(scene, scene.ropes[0], own, scene.ship.hang_off_m)
+
+    def course(self, scene: Scene, own: Variation) -> dict[int, SharedBoundary] | None:
+        """Return the motion of the hang-offs of a multi-line scene, by rope.
+
+        None: there is one rope, or the payout of a winch depends on its tension.
+        """
+        if not is_joined(scene) or not is_known(scene, own):
+            return None
+        points = places(scene)
+        hung = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
+        return {r: self._hung(scene, line, own, points[line.from_]) for r, line in hung}
+
+    def _hung(self, scene: Scene, line: RopeLine, own: Variation, at_m: Triple) -> SharedBoundary:
+        """Return the motion of one hang-off at this place, and the payout of its winch."""
+        winch, step_s = winch_of(scene, line), scene.time.step_s
+        ship = replace(scene.ship, hang_off_m=at_m)
+        commands = own.commands if line.from_ == WINCH else None
+        answered = winch is not None and winch.heave_compensation is not None
+        heaved = (ship, id(own.heave)) if answered else None
+        joined = is_joined(scene)  # else the winch does not depend on the rope, and is shared
+        spooled = spooled_rope(scene, line) if joined and winch is not None else None
+        reeled = (line.from_, winch, line.length_m, commands, heaved, spooled)
+        if reeled not in self._winches:
+            made = winch_of_rope(scene, line) if joined else None
+            own_motion = WinchMotion(winch, line.length_m, commands, step_s, made)
+            self._winches[reeled] = own_motion
+        moved = (ship, reeled, id(own.heave))
+        if moved not in self._borders:
+            shared = SharedBoundary(ship, self._winches[reeled], own.heave, step_s)
+            self._borders[moved] = shared
+        return self._borders[moved]
+
+
+def is_known(scene: Scene, own: Variation) -> bool:
+    """Return whether the payout of all winches is known in advance."""
+    return all(
+        is_known_in_advance(winch, own.commands if name == WINCH else None)
+        for name, winch in winches_by_name(scene).items()
+    )
 
 
 class Scratch:
