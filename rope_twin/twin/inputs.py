@@ -29,7 +29,7 @@ from rope_twin.twin.cut_input import CutInput
 from rope_twin.twin.figures import RAMP_S, FigureBase, LearnedFigures
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.lower_end import LowerEndTrack
+from rope_twin.twin.motion.heave_track import LowerEndTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.readings import Measurement
