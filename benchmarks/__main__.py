@@ -37,8 +37,7 @@ from benchmarks.foresight import tension as tension_ahead
 from benchmarks.peers import page as peers_page
 from benchmarks.peers import race as peers
 from benchmarks.peers import vortices as vortex_peer
-from rope_twin.cli import CommandLine, exit_code
-from rope_twin.cli.console import CaseProgress, print_table
+from rope_twin.cli import CaseProgress, CommandLine, exit_code, print_table
 from rope_twin.errors import InputError
 from rope_twin.forecast.tension_forecast import ForecastSettings
 from rope_twin.scene.load import scene_names

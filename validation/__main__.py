@@ -15,8 +15,7 @@ from math import isfinite, isnan
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import CommandLine, exit_code
-from rope_twin.cli.console import CaseProgress, print_table
+from rope_twin.cli import CaseProgress, CommandLine, exit_code, print_table
 from rope_twin.studies.picture import check_picture, draw_panels
 from validation import registry, vortex_convergence
 from validation.case import Finding, Row, choose, run_each

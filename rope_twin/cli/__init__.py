@@ -2,6 +2,8 @@
 
 It has EXAMPLES and perhaps MORE, the rest of its description, for the help; `add_arguments`, which
 declares its arguments; and `run`, which returns an exit code.
+
+Commands share the exit codes and the forms of output that are here.
 """
 
 from __future__ import annotations
@@ -10,18 +12,22 @@ import argparse
 import contextlib
 import gc
 import importlib
+import json
+import math
 import os
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from enum import IntEnum
 from functools import partial
+from pathlib import Path
 from types import ModuleType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TextIO
 
-from rope_twin.cli.console import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.run.arguments import HelpFormatter, add_command
+from rope_twin.run.progress import FigureProgress
 
 DESCRIPTION = """Real-time simulator of winch, wire and payload for subsea lifting, on ROS 2.
 
@@ -62,13 +68,91 @@ COMMANDS = {
     "doctor": "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk",
     "completion": "print a completion script for bash, zsh or fish",
 }
-MODULES = {"console": "operator_console"}  # of commands whose module has another name
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the nodes; read when numpy is loaded
 
 _CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
 _NUMBER = re.compile(r"argument (\S+): invalid (int|float) value: (.*)")
 _MINUS = "(write a value that begins with - after =, like --at=-1)"
+
+
+class ExitCode(IntEnum):
+    """Exit code of a command, by its meaning."""
+
+    OK = 0
+    ERROR = 1
+    USAGE = 2
+    NEGATIVE = 3
+    LIMIT = 4
+    INTERRUPTED = 130
+
+
+MEANINGS = {
+    ExitCode.OK: "success",
+    ExitCode.ERROR: "error, reported in one sentence on stderr; no or incomplete output; a scene "
+    "that is invalid or exceeds a limit in static equilibrium (scene check)",
+    ExitCode.USAGE: "invalid command line, reported in one sentence on stderr",
+    ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
+    "(replay --verify), runs that stopped early (ensemble, study), a cell without a sea state "
+    "that meets the criteria (plan), a fault not flagged in time (faults), more alarms than EEMUA "
+    "191 allows (alerts), an error target missed (accuracy --within), a convergence study missing "
+    "or out of date (accuracy --status), a check with ERROR (doctor)",
+    ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload)",
+    ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
+}
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print the one object of `--json`; numbers that JSON does not have are null."""
+    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in the types of JSON."""
+    match value:
+        case Mapping():
+            return {str(key): _plain(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_plain(one) for one in value]
+        case float():
+            return value if math.isfinite(value) else None
+        case Path():
+            return str(value)
+        case _:
+            return value
+
+
+def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
+    """Print columns as wide as their widest cell, the first left-, the others right-aligned.
+
+    A last column of words is left-aligned too.
+    """
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    for line in _aligned(rows, widths, words_last):
+        print(line)
+
+
+def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool) -> Iterator[str]:
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        if words_last:
+            cells[-1] = row[-1]
+        yield "  ".join(cells).rstrip()
+
+
+class CaseProgress:
+    """One changing line on a terminal, a line per case elsewhere; on standard error."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._line = FigureProgress(stream)
+
+    def show(self, done: int, total: int, what: str) -> None:
+        """Show that `done` of `total` cases are done and `what` is next."""
+        bar = "#" * round(20 * done / total)
+        self._line.show(f"[{bar:<20}] {done}/{total} {what}")
+        if done == total:
+            self._line.finish()
 
 
 class CommandLine(argparse.ArgumentParser):
@@ -147,8 +231,7 @@ def _silenced(code: int) -> int:
 
 
 def _module(name: str) -> ModuleType:
-    own = MODULES.get(name, name.replace("-", "_"))
-    return importlib.import_module(f"rope_twin.cli.{own}")
+    return importlib.import_module(f"rope_twin.cli.{name.replace('-', '_')}")
 
 
 def build_parser() -> argparse.ArgumentParser:

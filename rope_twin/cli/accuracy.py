@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError
 from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rope_twin.cli.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_json, add_time, measure
 

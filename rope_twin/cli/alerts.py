@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.alerts.monitor import CHATTER, FLOOD, STEADY, AlertRates, rates
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader

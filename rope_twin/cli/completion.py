@@ -6,8 +6,7 @@ import argparse
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from rope_twin.cli import build_parser
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, build_parser, print_json
 from rope_twin.run.arguments import add_json
 from rope_twin.scene.load import scene_names
 

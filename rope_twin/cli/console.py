@@ -1,91 +1,169 @@
-"""Exit codes and output of commands: one JSON object, tables, the progress of cases."""
+"""`rope_twin console`: the operator console to a running suite, or to a recorded bag."""
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterator, Mapping, Sequence
-from enum import IntEnum
-from pathlib import Path
-from typing import Any, TextIO
+import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
 
-from rope_twin.run.progress import FigureProgress
+from rope_twin.cli import ExitCode, print_json
+from rope_twin.console.server import announce
+from rope_twin.errors import InputError
+from rope_twin.run.arguments import add_json
+from rope_twin.run.options import CONSOLE
+from rope_twin.run.progress import StopSignal
 
-
-class ExitCode(IntEnum):
-    """Exit code of a command, by its meaning."""
-
-    OK = 0
-    ERROR = 1
-    USAGE = 2
-    NEGATIVE = 3
-    LIMIT = 4
-    INTERRUPTED = 130
-
-
-MEANINGS = {
-    ExitCode.OK: "success",
-    ExitCode.ERROR: "error, reported in one sentence on stderr; no or incomplete output; a scene "
-    "that is invalid or exceeds a limit in static equilibrium (scene check)",
-    ExitCode.USAGE: "invalid command line, reported in one sentence on stderr",
-    ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
-    "(replay --verify), runs that stopped early (ensemble, study), a cell without a sea state "
-    "that meets the criteria (plan), a fault not flagged in time (faults), more alarms than EEMUA "
-    "191 allows (alerts), an error target missed (accuracy --within), a convergence study missing "
-    "or out of date (accuracy --status), a check with ERROR (doctor)",
-    ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload)",
-    ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
-}
+EXAMPLES = (
+    "console",
+    "console --control",
+    "console lift",
+    "console --terminal",
+)
+MORE = """Opens a page for any browser: line out, speed, tension with its limits and trend, payload,
+winch, quality and diagnostics. With BAG it plays a recorded run for debriefing. It is served to
+this machine only, unless --address names another, and is read-only unless --control is given.
+With --terminal it shows the first page's numbers, trend and alerts in the terminal, as over SSH."""
 
 
-def print_json(content: Mapping[str, Any]) -> None:
-    """Print the one object of `--json`; numbers that JSON does not have are null."""
-    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument
+    add("bag", nargs="?", metavar="BAG", help="recorded run to play (default: the running suite)")
+    add(
+        "--address",
+        default=CONSOLE,
+        metavar="HOST:PORT",
+        help=f"where to serve the page (default: {CONSOLE})",
+    )
+    add(
+        "--control",
+        action="store_true",
+        help="let pages command the winch after they have given the token that is printed",
+    )
+    add(
+        "--terminal",
+        action="store_true",
+        help="show the first page in this terminal, read-only, and serve nothing",
+    )
+    add(
+        "--network",
+        action="store_true",
+        help="find a suite on other machines too (default: this machine only)",
+    )
+    words = (
+        "load_chart.json of `rope_twin plan`: pages show what it allows in the sea entered there"
+    )
+    add("--load-chart", default="", metavar="FILE", help=words)
+    add_json(parser)
 
 
-def _plain(value: Any) -> Any:
-    """Return a value in the types of JSON."""
-    match value:
-        case Mapping():
-            return {str(key): _plain(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_plain(one) for one in value]
-        case float():
-            return value if math.isfinite(value) else None
-        case Path():
-            return str(value)
-        case _:
-            return value
+def _announce(args: argparse.Namespace) -> Callable[[str, str], None]:
+    """Return what prints address and token, as text or as JSON."""
+    if not args.json:
+        return announce
+
+    def print_object(address: str, token: str) -> None:
+        print_json({"address": address, "token": token or None})
+        sys.stdout.flush()
+
+    return print_object
 
 
-def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
-    """Print columns as wide as their widest cell, the first left-, the others right-aligned.
-
-    A last column of words is left-aligned too.
-    """
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    for line in _aligned(rows, widths, words_last):
-        print(line)
-
-
-def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool) -> Iterator[str]:
-    for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        if words_last:
-            cells[-1] = row[-1]
-        yield "  ".join(cells).rstrip()
+def run(args: argparse.Namespace) -> int:
+    """Serve until Ctrl-C, and return the exit code. Raises RopeTwinError."""
+    if args.terminal:
+        return _terminal(args)
+    if args.bag is None:
+        return _live(args)
+    if args.control:
+        what = "a recorded run has no winch to command"
+        raise InputError("--control", what, "leave it out, or leave BAG out")
+    return _recorded(args)
 
 
-class CaseProgress:
-    """One changing line on a terminal, a line per case elsewhere; on standard error."""
+def _live(args: argparse.Namespace) -> int:
+    from rope_twin.ros.console_node import ConsoleNode
+    from rope_twin.ros.entry import run_node
+    from rope_twin.ros.middleware import keep_to_loopback
+    from rope_twin.ros.params import overrides
 
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._line = FigureProgress(stream)
+    if not args.network:
+        keep_to_loopback()
+    given = overrides(
+        {"address": args.address, "control": args.control, "load_chart": args.load_chart}
+    )
+    tell = _announce(args)
+    return run_node(lambda: ConsoleNode(tell, parameter_overrides=given), ["rope_twin"])
 
-    def show(self, done: int, total: int, what: str) -> None:
-        """Show that `done` of `total` cases are done and `what` is next."""
-        bar = "#" * round(20 * done / total)
-        self._line.show(f"[{bar:<20}] {done}/{total} {what}")
-        if done == total:
-            self._line.finish()
+
+def _terminal(args: argparse.Namespace) -> int:
+    """Show the console in the terminal. Raises RopeTwinError."""
+    named = {
+        "--control": args.control, "--json": args.json, "--load-chart": args.load_chart,
+        "--address": args.address != CONSOLE,
+    }  # fmt: skip
+    if given := next((name for name, there in named.items() if there), ""):
+        what = "the terminal console only shows, and serves no page"
+        raise InputError(f"--terminal {given}", what, f"leave {given} out")
+    if not (sys.stdin.isatty() and sys.stdout.isatty()):
+        what = "standard input and output are no terminal"
+        raise InputError("--terminal", what, "run it in one, over SSH with `ssh -t`")
+    try:
+        from rope_twin.console.terminal import TerminalConsole
+    except ImportError as error:
+        right = "install it with `pip install 'rope_twin[console]'`"
+        raise InputError("--terminal", f"{error.name} is not installed", right) from error
+    from rope_twin.console.control import Desk
+    from rope_twin.console.facts import session_facts
+    from rope_twin.console.pages import Pages
+    from rope_twin.console.playback import Recording, connect_playback
+    from rope_twin.ros.console_node import suite_source
+    from rope_twin.ros.middleware import keep_to_loopback
+
+    stop = StopSignal(signal.SIG_DFL)
+    try:
+        if args.bag is None and not args.network:
+            keep_to_loopback()
+        with suite_source() if args.bag is None else closing(Recording(args.bag)) as source:
+            pages = Pages(source, time.monotonic, read_session=session_facts)
+            if isinstance(source, Recording):
+                connect_playback(source, pages, Desk(pages, time.monotonic))
+            TerminalConsole(pages, stopped=lambda: stop.requested).run()
+    finally:
+        stop.restore()
+    return ExitCode.OK
+
+
+def _recorded(args: argparse.Namespace) -> int:
+    from rope_twin.console.control import Desk
+    from rope_twin.console.facts import SeaLimits, session_facts
+    from rope_twin.console.pages import Pages
+    from rope_twin.console.playback import Recording, connect_playback
+    from rope_twin.console.requests import Log
+    from rope_twin.console.server import Server, read_address
+    from rope_twin.scene.load_chart import read_load_chart
+
+    host, port = read_address(args.address)
+    stop = StopSignal(signal.SIG_DFL)
+    source = Recording(args.bag)
+    try:
+        pages = Pages(source, time.monotonic, read_session=session_facts)
+        desk = Desk(pages, time.monotonic)
+        connect_playback(source, pages, desk)
+        if args.load_chart:
+            chart = read_load_chart(args.load_chart)
+            SeaLimits(pages, chart, time.monotonic).connect(desk)
+        log = Log(pages)
+        log.connect(desk)
+        server = Server(pages, desk, log, host, port)
+        server.start()
+        _announce(args)(server.address, "")
+        while not stop.requested:
+            time.sleep(0.1)
+        server.close()
+    finally:
+        source.close()
+        stop.restore()
+    return ExitCode.OK

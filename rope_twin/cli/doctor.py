@@ -17,7 +17,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.run.arguments import add_json

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
 from rope_twin.run.arguments import add_json, add_out
 

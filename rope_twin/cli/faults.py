@@ -9,7 +9,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.arguments import add_json, add_scene
 from rope_twin.run.progress import FigureProgress

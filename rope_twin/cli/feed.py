@@ -9,7 +9,7 @@ import sys
 import time
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import Instrument, LineSample, Sample

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of

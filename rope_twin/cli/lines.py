@@ -7,7 +7,7 @@ import json
 import sys
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined

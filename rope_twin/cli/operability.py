@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.planning.operability import (
     PERCENTILES,
     Operability,

@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.cli.selection import read_amount
 from rope_twin.errors import InputError
 from rope_twin.files import shipped_file

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import print_json
+from rope_twin.cli import print_json
 from rope_twin.recording.recover import Recovery, recover
 from rope_twin.run.arguments import add_json, add_out
 

@@ -7,7 +7,7 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.run.arguments import add_json
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ import sys
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rope_twin.cli.console import ExitCode
+from rope_twin.cli import ExitCode
 from rope_twin.run.options import RunOptions, check_against_scene, read_options
 from rope_twin.run.options import add_arguments as add_arguments
 from rope_twin.run.progress import FigureProgress

@@ -17,7 +17,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import CaseProgress, ExitCode, print_json
+from rope_twin.cli import CaseProgress, ExitCode, print_json
 from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
 from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
 from rope_twin.effects.current import CurrentParams
@@ -26,13 +26,7 @@ from rope_twin.messages.diagnostics import breach_words, compressed_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import format_bound
-from rope_twin.scene.lift import (
-    LiftFigures,
-    hung_together,
-    lift_figures,
-    listed_effects,
-    stretch_m,
-)
+from rope_twin.scene.lift import LiftFigures, hung_together, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.reference import scene_keys, scene_schema
 from rope_twin.scene.rigging import is_joined

@@ -13,7 +13,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.arguments import add_command, add_json, add_scene, measure
 from rope_twin.scene.environment import vessel_raos

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
 from rope_twin.recording.bag import BagReader, find_bag

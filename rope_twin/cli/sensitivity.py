@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.run import cell_named

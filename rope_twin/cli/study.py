@@ -11,7 +11,7 @@ import sys
 import time
 from pathlib import Path
 
-from rope_twin.cli.console import ExitCode, print_json
+from rope_twin.cli import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError

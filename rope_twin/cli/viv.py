@@ -13,15 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.cli.console import ExitCode, print_json, print_table
+from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import (
-    add_duration,
-    add_json,
-    add_out,
-    add_scene,
-)
+from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
@@ -43,10 +38,7 @@ from rope_twin.studies.viv_pictures import (
     write_all,
     write_time_domain,
 )
-from rope_twin.studies.viv_time_domain import (
-    run_time_domain,
-    with_model,
-)
+from rope_twin.studies.viv_time_domain import run_time_domain, with_model
 from rope_twin.vortex.coupled import shedding_of
 from rope_twin.vortex.fatigue import STRESS_CURVES, StressCurve, find_stress_curve
 from rope_twin.vortex.shedding import Shedding

@@ -11,8 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.cli import build_parser, main
-from rope_twin.cli.console import MEANINGS, ExitCode
+from rope_twin.cli import MEANINGS, ExitCode, build_parser, main
 from rope_twin.run.arguments import leaf_parsers
 
 PARSER = build_parser()

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 import rao_samples as samples
 
-from rope_twin.cli import main
-from rope_twin.cli.console import ExitCode
+from rope_twin.cli import ExitCode, main
 
 
 @pytest.fixture

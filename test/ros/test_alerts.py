@@ -12,8 +12,7 @@ from ros_bench import Bench
 from small_scene import SMALL_SCENE
 
 from rope_twin.alerts.sentences import framed
-from rope_twin.cli import main
-from rope_twin.cli.console import ExitCode
+from rope_twin.cli import ExitCode, main
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.cdr import encode_text
 from rope_twin.ros.alert_output_node import AlertOutputNode

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sample_snapshot import lifted
 
-from rope_twin.cli.console import CaseProgress
+from rope_twin.cli import CaseProgress
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress
 from rope_twin.run.summary import RunSummary, summarise

@@ -7,7 +7,7 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
-from rope_twin.cli.console import CaseProgress, print_table
+from rope_twin.cli import CaseProgress, print_table
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from validation.learning.campaign import (

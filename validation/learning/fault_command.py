@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.cli.console import CaseProgress, print_table
+from rope_twin.cli import CaseProgress, print_table
 from rope_twin.errors import InputError
 from rope_twin.estimation.alarms import NAMED_S, NIS_THRESHOLD, THRESHOLD
 from rope_twin.scene.load import load_scene
