@@ -1,1 +1,82 @@
-"""Exchange of models with other programs: MoorDyn decks, OrcaFlex text files."""
+"""Exchange of models with other programs: MoorDyn decks, OrcaFlex text files.
+
+A model that is read becomes a scene's YAML, with a list of what has no equal in it.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rope_twin.errors import InputError, SceneError
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+
+Keys = dict[str, Any]
+STEP_S = 0.01  # of imported scenes: an implicit step, unlike those of the other programs
+
+
+@dataclass(frozen=True)
+class Imported:
+    """A scene and the parts of the model that it does not have."""
+
+    scene: Keys
+    left_out: tuple[str, ...]  # a sentence each, without full stop
+
+    def text(self) -> str:
+        """Return the scene's file; what was left out is a comment at its top."""
+        head = [f"# not imported: {words}" for words in self.left_out]
+        body = yaml.dump(
+            self.scene, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100,
+            default_flow_style=None,
+        )  # fmt: skip
+        return "\n".join([*head, body])
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes floats so that every YAML reader agrees on them."""
+
+
+def _float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
+    mantissa, e, exponent = repr(value).partition("e")
+    sign = "" if exponent[:1] in ("+", "-") else "+"
+    point = "" if "." in mantissa else ".0"
+    text = f"{mantissa}{point}e{sign}{exponent}" if e else mantissa
+    return dumper.represent_scalar("tag:yaml.org,2002:float", text)
+
+
+_Dumper.add_representer(float, _float)
+
+
+def write_scene(imported: Imported, path: Path) -> Scene:
+    """Write a scene's file, check it, and return the scene.
+
+    The file is there only if the scene is valid.
+
+    Raises:
+        InputError: the model gives no valid scene, or the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(suffix=".yaml", dir=path.parent)
+    except OSError as error:
+        right = "give a place that can be written"
+        raise InputError(str(path), f"it cannot be written ({error})", right) from None
+    draft = Path(name)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(imported.text())
+        load_scene(draft)
+        draft.replace(path)
+    except SceneError as error:
+        words = str(error).replace(str(draft), "the scene").removesuffix(".")
+        what, _, right = words.rpartition("; ")
+        raise InputError(str(path), f"the model gives no valid scene ({what})", right) from None
+    finally:
+        draft.unlink(missing_ok=True)
+    return load_scene(path)

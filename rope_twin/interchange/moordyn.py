@@ -23,16 +23,8 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError
-from rope_twin.interchange.moordyn_deck import (
-    COUPLED,
-    FIXED,
-    FREE,
-    Deck,
-    Line,
-    LineType,
-    Point,
-)
-from rope_twin.interchange.scene_file import STEP_S, Imported, Keys
+from rope_twin.interchange import STEP_S, Imported, Keys
+from rope_twin.interchange.moordyn_deck import COUPLED, FIXED, FREE, Deck, Line, LineType, Point
 from rope_twin.scene.grid import find_payload, section_damping
 from rope_twin.scene.lift import alone, listed_effects, point_figures
 from rope_twin.scene.rigging import is_joined, places

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError
-from rope_twin.interchange.scene_file import STEP_S, Imported, Keys
+from rope_twin.interchange import STEP_S, Imported, Keys
 from rope_twin.scene.schema import WINCH
 from rope_twin.sea.orcaflex_raos import load_model
 from rope_twin.sea.rao_files import read_responses

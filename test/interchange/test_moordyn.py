@@ -19,9 +19,9 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.errors import InputError
+from rope_twin.interchange import write_scene
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
-from rope_twin.interchange.scene_file import write_scene
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.schema import Scene
 

@@ -20,8 +20,8 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.interchange import write_scene
 from rope_twin.interchange.orcaflex import scene_of_model
-from rope_twin.interchange.scene_file import write_scene
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.environment import reference_point_m
 
