@@ -27,8 +27,8 @@ from rope_twin.estimation.figures import (
     static_top_n,
 )
 from rope_twin.estimation.hanging import hanging_of
-from rope_twin.estimation.learner import Learner
 from rope_twin.estimation.lift_model import LiftModel
+from rope_twin.estimation.live import Learner
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
 from rope_twin.estimation.report import base_values, derived_mass_kg
