@@ -46,8 +46,7 @@ from rope_twin.core.lanes.system import (
     part_of,
     wide_system,
 )
-from rope_twin.core.loads.balance import add_pull
-from rope_twin.core.loads.middle import payload_middle
+from rope_twin.core.loads.balance import add_pull, payload_middle
 from rope_twin.core.payout import (
     OFFSET_GONE,
     SMALLEST_REST,

@@ -8,6 +8,9 @@ in registers for a node, in one loop over the nodes (`load_nodes`). Each loop ov
 
 Every pass works on a span of nodes low <= i < high, so that a stage can process the rope in chunks:
 the results of one pass are still in the processor's nearest cache when the next one reads them.
+
+The middle of the payload moves as the lower end, unless an effect says otherwise
+(`payload_middle`).
 """
 
 from __future__ import annotations
@@ -19,9 +22,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core.jit.decorators import INLINED, LINKED, jit, jit_entry, jit_sum, jit_within
-from rope_twin.core.jit.functions import renewed, rounded
+from rope_twin.core.jit.decorators import (
+    INLINED,
+    LINKED,
+    compiled,
+    jit,
+    jit_entry,
+    jit_sum,
+    jit_within,
+)
+from rope_twin.core.jit.functions import flush, renewed, restore, rounded
 from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import WideType
 from rope_twin.core.loads.hooks import (
     Growth,
     Load,
@@ -463,3 +475,47 @@ def _compose_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) 
     calls = kernels("calm", effects, work)
     lines = [f"if not kernel_{i}(effects[{i}], work, stage, n, share): return False" for i in calls]
     return written_out("effects, work, stage, n, share", [*lines, "return True"], calls)
+
+
+def payload_middle(effects: Any, height: Any, speed: Any) -> Any:
+    """Return height [m] and vertical velocity [m/s] of the payload's middle, in lanes or of one.
+
+    height, speed: of the lower end.
+    """
+    for effect, call in members("middle", effects):
+        height, speed = call(effect, height, speed)
+    return height, speed
+
+
+@overload(payload_middle, jit_options=LINKED, strict=False)
+def _compose_middle(effects: Any, height: Any, speed: Any) -> Any:
+    if isinstance(height, WideType):
+        calls = kernels("middle", effects, None)
+    else:
+        calls = kernels_by_place("middle", effects)
+    lines = [f"height, speed = kernel_{i}(effects[{i}], height, speed)" for i in calls]
+    return written_out("effects, height, speed", [*lines, "return height, speed"], calls)
+
+
+@jit_entry
+def _middle_of_one(effects: Any, height: float, speed: float) -> Any:
+    was = flush()
+    found = payload_middle(effects, height, speed)
+    restore(was)
+    return found
+
+
+_COMPILED: dict[tuple[type, ...], Any] = {}
+
+
+def lone_middle(effects: tuple[Any, ...], height: float, speed: float) -> tuple[float, float]:
+    """Return `payload_middle` of one rope by compiled code, so with the bits of a lane."""
+    own = tuple(effect for effect, _ in members("middle", effects))
+    if not own:
+        return height, speed
+    kinds = tuple(map(type, own))
+    found = _COMPILED.get(kinds)
+    if found is None:
+        found = _COMPILED[kinds] = compiled(_middle_of_one, (own, height, speed))
+    there, rate = found(own, height, speed)
+    return float(there), float(rate)

@@ -27,7 +27,7 @@ from rope_twin.core.lanes.joined_group import (
     why_joined_alone,
 )
 from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
-from rope_twin.core.loads.middle import lone_middle
+from rope_twin.core.loads.balance import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError
