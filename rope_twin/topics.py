@@ -368,6 +368,11 @@ def recorded_name(name: str) -> str:
     return name if name.startswith("/") else f"/{name}"
 
 
+def is_topic(name: str, topic: str) -> bool:
+    """Return whether a name in a bag is this topic of the table, in any namespace."""
+    return f"/{name}".endswith(f"/{topic}")
+
+
 SNAPSHOT_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and not one.only_with)
 EXTRA_TOPICS = tuple(one for one in TOPICS if one.of_snapshot and one.only_with)
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000

@@ -23,7 +23,7 @@ from rope_twin.errors import BagError, phrase
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, is_topic
 
 _FAST_HZ = 25.0  # messages of a topic of a higher rate are kept _SPACING_NS apart
 _SPACING_NS = round(NANOSECONDS / _FAST_HZ)
@@ -148,7 +148,7 @@ class Recording:
                         time.sleep(_REST_S)
                     if isinstance(record, Channel):
                         for name in SHOWN:
-                            if f"/{record.topic}".endswith(f"/{name}"):
+                            if is_topic(record.topic, name):
                                 names[record.id] = name
                     elif isinstance(record, StoredMessage) and record.channel_id in names:
                         self._keep(names[record.channel_id], record)

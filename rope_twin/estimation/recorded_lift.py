@@ -22,7 +22,7 @@ from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.input_log import decode_json
 from rope_twin.recording.session import Session
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
+from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED, is_topic
 from rope_twin.twin.input_queue import calls_of
 
 HEAVE, HANG_OFF, LENGTH = "ship/heave", "hang_off/odometry", "ropes/length"
@@ -120,7 +120,7 @@ def _messages(path: Path) -> Iterator[tuple[str, bytes]]:
     with BagReader(path) as bag:
         for name in bag.topics:
             for wanted in (SESSION_TOPIC, INPUT_LOG_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
-                if f"/{name}".endswith(f"/{wanted}"):
+                if is_topic(name, wanted):
                     yield from ((wanted, data) for _, data in bag.messages(name))
 
 

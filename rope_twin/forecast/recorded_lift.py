@@ -34,6 +34,7 @@ from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.topics import is_topic
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp
 
@@ -329,7 +330,7 @@ def _first(
         BagError: none of them has any.
     """
     for wanted in topics:
-        names = [name for name in reader.topics if f"/{name.lstrip('/')}".endswith(f"/{wanted}")]
+        names = [name for name in reader.topics if is_topic(name, wanted)]
         for name in names:
             kind = reader.topics[name].type_name
             rows = []
@@ -350,9 +351,7 @@ def _first(
 def _compensation(reader: BagReader) -> Floats:
     """Return times [s] and whether active heave compensation is on, (n, 2), of `winch/state`."""
     rows = []
-    for name in reader.topics:
-        if not f"/{name.lstrip('/')}".endswith(f"/{WINCH_STATE}"):
-            continue
+    for name in (one for one in reader.topics if is_topic(one, WINCH_STATE)):
         for _, data in reader.messages(name):
             message = deserialise(reader.topics[name].type_name, data)
             table, stamp = read_cloud(message), message.header.stamp

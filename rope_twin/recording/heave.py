@@ -31,7 +31,7 @@ from rope_twin.recording.track import (
     choose_topic,
 )
 from rope_twin.scene.schema import RecordedPoses, Scene
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, is_topic
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 from rope_twin.twin.motion.ship_motion import (
@@ -106,8 +106,8 @@ def _refuse_poses(bag: BagReader) -> None:
         BagError: the bag has poses, and no heave of the usual name.
     """
     counts = {f"/{name.lstrip('/')}": own.messages for name, own in bag.topics.items()}
-    heard = [name for name, count in counts.items() if count and name.endswith(f"/{_HEAVE.name}")]
-    posed = [name for name, count in counts.items() if count and name.endswith(f"/{_POSE.name}")]
+    heard = [name for name, count in counts.items() if count and is_topic(name, _HEAVE.name)]
+    posed = [name for name, count in counts.items() if count and is_topic(name, _POSE.name)]
     if posed and not heard:
         what = f"it has the ship's pose ({posed[0]}) and no heave"
         right = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
@@ -124,7 +124,7 @@ def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
         name
         for name, content in bag.topics.items()
         if content.type_name == _ELEVATION.type_name
-        and f"/{name}".endswith(f"/{_ELEVATION.name}")
+        and is_topic(name, _ELEVATION.name)
         and content.messages > 1
     ]
     if len(names) != 1:
@@ -335,7 +335,7 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
     with BagReader(path) as bag:
         types = (_ODOMETRY, _POSE_STAMPED)
         name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
-        if not recorded.topic and f"/{name}".endswith("/ship/heave"):
+        if not recorded.topic and is_topic(name, _HEAVE.name):
             what = f"it has heave of the hang-off ({name}) and no pose of the ship"
             raise BagError(f"bag {path}", what, "replay it by --bag, or by `sea_state: {bag: ...}`")
         twisted = bag.topics[name].type_name == _ODOMETRY

@@ -25,7 +25,7 @@ from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.status import counted
 from rope_twin.recording.bag import BagReader, find_bag
-from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC, slot_of
+from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC, is_topic, slot_of
 from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls
 from rope_twin.twin.readings import (
     MOTOR,
@@ -231,7 +231,7 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
         BagError: a topic is there twice, in several namespaces.
     """
     for topic in MEASURED_TOPICS:
-        names = [name for name in reader.topics if f"/{name}".endswith(f"/{topic}")]
+        names = [name for name in reader.topics if is_topic(name, topic)]
         if len(names) > 1:
             what = f"{topic} is there in {len(names)} namespaces"
             raise BagError(f"bag {reader.path}", what, f"keep one of {', '.join(names)}")
@@ -247,9 +247,8 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
 
 def _epoch_ns(reader: BagReader) -> int:
     """Return the ROS time of t = 0 of the run that the bag recorded; 0: none, or several."""
-    names = [name for name in reader.topics if f"/{name}".endswith(f"/{_EPOCH}")]
     found: set[int] = set()
-    for name in names:
+    for name in (one for one in reader.topics if is_topic(one, _EPOCH)):
         for _, data in reader.messages(name):
             stamp: Any = decode(_EPOCH, data)
             found.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))

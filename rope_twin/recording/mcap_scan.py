@@ -28,6 +28,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rope_twin.recording.bag import MCAP_MAGIC
+from rope_twin.topics import is_topic
 
 _FRAME = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
@@ -99,8 +100,7 @@ def topic_messages(
         scan, names = McapScan(file), dict[int, str]()
         for record in scan.records():
             if isinstance(record, Channel):
-                topic = f"/{record.topic}"
-                own = next((one for one in wanted if topic.endswith(f"/{one}")), None)
+                own = next((one for one in wanted if is_topic(record.topic, one)), None)
                 if own is not None:
                     names[record.id] = own
             elif isinstance(record, StoredMessage) and record.channel_id in names:

@@ -18,6 +18,7 @@ from rosbags.serde import SerdeError
 from rope_twin.errors import BagError, did_you_mean
 from rope_twin.messages.cdr import deserialise, table
 from rope_twin.recording.bag import BagReader, TopicContent
+from rope_twin.topics import is_topic
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -51,7 +52,7 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
             what = f"topic {name} is a {topics[name].type_name}"
             raise BagError(where, what, f"{wanted} must be a {right}")
         return name
-    named = [name for name in fitting if f"/{name}".endswith(f"/{usual}")]
+    named = [name for name in fitting if is_topic(name, usual)]
     for found in (named, fitting):
         if len(found) == 1:
             return found[0]
