@@ -180,7 +180,8 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
     place, speed = payload.get("place_m") or [None] * 3, payload.get("velocity_m_per_s")
     down = speed[2] if speed else None
     height, rows = height_above_bed_m(values, facts), []
-    depth, deepest = _negated(place[2]), limit(values, facts, "payload_depth_m")
+    depth = None if place[2] is None else -place[2]
+    deepest = limit(values, facts, "payload_depth_m")
     over = known(depth) and known(deepest) and depth > deepest
     rows.append(
         Figure("Payload depth", fixed(depth, 1), f"m{_side('≤', deepest)}", topic, "", over)
@@ -363,10 +364,6 @@ def _percent(share: float | None) -> str:
 
 def _side(sign: str, value: float | None) -> str:
     return f" {sign} {fixed(value, 0)}" if known(value) else ""
-
-
-def _negated(value: float | None) -> float | None:
-    return None if value is None else -value
 
 
 def _at(rows: Sequence[Values] | None) -> Values:

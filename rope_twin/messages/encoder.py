@@ -54,7 +54,7 @@ class Encoder:
             "ropes/element_tension": self._element_tension,
             "ropes/vibration": self._vibration,
             "ropes/fatigue": self._fatigue,
-            "ropes/markers": self._markers,
+            "ropes/markers": lambda shot: self._rope_markers.encode(shot, *all_elements(shot)),
             "hang_off/wrench": self._hang_off_wrench,
             "hang_off/odometry": self._hang_off_odometry,
             "lower_end/wrench": self._lower_end_wrench,
@@ -233,10 +233,6 @@ class Encoder:
         names = list(dict.fromkeys(name for own in winches for name in own)) or ["name"]
         rows = (tuple(own.get(name, math.nan) for name in names) for own in winches)
         return self._table("winch/state", snapshot, " ".join(names), rows)
-
-    def _markers(self, snapshot: Snapshot) -> bytes:
-        ends, tension = all_elements(snapshot)
-        return self._rope_markers.encode(snapshot, ends, tension)
 
 
 def ropes_of(snapshot: Snapshot) -> tuple[RopeShot, ...]:

@@ -348,7 +348,8 @@ class RopeMarkers:
         """Return the template for this number of elements, which the winch changes, from one of
         one.
         """
-        scale_n, words = self._scale_n, scale_words(self._scale_n)
+        scale_n = self._scale_n
+        words = f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"  # meaning of the colours
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         form = self._sized.get(
@@ -391,8 +392,3 @@ def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float
         f"markers.{slings}.points": np.stack([hook, body.leg_end_m], axis=1).reshape(-1, 3),
         f"markers.{slings}.scale": (0.5 * _LINE_WIDTH * line_m, 0.0, 0.0),
     }
-
-
-def scale_words(scale_n: float) -> str:
-    """Return the meaning of the rope's colours, as a text marker."""
-    return f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"

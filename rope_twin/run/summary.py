@@ -332,7 +332,9 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
     now_n, stepped = snapshot.tension_top_n, statistics.steps > 0
     return RunSummary(
         scene=twin.scene.name,
-        effects=tuple(effect_names(twin.scene.effects)),
+        effects=tuple(
+            own.name for one in twin.scene.effects for own in EFFECTS if isinstance(one, own.params)
+        ),
         elements=len(snapshot.element_tension_n),
         step_s=twin.step_s,
         steps=snapshot.step,
@@ -390,11 +392,6 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )
-
-
-def effect_names(parameters: tuple[object, ...]) -> list[str]:
-    """Return the names, as in a scene file, of the effects with these parameters."""
-    return [own.name for value in parameters for own in EFFECTS if isinstance(value, own.params)]
 
 
 Figures = dict[str, float | str]

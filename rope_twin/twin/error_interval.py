@@ -121,8 +121,8 @@ class ErrorInterval(Monitor):
 
     def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
         """Return the snapshot with the interval of each rope, or why it is unknown."""
-        if reason := self.why_unknown(now.time_ns):
-            return amended(shot, no_error_interval=reason)
+        if self._reason and (self.coarse is None or now.time_ns < self._known_from_ns):
+            return amended(shot, no_error_interval=self._reason)
         rest_s = now.clock.computing_s - self.took_s
         cost_pct = 100.0 * self.took_s / rest_s if rest_s > 0.0 else 0.0
         ropes = list(shot.ropes)
@@ -165,11 +165,6 @@ class ErrorInterval(Monitor):
         if self.coarse is not None and (responding := responding_winches(now)):
             with now.inputs.lock:
                 self.coarse.share_winches(responding)
-
-    def why_unknown(self, time_ns: int) -> str:
-        """Return why there is no interval at this time; "" if there is one."""
-        known = self.coarse is not None and time_ns >= self._known_from_ns
-        return "" if known else self._reason
 
     def interval(self, r: int, tension_n: float, time_s: float, cost_pct: float) -> TensionInterval:
         """Return the interval of rope r around its top tension.

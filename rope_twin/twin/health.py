@@ -115,7 +115,8 @@ class InputCounter:
 
         A rejection counts as recent from the first call after it, for RECENT_NS of twin time.
         """
-        if self._newest_ns is None and judged is UNJUDGED and self._is_untouched():
+        touched = self._refused or self._remark or self._warning
+        if self._newest_ns is None and judged is UNJUDGED and not touched:
             return NOTHING_CAME
         age = float("inf") if self._newest_ns is None else (now_ns - self._newest_ns) * 1e-9
         counts = self._counts
@@ -138,9 +139,6 @@ class InputCounter:
             executed_late=self.executed_late,
             warning=judged.warning or self._warned(now_ns),
         )
-
-    def _is_untouched(self) -> bool:
-        return not (self._refused or self._remark or self._warning)
 
     def _warned(self, now_ns: int) -> str:
         return self._warning if now_ns - self._warned_ns < RECENT_NS else ""

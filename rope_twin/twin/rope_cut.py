@@ -330,9 +330,10 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost)
     sections[rows.END, -1] = np.inf
     sections[rows.PER_METRE + rows.LENGTH - rows.MASS, -1] = 1.0  # it is a length, if of nothing
+    sheds = any(is_viv_model(own) for own in rope.effects)
     part = Nodes(
         np.insert(nodes.motion[:, : k + 1], k + 1, nodes.motion[:, k], axis=1),
-        np.append(nodes.s[: k + 1], lost + _beyond_m(rope.effects)),
+        np.append(nodes.s[: k + 1], lost + (BEYOND_SHEDDING_M if sheds else BEYOND_M)),
         np.append(nodes.offset[:k], 0.0),
         np.append(nodes.tension[:k], 0.0),
     )
@@ -342,12 +343,6 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     effects = of_falling(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
-
-
-def _beyond_m(effects: tuple[Any, ...]) -> float:
-    """Return the length of the massless section [m]."""
-    sheds = any(is_viv_model(own) for own in effects)
-    return BEYOND_SHEDDING_M if sheds else BEYOND_M
 
 
 def _with_nothing(law: Table) -> Table:

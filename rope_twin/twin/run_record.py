@@ -485,10 +485,6 @@ class RunRecord:
         """Start the extremes until the next snapshot; unconverged: substeps since the start."""
         self.unconverged, self.recent = unconverged, Extremes()
 
-    def is_doubtful(self, unconverged: int) -> bool:
-        """Return whether substeps have not converged since the newest snapshot."""
-        return unconverged > self.unconverged
-
     def add_contact(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
         """Add body, compensator, and contact with hull and seabed, if the scene has them."""
         if self._has_body:

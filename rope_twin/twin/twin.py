@@ -366,7 +366,7 @@ class Twin:
         amended(
             taken,
             winch_at_limit=at_limit,
-            doubtful=record.is_doubtful(system.unconverged),
+            doubtful=system.unconverged > record.unconverged,
             solver=taken.solver._replace(computing_s=self._clock.computing_s),
             inputs=health,
             winches=() if winch is None else (winch,),

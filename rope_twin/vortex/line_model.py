@@ -150,12 +150,17 @@ def _mirrored(s: Any, values: Any, once: Any, twice: Any, at: float, guess: int)
 
 
 def shedding_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
-    """Frequency of the fastest vortices, by the flow relative to the hang-off's velocity [Hz]."""
+    """Return the frequency St·U/d of the fastest vortices [Hz].
+
+    U is the flow across the rope, relative to the hang-off's velocity.
+    """
     n = int(rope.state.counts[rows.ELEMENTS])
     flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - boundary.rate[0, :3, None]
     flow[2] = 0.0  # heave and waves' vertical motion run along the rope
     along = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
-    return max_shedding_hz(flow, along, diameters(rope)[:n], strouhal)
+    across = flow - (flow * along).sum(axis=0) * along
+    speed = np.sqrt((across * across).sum(axis=0))
+    return float((strouhal * speed / diameters(rope)[:n]).max())
 
 
 def sampling_steps(hz: float, step_s: float, cycle: int) -> int:
@@ -185,12 +190,6 @@ def relative_flow(rope: Rope) -> Floats:
     relative = rope.work[_FLOW, : n + 1] - rope.state.nodes[_SPEED, : n + 1]
     relative[:, n] = relative[:, n - 1]
     return np.asarray(relative)
-
-
-def max_shedding_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
-    """Frequency of the fastest vortices, St·|U across the rope|/d at the nodes [Hz]."""
-    across = flow - (flow * along).sum(axis=0) * along
-    return float((strouhal * np.sqrt((across * across).sum(axis=0)) / diameter).max())
 
 
 def tangents(place: Floats) -> Floats:

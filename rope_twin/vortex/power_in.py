@@ -242,16 +242,11 @@ def _per_speed(span: Span) -> Floats:
     return np.asarray(span.diameter / np.maximum(span.speed, SPEED_MIN))
 
 
-def _reduced(frequency: Floats, span: Span) -> Floats:
-    """Return f·D/U, (nodes, modes)."""
-    return np.asarray(frequency * _per_speed(span)[:, None])
-
-
 def _powers(
     span: Span, model: Decomposed, modes: LateralModes, frequency: Floats
 ) -> tuple[Floats, Floats]:
     """Return Π of each mode, and the fraction of each node at which f·D/U is in the band."""
-    reduced, omega = _reduced(frequency, span), 2.0 * pi * frequency
+    reduced, omega = frequency * _per_speed(span)[:, None], 2.0 * pi * frequency
     turned, (low, high) = span.speed / span.diameter, model.band
     band = parts_below(turned, frequency / low) - parts_below(turned, frequency / high)
     lift = model.table.lift_along(model.first_amplitude, reduced)
