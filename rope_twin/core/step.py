@@ -31,14 +31,7 @@ from rope_twin.core.jit.functions import flush, restore
 from rope_twin.core.jit.rows import copy, hold
 from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
 from rope_twin.core.joined.sheaves import is_at_sheave, set_border
-from rope_twin.core.joined.stack import (
-    POINT,
-    load,
-    rope_of,
-    stacked_effects,
-    store,
-    store_memories,
-)
+from rope_twin.core.joined.stack import POINT, load, rope_of, stacked_effects, store, store_memories
 from rope_twin.core.joined.stage import (
     BACK,
     OUT,

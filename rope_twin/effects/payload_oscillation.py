@@ -32,14 +32,7 @@ from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
 from rope_twin.core.loads.hooks import Load, kernel
 from rope_twin.core.loads.memory import new_memory, remembering
-from rope_twin.core.state import (
-    ACCELERATION,
-    FLOW,
-    FLOW_RATE,
-    SPEED2_MIN,
-    VELOCITY,
-    Floats,
-)
+from rope_twin.core.state import ACCELERATION, FLOW, FLOW_RATE, SPEED2_MIN, VELOCITY, Floats
 from rope_twin.quantity import quantity
 from rope_twin.vortex.drag_amplification import keulegan_carpenter
 

@@ -43,16 +43,7 @@ from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
 from rope_twin.core.loads.memory import count_known, new_memory, remembering
 from rope_twin.core.payout import set_trials
-from rope_twin.core.state import (
-    ELEMENTS,
-    FLOW,
-    REST,
-    SPEED2_MIN,
-    TANGENT,
-    VELOCITY,
-    ZERO,
-    Floats,
-)
+from rope_twin.core.state import ELEMENTS, FLOW, REST, SPEED2_MIN, TANGENT, VELOCITY, ZERO, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex import wake as shedding
 from rope_twin.vortex.wake import faded, smooth_noise, solve_wake, wake_of

@@ -29,13 +29,7 @@ from rope_twin.estimation.causes import (
     FaultLanes,
     name_causes,
 )
-from rope_twin.estimation.estimator import (
-    BLOCK_S,
-    BURN_IN_S,
-    LEAST_USED,
-    SPARE_HEAVE_S,
-    Estimator,
-)
+from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, SPARE_HEAVE_S, Estimator
 from rope_twin.estimation.fault_tests import (
     FaultTests,
     LostPayload,

@@ -20,13 +20,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
-from rope_twin.estimation.estimator import (
-    BLOCK_S,
-    BURN_IN_S,
-    LEAST_USED,
-    BlockResult,
-    Estimator,
-)
+from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, BlockResult, Estimator
 from rope_twin.estimation.figures import (
     BIAS,
     INDEX,

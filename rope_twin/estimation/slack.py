@@ -35,15 +35,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from rope_twin.core.state import Floats
-from rope_twin.estimation.figures import (
-    BIAS,
-    COUNT,
-    CURRENT_SHAPE,
-    FRICTION,
-    GAIN,
-    NAMES,
-    Gaussian,
-)
+from rope_twin.estimation.figures import BIAS, COUNT, CURRENT_SHAPE, FRICTION, GAIN, NAMES, Gaussian
 from rope_twin.estimation.measured_lift import MEAN_S, Bools
 from rope_twin.estimation.noise import FREQUENCY_HZ, tension_error_autocovariance
 

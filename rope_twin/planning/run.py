@@ -15,13 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rope_twin.errors import InputError
-from rope_twin.planning.cells import (
-    Cell,
-    CellLimit,
-    PhaseWork,
-    RowStore,
-    runs_of_cell,
-)
+from rope_twin.planning.cells import Cell, CellLimit, PhaseWork, RowStore, runs_of_cell
 from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_file import Plan

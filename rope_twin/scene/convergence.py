@@ -17,14 +17,7 @@ from typing import Any
 from rope_twin.core import CONNECTIONS_VERSION, SOLVER_VERSION
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
-from rope_twin.scene.error_bound import (
-    PEAK,
-    RMS,
-    Figure,
-    KnownError,
-    Setting,
-    StudyLevel,
-)
+from rope_twin.scene.error_bound import PEAK, RMS, Figure, KnownError, Setting, StudyLevel
 from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 

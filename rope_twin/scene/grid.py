@@ -12,15 +12,7 @@ import numpy as np
 from rope_twin.core.state import SAME_PLACE, Floats
 from rope_twin.effects.compensator import CompensatorParams
 from rope_twin.effects.rope_mass import AddedMassParams
-from rope_twin.scene.schema import (
-    Damping,
-    Environment,
-    Grading,
-    Payload,
-    Rope,
-    RopeLine,
-    Scene,
-)
+from rope_twin.scene.schema import Damping, Environment, Grading, Payload, Rope, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures
 
 FEWEST_ELEMENTS = 3  # minimum per rope

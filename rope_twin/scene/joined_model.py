@@ -27,10 +27,7 @@ from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.scene.grid import weight_n_per_m
-from rope_twin.scene.lift import (
-    alone,
-    point_figures,
-)
+from rope_twin.scene.lift import alone, point_figures
 from rope_twin.scene.rigging import (
     body_payload,
     meeting_points,

@@ -28,27 +28,9 @@ from rope_twin.scene.grid import (
     section_damping,
     weight_n_per_m,
 )
-from rope_twin.scene.rigging import (
-    body_payload,
-    is_joined,
-    places,
-    runs_over_sheave,
-    winch_of,
-)
-from rope_twin.scene.schema import (
-    STEEL_KG_PER_M3,
-    WINCH,
-    Payload,
-    Rope,
-    RopeLine,
-    Scene,
-    Winch,
-)
-from rope_twin.scene.shapes import (
-    NOTHING,
-    PayloadFigures,
-    payload_figures,
-)
+from rope_twin.scene.rigging import body_payload, is_joined, places, runs_over_sheave, winch_of
+from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, Rope, RopeLine, Scene, Winch
+from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 

@@ -38,10 +38,7 @@ from rope_twin.scene.rigging import (
 )
 from rope_twin.scene.schema import Fault, Rule, Scene, TwoWayShape
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.scene.vortex import (
-    model_beside,
-    shedding_model,
-)
+from rope_twin.scene.vortex import model_beside, shedding_model
 from rope_twin.scene.winch_rules import WINCH_RULES
 
 # Exceptions of a rule that depends on a violated one:

@@ -35,12 +35,7 @@ from rope_twin.twin.multi_line_snapshot import (
 )
 from rope_twin.twin.other_ropes import OtherRopes
 from rope_twin.twin.regrid import element_tension, joined_as, state_arrays
-from rope_twin.twin.rope_cut import (
-    CutPosition,
-    advance_in_substeps,
-    cut_system,
-    scene_of_parts,
-)
+from rope_twin.twin.rope_cut import CutPosition, advance_in_substeps, cut_system, scene_of_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
 from rope_twin.twin.snapshot_builder import (
     RopeShape,

@@ -30,13 +30,7 @@ from rope_twin.twin.rope_cut import (
     step_free,
     without_massless_section,
 )
-from rope_twin.twin.snapshot import (
-    BedContact,
-    PayloadShot,
-    Snapshot,
-    SolverHealth,
-    first_rope,
-)
+from rope_twin.twin.snapshot import BedContact, PayloadShot, Snapshot, SolverHealth, first_rope
 from rope_twin.twin.snapshot_builder import RopeShape, rope_shot, shape_from_top
 from rope_twin.twin.state import changing_parts
 

@@ -41,13 +41,7 @@ from numba.core import cgutils
 from numba.core.typing.templates import signature
 from numba.extending import intrinsic, overload
 
-from rope_twin.core.jit.decorators import (
-    INLINED,
-    LINKED,
-    jit_entry,
-    jit_exact_within,
-    jit_within,
-)
+from rope_twin.core.jit.decorators import INLINED, LINKED, jit_entry, jit_exact_within, jit_within
 from rope_twin.core.jit.rows import unheld
 from rope_twin.core.jit.wide import (
     LANES,

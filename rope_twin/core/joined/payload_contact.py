@@ -21,14 +21,7 @@ from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
-from rope_twin.core.joined.line_contact import (
-    Touch,
-    contact_block,
-    less,
-    measured,
-    press,
-    side_of,
-)
+from rope_twin.core.joined.line_contact import Touch, contact_block, less, measured, press, side_of
 from rope_twin.core.loads.hooks import kernel, switching
 from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
 

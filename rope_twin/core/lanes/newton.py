@@ -14,13 +14,7 @@ from typing import Any
 from rope_twin.core.axial_law import law_of, sections_law
 from rope_twin.core.elements import count_unexpected, end_rope, stretch, stretch_all
 from rope_twin.core.fibre import predict_law
-from rope_twin.core.integrator import (
-    SEARCH,
-    TRAPEZOID,
-    correct,
-    predict_bdf2,
-    predict_trapezoid,
-)
+from rope_twin.core.integrator import SEARCH, TRAPEZOID, correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of
@@ -54,11 +48,7 @@ from rope_twin.core.loads.balance import (
 )
 from rope_twin.core.loads.hooks import chosen_by, couples
 from rope_twin.core.newton import CHUNK, RESIDUAL_SHARE, SEARCH_FROM, count_left
-from rope_twin.core.pentadiagonal import (
-    eliminate_coupled_wide,
-    push_coupled_wide,
-    take_links_wide,
-)
+from rope_twin.core.pentadiagonal import eliminate_coupled_wide, push_coupled_wide, take_links_wide
 from rope_twin.core.state import (
     BLOCK,
     DIRECTION,

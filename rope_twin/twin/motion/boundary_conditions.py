@@ -27,12 +27,7 @@ from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.motion.heave_track import HeaveSeries, ramp, rejoin_s
-from rope_twin.twin.winch.commands import (
-    FEEDBACK_MODES,
-    CommandSample,
-    motion_of,
-    schedule_samples,
-)
+from rope_twin.twin.winch.commands import FEEDBACK_MODES, CommandSample, motion_of, schedule_samples
 from rope_twin.twin.winch.winch import Winch
 
 OFFERED_NS = 8_000_000_000  # commands known in advance reach the winch so much early, at most

@@ -36,13 +36,7 @@ from rope_twin.scene.schema import RopeLine, ScheduleRow, Winch
 from rope_twin.scene.winch import FOLLOWS_MEASURED, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
-from rope_twin.twin.snapshot import (
-    CONTROL_MODES,
-    DEPTH,
-    LENGTH,
-    SPEED,
-    TENSION,
-)
+from rope_twin.twin.snapshot import CONTROL_MODES, DEPTH, LENGTH, SPEED, TENSION
 
 MAX_SPEED_M_PER_S = 10.0
 MAX_DEPTH_M = 12_000.0
