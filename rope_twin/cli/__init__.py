@@ -94,9 +94,10 @@ MEANINGS = {
     ExitCode.USAGE: "invalid command line, reported in one sentence on stderr",
     ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
     "(replay --verify), runs that stopped early (ensemble, study), a cell without a sea state "
-    "that meets the criteria (plan), a fault not flagged in time (faults), more alarms than EEMUA "
-    "191 allows (alerts), an error target missed (accuracy --within), a convergence study missing "
-    "or out of date (accuracy --status), a check with ERROR (doctor)",
+    "that meets the criteria (plan), a fault of a sensor or the lift (learn), one not flagged in "
+    "time (faults), more alarms than EEMUA 191 allows (alerts), an error target missed (accuracy "
+    "--within), a convergence study missing or out of date (accuracy --status), a check with ERROR "
+    "(doctor)",
     ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload)",
     ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
 }

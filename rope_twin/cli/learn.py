@@ -22,7 +22,8 @@ EXAMPLES = (
 MORE = """Reads winch/measured (tension, line out) and ship/heave of a bag and learns the figures of
 rope and payload, load pin and motion sensor a minute at a time, from the uncertainties in the
 scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
-needed. Nothing is learned while the payload is in the splash zone or near the seabed. Ropes that
+needed. Faults are looked for as in a run with --learn: nothing is learned behind one, and the exit
+code is 3. Nothing is learned while the payload is in the splash zone or near the seabed. Ropes that
 meet below one hang-off, such as a bridle, can be learned; loads on several ropes from the ship and
 those that begin on a deck cannot yet."""
 LEAST_S = 120.0
@@ -42,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Learn and print the table. Raises RopeTwinError with one sentence if it cannot be done."""
     from rope_twin.estimation import report
+    from rope_twin.estimation.alarms import FaultWatch
     from rope_twin.estimation.estimator import begin_at_rest
     from rope_twin.estimation.recorded_lift import read_lift
     from rope_twin.scene.load import load_scene
@@ -56,10 +58,22 @@ def run(args: argparse.Namespace) -> int:
     until_s = np.inf if args.until is None else args.until
     progress = FigureProgress()
     known_s = recorded.lift.known_until_s(estimator.heave_ahead_s)
-    while estimator.block_end_s <= until_s + 1e-6 and estimator.step():
+    watch, blocks = FaultWatch(scene, estimator), 0
+    while estimator.block_end_s <= until_s + 1e-6:
+        if watch.advance(min(estimator.block_end_s, known_s)) is not None or not estimator.step():
+            break
+        if len(estimator.results) > blocks:
+            watch.learned(estimator)
+        blocks = len(estimator.results)
         if progress.due:
             progress.show(f"{estimator.block_end_s:.0f} of {min(known_s, until_s):.0f} s")
     progress.finish()
+    alarm = watch.alarm
+    if not estimator.results and alarm is not None:
+        what = f"before anything is learned, {alarm.words}"
+        raise InputError(
+            f"bag {args.bag}", what, "check the sensors, and give a bag behind the fault"
+        )
     if not estimator.results:
         what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
         right = f"give at least {LEAST_S:g} s with tension, heave and line out"
@@ -80,8 +94,9 @@ def run(args: argparse.Namespace) -> int:
         _draw(args.bag, estimator.results, base, args.out)
     if args.json:
         learned = report.as_json(found, estimator.results, derived)
+        learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
-        return ExitCode.OK
+        return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
     for problem in recorded.problems:
         print(problem, file=sys.stderr)
     print_table(report.table(found))
@@ -97,7 +112,9 @@ def run(args: argparse.Namespace) -> int:
         print(words)
     if held:
         print(report.held_words(held), file=sys.stderr)
-    return ExitCode.OK
+    if alarm is not None:
+        print(f"fault: {alarm.words}; nothing behind it is learned from", file=sys.stderr)
+    return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
 
 
 def _draw(bag: str, results: Any, base: dict[str, float], out: Path) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,16 @@ class Alarm:
     def words(self) -> str:
         """Return the alarm in one sentence."""
         return f"{' or '.join(self.causes)}, since {self.begun_s:.0f} s"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the alarm in the types of JSON."""
+        return {
+            "causes": " or ".join(self.causes),
+            "begun_s": round(self.begun_s, 2),
+            "found_s": round(self.found_s, 2),
+            "ratio": round(self.ratio, 1),
+            "named_after_s": self.named_after_s,
+        }
 
 
 @dataclass

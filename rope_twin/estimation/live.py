@@ -299,22 +299,12 @@ class AlarmTask:
         bad = self.newest is not None or bool(self._stands)
         alarm = self.newest
         level = Level.ERROR if alarm is not None else Level.WARN if bad else Level.OK
-        values = {} if alarm is None else {k: str(one) for k, one in _as_json(alarm).items()}
+        values = {} if alarm is None else {k: str(one) for k, one in alarm.as_json().items()}
         return Status(ROW, level, self.state, values)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return all alarms of the run for `--json`, each with its newest judgement."""
-        return [_as_json(one) for one in self._raised]
-
-
-def _as_json(alarm: Alarm) -> dict[str, Any]:
-    return {
-        "causes": " or ".join(alarm.causes),
-        "begun_s": round(alarm.begun_s, 2),
-        "found_s": round(alarm.found_s, 2),
-        "ratio": round(alarm.ratio, 1),
-        "named_after_s": alarm.named_after_s,
-    }
+        return [one.as_json() for one in self._raised]
 
 
 REMINDED_S = 30.0  # a remark lowers the quality index for a minute

@@ -53,6 +53,7 @@ def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "tare" in own["submerged_weight"]["advice"]
     assert own["submerged_weight"]["correlated"] in (BIAS, GAIN)
     assert [block["end_s"] for block in printed["blocks"]] == [120.0, 180.0]
+    assert printed["alarm"] is None
     assert set(printed["derived"]) == {"mass_in_air_kg", "added_mass_kg"}
     assert picture.stat().st_size > 10_000
 
@@ -87,6 +88,26 @@ def test_tension_in_kn_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "nothing is learned from" in printed.err
     assert "unit (N)" in printed.err
     assert not printed.out
+
+
+def test_nothing_is_learned_behind_a_fault(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A load pin that sticks at 130 s ends it: figures are those of the two minutes before."""
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL_SCENE)
+    stuck = write_bag(tmp_path / "stuck", stuck_s=130.0)
+    words = ["learn", str(stuck), "--scene", str(file), "--tared"]
+    assert main([*words, "--json"]) == 3
+    printed = json.loads(capsys.readouterr().out)
+    assert printed["alarm"]["causes"] == "load pin stuck"
+    assert printed["alarm"]["begun_s"] == pytest.approx(130.0, abs=0.1)
+    assert [block["end_s"] for block in printed["blocks"]] == [120.0]
+    assert main(words) == 3
+    assert "load pin stuck, since 130 s; nothing behind it" in capsys.readouterr().err
+    early = write_bag(tmp_path / "early", stuck_s=50.0)
+    assert main(["learn", str(early), "--scene", str(file), "--tared"]) == 1
+    assert "before anything is learned, load pin stuck" in capsys.readouterr().err
 
 
 def test_learn_refuses_a_short_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

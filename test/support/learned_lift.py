@@ -82,11 +82,17 @@ def lift(seed: int = 0, lost: tuple[float, float] = (0.0, 0.0), waves: float = 1
 
 
 def write_bag(
-    folder: Path, seconds: float = SECONDS, *, unit_n: float = 1.0, **applied: float
+    folder: Path,
+    seconds: float = SECONDS,
+    *,
+    unit_n: float = 1.0,
+    stuck_s: float = np.inf,
+    **applied: float,
 ) -> Path:
     """Return a bag with winch/measured and ship/heave of the lift, as sensors publish them.
 
     unit_n: of the tension; 1000: a sensor that publishes kN.
+    stuck_s: time from which on the load pin repeats itself.
     applied: factors on figures that the run took over.
     """
     made = lift()
@@ -101,7 +107,9 @@ def write_bag(
             if t <= seconds:
                 bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, z, v))
         tables = made.tension.table, made.line_out.table
-        for (t, force), (_, length) in zip(*tables, strict=True):
+        force = np.nan
+        for (t, new), (_, length) in zip(*tables, strict=True):
+            force = new if t < stuck_s else force
             stamp_ns = START_NS + round(t * 1e9)
             reading = Measurement.of_winch(stamp_ns, length, 0.0, force / unit_n, "winch")
             name, data = encode_measurement(stamp_ns, reading)
