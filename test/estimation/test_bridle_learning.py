@@ -112,6 +112,7 @@ def lift(number: int) -> MeasuredLift:
     return made
 
 
+@pytest.mark.long
 def test_hidden_figures_lie_in_their_intervals() -> None:
     """Intervals of 90 % hold 80 % or more of four truths, with errors as large as stated."""
     thetas, _, _ = truths()

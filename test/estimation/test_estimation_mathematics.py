@@ -339,7 +339,13 @@ def test_heave_spectrum_has_the_variance_of_a_sine() -> None:
 
 @pytest.mark.parametrize(
     ("levels", "white"),
-    [((0.5, 0.5), 1.0), ((2.0, 0.5), 1.0), ((0.5, 2.0), 1.0), ((1.0, 1.0), 2.5)],
+    [
+        ((0.5, 2.0), 1.0),
+        *(
+            pytest.param(*own, marks=pytest.mark.long)
+            for own in (((0.5, 0.5), 1.0), ((2.0, 0.5), 1.0), ((1.0, 1.0), 2.5))
+        ),
+    ],
 )
 def test_noise_levels_follow_the_residuals(levels: tuple[float, float], white: float) -> None:
     """Residuals drawn with levels are given these back, to the neighbouring grid value."""

@@ -136,7 +136,7 @@ def test_weight_of_a_rope_that_is_slack_all_the_time(lost: tuple[float, float]) 
     assert (one.noise.levels == 1.0).all()
 
 
-@pytest.mark.parametrize("waves", [3.6, 4.2])
+@pytest.mark.parametrize("waves", [pytest.param(3.6, marks=pytest.mark.long), 4.2])
 def test_differences_from_a_slack_member_are_not_used(waves: float) -> None:
     """Where only a perturbed member goes slack, no figure is wrongly believed to be known."""
     theta, _, _ = recorded(waves)
@@ -153,6 +153,7 @@ def test_fault_tests_do_not_see_the_mean() -> None:
     assert not np.isfinite(innovation.residual_n).any()
 
 
+@pytest.mark.long
 def test_a_taut_rope_is_learned_as_without_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the bit."""
     with_it = learned(1.0).results

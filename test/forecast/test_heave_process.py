@@ -119,8 +119,10 @@ def test_drawn_paths_have_mean_and_covariance() -> None:
 
 @pytest.mark.parametrize(
     ("sea", "sensor_error_m", "error"),
-    [("sea_2p5m", 0.0, PERFECT), ("sea_6p5m", 0.04, MotionError(coloured_m=0.064))],
-    ids=["perfect sensor", "coloured error"],
+    [
+        pytest.param("sea_2p5m", 0.0, PERFECT, id="perfect sensor", marks=pytest.mark.long),
+        pytest.param("sea_6p5m", 0.04, MotionError(coloured_m=0.064), id="coloured error"),
+    ],
 )
 def test_bands_are_calibrated(sea: str, sensor_error_m: float, error: MotionError) -> None:
     """90 % bands over 60 drawn seas: mean square of the normalised error near 1, PIT flat."""

@@ -129,7 +129,9 @@ def test_across_the_rope_a_current_moves_it_by_its_share_of_the_slip() -> None:
     assert moved[1] > 10.0 * slip
 
 
-@pytest.mark.parametrize(("step_s", "share"), [(0.01, 1e-4), (0.005, 1e-5)])
+@pytest.mark.parametrize(
+    ("step_s", "share"), [(0.01, 1e-4), pytest.param(0.005, 1e-5, marks=pytest.mark.long)]
+)
 def test_energy_of_stick_and_slip(step_s: float, share: float) -> None:
     """Pulled, held and let go: what friction takes and gives back closes the balance."""
     scene = scene_of(FLAT, BedFrictionParams(slip_m=0.05), rig=replace(CHAIN, step=step_s))

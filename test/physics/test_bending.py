@@ -232,7 +232,13 @@ def test_slack_is_no_harder_with_bending(EI: float) -> None:
     assert solves[1] < 1.1 * solves[0]
 
 
-@pytest.mark.parametrize(("rope", "heave"), [(STEEL, 1.5), (SEA, 1.0), (HMPE_SEA, 1.0)])
+@pytest.mark.parametrize(
+    ("rope", "heave"),
+    [
+        (SEA, 1.0),
+        *(pytest.param(*own, marks=pytest.mark.long) for own in ((STEEL, 1.5), (HMPE_SEA, 1.0))),
+    ],
+)
 def test_no_jump_at_an_event(rope: Rig, heave: float) -> None:
     """±1 m/s with elements of 10 m and a stiff rope, hinged: at most 0.01 % of the mean."""
     assert JUMP == 1e-4

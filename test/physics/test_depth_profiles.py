@@ -102,6 +102,7 @@ def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
     return shot.node_position_m.copy(), shot.tension_top_n
 
 
+@pytest.mark.long
 def test_the_same_density_all_over_is_that_water() -> None:
     """A profile of 1060 kg/m³ in a scene of 1025, and the scene of 1060, move alike.
 

@@ -129,6 +129,7 @@ def test_plain_python_equals_compiled_compensator(plain: Mapping[str, Vector]) -
     assert_equal(plain["stroking"].T, compiled.T, 1e-9)
 
 
+@pytest.mark.long
 def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> None:
     """Ropes that meet, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
     compiled = effect_cases.triangle()

@@ -211,23 +211,25 @@ def test_its_energy_closes_while_one_crane_pays_out(tmp_path: Path) -> None:
     assert abs(energy.residual_j) < 2e-5 * energy.exchanged_j
 
 
-def test_a_run_goes_on_from_a_file_and_on_a_branch(tmp_path: Path) -> None:
-    """To the bit, with the body on the second rope and its hook at a connection."""
-    for text, point in ((BESIDE, POINT), (TWO_CRANES, "")):
-        scene = scene_of(text + effects(point), tmp_path)
-        twin = Twin(scene)
-        heaved(twin, 3.0)
-        twin.save(tmp_path / "run.state")
-        others = twin.branch(), Twin.restore(tmp_path / "run.state", scene)
-        shots = []
-        for one in (twin, *others):
-            one.advance(200)
-            shots.append(one.snapshot())
-        for shot in shots[1:]:
-            assert (shot.body.quaternion == shots[0].body.quaternion).all()
-            assert (shot.payload_position_m == shots[0].payload_position_m).all()
-            for own, other in zip(shot.ropes, shots[0].ropes, strict=True):
-                assert (own.node_position_m == other.node_position_m).all()
+@pytest.mark.parametrize(
+    ("text", "point"), [(TWO_CRANES, ""), pytest.param(BESIDE, POINT, marks=pytest.mark.long)]
+)
+def test_a_run_goes_on_from_a_file_and_on_a_branch(text: str, point: str, tmp_path: Path) -> None:
+    """To the bit, with the body's hook at a connection, and with the body on the second rope."""
+    scene = scene_of(text + effects(point), tmp_path)
+    twin = Twin(scene)
+    heaved(twin, 3.0)
+    twin.save(tmp_path / "run.state")
+    others = twin.branch(), Twin.restore(tmp_path / "run.state", scene)
+    shots = []
+    for one in (twin, *others):
+        one.advance(200)
+        shots.append(one.snapshot())
+    for shot in shots[1:]:
+        assert (shot.body.quaternion == shots[0].body.quaternion).all()
+        assert (shot.payload_position_m == shots[0].payload_position_m).all()
+        for own, other in zip(shot.ropes, shots[0].ropes, strict=True):
+            assert (own.node_position_m == other.node_position_m).all()
 
 
 def test_fewer_elements_and_longer_steps_keep_it(tmp_path: Path) -> None:

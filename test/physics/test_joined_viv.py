@@ -262,6 +262,7 @@ def test_an_assessment_in_the_time_domain_is_that_of_each_alone(model: str, tmp_
         assert own.drag_amplification == pytest.approx(alone.drag_amplification, rel=0.05)
 
 
+@pytest.mark.long
 def test_a_stretch_over_a_sheave_is_reported_from_its_upper_end(tmp_path: Path) -> None:
     """The core counts it from there, the results do not."""
     scene = load_scene("two_line_loop")

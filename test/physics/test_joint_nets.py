@@ -59,6 +59,7 @@ def heaved(text: str, path: Path, seconds: float = 8.0) -> Floats:
     return np.array(seen)
 
 
+@pytest.mark.long
 def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     """Net and fairing at the payload: tension and place over 8 s of heave."""
     cut, whole = (heaved(ropes + LIFT, tmp_path / "scene.yaml") for ropes in (CUT, WHOLE))

@@ -54,7 +54,12 @@ def memory_of(twin: Twin) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("amplitude", "drag", "added"), [(0.9, 1.5, 1.3), (0.05, 2.0, 0.6), (3.2, 1.0, 1.8)]
+    ("amplitude", "drag", "added"),
+    [
+        (0.9, 1.5, 1.3),
+        pytest.param(0.05, 2.0, 0.6, marks=pytest.mark.long),
+        pytest.param(3.2, 1.0, 1.8, marks=pytest.mark.long),
+    ],
 )
 def test_a_heaving_payload_has_the_factors_of_its_number(
     amplitude: float, drag: float, added: float

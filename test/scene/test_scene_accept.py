@@ -162,7 +162,14 @@ def test_a_strong_live_current_is_taken_with_a_warning(tmp_path: Path) -> None:
     assert "sea currents" not in row().message
 
 
-@pytest.mark.parametrize("name", scene_names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        # its step is compiled for nothing else of the daily tests
+        pytest.param(name, marks=pytest.mark.long) if name == "net_wall" else name
+        for name in scene_names()
+    ],
+)
 def test_shipped_scenes_check_without_a_warning(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

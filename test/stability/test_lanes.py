@@ -315,6 +315,7 @@ def test_bent_ropes(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("by_half_waves", ["true", "false"])
+@pytest.mark.long
 def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None:
     """They lie below ropes that shed vortices: calm, paid out and in, and snapping ones."""
     text = load_scene("chain_on_bottom").path.read_text()
@@ -365,6 +366,7 @@ def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
     assert ((slid > 0.0) & (slid < 0.999)).any()
 
 
+@pytest.mark.long
 def test_heave_compensators() -> None:
     """Units between their stops and at them, driven and sticking, while rope is paid out."""
     few = Change("ropes[0].elements", 20)

@@ -132,6 +132,7 @@ def test_modulation_has_side_bands() -> None:
     assert modulated.modulation > 0.3
 
 
+@pytest.mark.long
 def test_heave_widens_the_spectrum() -> None:
     """One lift in heave and at constant tension, for 48 s: the same mean tension."""
     heave, calm = (

@@ -274,7 +274,7 @@ VORTICES = """\
 @pytest.mark.parametrize(
     ("effects", "lanes"),
     [
-        ("  - wake_oscillator: {}\n", True),
+        pytest.param("  - wake_oscillator: {}\n", True, marks=pytest.mark.long),
         ("  - wake_oscillator: {}\n", False),
         pytest.param(VORTICES, True, marks=pytest.mark.long),
         pytest.param(VORTICES, False, marks=pytest.mark.long),

@@ -23,9 +23,16 @@ def missed(found: Found) -> list[str]:
 
 
 DAILY = [case for case in CASES if case.quick]
+HEAVY = ("L4",)  # even in short
 
 
-@pytest.mark.parametrize("case", DAILY, ids=[case.id for case in DAILY])
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(case, id=case.id, marks=[pytest.mark.long] if case.id in HEAVY else [])
+        for case in DAILY
+    ],
+)
 def test_case_in_short(case: Case) -> None:
     """Every judged figure of the daily form is met, unless the page tells that it is not."""
     found = (case.short or case.run)()
