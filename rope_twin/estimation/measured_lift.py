@@ -1,10 +1,10 @@
 """Measured series of a lift (tension, heave, line out), conditioned for the estimator.
 
-Load pin: samples far from the median of their nine neighbours are dropped, then means over 0.25 s
-are taken, missing where too few samples are left. Line out: a cubic fitted over 15 samples
-(Savitzky and Golay 1964) gives its value and rate. Heave: the cubic through positions and
-velocities. Nothing is invented in a hole of heave or line out: means within it, and until the rope
-has forgotten it, are missing.
+Load pin: samples far from the median of their nine neighbours are dropped, if these are near in
+time, then means over 0.25 s are taken, missing where too few samples are left. Line out: a cubic
+fitted over 15 samples (Savitzky and Golay 1964) gives its value and rate. Heave: the cubic through
+positions and velocities. Nothing is invented in a hole of heave or line out: means within it, and
+until the rope has forgotten it, are missing.
 """
 
 from __future__ import annotations
@@ -23,6 +23,7 @@ Bools = NDArray[np.bool_]
 MEAN_S = 0.25  # interval of the means that are compared
 NEIGHBOURS = 9  # samples of the median
 SPIKE_SDS = 5.0  # of the pin's noise, from that median
+NEAR_S = 1.25  # that they span at most: at 6.4 Hz and more
 STOP_SHARE = 0.03  # of the values at the extreme: the sensor may be at the end of its range ...
 STOP_RATIO = 4.0  # ... with so many times those next to it; the counts of a sine have 2.4 times ...
 STOP_GAP = 0.2  # ... so near, in standard deviations: coarser counts say nothing of it
@@ -88,17 +89,20 @@ class Series:
         self._table = whole[first]
 
 
-def without_spikes(values: Floats, limit: float) -> Floats:
+def without_spikes(time_s: Floats, values: Floats, limit: float) -> Floats:
     """Return values (k,) with NaN where one lies further than `limit` from its neighbours' median.
 
-    The median is of NEIGHBOURS values around it, itself among them.
+    The median is of NEIGHBOURS values around it, itself among them. Where these span more than
+    NEAR_S the waves set them apart: nothing is a spike there, and the estimator's gate decides.
     """
     half = NEIGHBOURS // 2
     if len(values) < NEIGHBOURS:
         return values.copy()
     padded = np.pad(values, half, mode="edge")
-    near = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
-    return np.where(np.abs(values - near) > limit, np.nan, values)
+    median = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
+    times = np.pad(time_s, half, mode="reflect", reflect_type="odd")
+    is_near = times[2 * half :] - times[: -2 * half] <= NEAR_S
+    return np.where(is_near & (np.abs(values - median) > limit), np.nan, values)
 
 
 def _intervals(time_s: Floats, begin_s: float) -> NDArray[np.int64]:
@@ -334,7 +338,7 @@ class MeasuredLift:
         """Return times and tension about an interval, NaN: a spike."""
         table = self.tension.table
         table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
-        return table[:, 0], without_spikes(table[:, 1], SPIKE_SDS * self.pin_noise_n)
+        return table[:, 0], without_spikes(*table.T, SPIKE_SDS * self.pin_noise_n)
 
     def stopped_share(self, begin_s: float, end_s: float) -> float:
         """Return the share of the tension from begin to end at the ends of the pin's range."""

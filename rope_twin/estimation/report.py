@@ -365,8 +365,8 @@ def left_out_words(last: BlockResult) -> list[str]:
         found.append(f"{last.stopped:.0%} of the last minute left out: {where}")
     if last.used < LEAST_USED and not found:
         most = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
-        why = f"a sensor is missing, tension comes below {1.0 / MEAN_S:g} Hz, or the rope is slack"
-        found.append(f"{most}: {why}")
+        rate = f"tension comes below {LEAST_USED / MEAN_S:g} Hz"
+        found.append(f"{most}: a sensor is missing, {rate}, or the rope is slack")
     return found
 
 
