@@ -266,7 +266,9 @@ class Estimator:
         measured = self.model.in_open_water(prediction, begin_s, measured)
         near = float((known & np.isnan(measured)).mean())
         if self.noise is None:
-            self.noise = ResidualNoise(self.prior.pin_noise_n / np.sqrt(samples))
+            pin_n = self.prior.pin_noise_n / np.sqrt(samples)
+            rounding_n = self.model.lift.rounding_n(begin_s, end_s)
+            self.noise = ResidualNoise(float(np.hypot(pin_n, rounding_n)))
         self._take_counts(len(measured))
         joint = self._memory.with_errors(self.belief)
         first = self._linearise(prediction, measured, joint.mean[COUNT:])

@@ -145,7 +145,7 @@ def interval_means(
 
 
 def _resolution(counts: Floats) -> float:
-    """Return the smallest change of the counts of a line counter [m]; 0: they do not change."""
+    """Return the smallest change of counts; 0: they do not change."""
     steps = np.abs(np.diff(counts))
     steps = steps[steps > SAME_COUNT_M]
     return float(steps.min()) if len(steps) else 0.0
@@ -338,7 +338,17 @@ class MeasuredLift:
         """Return times and tension about an interval, NaN: a spike."""
         table = self.tension.table
         table = table[(table[:, 0] > begin_s - 1.0) & (table[:, 0] <= end_s + 1.0)]
-        return table[:, 0], without_spikes(*table.T, SPIKE_SDS * self.pin_noise_n)
+        limit = SPIKE_SDS * self.pin_noise_n + _resolution(table[:, 1])
+        return table[:, 0], without_spikes(table[:, 0], table[:, 1], limit)
+
+    def rounding_n(self, begin_s: float, end_s: float) -> float:
+        """Return the standard deviation of what the load cell rounds off between two times [N].
+
+        A count between two levels is a step of that size, which the waves may take minutes to
+        leave: the samples of a mean have one error.
+        """
+        times, values = self.tension.table.T
+        return _resolution(values[(times > begin_s) & (times <= end_s)]) / float(np.sqrt(12.0))
 
     def stopped_share(self, begin_s: float, end_s: float) -> float:
         """Return the share of the tension from begin to end at the ends of the pin's range."""

@@ -134,13 +134,16 @@ def test_a_figure_at_the_limit_of_its_prior_is_not_called_learned() -> None:
     assert held_words(()) == ""
 
 
-def sampled(every: int, spike_n: float = 0.0) -> Estimator:
-    """Return an estimator that has learned from one in so many samples, three of them spikes."""
+def sampled(every: int, spike_n: float = 0.0, count_n: float = 0.0) -> Estimator:
+    """Return an estimator that has learned from one in so many samples, three of them spikes.
+
+    count_n: to which the load cell rounds.
+    """
     whole, slow = lift(), MeasuredLift(NOISE_N)
     times, tension = whole.tension.table[::every].T
     tension = tension.copy()
     tension[len(tension) // 2 + np.array([0, 7, 8])] += spike_n * np.array([1.0, -1.0, 1.0])
-    slow.tension.extend(times, tension)
+    slow.tension.extend(times, np.round(tension / count_n) * count_n if count_n else tension)
     slow.heave.extend(*whole.heave.table.T)
     slow.line_out.extend(*whole.line_out.table.T)
     made = estimator(slow)
@@ -159,6 +162,14 @@ def test_a_load_cell_may_sample_once_a_second(spike_n: float) -> None:
     assert np.abs(deviations).max() < 2.0
     assert last.posterior.sd[INDEX["submerged_weight"]] < 0.015
     assert last.posterior.sd[INDEX["oscillating_mass"]] < 0.05
+
+
+def test_a_load_cell_may_round_to_tens_of_its_noise() -> None:
+    """Counts of 5 kN: no step between two is a spike, and what is rounded off is known as noise."""
+    last = sampled(1, count_n=5e3).results[-1]
+    assert last.used == 1.0
+    assert last.nis < 1.0
+    assert np.abs((last.posterior.mean - recorded()[0])[:4] / last.posterior.sd[:4]).max() < 2.0
 
 
 def test_a_load_cell_that_is_too_slow_is_said_to_be() -> None:
