@@ -92,7 +92,7 @@ def _show(found: Modes | SystemModes, groups: Mapping[str, Sequence[Mode | Syste
         print("rotation of tension. A free mode has no restoring force and no period")
     else:
         print(
-            f"Strouhal: shedding frequency 0.2·U/D where the mode has its maximum; "
+            f"Strouhal: shedding frequency {found.strouhal:g}·U/D where the mode has its maximum; "
             f"along the line at most {found.strouhal_max_hz:.3g} Hz"
         )
 

@@ -24,6 +24,7 @@ from rope_twin.core.state import Floats
 from rope_twin.core.still_rope import SYMMETRIC
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.vortex import strouhal_number
 from rope_twin.studies.equilibrium import (
     CENTRE,
     AtRest,
@@ -37,7 +38,6 @@ from rope_twin.studies.equilibrium import (
 )
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
-STROUHAL = 0.2  # of a circular cylinder, 300 < Re < 1e5 (Blevins 1990)
 AXIAL_MODES = 3
 NEAR = 8  # modes looked at around the frequency that an axial mode should have
 SAME = 1e-6  # relative: frequencies this close belong to one mode in two directions
@@ -68,6 +68,7 @@ class Modes:
     lowest: tuple[Mode, ...]
     axial: tuple[Mode, ...]
     place: Floats  # of the nodes at rest, hang-off first [m], (nodes, 3)
+    strouhal: float  # St of the scene's VIV model, else of a rope
     strouhal_max_hz: float  # where the current across the rope is fastest
 
 
@@ -97,7 +98,9 @@ def find_modes(scene: Scene, count: int) -> Modes:
     speed = _speed_across(rest)
     diameter = scene.ropes[0].thinnest_m
     place = np.ascontiguousarray(rest.place[:, ::-1].T)
-    return Modes(tuple(lowest), tuple(axial), place, float(STROUHAL * speed.max() / diameter))
+    strouhal = strouhal_number(scene)
+    fastest = float(strouhal * speed.max() / diameter)
+    return Modes(tuple(lowest), tuple(axial), place, strouhal, fastest)
 
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
@@ -180,7 +183,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
             turning_share=float(turning),
             largest_at_m=float(rest.s[rest.first + at]),
             wave_ratio=near_waves(period),
-            strouhal_hz=float(STROUHAL * speed[at] / diameter),
+            strouhal_hz=float(strouhal_number(rest.scene) * speed[at] / diameter),
             shape=shape[::-1].copy(),
         )
 
@@ -404,4 +407,5 @@ def _strouhal(still: StillSystem, r: int, at: int) -> float:
     t = line.directions[0][:, min(at, len(line.tension) - 1)]
     water = water_at(still.scene, line.place[2, at : at + 1])[:, 0]
     across = water - (water @ t) * t
-    return float(STROUHAL * np.sqrt(across @ across) / still.scene.ropes[r].thinnest_m)
+    speed = float(np.sqrt(across @ across))
+    return strouhal_number(still.scene) * speed / still.scene.ropes[r].thinnest_m
