@@ -66,6 +66,9 @@ def run(args: argparse.Namespace) -> int:
             raise InputError(where, "there is no such input", did_you_mean(name, INPUTS))
     if args.jobs < 1:
         raise InputError("--jobs", f"{args.jobs} runs in parallel", "give 1 or more")
+    if args.sound is not None and (args.fault or args.input or args.single):
+        right = "leave out --input, --fault and --single"
+        raise InputError("--sound", "a run without a fault has no other option", right)
     if args.sound is not None:
         return _run_sound(scene, args.sound, args.json)
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)

@@ -363,11 +363,18 @@ def result_object(found: Sensitivity) -> dict[str, Any]:
         "nominal": {name: found.case.nominal.get(name) for name in OUTPUTS},
         "spread": {name: dict(zip(("p10", "p50", "p90"), own, strict=True))
                    for name, own in found.spread.items()},
-        "indices": [
-            vars(own) | {"total_width": None if math.isnan(own.total_width) else own.total_width}
-            for own in found.indices
-        ],
+        "indices": [_named(own, found.method) for own in found.indices],
     }  # fmt: skip
+
+
+def _named(one: Index, method: str) -> dict[str, Any]:
+    """Return a weight under the names of its method."""
+    found: dict[str, Any] = {"name": one.name, "output": one.output}
+    if method == "morris":
+        effect = {"mean_effect": one.first, "mean_effect_width": one.first_width}
+        return found | effect | {"effect_sd": one.total}
+    first = {"first": one.first, "first_width": one.first_width}
+    return found | first | {"total": one.total, "total_width": one.total_width}
 
 
 def panels(found: Sensitivity) -> list[Panel]:

@@ -182,7 +182,7 @@ def test_command_ranks_the_numbers_of_a_plan(
     found = json.loads(capsys.readouterr().out)
     assert found["cell"] == "at_depth, Tp 9 s, heading 180°"
     assert found["samples"] == 2 * 4
-    weights = {(one["output"], one["name"]): one["first"] for one in found["indices"]}
+    weights = {(one["output"], one["name"]): one["mean_effect"] for one in found["indices"]}
     assert weights["hook_load", "SWL"] == weights["uplift", "SWL"] == 0.0
     assert weights["limiting_hs_m", "mass"] > weights["limiting_hs_m", "EA"] > 0.0
     assert weights["limiting_hs_m", "SWL"] > 0.0

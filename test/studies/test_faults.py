@@ -224,9 +224,11 @@ def test_an_unknown_fault_is_one_sentence(capsys: pytest.CaptureFixture[str]) ->
     assert "did you mean 'stuck'" in capsys.readouterr().err
 
 
-def test_no_jobs_is_one_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_options_that_have_no_effect_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["faults", "deep_lift", "--jobs", "0"]) == 1
     assert "--jobs: 0 runs in parallel; give 1 or more." in capsys.readouterr().err
+    assert main(["faults", "deep_lift", "--sound", "1", "--fault", "lost"]) == 1
+    assert "--sound: a run without a fault has no other option" in capsys.readouterr().err
     assert main(["faults", "deep_lift", "--input", "ship/heav"]) == 1
     assert "did you mean 'ship/heave'" in capsys.readouterr().err
     assert main(["faults", "still_water", "--fault", "stuck"]) == 1
