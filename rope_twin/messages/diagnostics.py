@@ -111,6 +111,8 @@ def breach_words(one: LimitBreach) -> str:
     """Return a violated limit in words."""
     what, scale, unit, form = _LIMITS_IN_WORDS[one.limit]
     worst, allowed = (f"{scale * value:{form}}{unit}" for value in (one.worst, one.allowed))
+    if worst == allowed:  # just over the limit: the value in digits that show it
+        worst = f"{scale * one.worst:.6g}{unit}"
     side = "below" if one.worst < one.allowed else "above"
     when = f"first at {one.first_s:.2f} s"
     if one.worst_s > one.first_s:

@@ -12,7 +12,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
-from rope_twin.messages.diagnostics import BreachWords
+from rope_twin.messages.diagnostics import BreachWords, breach_words
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Limits, Scene
@@ -149,6 +149,11 @@ def test_it_says_so_once_and_when_it_happens() -> None:
     (broken,) = twin.snapshot().breaches
     assert 0.0 < broken.first_s < broken.worst_s <= broken.last_s <= 2.0
     assert f"first at {broken.first_s:.2f} s" in sentence
+
+
+def test_a_value_just_over_its_limit_is_not_printed_as_the_limit() -> None:
+    breach = LimitBreach("utilisation", "hoist", 0.15, 61.28, 61.28, 0.150042, 61.28)
+    assert "'hoist' 0.150042, above the limit of 0.15 (" in breach_words(breach)
 
 
 def test_speed_and_depth_of_the_payload_and_slack() -> None:
