@@ -211,7 +211,7 @@ def _read_rope(item: Item, place: Place) -> Rope:
         right = "give a preset's name or the rope's properties as a mapping"
         raise place.refuse(f"{kind(item)} is not a rope", right)
     if item.value not in presets:
-        right = did_you_mean(item.value, presets)
+        right = f"give another size by its properties, or one of: {', '.join(sorted(presets))}"
         raise place.refuse(f"no preset of config/ropes.yaml is named '{item.value}'", right)
     return presets[item.value]
 
