@@ -40,9 +40,9 @@ PICTURE, NETCDF = "limits.png", "plan.nc"
 EXAMPLE = "deep_installation"
 EXAMPLES = (
     "plan deep_installation",
-    "plan my_lift.yaml --out results --report",
+    "plan my_plan.yaml --out results --report",
     "plan deep_installation --cell at_depth,9,165",
-    "plan --example > my_lift.yaml",
+    "plan --example > my_plan.yaml",
 )
 MORE = """For each phase of the operation, peak period and heading: the largest Hs at which the
 characteristic hook load, uplift and landing speed keep their limits, by bisection over batches of

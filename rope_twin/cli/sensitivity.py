@@ -22,7 +22,7 @@ PICTURE = "sensitivity.png"
 COUNTS = {"morris": 10, "sobol": 64}
 EXAMPLES = (
     "sensitivity deep_installation",
-    "sensitivity my_lift.yaml --method sobol --count 128 --cell at_depth,9,180",
+    "sensitivity my_plan.yaml --method sobol --count 128 --cell at_depth,9,180",
 )
 MORE = """Runs one cell of a plan with the numbers that its `uncertainties` list (key, distribution,
 source) drawn from their distributions, and shows which of them the limiting Hs and the loads depend

@@ -321,8 +321,8 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
 def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     limits = {limit.key: limit for work in result.works for limit in work.limits}
     for limit in limits.values():
-        force = quantity_of(limit.quantity).unit == "kN"
-        most = f"{1e-3 * limit.most:.0f} kN" if force else f"{limit.most:g}"
+        unit = quantity_of(limit.quantity).unit
+        most = f"{1e-3 * limit.most:.0f} kN" if unit == "kN" else f"{limit.most:g} {unit}".strip()
         yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(plain_name(limit.key), "plan")
 
 
@@ -470,8 +470,9 @@ def _add_cells(report: Report, result: PlanResult) -> None:
          "of a limit is 1."),
         ("Loads at the limits", (*CELL_COLUMNS, *others), (0,), "Loads at the limits (at the "
          "lowest height where there is none). ±: half of the interval of the hook load. DAF: hook "
-         "load over the largest static one of the phase. Error: discretisation error of the "
-         "governing run."),
+         "load over the largest static one of the phase. Uplift: loss of tension at the payload "
+         "over its submerged weight; least load: what is left. Slack: share of the time with an "
+         "element without tension. Error: discretisation error of the governing run."),
     ):  # fmt: skip
         report.heading(title, 2)
         chosen = [head.index(name) for name in names]
