@@ -1,9 +1,10 @@
 """Golden states: each shipped scene's first 30 s, as users run it, in a file that a test compares.
 
-`python test/stability/golden_states.py` writes golden_states.json again (about two minutes once all
-is compiled); do so only together with a raised `SOLVER_VERSION`, `CONNECTIONS_VERSION` or
-`Effect.version`, or where results change by rounding alone (1e-9 of the tension's standard
-deviation), and with the reason in the commit.
+`PYTHONPATH=. python test/stability/golden_states.py NAME` at the root of the repository writes the
+row of a new scene to golden_states.json, without a name all rows (about two minutes once all is
+compiled). Rows of other scenes change only together with a raised `SOLVER_VERSION`,
+`CONNECTIONS_VERSION` or `Effect.version`, or where results change by rounding alone (1e-9 of the
+tension's standard deviation), and with the reason in the commit.
 """
 
 from __future__ import annotations
