@@ -149,7 +149,8 @@ def resonance_figure(result: PlanResult) -> Any:
 def limits_figure(result: PlanResult) -> Any:
     """Return the picture of limiting Hs over Tp: a panel for each phase, a line for each heading.
 
-    Bands are the intervals; thin lines are the simplified method.
+    Bands are the intervals; thin lines are the simplified method. Triangles: no higher sea was
+    judged.
     """
     figure, panels = _panels(len(result.works), 2.7)
     top = result.plan.sea.hs_m.to * 1.08
@@ -185,6 +186,9 @@ def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) 
     colour, style = f"C{number}", STYLES[number % len(STYLES)]
     heights = [one.height_m or 0.0 for one in cells]
     axes.plot(periods, heights, f"o{style}", color=colour, markersize=4, label=label)
+    capped = [(one.period_s, one.height_m or 0.0) for one in cells if one.capped]
+    if capped:
+        axes.plot(*zip(*capped, strict=True), "^", color=colour, markersize=8)
     low, high = [one.low_m for one in cells], [one.high_m for one in cells]
     axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
     simple = [one.simplified_height_m or 0.0 for one in cells]

@@ -374,7 +374,8 @@ def _add_limits(report: Report, result: PlanResult) -> None:
     report.figure(
         limits_figure(result),
         f"Limiting Hs over Tp. Bands: intervals of {100.0 * result.plan.method.confidence:g} % "
-        "where the use of the governing limit is 1. Thin lines: simplified method.",
+        "where the use of the governing limit is 1. Thin lines: simplified method. "
+        "Triangles: no higher sea was judged.",
     )
     report.figure(
         contour_figure(result),
