@@ -8,7 +8,7 @@ an earlier instant:
    without a current profile accepted since the newest checkpoint;
 2. if it fails again within SETTLED_NS, from the newest checkpoint, then from older ones: the
    hang-off is blended from its earlier position into the live motion, as after a gap in the
-       samples.
+   samples.
 
 MAX_FAILURES within FAILURE_WINDOW_NS of twin time end the run. All of this depends only on the
 twin's state and time, so a replay with the same inputs repeats it.
