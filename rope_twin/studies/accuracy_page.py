@@ -115,7 +115,7 @@ def summary(study: Study) -> list[str]:
 
 def notes(study: Study) -> list[str]:
     """Return notes on non-convergence, the independent code, VIV, and failed runs."""
-    lines = [f"Witness: {study.witness}.", *_of_vortices(study.scene)]
+    lines = [f"Independent check: {study.witness}.", *_of_vortices(study.scene)]
     for quantity in QUANTITIES:
         doubt = study.reference.doubts[quantity.name]
         if doubt.uncertainty is None:

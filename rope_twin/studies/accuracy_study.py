@@ -302,7 +302,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         done += 1
 
     reference = find_reference(course, plan.reference, tell)
-    tell("witness")
+    tell("independent check")
     witness = (
         "not called" if not timed else call_witness(scene, plan.reference.step_s, plan.seconds)
     )

@@ -262,7 +262,7 @@ def test_a_study_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str]
     page = (folder / "small.md").read_text(encoding="utf-8")
     assert "# small: what accuracy costs" in page
     assert "| 20 * | 10 |" in page
-    assert "Witness: explicit leapfrog" in page
+    assert "Independent check: explicit leapfrog" in page
     scene = load_scene(made)
     found = known_error(scene)
     assert 0.0 < found.rms_pct < 0.5
