@@ -53,6 +53,9 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
     tree, data = read_document(path)
     digest = hashlib.sha256(data).hexdigest()
     place = Place(path)
+    if isinstance(tree.value, dict) and "ropes" in tree.value:
+        right = "name it by the key `scene` of a plan, as `rope_twin plan --example` prints one"
+        raise place.refuse("this is the file of a scene, not a plan", right)
     plan: Plan = read_object(Plan, tree, place, name=path.stem, path=path, digest=digest)
     beside = path.parent / plan.scene
     try:

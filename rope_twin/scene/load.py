@@ -152,6 +152,10 @@ def load_scene(name_or_path: str | Path) -> Scene:
     path = shipped_file(name_or_path, "scenes", "scene", SceneError)
     errors = SceneErrors()
     tree, data = read_document(path, errors)
+    if isinstance(tree.value, dict) and "scene" in tree.value:  # the key that names their scene
+        command = "plan" if "phases" in tree.value else "study"
+        right = f"run `rope_twin {command}` with it, or give the scene that it names"
+        raise Place(path).refuse(f"this is the file of a {command}, not a scene", right)
     with errors:
         scene: Scene = read_object(
             Scene,

@@ -292,6 +292,11 @@ def test_depths_below_the_seabed_are_refused(tmp_path: Path) -> None:
         read_plan(path)
 
 
+def test_a_scene_in_place_of_a_plan_is_recognised() -> None:
+    with pytest.raises(RopeTwinError, match="the file of a scene, not a plan; name it by the key"):
+        read_plan(share_dir() / "config" / "scenes" / "landing.yaml")
+
+
 def test_unknown_plans_are_refused() -> None:
     """With the nearest known one."""
     with pytest.raises(RopeTwinError, match="did you mean 'landing'"):

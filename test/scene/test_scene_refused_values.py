@@ -7,6 +7,7 @@ from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene
+from rope_twin.share import share_dir
 
 LENGTH = "length_m: 500.0"
 EFFECTS = GOOD[GOOD.index("  - payload") : GOOD.index("time:")]
@@ -172,6 +173,20 @@ def test_paths_that_are_no_scene(tmp_path: Path) -> None:
         load_scene(tmp_path)
     with pytest.raises(SceneError, match="there is no such file"):
         load_scene("nowhere.yaml")
+
+
+@pytest.mark.parametrize(("command", "name"), [("plan", "landing"), ("study", "sea_and_load")])
+def test_files_of_other_commands_are_recognised(command: str, name: str) -> None:
+    folder = {"plan": "plans", "study": "studies"}[command]
+    with pytest.raises(SceneError, match=f"the file of a {command}, not a scene; run `rope_twin"):
+        load_scene(share_dir() / "config" / folder / f"{name}.yaml")
+
+
+def test_presets_are_named_where_one_is_unknown(tmp_path: Path) -> None:
+    """Not the nearest name alone, which is another strength."""
+    wrong = spoilt("steel_wire_40mm", "steel_wire_60mm")
+    with pytest.raises(SceneError, match=r"by its properties, or one of: .*steel_wire_40mm, steel"):
+        load_scene(written(tmp_path, wrong))
 
 
 def test_unknown_name_is_reported_the_nearest() -> None:
