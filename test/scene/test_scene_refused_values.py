@@ -6,8 +6,8 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.errors import SceneError
+from rope_twin.files import share_dir
 from rope_twin.scene.load import load_scene
-from rope_twin.share import share_dir
 
 LENGTH = "length_m: 500.0"
 EFFECTS = GOOD[GOOD.index("  - payload") : GOOD.index("time:")]
