@@ -13,12 +13,12 @@ from rope_twin.scene.error_bound import KnownError, format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BORDER,
-    BedContact,
     Bend,
     CompensatorShot,
     CutShot,
     EnergyBalance,
     InputHealth,
+    Landings,
     LimitBreach,
     RopeBend,
     RopeStrength,
@@ -145,6 +145,15 @@ def touchdown_words(one: Touchdown, named: bool) -> str:
     )
 
 
+def landing_words(one: Landings) -> str:
+    """Return in words when and how fast the payload landed."""
+    first = f"at {one.first_s:.1f} s with {one.first_m_per_s:.2f} m/s"
+    if one.count == 1:
+        return f"landed {first}"
+    fastest = f"fastest at {one.fastest_s:.1f} s with {one.fastest_m_per_s:.2f} m/s"
+    return f"landed {one.count} times, first {first}, {fastest}"
+
+
 def bend_status(ropes: Sequence[RopeBend]) -> Status:
     """Return the row on the rope closest to its minimum bend radius, and on all below theirs.
 
@@ -226,7 +235,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         (snapshot.strength, strength_status),
         (snapshot, limits_status),
         (snapshot.compensator, _compensator),
-        (snapshot.seabed, _seabed),
+        (snapshot.seabed and snapshot, _seabed),
         (snapshot.touchdowns, touchdown_status),
         (snapshot.residuals, residuals_status),
         (snapshot.quality, quality_status),
@@ -362,13 +371,19 @@ def _compensator(unit: CompensatorShot) -> Status:
     return Status("simulation: compensator", Level.WARN, message, values)
 
 
-def _seabed(bed: BedContact) -> Status:
+def _seabed(snapshot: Snapshot) -> Status:
+    bed, landings = snapshot.seabed, snapshot.landings
+    assert bed is not None
     values = {
         "payload above the seabed [m]": f"{bed.payload_height_m:.3f}",
         "seabed reaction on the payload [N]": f"{bed.payload_push_n:.6g}",
         "rope on the seabed [m]": f"{bed.rope_on_bed_m:.6g}",
         "seabed reaction on the rope [N]": f"{bed.rope_push_n:.6g}",
     }
+    if landings is not None:
+        values["landings"] = str(landings.count)
+        values["speed of the first landing [m/s]"] = f"{landings.first_m_per_s:.3f}"
+        values["speed of the fastest landing [m/s]"] = f"{landings.fastest_m_per_s:.3f}"
     message = f"payload {bed.payload_height_m:.2f} m above the seabed"
     if bed.payload_landed:
         message = f"payload landed; seabed reaction {bed.payload_push_n / 1e3:.1f} kN"

@@ -14,6 +14,7 @@ from rope_twin.messages.diagnostics import (
     bends_in_words,
     breach_words,
     cut_words,
+    landing_words,
     strength_words,
     touchdown_words,
 )
@@ -24,6 +25,7 @@ from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     Bend,
     CutShot,
+    Landings,
     LimitBreach,
     Residual,
     RopeStrength,
@@ -99,6 +101,7 @@ class RunSummary:
     # fields of LimitBreach, per violated limit of the scene; any makes the exit code 4
     limits_broken: list[dict[str, Any]] = field(default_factory=list)
     touchdowns: list[dict[str, Any]] = field(default_factory=list)  # of Touchdown, at the end
+    landings: dict[str, Any] | None = None  # of Landings; None: the payload has not landed
     # fields of Bend, the smallest radius of each monitored rope; radius_m None: straight
     bends: list[dict[str, Any]] = field(default_factory=list)
     speed: float = 1.0  # 0: as fast as possible
@@ -210,10 +213,12 @@ class RunSummary:
         return [strength_words(one, len(ropes) > 1) for one in reported]
 
     def _shape_words(self) -> list[str]:
-        """Return the touchdown points at the end, and the smallest bend radii."""
+        """Return the landings, the touchdown points at the end, and the smallest bend radii."""
         places = [Touchdown(**one) for one in self.touchdowns]
         bends = [Bend(**one | {"radius_m": one["radius_m"] or math.inf}) for one in self.bends]
         words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
+        if self.landings is not None:
+            words.insert(0, landing_words(Landings(**self.landings)))
         return words + (bends_in_words(bends) if bends else [])
 
     def _pace_words(self) -> list[str]:
@@ -368,6 +373,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         strength=[asdict(one) | {"utilisation": one.utilisation} for one in snapshot.strength],
         limits_broken=[asdict(one) for one in snapshot.breaches],
         touchdowns=[asdict(one) for one in snapshot.touchdowns],
+        landings=None if snapshot.landings is None else asdict(snapshot.landings),
         bends=[  # JSON has no infinity
             asdict(one) | {"radius_m": None if math.isinf(one.radius_m) else one.radius_m}
             for one in (rope.tightest for rope in snapshot.bends)

@@ -47,6 +47,7 @@ from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import (
     Bend,
+    Landings,
     LimitBreach,
     RopeBend,
     RopeStrength,
@@ -140,6 +141,7 @@ class LoadRecord:
         self._static_at_m = list(rules.rests)
         self._amplification = [0.0] * ropes
         self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
+        self.landings: Landings | None = None
         self._begun = self._broken = False
         # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
@@ -166,6 +168,8 @@ class LoadRecord:
                     self._break(row, -bend.now.radius_m, taken.time_s)
         if rules.watches_payload and rules.payloads:
             self._look_at_payloads(taken, rules)
+        if taken.seabed is not None and rules.payloads:
+            self._look_at_landing(taken, rules)
         apart = limits.line_clearance_m
         if apart is not None and taken.lines is not None:
             distance_m = taken.lines.nearest.distance_m
@@ -216,9 +220,8 @@ class LoadRecord:
                 self._break(self._row(r, number), value, time_s)
 
     def _look_at_payloads(self, taken: Snapshot, rules: LoadRules) -> None:
-        limits, sinking, deepest = rules.limits, 0.0, -math.inf
+        limits, deepest, nearest = rules.limits, -math.inf, 0
         first = len(rules.ropes) * len(ROPE_LIMITS)
-        lowest = nearest = 0
         for number, (position, velocity) in enumerate(payload_motions(taken, len(rules.payloads))):
             row = first + number * len(PAYLOAD_LIMITS)
             x, y, z = velocity.tolist()
@@ -229,22 +232,30 @@ class LoadRecord:
                     self._break(row, speed, taken.time_s)
             if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
                 self._break(row + 1, depth_m, taken.time_s)
-            if -z > sinking:
-                sinking, lowest = -z, number
             if depth_m > deepest:
                 deepest, nearest = depth_m, number
-        bed = taken.seabed
-        if bed is None:
+        if taken.seabed is None or limits.bed_clearance_m is None:
             return
-        height_m = bed.payload_height_m
-        if limits.bed_clearance_m is not None and height_m < limits.bed_clearance_m:
+        height_m = taken.seabed.payload_height_m
+        if height_m < limits.bed_clearance_m:
             self._break(first + nearest * len(PAYLOAD_LIMITS) + 3, -height_m, taken.time_s)
-        if limits.landing_speed_m_per_s is None:
-            return
-        speed = max(sinking, self._sinking)
-        if bed.payload_landed and not self._landed and speed > limits.landing_speed_m_per_s:
-            self._break(first + lowest * len(PAYLOAD_LIMITS) + 2, speed, taken.time_s)
-        self._landed, self._sinking = bed.payload_landed, sinking
+
+    def _look_at_landing(self, taken: Snapshot, rules: LoadRules) -> None:
+        """Take the sinking speed of this snapshot or the one before, if the bed now carries."""
+        assert taken.seabed is not None
+        motions = payload_motions(taken, len(rules.payloads))
+        sinking, lowest = max((-float(v[2]), -k) for k, (_, v) in enumerate(motions))
+        sinking, landed = max(sinking, 0.0), taken.seabed.payload_landed
+        if landed and not self._landed:
+            speed, known, limit = (
+                max(sinking, self._sinking), self.landings, rules.limits.landing_speed_m_per_s
+            )  # fmt: skip
+            first = Landings(1, taken.time_s, speed, taken.time_s, speed)
+            self.landings = first if known is None else known.then(taken.time_s, speed)
+            if limit is not None and speed > limit:
+                row = len(rules.ropes) * len(ROPE_LIMITS) - lowest * len(PAYLOAD_LIMITS)
+                self._break(row + 2, speed, taken.time_s)
+        self._landed, self._sinking = landed, sinking
 
     def _row(self, r: int, number: int) -> int:
         return r * len(ROPE_LIMITS) + number
@@ -509,6 +520,7 @@ class RunRecord:
                 added["bends"] = self.bends.look(shapes, shot.time_s)
         looked = self.loads.look(shot, self._rules, added.get("bends", ()))
         added["strength"], added["breaches"] = looked
+        added["landings"] = self.loads.landings
         return amended(shot, **added)
 
     def judge(

@@ -6,7 +6,7 @@ the clearance of two lines around a sheave.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,6 +92,23 @@ class BedContact:
     def payload_landed(self) -> bool:
         """Whether the bed carries any of the payload."""
         return self.payload_push_n > 0.0
+
+
+@dataclass(frozen=True)
+class Landings:
+    """Landings of the payload on the seabed since the start; speeds are those before contact."""
+
+    count: int
+    first_s: float
+    first_m_per_s: float
+    fastest_s: float
+    fastest_m_per_s: float
+
+    def then(self, time_s: float, speed_m_per_s: float) -> Landings:
+        """Return these with one more."""
+        if speed_m_per_s <= self.fastest_m_per_s:
+            return replace(self, count=self.count + 1)
+        return replace(self, count=self.count + 1, fastest_s=time_s, fastest_m_per_s=speed_m_per_s)
 
 
 @dataclass(frozen=True)
@@ -396,6 +413,7 @@ class Snapshot:
     breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
+    landings: Landings | None = None  # None: it has not landed
     contacts: tuple[PressedPlace, ...] = ()  # of the effects of contact
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body

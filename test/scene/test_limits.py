@@ -12,7 +12,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
-from rope_twin.messages.diagnostics import BreachWords, breach_words
+from rope_twin.messages.diagnostics import BreachWords, breach_words, landing_words
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Limits, Scene
@@ -201,6 +201,35 @@ def test_a_landing_faster_than_allowed(tmp_path: Path) -> None:
     assert landing.worst == pytest.approx(0.5, abs=0.25)
     near = breaches(twin.snapshot())["bed_clearance_m"]
     assert near.worst <= 0.0 < near.allowed, "it lies on the bed"
+
+
+def test_landings_are_counted_with_their_speeds(tmp_path: Path) -> None:
+    """Without a limit: set down at 0.5 m/s, lifted off, and set down again more slowly."""
+    more = "  - seabed: {depth_m: 1007.0}\n  - current: {profile: [[0.0, [0.0, 0.0]]]}"
+    text = STILL.path.read_text(encoding="utf-8").replace("effects:", f"effects:\n{more}")
+    path = tmp_path / "bed.yaml"
+    path.write_text(text.replace("elements: 50", "elements: 20"), encoding="utf-8")
+    twin = Twin(load_scene(path))
+    assert twin.snapshot().landings is None
+    seen = []
+    for speed, seconds in ((0.5, 16), (-0.5, 10), (0.15, 40)):
+        twin.offer_speed(None, speed)
+        for _ in range(round(50 * seconds)):
+            twin.advance(2)
+            shot = twin.snapshot()
+            if shot.landings is not None and (not seen or shot.landings.count > seen[-1].count):
+                seen.append(shot.landings)
+    first, last = seen[0], seen[-1]
+    assert first.count == 1
+    assert first.first_m_per_s == pytest.approx(0.5, abs=0.25)
+    assert last.count > 1
+    assert (last.first_s, last.first_m_per_s) == (first.first_s, first.first_m_per_s)
+    assert last.fastest_m_per_s >= last.first_m_per_s
+    (row,) = (one for one in statuses(shot, None) if one.name == "simulation: seabed")
+    assert row.values["landings"] == str(last.count)
+    words = f"at {first.first_s:.1f} s with {first.first_m_per_s:.2f} m/s"
+    assert landing_words(first) == f"landed {words}"
+    assert landing_words(last).startswith(f"landed {last.count} times, first {words}, fastest")
 
 
 def test_two_lines_nearer_than_allowed() -> None:

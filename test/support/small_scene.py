@@ -59,7 +59,7 @@ NO_FIGURES = {
     "no_error_interval", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
     "line_events", "body", "compensator", "fluid_factors", "strength", "breaches", "touchdowns",
-    "bends", "residuals", "contacts", "forecast_score", "quality",
+    "landings", "bends", "residuals", "contacts", "forecast_score", "quality",
 }  # fmt: skip
 
 
