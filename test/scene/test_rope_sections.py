@@ -57,7 +57,7 @@ BAD = {
     "unknown preset": (
         JOINED.replace("chain_42mm", "chain_43mm"),
         "ropes[0].sections[0].rope",
-        ("'chain_43mm'", "did you mean 'chain_42mm'?"),
+        ("'chain_43mm'", "give another size by its properties, or one of: chain_42mm"),
     ),
     "own drag on nothing": (
         JOINED.replace("tangential: 0.02", "tangential: 0.0"),
