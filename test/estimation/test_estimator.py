@@ -116,7 +116,7 @@ def test_a_load_pin_at_an_end_of_its_range_is_no_data_there(end: str) -> None:
 
 
 def test_a_figure_at_the_limit_of_its_prior_is_not_called_learned() -> None:
-    """Of a tension that stands still in waves mass and drag come out as nothing, within 5 %."""
+    """A tension that stands still in waves makes mass and drag nothing, within 5 %."""
     frozen = MeasuredLift(NOISE_N)
     times, tension = lift().tension.table.T
     frozen.tension.extend(times, np.full_like(tension, tension[0]))
@@ -173,7 +173,7 @@ def test_a_load_cell_may_round_to_tens_of_its_noise() -> None:
 
 
 def test_a_load_cell_that_is_too_slow_is_said_to_be() -> None:
-    """Of a sample every two seconds nothing is learned."""
+    """Nothing is learned from a sample every two seconds."""
     (words,) = left_out_words(sampled(40).results[-1])
     assert "compared, 20% are needed: a sensor is missing, tension comes below 0.8 Hz" in words
 

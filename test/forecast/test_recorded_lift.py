@@ -158,7 +158,7 @@ def test_options_are_refused_before_anything_is_computed(
 
 
 def test_speed_of_an_order_takes_a_unit() -> None:
-    """As every speed of a command line does."""
+    """Orders read speeds with units, as all options of the command line do."""
     assert read_order("lower:30m/min").speed_m_per_s == pytest.approx(0.5)
     assert read_order("haul:1kn@aft").speed_m_per_s == pytest.approx(1852.0 / 3600.0)
     with pytest.raises(InputError, match=r"like lower:0\.5"):

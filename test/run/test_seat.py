@@ -158,7 +158,7 @@ def test_a_schedule_that_yields_is_not_lost() -> None:
 
 
 def test_a_commander_does_not_yield_to_a_publisher_that_may_be_its_own() -> None:
-    """As of a schedule that was killed and starts again: the graph has no name for it at first."""
+    """A schedule that was killed and starts again has no name in the graph at first."""
     own = seat()
     present, late_ns = {"winch_schedule", "publisher 010f78fd"}, streamed(own, "winch_schedule")
     assert own.look(present, late_ns + 2 * SILENT_NS, 5.0) == ()
