@@ -173,7 +173,7 @@ def test_a_load_cell_may_round_to_tens_of_its_noise() -> None:
 
 
 def test_a_load_cell_that_is_too_slow_is_said_to_be() -> None:
-    """Nothing is learned from a sample every two seconds."""
+    """One sample in two seconds leaves the prior, and the words say which rate is needed."""
     (words,) = left_out_words(sampled(40).results[-1])
     assert "compared, 20% are needed: a sensor is missing, tension comes below 0.8 Hz" in words
 
