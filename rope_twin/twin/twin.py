@@ -9,6 +9,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
+import operator
 import threading
 import time
 from collections.abc import Callable
@@ -242,10 +243,15 @@ class Twin:
         """Advance by this number of time steps.
 
         Raises:
-            InputError: the number is negative.
+            InputError: the number is negative, or not a whole one.
             SolverError: the next state would not be finite. The last good state is kept; with the
                 inputs of the failing step it is written to `failure_folder`, if that is set.
         """
+        try:
+            steps = operator.index(steps)
+        except TypeError:
+            right = f"give a whole number of steps, each of {self.step_s:g} s"
+            raise InputError("advance", f"{steps!r} is not a number of steps", right) from None
         if steps < 0:
             what = f"{steps} steps would lead back in time"
             raise InputError("advance", what, "restore an earlier saved state")

@@ -164,5 +164,7 @@ def test_a_twin_does_not_go_back_and_takes_a_current_in_plain_rows(scene: Scene)
     twin = Twin(scene)
     with pytest.raises(InputError, match="-5 steps would lead back in time; restore"):
         twin.advance(-5)
+    with pytest.raises(InputError, match=r"0\.5 is not a number of steps; give a whole number"):
+        twin.advance(0.5)  # type: ignore[arg-type]
     assert twin.steps == 0
     assert twin.offer_current([[0.0, 0.5, 0.0], [-100.0, 0.1, 0.0]]) == ""
