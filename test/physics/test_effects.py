@@ -50,25 +50,33 @@ FLOW, R, BLOCKS = slice(0, 3), slice(3, 6), slice(6, 12)  # rows of `loads`
 XX, XY, XZ, YY, YZ, ZZ = range(6)
 
 
-@pytest.fixture(scope="module")
-def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """The same results from a process whose kernels are plain Python."""
-    folder, file = (
-        Path(__file__).parents[1] / "support",
-        tmp_path_factory.mktemp("plain") / "plain.npz",
-    )
+def in_plain_python(file: Path, *rest: Path) -> Mapping[str, Vector]:
+    """Results from a process whose kernels are plain Python."""
+    folder = Path(__file__).parents[1] / "support"
     path = os.pathsep.join([str(folder), *sys.path])
-    at: dict[str, Vector] = {}
-    with_bodies(at)
-    rest = file.with_name("rest.npz")
-    np.savez(rest, allow_pickle=False, **at)
     subprocess.run(
-        [sys.executable, str(folder / "plain_python_process.py"), str(file), str(rest)],
+        [sys.executable, str(folder / "plain_python_process.py"), str(file), *map(str, rest)],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path},
         check=True,
     )
     with np.load(file) as found:
         return dict(found)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
+    """The same results in plain Python."""
+    folder = tmp_path_factory.mktemp("plain")
+    at: dict[str, Vector] = {}
+    with_bodies(at)
+    np.savez(folder / "rest.npz", allow_pickle=False, **at)
+    return in_plain_python(folder / "plain.npz", folder / "rest.npz")
+
+
+@pytest.fixture(scope="module")
+def plain_long(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
+    """The results of the long run in plain Python."""
+    return in_plain_python(tmp_path_factory.mktemp("plain") / "long.npz")
 
 
 def assert_equal(found: Vector, expected: Vector, relative: float) -> None:
@@ -115,11 +123,11 @@ def test_plain_python_equals_compiled_body_aground(plain: Mapping[str, Vector]) 
 
 
 @pytest.mark.long
-def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None:
+def test_plain_python_equals_compiled_table(plain_long: Mapping[str, Vector]) -> None:
     """A rope whose stiffness is a table, 16 steps into slack, 1e-9."""
     compiled = effect_cases.by_table()
     assert compiled[:, 1].min() == 0.0, "the case must go slack"
-    assert_equal(plain["by_table"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["by_table"].T, compiled.T, 1e-9)
 
 
 def test_plain_python_equals_compiled_compensator(plain: Mapping[str, Vector]) -> None:
@@ -130,20 +138,20 @@ def test_plain_python_equals_compiled_compensator(plain: Mapping[str, Vector]) -
 
 
 @pytest.mark.long
-def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> None:
+def test_plain_python_equals_compiled_joints(plain_long: Mapping[str, Vector]) -> None:
     """Ropes that meet, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
     compiled = effect_cases.triangle()
     assert compiled[:, :3].max() > 2.0 * compiled[0, :3].max(), "the case must move"
     assert compiled[-1, -1] > compiled[0, -1], "the case must split"
-    assert_equal(plain["triangle"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["triangle"].T, compiled.T, 1e-9)
 
 
 @pytest.mark.long
-def test_plain_python_equals_compiled_bent_joints(plain: Mapping[str, Vector]) -> None:
+def test_plain_python_equals_compiled_bent_joints(plain_long: Mapping[str, Vector]) -> None:
     """Bent ropes that meet, one between two joints, 25 steps, 1e-9."""
     compiled = effect_cases.bent_ladder()
     assert np.ptp(compiled[:, :4]) > 0.1 * compiled[0, :4].max(), "the case must move"
-    assert_equal(plain["bent ladder"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["bent ladder"].T, compiled.T, 1e-9)
 
 
 def matrix(blocks: Vector) -> Vector:

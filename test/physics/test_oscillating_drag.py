@@ -103,7 +103,11 @@ def test_the_number_of_a_known_motion(motion: object, expected: float, within: f
 
 @pytest.mark.parametrize(
     ("tables", "roughness", "factor"),
-    [((SMOOTH,), None, 1.6), ((SMOOTH, ROUGH), 1e-3, 1.8), ((SMOOTH, ROUGH), 1e-2, 2.0)],
+    [
+        pytest.param((SMOOTH,), None, 1.6, marks=pytest.mark.long),
+        ((SMOOTH, ROUGH), 1e-3, 1.8),
+        pytest.param((SMOOTH, ROUGH), 1e-2, 2.0, marks=pytest.mark.long),
+    ],
 )
 def test_the_force_has_the_factor_of_number_and_roughness(
     tables: tuple[RoughTable, ...], roughness: float | None, factor: float

@@ -100,6 +100,7 @@ def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
     assert not bend.tightest.too_tight
 
 
+@pytest.mark.long
 def test_the_touchdown_moves_on_within_coarse_elements(tmp_path: Path) -> None:
     """Of 9 m each, while the lower end goes 10 m away and two nodes are picked up."""
     (tmp_path / "own.yaml").write_text(CABLE)

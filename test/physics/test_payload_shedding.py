@@ -182,6 +182,7 @@ def with_body(**changes: float) -> Scene:
     return replace(scene, effects=(*scene.effects, sheds))
 
 
+@pytest.mark.long
 def test_a_body_sheds_with_its_projected_area() -> None:
     """F = ½ρ·C_L·(Σ a_k·|w_k|)·(w × n)·sin φ, moment and derivatives against differences of it."""
     twin = Twin(with_body(lift_coefficient=0.4))
@@ -216,6 +217,7 @@ def test_a_body_is_pushed_at_the_strouhal_frequency() -> None:
     assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
 
 
+@pytest.mark.long
 def test_a_body_in_still_water_is_not_pushed() -> None:
     scene = scene_of(replace(BODY_RIG, current=((0.0, (0.0, 0.0)),)), HUNG)
     twin = Twin(replace(scene, effects=(*scene.effects, replace(SHEDS, area_m2=None))))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -27,16 +28,28 @@ def events_and_jumps(shots: list[Snapshot]) -> tuple[int, float]:
     return len(events), max(float(bend[k - 1 : k + 10].max()) for k in events if k > 1)
 
 
-@pytest.mark.parametrize("rope", [STEEL, HMPE])
-@pytest.mark.parametrize("heave", [0.0, 1.5])
-@pytest.mark.parametrize("element", [2.0, 10.0, 30.0])
+ALWAYS = [(STEEL, 0.0, 10.0), (STEEL, 1.5, 30.0), (HMPE, 1.5, 2.0), (HMPE, 0.0, 30.0)]
+EVENTS = [
+    pytest.param(*case, marks=[] if case in ALWAYS else pytest.mark.long)
+    for case in product((STEEL, HMPE), (0.0, 1.5), (2.0, 10.0, 30.0))
+]
+
+
+@pytest.mark.parametrize(("rope", "heave", "element"), EVENTS)
 def test_no_jump_at_an_event(rope: Rig, heave: float, element: float) -> None:
     """±1 m/s, elements of 2, 10 and 30 m: at most 0.01 % of the mean."""
     rig = replace(rope, elements=round(rope.length / element), damping=rope.EA * KELVIN_VOIGT_S)
     assert_smooth(rig, heave, 2 if element > 20.0 else 5)
 
 
-@pytest.mark.parametrize(("rope", "element"), [(SEA, 10.0), (HMPE_SEA, 10.0), (HMPE_SEA, 30.0)])
+@pytest.mark.parametrize(
+    ("rope", "element"),
+    [
+        (SEA, 10.0),
+        pytest.param(HMPE_SEA, 10.0, marks=pytest.mark.long),
+        pytest.param(HMPE_SEA, 30.0, marks=pytest.mark.long),
+    ],
+)
 def test_no_jump_in_a_current(rope: Rig, element: float) -> None:
     """The same across a current of 1 m/s, where a bent pair is longer than its chord.
 

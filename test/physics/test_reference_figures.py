@@ -7,7 +7,9 @@ from reference_scenes import reference
 from rigs import top_tension
 
 
-@pytest.mark.parametrize(("elements", "step"), [(100, 0.02), (250, 0.01)])
+@pytest.mark.parametrize(
+    ("elements", "step"), [(100, 0.02), pytest.param(250, 0.01, marks=pytest.mark.long)]
+)
 def test_smooth_2km(elements: int, step: float) -> None:
     """Mean, highest and lowest top tension from 40 to 120 s within 0.05 %.
 

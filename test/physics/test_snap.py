@@ -15,7 +15,7 @@ from rigs import march
         ("snap_vertical", 250, 0.01, 172.36, 2.5e-3),
         ("snap_vertical", 250, 0.02, 172.36 * (1 - 0.0097), 1e-3),
         ("snap_2km", 250, 0.02, 126.2, 2e-3),
-        ("snap_2km", 1000, 0.01, 133.5, 3e-3),
+        pytest.param("snap_2km", 1000, 0.01, 133.5, 3e-3, marks=pytest.mark.long),
         ("slack_5km", 1000, 0.02, 355.19, 1e-3),
     ],
 )

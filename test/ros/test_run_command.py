@@ -25,6 +25,9 @@ KEYS = {
     "tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
     "payload_depth_m", "bag",
 }  # fmt: skip
+SIGNALS = [
+    signal.SIGINT, signal.SIGTERM, pytest.param(signal.SIGHUP, marks=pytest.mark.long),
+]  # fmt: skip
 RATES = {topic.name: topic.rate_hz for topic in TOPICS if topic.publisher == "simulation"}
 
 
@@ -80,7 +83,7 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
     number: int, processes: Processes, tmp_path: Path
 ) -> None:
@@ -174,7 +177,7 @@ def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
     assert summary["tension_top_error_pct"] is not None, summary["tension_top_error_reason"]
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", SIGNALS)
 def test_what_ends_a_run_as_fast_as_possible_leaves_a_whole_bag(
     number: int, processes: Processes, tmp_path: Path
 ) -> None:

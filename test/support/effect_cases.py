@@ -473,15 +473,17 @@ def with_bodies(at: dict[str, Vector]) -> dict[str, Vector]:
     return found
 
 
-def everything(at: dict[str, Vector]) -> dict[str, Vector]:
-    """All results by name; bodies from where they rest."""
+def of_minutes() -> dict[str, Vector]:
+    """The results that only tests of the long run compare, by name."""
+    return {"by_table": by_table(), "triangle": triangle(), "bent ladder": bent_ladder()}
+
+
+def of_always(at: dict[str, Vector]) -> dict[str, Vector]:
+    """All other results by name; bodies from where they rest."""
     cases = {name: alone(name) for name in [*(effect.name for effect in EFFECTS), *VARIANTS]}
     return {
         **cases,
         **with_bodies(at),
         "together": together(),
-        "by_table": by_table(),
         "stroking": stroking(),
-        "triangle": triangle(),
-        "bent ladder": bent_ladder(),
     }

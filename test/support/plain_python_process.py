@@ -1,6 +1,6 @@
 """A process of its own (NUMBA_DISABLE_JIT=1): the results of effect_cases into an .npz file.
 
-A second one tells where rigid bodies rest.
+A second one holds where rigid bodies rest; without it, the results of the long run.
 """
 
 from __future__ import annotations
@@ -8,8 +8,12 @@ from __future__ import annotations
 import sys
 
 import numpy as np
-from effect_cases import everything
+from effect_cases import of_always, of_minutes
 
 if __name__ == "__main__":
-    with np.load(sys.argv[2]) as rest:
-        np.savez(sys.argv[1], allow_pickle=False, **everything(dict(rest)))
+    if len(sys.argv) > 2:
+        with np.load(sys.argv[2]) as rest:
+            found = of_always(dict(rest))
+    else:
+        found = of_minutes()
+    np.savez(sys.argv[1], allow_pickle=False, **found)
