@@ -128,7 +128,7 @@ def describe_session(run: Mapping[str, Any], twin: Twin, epoch_ns: int) -> dict[
     `encode_session` makes a message of it; its number is the log's.
     """
     state: SavedState | str | None = None
-    if twin.time_ns > 0:
+    if twin.time_ns > 0 or twin.restored:
         try:
             state = twin.capture()
         except StateError as error:

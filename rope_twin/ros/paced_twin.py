@@ -56,7 +56,7 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.state_file import AutoSave, SavingStatus
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET, WinchCommand
 
 if TYPE_CHECKING:
     from rope_twin.estimation.live import LiveLearning
@@ -294,6 +294,7 @@ class PacedTwin:
         )
         self._ros_ahead_ns = 0  # ROS time less steady time at the last start
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
+        self.border.latch_listener = self._keep_stops
         if self.learning is not None:
             self.border.listener = self.learning.hear
             self.border.motion_listener = self.learning.hear_motion
@@ -376,6 +377,18 @@ class PacedTwin:
             elif command.kind == EMERGENCY_STOP and winch not in self._stopped:
                 self._stopped.add(winch)
                 keeper.request()
+
+    def _keep_stops(self, winches: set[str]) -> None:
+        """Save the state with the emergency stops that wait for the end of a pause.
+
+        The twin itself executes them in the first cycle after it, where they are logged.
+        """
+        if self._keeper is None:
+            return
+        stopped = self.twin.branch()
+        for winch in winches:
+            stopped.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
+        self._keeper.keep(stopped)
 
     def halt(self) -> None:
         """Stop after the current cycle, publish all computed snapshots and save the state."""

@@ -128,6 +128,8 @@ class InputBorder:
         self.listener: Callable[[Measurement], None] | None = None
         # likewise stamp [ns] and height [m] of each sample of motion
         self.motion_listener: Callable[[int, float], None] | None = None
+        # is given all winches whose stop is latched, at each new one; None: nobody listens
+        self.latch_listener: Callable[[set[str]], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
         self.lower_end_ns: int | None = None  # likewise of the motion of the lower end
@@ -306,6 +308,8 @@ class InputBorder:
                 if winch in self._latched:
                     return
                 self._latched.add(winch)
+            if self.latch_listener is not None:
+                self.latch_listener(set(self._latched))
         self._inputs.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
 
     def _epoch(self) -> int | None:

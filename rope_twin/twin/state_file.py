@@ -367,6 +367,11 @@ class AutoSave:
         """Save the state at the end of the next cycle; may be called from any thread."""
         self._requested = True
 
+    def keep(self, twin: Twin) -> None:
+        """Save a branch of the twin in place of the present; call it while no thread steps."""
+        if not self._failed:
+            self._store(twin)
+
     def health(self) -> SavingStatus:
         """Return the status of saving; may be called from any thread."""
         return self._health
@@ -384,8 +389,11 @@ class AutoSave:
 
     def _take(self) -> None:
         self._kept_step = self._twin.steps
+        self._store(self._twin)
+
+    def _store(self, twin: Twin | Recovery) -> None:
         try:
-            state = self._twin.capture()
+            state = twin.capture()
         except StateError as error:  # a run is worth more than its saved state
             path = self._health.path
             self._health = SavingStatus(path, self._health.saved_s, f"{path}: {error}")

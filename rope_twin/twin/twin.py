@@ -89,6 +89,7 @@ class Twin:
         """Build the twin of a scene with the monitors that a run asks for."""
         self._monitors = new_monitors(scene, monitors)  # first, as they may reject the scene
         self.scene = scene
+        self.restored = False  # whether it began at a saved state
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
         self._system = RopeSystem(scene, rows.STEPS_PER_CALL)
@@ -552,6 +553,7 @@ class Twin:
             twin.viv_drag.take_back(state.read_monitor("viv_drag", twin.viv_drag.kept()))
         for monitor in twin._monitors:
             monitor.restore(twin.inspect(), twin._present(), state)
+        twin.restored = True
         return twin
 
     def branch(self) -> Twin:

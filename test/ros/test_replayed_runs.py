@@ -13,6 +13,7 @@ from ros_bench import Bench
 from ros_messages import multi_array
 from ros_process import Processes
 
+from rope_twin import Twin, load_scene
 from rope_twin.cli import main
 from rope_twin.messages import encode_cut, encode_heave, encode_order
 from rope_twin.recording import bag_writer as recorder_module
@@ -190,6 +191,23 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(
     assert len({one.run for one in found.sessions}) == len(found.sessions) == 2
     assert found.sessions[1].content["state"] is not None
     assert found.sessions[1].time_ns >= 800_000_000
+
+
+def test_a_run_from_a_stop_that_came_before_the_first_step_is_replayed(
+    bench: Bench, tmp_path: Path
+) -> None:
+    bag, state = tmp_path / "bag", tmp_path / "stopped.state"
+    twin = Twin(load_scene("emergency_stop"))
+    twin.offer_command(None, WinchCommand("emergency_stop"))
+    twin.save(state)
+    recorder, node = recorded(bench, bag, scene="emergency_stop", from_state=str(state))
+    sender = Sender(bench, node)
+    node.begin()
+    bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
+    sender.sail(400_000_000)
+    assert node.paced.last.winches[0].mode == "emergency_stop"
+    end(bench, recorder, node)
+    assert_equal(bag)
 
 
 def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_path: Path) -> None:

@@ -94,6 +94,29 @@ def test_an_emergency_stop_is_saved_at_once(bench: Bench, tmp_path: Path) -> Non
     assert load_state(path).about.step == saved.about.step
 
 
+def test_an_emergency_stop_in_a_pause_is_saved_at_once(bench: Bench, tmp_path: Path) -> None:
+    """Before the first step as well; a simulation that was killed in the pause goes on stopped."""
+    path, scene = tmp_path / "run.state", "emergency_stop"
+    for runs_before in (False, True):
+        path.unlink(missing_ok=True)
+        node = bench.make("simulation", scene=scene, save_state=str(path), save_every_s=3600.0)
+        node.trigger_configure()
+        if runs_before:
+            node.trigger_activate()
+            bench.until(lambda one=node: one.paced.last.step, "it runs")
+            node.trigger_deactivate()
+        before = path.read_bytes() if runs_before else b""
+        assert node.paced.border.switch("winch", "emergency_stop")[0]
+        bench.until(lambda old=before: path.exists() and path.read_bytes() != old, "it is saved")
+        resumed = Twin.restore(load_state(path), load_scene(scene))
+        assert resumed.steps == node.paced.twin.steps
+        resumed.invalidate_inputs()  # as after every pause
+        resumed.advance(1)
+        assert resumed.snapshot().winches[0].mode == "emergency_stop"
+        node.close()
+        bench.remove(node)
+
+
 def test_a_commander_that_does_not_come_back_after_a_restart_is_lost(
     bench: Bench, tmp_path: Path
 ) -> None:
