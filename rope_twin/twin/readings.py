@@ -4,6 +4,12 @@ A reading is refused if it is not finite, beyond what the scene's winch and rope
 order, or a jump that the winch's speed limit excludes. After a hole longer than HOLE_NS data is
 missing and nothing has jumped: any possible value is accepted, and one that the speed limit does
 not explain is reported as a warning.
+
+A counter that jumps to and fro would be believed after each hole. For a while after such a warning
+readings that contradict the accepted ones for longer than HOLE_NS make the sensor distrusted: its
+readings are refused as unconfirmed until they have followed each other within the speed limit for a
+time of HOLE_NS after the first warning, which doubles with each further one. DOUBT_NS, or twice
+that time if it is longer, without a warning ends the doubt.
 """
 
 from __future__ import annotations
@@ -34,6 +40,7 @@ WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH = "winch_measured", "motor_tension"
 Row = tuple[str, float | None, float | None, float | None]
 Refusal = tuple[str, str, str]  # kind, fault and remedy
 HOLE_NS = 2_000_000_000  # after a longer gap no jump is seen
+DOUBT_NS = 60_000_000_000
 STALE_NS = 2_000_000_000
 STALE_INTERVALS = 3.0  # a slow sensor is stale after so many of its own intervals
 HISTORY_NS = 10_000_000_000  # readings later than this cannot be compared
@@ -89,6 +96,11 @@ class Readings(ABC):
         self._newest_ns: int | None = None
         self._interval_ns = 0
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
+        self._heard: tuple[int, float] | None = None  # likewise, accepted or not
+        self._steady_ns = 0  # since when readings have followed each other within the speed limit
+        self._confirm_ns = 0  # time for which they must do so after a contradiction
+        self._doubted_ns = 0  # stamp of the newest place that no speed explains and was accepted
+        self._distrust = ""  # why readings are refused until they are confirmed
         self.warning = ""  # on the sensor itself, such as a frozen value
         self.speed_doubt = ""  # why the measured speed does not fit the measured place
         self._leads: deque[int] = deque(maxlen=CLOCK_SAMPLES_MIN)  # stamp minus arrival [ns]
@@ -97,7 +109,8 @@ class Readings(ABC):
 
     def invalidate(self) -> None:
         """Accept readings again that were known in advance, after a pause or a restart."""
-        self._newest_ns = self._place = None
+        self._newest_ns = self._place = self._heard = None
+        self._distrust = ""
         self._ways.clear()
 
     def take(self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None) -> str:
@@ -166,7 +179,7 @@ class Readings(ABC):
 
         lead_s: allowed to a sender, as a replay publishes a reading before its time.
         """
-        words = [one for one in (self.warning, self._clock_doubt(lead_s)) if one]
+        words = [one for one in (self.warning, self._distrust, self._clock_doubt(lead_s)) if one]
         if self._newest_ns is not None and self.stale(now_ns):
             gap_s = (now_ns - self._newest_ns) * 1e-9
             words.append(f"no reading for {gap_s:.1f} s; nothing is compared")
@@ -212,19 +225,41 @@ class Readings(ABC):
 
     def _jump_fault(self, stamp_ns: int, row: Row, now_ns: int) -> Refusal | None:
         """Return why a place after the last one is impossible, or None; warn after a hole."""
-        if self._place is None or row[1] is None:
+        if row[1] is None:
+            return None
+        heard, self._heard = self._heard, (stamp_ns, row[1])
+        if heard is None or self._change(heard, self._heard)[1]:
+            self._steady_ns = stamp_ns
+        if self._place is None:
             return None
         gap_ns = stamp_ns - self._place[0]
-        change, allowed = row[1] - self._place[1], self._allowed_m(gap_ns * 1e-9)
-        if abs(change) <= allowed:
+        quiet_ns = stamp_ns - self._doubted_ns
+        if not self._distrust and quiet_ns > max(DOUBT_NS, 2 * self._confirm_ns):
+            self._confirm_ns = 0
+        change, words = self._change(self._place, self._heard)
+        contradicted = gap_ns > HOLE_NS and heard is not None and heard[0] > self._place[0]
+        distrusted = self._confirm_ns > 0 and contradicted
+        if not words and not distrusted:
             return None
         what = f"{self._quantity} changes by {change:+.2f} m in {gap_ns * 1e-9:.2f} s"
-        right = f"at most {allowed:.2f} m are possible"
         if gap_ns <= HOLE_NS:
-            return "impossible", what, right
-        counter = f"{right}; accepted after a gap: was the sensor reset?"
-        self.counter.warn(phrase(self._topic, what, counter), now_ns)
+            return "impossible", what, words
+        steady_ns = stamp_ns - self._steady_ns
+        if steady_ns < self._confirm_ns:
+            self._distrust = f"{self._quantity} distrusted, as it jumps to and fro"
+            what = f"{self._quantity} steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
+            right = f"accepted again after {self._confirm_ns * 1e-9:g} s without a jump"
+            return "unconfirmed", what, right
+        self._confirm_ns = max(HOLE_NS, 2 * self._confirm_ns)
+        self._doubted_ns, self._distrust = stamp_ns, ""
+        right = "; ".join(filter(None, (words, "accepted after a gap: was the sensor reset?")))
+        self.counter.warn(phrase(self._topic, what, right), now_ns)
         return None
+
+    def _change(self, one: tuple[int, float], other: tuple[int, float]) -> tuple[float, str]:
+        """Return the change of place between two readings [m], and why it is impossible or ""."""
+        change, allowed = other[1] - one[1], self._allowed_m((other[0] - one[0]) * 1e-9)
+        return change, "" if abs(change) <= allowed else f"at most {allowed:.2f} m are possible"
 
     _quantity = ""
     _slip_m = math.inf  # by so much place and integral of the speed may differ
@@ -308,6 +343,5 @@ class DepthReadings(Readings):
         return None
 
     def _allowed_m(self, seconds: float) -> float:
-        assert self._place is not None
-        scatter = self._sensor.uncertainty(self._place[1]) or 0.0
+        scatter = self._sensor.uncertainty(self._place[1] if self._place else 0.0) or 0.0
         return FASTEST_M_PER_S * seconds + max(DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS * scatter)

@@ -230,6 +230,41 @@ def test_a_jump_is_refused_and_a_hole_is_none(scene: Scene) -> None:
     assert "was the sensor reset?" in inputs.health(again)["winch_measured"].warning
 
 
+def test_a_counter_that_jumps_to_and_fro_is_distrusted_until_it_is_steady(scene: Scene) -> None:
+    """5 m to and fro each 2.5 s: one jump is a reset, each further one must last twice as long."""
+    inputs, step_ns = MeasuredInputs(scene), 50_000_000
+
+    def read(from_s: float, to_s: float, high: bool) -> list[str]:
+        first, end = (round(s * 1e9) // step_ns for s in (from_s, to_s))
+        length_m = 205.0 if high else 200.0
+        return [
+            inputs.offer(Measurement.of_winch(k * step_ns, length_m), k * step_ns)
+            for k in range(first, end)
+        ]
+
+    def warning(at_s: float) -> str:
+        return inputs.health(round(at_s * 1e9))["winch_measured"].warning
+
+    assert not any(read(0.0, 2.5, high=False))
+    reset = read(2.5, 5.0, high=True)
+    assert [words == "" for words in reset] == [False] * 40 + [True] * 10
+    assert "was the sensor reset?" in warning(5.0)
+    assert [words == "" for words in read(5.0, 7.5, high=False)] == [False] * 40 + [True] * 10
+    jumping = [read(7.5 + 2.5 * n, 10.0 + 2.5 * n, high=n % 2 == 0) for n in range(40)]
+    assert all(words for one in jumping for words in one), "none lasts for 4 s"
+    assert jumping[-1][-1].endswith(
+        "line out steady for 2.5 s after jumping to and fro; "
+        "accepted again after 4 s without a jump."
+    )
+    assert "line out distrusted, as it jumps to and fro" in warning(107.5)
+    assert inputs.health(107_500_000_000)["winch_measured"].unconfirmed > 0
+    steady = read(107.5, 130.0, high=True)
+    taken = steady.index("") * step_ns * 1e-9
+    assert taken == pytest.approx(4.0)
+    assert not any(steady[steady.index("") :])
+    assert "distrusted" not in warning(130.0)
+
+
 @pytest.mark.parametrize(("ahead_s", "doubted"), [(1.5, True), (0.3, False), (-5.0, False)])
 def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted: bool) -> None:
     """No reading arrives before it was made; one that comes late may have had a long way."""
