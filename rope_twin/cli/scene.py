@@ -242,7 +242,7 @@ def _figures(scene: Scene) -> dict[str, Any]:
     for key, words in _parts(scene, figures):
         name = key or name
         parts.setdefault(name, []).append(words)
-    left_out = ("line", "payload", "bars", "hung")
+    left_out = ("line", "payload", "bars", "hung", "dry_m", "lifts_n_per_m")
     numbers = {
         field.name: getattr(figures, field.name)
         for field in fields(figures)

@@ -15,6 +15,7 @@ import numpy as np
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import STEEL, RigidBodyParams
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.scene.grid import (
     Bar,
     damping_fraction,
@@ -29,7 +30,16 @@ from rope_twin.scene.grid import (
     weight_n_per_m,
 )
 from rope_twin.scene.rigging import body_payload, is_joined, places, runs_over_sheave, winch_of
-from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, Rope, RopeLine, Scene, Winch
+from rope_twin.scene.schema import (
+    STEEL_KG_PER_M3,
+    WINCH,
+    Environment,
+    Payload,
+    Rope,
+    RopeLine,
+    Scene,
+    Winch,
+)
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
@@ -117,8 +127,11 @@ def hung_together(scene: Scene) -> HungTogether | None:
     for line in scene.ropes:
         lengths = zip(line.made_of, line.lengths_m(line.length_m), strict=True)
         weight += sum(weight_n_per_m(one.rope, water) * length for one, length in lengths)
-    from_ship = tuple(line for line in scene.ropes if line.from_ in places(scene))
+    tips = places(scene)
+    from_ship = tuple(line for line in scene.ropes if line.from_ in tips)
     tops = tuple(line.made_of[-1].rope for line in from_ship)
+    for line, top in zip(from_ship, tops, strict=True):
+        weight += _lift_n_per_m(top, water) * min(_dry_m(scene, tips[line.from_]), line.length_m)
     return HungTogether(from_ship, tops, weight, weight_n_per_m(tops[0], water))
 
 
@@ -142,6 +155,8 @@ class LiftFigures:
     damping_newton_seconds: tuple[float, ...]  # of each section
     damping_fraction: float  # damping ratio of the first axial mode
     chord_m: float  # hang-off to a fixed lower end; 0 with a payload
+    dry_m: float  # length of rope above the water that has its weight in air (`wetting`)
+    lifts_n_per_m: tuple[float, ...]  # buoyancy of each section in water
 
     @property
     def rises(self) -> bool:
@@ -154,9 +169,12 @@ class LiftFigures:
 
     def upper_ends(self, line_out_m: float) -> list[tuple[Rope, float]]:
         """Return each paid-out section and the static tension at its upper end [N]."""
-        ends, tension = [], self.hung.weight_n(line_out_m)
-        for bar, length in zip(self.bars, self.line.lengths_m(line_out_m), strict=True):
+        ends, tension, above_m = [], self.hung.weight_n(line_out_m), line_out_m
+        lengths = self.line.lengths_m(line_out_m)
+        for bar, lift, length in zip(self.bars, self.lifts_n_per_m, lengths, strict=True):
+            above_m -= length
             tension += bar.weight_n_per_m * length
+            tension += lift * min(max(self.dry_m - above_m, 0.0), length)
             if length > 0.0:
                 ends.append((bar.rope, tension))
         return ends
@@ -211,7 +229,19 @@ def lift_figures(scene: Scene) -> LiftFigures:
         damping_newton_seconds=tuple(damping),
         damping_fraction=damping_fraction(bars, damping, mass),
         chord_m=dist(line.fixed_at_m, scene.ship.hang_off_m) if line.fixed_at_m else 0.0,
+        dry_m=_dry_m(scene, scene.ship.hang_off_m),
+        lifts_n_per_m=tuple(_lift_n_per_m(one.rope, water) for one in line.made_of),
     )
+
+
+def _dry_m(scene: Scene, hang_off_m: tuple[float, float, float]) -> float:
+    """Return the length of a rope straight down from a hang-off that is weighed in air [m]."""
+    return max(hang_off_m[2], 0.0) if scene.listed(WettingParams) is not None else 0.0
+
+
+def _lift_n_per_m(rope: Rope, water: Environment) -> float:
+    """Return a rope's buoyancy per unstretched metre [N/m]."""
+    return rope.mass_kg_per_m * water.gravity_m_per_s2 - weight_n_per_m(rope, water)
 
 
 def stretch_m(figures: LiftFigures) -> float:

@@ -17,6 +17,7 @@ from rope_twin.effects import Surroundings
 from rope_twin.effects.rope_in_air import WettingParams, WindParams, build_wetting
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.effects.waves import build as build_waves
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import Monitors
 
@@ -53,13 +54,16 @@ def nodes_of(twin: Twin) -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("above_m", [1.7, 30.0, 80.0, 151.3])
 def test_a_rope_at_rest_carries_its_dry_weight_above_the_surface(above_m: float) -> None:
     """T = W + w·(wet length) + m·g·(dry length), with the wet length read off the shape."""
-    twin = Twin(scene_of(replace(WIRE, hang_off=(0.0, 0.0, above_m)), WettingParams()))
+    scene = scene_of(replace(WIRE, hang_off=(0.0, 0.0, above_m)), WettingParams())
+    twin = Twin(scene)
     twin.advance(1)
     s, place = nodes_of(twin)
     wet = np.interp(0.0, place[2], s)
     wet_weight = (WIRE.mass - 1025.0 * AREA) * WIRE.gravity
     expected = WIRE.load_weight + wet_weight * wet + WIRE.mass * WIRE.gravity * (200.0 - wet)
     assert twin.top_pull_n == pytest.approx(expected, rel=1e-6)
+    by_hand_n = lift_figures(scene).top_tension_n(200.0)  # without stretch, of 5e-5 here
+    assert by_hand_n == pytest.approx(twin.top_pull_n, rel=1e-4)
 
 
 def test_below_the_surface_nothing_changes() -> None:
