@@ -75,6 +75,8 @@ def run(args: argparse.Namespace) -> int:
     error = MotionError(coloured_m=ERROR_MARGIN * args.motion_error)
     settings = ForecastSettings(members=args.members, motion_error=error)
     lift = read_lift(args.bag, args.scene)
+    for words in lift.problems:
+        print(f"warning: {words}", file=sys.stderr)
     if doubt := tension_doubt(lift):
         print(doubt, file=sys.stderr)
     limit_n, others_n = tension_limits(lift.scene, args.limit)
@@ -220,6 +222,7 @@ def _figures(
     return {
         "bag": args.bag, "origin_s": made[0].origin_s, "sources": lift.sources,
         "limits": asdict(limits), "members": made[0].members, "forecasts": found,
+        "problems": list(lift.problems),
     }  # fmt: skip
 
 
@@ -230,7 +233,7 @@ def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingS
             "bag": args.bag, "sources": lift.sources, "origins": scored.origins,
             "limit_n": scored.limit_n, "coverage": scored.coverage,
             "leads": [asdict(one) for one in scored.leads], "events": events,
-            "factor": scored.factor,
+            "factor": scored.factor, "problems": list(lift.problems),
         })  # fmt: skip
         return
     print(f"{scored.origins} origins; tension of {lift.sources[2]}; the 90 % band held "

@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
     for problem in recorded.problems:
-        print(problem, file=sys.stderr)
+        print(f"warning: {problem}", file=sys.stderr)
     print_table(report.table(found))
     if derived:
         print(

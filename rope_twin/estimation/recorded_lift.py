@@ -7,7 +7,7 @@ from ship/heave, or else from the twin's hang_off/odometry. Times count from the
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,8 @@ from rope_twin.estimation.figures import ROPE_FIGURES
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.messages.cdr import typestore
 from rope_twin.messages.inputs import read_heave, read_measurement
-from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.bag import find_bag
+from rope_twin.recording.damaged_bag import Messages, read_undamaged
 from rope_twin.recording.input_log import decode_json
 from rope_twin.recording.session import Session
 from rope_twin.scene.schema import Scene
@@ -35,7 +36,7 @@ class RecordedLift:
 
     lift: MeasuredLift  # pin_noise_n is NaN until the scene's prior is known
     session: Session | None  # the first of the bag
-    problems: tuple[str, ...]  # messages that were left out
+    problems: tuple[str, ...]  # damage of the bag and messages that were left out
     applied: dict[str, float]  # factors on the scene's figures that the run took over at last
 
     def scene(self) -> Scene:
@@ -54,9 +55,16 @@ class RecordedLift:
 def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
     """Return the series of a winch; "": of the only one, or the first that is named.
 
+    A damaged bag is read as far as it is whole.
+
     Raises:
         BagError: there is no such bag, or it lacks tension, heave or line out.
     """
+    found, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch))
+    return replace(found, problems=(*damage, *found.problems))
+
+
+def _read(bag: Messages, winch: str) -> RecordedLift:
     tension, line_out, own_line = Series(1), Series(1), Series(1)
     heave, hang_off = Series(2), Series(2)
     session: Session | None = None
@@ -64,8 +72,7 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
     applied: dict[str, float] = {}
     rest_z: float | None = None
     refused = 0
-    path = find_bag(bag)
-    for topic, data in _messages(path):
+    for topic, data in _messages(bag):
         try:
             if topic == SESSION_TOPIC and session is None:
                 session = Session.read(decode_json(topic, data))
@@ -106,7 +113,7 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
         if len(series.table) < LEAST_SAMPLES:
             what = f"{len(series.table)} samples of {name}"
             of = f" of winch '{winch}'" if winch else ""
-            raise BagError(f"bag {path}{of}", what, f"record {wanted}")
+            raise BagError(f"bag {bag.path}{of}", what, f"record {wanted}")
     if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
     zero_s = float(lift.tension.table[0, 0])
@@ -115,13 +122,12 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
     return RecordedLift(lift, session, tuple(problems), applied)
 
 
-def _messages(path: Path) -> Iterator[tuple[str, bytes]]:
+def _messages(bag: Messages) -> Iterator[tuple[str, bytes]]:
     """Return topic and data of the messages that are needed, topic by topic."""
-    with BagReader(path) as bag:
-        for name in bag.topics:
-            for wanted in (SESSION_TOPIC, INPUT_LOG_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
-                if is_topic(name, wanted):
-                    yield from ((wanted, data) for _, data in bag.messages(name))
+    for name in bag.topics:
+        for wanted in (SESSION_TOPIC, INPUT_LOG_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
+            if is_topic(name, wanted):
+                yield from ((wanted, data) for _, data in bag.messages(name))
 
 
 def _applied(entry: dict[str, Any]) -> dict[str, float]:

@@ -28,7 +28,8 @@ from rope_twin.forecast.orders import scene_at_line as scene_at_line
 from rope_twin.forecast.tension_forecast import ForecastSettings, Known
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
-from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.bag import find_bag
+from rope_twin.recording.damaged_bag import Messages, read_undamaged
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
@@ -161,6 +162,7 @@ HEAVE_TOPICS = ("ship/heave", HANG_OFF)
 LINE_TOPICS = ("winch/measured", "ropes/length")
 TENSION_TOPICS = ("winch/measured", "ropes/tension_top")
 Read = Callable[[Any], float]
+_Found = tuple[str, Floats, Floats]  # topic, times [s] and values
 
 
 @dataclass(frozen=True)
@@ -177,6 +179,7 @@ class RecordedLift:
     sources: tuple[str, str, str]  # topics of heave, line out and tension
     compensated: NDArray[np.bool_] | None = None  # (n,) AHC is on; None: not recorded, always on
     lines_m: Lines = field(default_factory=dict)  # (n,) of other winches, by name
+    problems: tuple[str, ...] = ()  # damage of the bag, which was read as far as it is whole
 
     @property
     def first_origin(self) -> int:
@@ -220,28 +223,34 @@ class RecordedLift:
 def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     """Return the lift in a bag; scene: its name or file, None: that of the bag's session.
 
+    A damaged bag is read as far as it is whole.
+
     Raises:
         BagError: no bag, no session and no scene, or too little of a quantity.
         SceneError: the scene cannot be read.
     """
     path = find_bag(bag)
     own = load_scene(scene) if scene is not None else _scene_of(path)
-    with BagReader(path) as reader:
-        heave = _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave")
-        main = "", WINCH, own.ropes[0].name
-        alone = not is_joined(own)
+    main = "", WINCH, own.ropes[0].name
+    alone = not is_joined(own)
+    has_one = own.winch is not None and own.winch.heave_compensation is not None
 
-        def line_of(names: Sequence[str], what: str) -> tuple[str, Floats, Floats]:
+    def read(reader: Messages) -> tuple[_Found, _Found, _Found, dict[str, _Found], Floats]:
+        def line_of(names: Sequence[str], what: str) -> _Found:
             return _first(reader, LINE_TOPICS, lambda m: _of(m, m.position, names, alone), what)
 
-        line = line_of(main, "line out")
-        tension = _first(reader, TENSION_TOPICS, lambda m: _of(m, m.effort, main, alone), "tension")
-        others = {
-            name: line_of((name, own.ropes[r].name), f"line out of {name}")
-            for name, (r, _) in other_winches(own).items()
-        }
-        has_one = own.winch is not None and own.winch.heave_compensation is not None
-        switched = _compensation(reader) if has_one else np.empty((0, 2))
+        return (
+            _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave"),
+            line_of(main, "line out"),
+            _first(reader, TENSION_TOPICS, lambda m: _of(m, m.effort, main, alone), "tension"),
+            {
+                name: line_of((name, own.ropes[r].name), f"line out of {name}")
+                for name, (r, _) in other_winches(own).items()
+            },
+            _compensation(reader) if has_one else np.empty((0, 2)),
+        )
+
+    (heave, line, tension, others, switched), problems = read_undamaged(path, read)
     known = heave, line, tension, *others.values()
     begin = max(series[1][0] for series in known)
     end = min(series[1][-1] for series in known)
@@ -264,7 +273,7 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     top, mean, peak = (one - known_n for one in _tension_on(*tension[1:], at))
     return RecordedLift(
         scene_at_line(own, float(out[0]), {name: float(m[0]) for name, m in led.items()}), 0.0, z,
-        out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, at), led,
+        out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, at), led, problems,
     )  # fmt: skip
 
 
@@ -321,9 +330,7 @@ def _of(message: Any, values: Sequence[float], names: Sequence[str], alone: bool
     return float(values[k]) if k < len(values) else math.nan
 
 
-def _first(
-    reader: BagReader, topics: Sequence[str], read: Read, what: str
-) -> tuple[str, Floats, Floats]:
+def _first(reader: Messages, topics: Sequence[str], read: Read, what: str) -> _Found:
     """Return name, times [s] and values of the first of these topics with usable numbers.
 
     Raises:
@@ -348,7 +355,7 @@ def _first(
     raise BagError(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one")
 
 
-def _compensation(reader: BagReader) -> Floats:
+def _compensation(reader: Messages) -> Floats:
     """Return times [s] and whether active heave compensation is on, (n, 2), of `winch/state`."""
     rows = []
     for name in (one for one in reader.topics if is_topic(one, WINCH_STATE)):

@@ -259,6 +259,10 @@ def free_path(path: Path, suffix: str = "") -> Path:
     return free
 
 
+class DamageError(BagError):
+    """A bag that is damaged or was cut off."""
+
+
 class BagReader(ClosableBag):
     """A bag that is open for reading; also a context manager."""
 
@@ -331,7 +335,7 @@ def _check_outside(path: Path) -> None:
         files = sorted(path.glob("*.mcap"))
         if not (path / "metadata.yaml").is_file():
             if files:
-                raise BagError(where, "it has no metadata.yaml", _recover(path))
+                raise DamageError(where, "it has no metadata.yaml", _recover(path))
             raise BagError(where, "it is a folder without metadata.yaml", "a bag has one")
     elif path.suffix in (".mcap", ".db3"):
         files = [path] if path.suffix == ".mcap" else []
@@ -340,7 +344,7 @@ def _check_outside(path: Path) -> None:
     for file in files:
         fault = _fault_at_ends(file)
         if fault:
-            raise BagError(where, f"{file.name} {fault}", _recover(path))
+            raise DamageError(where, f"{file.name} {fault}", _recover(path))
 
 
 def _fault_at_ends(file: Path) -> str:
@@ -366,7 +370,7 @@ def _recover(path: Path) -> str:
     return f"`rope_twin recover {path}` saves what is there"
 
 
-def _unreadable(path: Path, error: Exception) -> BagError:
+def _unreadable(path: Path, error: Exception) -> DamageError:
     reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
     reason = reason if len(reason) <= 160 else f"{reason[:157]}..."
-    return BagError(f"bag {path}", f"it is damaged ({reason})", _recover(path))
+    return DamageError(f"bag {path}", f"it is damaged ({reason})", _recover(path))

@@ -14,6 +14,7 @@ from small_scene import small_scene
 from benchmarks.foresight.seas import DrawnSea, recorded_spectrum
 from rope_twin.cli import main
 from rope_twin.errors import BagError, InputError
+from rope_twin.estimation.recorded_lift import read_lift as read_to_learn
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import read_order
@@ -183,6 +184,32 @@ def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
         read_lift("sea_2p5m", str(tmp_path / "small.yaml"))
     with pytest.raises(BagError, match="session"):
         read_lift("sea_2p5m")
+
+
+def test_a_bag_that_was_cut_off_is_read_up_to_its_break(
+    folder: Path, lift: RecordedLift, tmp_path: Path
+) -> None:
+    """For `ahead` and `learn`, with a sentence on the damage, with or without its metadata."""
+    whole = next((folder / "lift").glob("*.mcap"))
+    kept = whole.read_bytes()[: whole.stat().st_size * 3 // 4]
+    for number, metadata in enumerate((True, False)):
+        bag = tmp_path / f"cut{number}"
+        bag.mkdir()
+        (bag / whole.name).write_bytes(kept)
+        if metadata:
+            (bag / "metadata.yaml").write_bytes((folder / "lift/metadata.yaml").read_bytes())
+        cut = read_lift(bag, str(folder / "small.yaml"))
+        (words,) = cut.problems
+        assert words.startswith(whole.name)
+        count = len(cut.heave_m)
+        assert 0.5 < count / len(lift.heave_m) < 0.8
+        assert cut.heave_m == pytest.approx(lift.heave_m[:count], abs=1e-12)
+        learned = read_to_learn(bag)
+        assert learned.problems == (words,)
+        assert len(learned.lift.tension.table) == pytest.approx(
+            count * SAMPLE_S / PERIOD_S, rel=0.05
+        )
+    assert not lift.problems
 
 
 def test_compensation_is_on_as_recorded(lift: RecordedLift) -> None:
