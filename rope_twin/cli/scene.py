@@ -188,10 +188,11 @@ def _check(args: argparse.Namespace) -> int:
     pressed = [
         phrase(
             "effects bending",
-            f"in static equilibrium, {compressed_words(one, len(resting.bends) > 1)}",
+            f"in static equilibrium, {compressed_words(one.compressed_m, name)}",
             "give it tension, or take it from a beam analysis",
         )
         for one in resting.bends
+        for name in [one.now.name if len(resting.bends) > 1 else ""]
         if one.compressed_m > 0.0
     ]
     warnings, broken = sense_checks(scene) + idle + pressed, resting.breaches

@@ -171,15 +171,18 @@ def bend_status(ropes: Sequence[RopeBend]) -> Status:
     pressed = [one for one in ropes if one.compressed_m > 0.0]
     doubt = bool(pressed) or any(one.tightest.too_tight for one in ropes)
     words = bends_in_words([one.tightest for one in ropes])
-    words += [compressed_words(one, len(ropes) > 1) for one in pressed]
+    words += [
+        compressed_words(one.compressed_m, one.now.name if len(ropes) > 1 else "")
+        for one in pressed
+    ]
     return Status("simulation: bend", Level.WARN if doubt else Level.OK, "; ".join(words), values)
 
 
-def compressed_words(one: RopeBend, named: bool) -> str:
+def compressed_words(length_m: float, rope: str = "") -> str:
     """Return in words the length that gets shorter where a stiff rope would bend aside."""
-    which = f" of '{one.now.name}'" if named else ""
+    which = f" of '{rope}'" if rope else ""
     return (
-        f"{one.compressed_m:.3g} m{which} would be in compression, which no rope carries here: "
+        f"{length_m:.3g} m{which} would be in compression, which no rope carries here: "
         "elements get shorter instead, and neither shape nor bend radius is valid there"
     )
 

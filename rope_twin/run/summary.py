@@ -13,6 +13,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import (
     bends_in_words,
     breach_words,
+    compressed_words,
     cut_words,
     landing_words,
     strength_words,
@@ -104,6 +105,8 @@ class RunSummary:
     landings: dict[str, Any] | None = None  # of Landings; None: the payload has not landed
     # fields of Bend, the smallest radius of each monitored rope; radius_m None: straight
     bends: list[dict[str, Any]] = field(default_factory=list)
+    # unstretched length [m] of stiff ropes that would be compressed at the end, by rope
+    compressed: dict[str, float] = field(default_factory=dict)
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why --within or --budget selected these elements and this time step
     core_share: dict[str, float | None] | None = None  # fields of CpuUsage; None: not real-time
@@ -219,7 +222,12 @@ class RunSummary:
         words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
         if self.landings is not None:
             words.insert(0, landing_words(Landings(**self.landings)))
-        return words + (bends_in_words(bends) if bends else [])
+        words += bends_in_words(bends) if bends else []
+        named = len(self.bends) > 1
+        return words + [
+            f"at the end, {compressed_words(length_m, rope if named else '')}"
+            for rope, length_m in self.compressed.items()
+        ]
 
     def _pace_words(self) -> list[str]:
         """Return real-time factor, missed deadlines and CPU usage."""
@@ -378,6 +386,9 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
             asdict(one) | {"radius_m": None if math.isinf(one.radius_m) else one.radius_m}
             for one in (rope.tightest for rope in snapshot.bends)
         ],
+        compressed={
+            one.now.name: one.compressed_m for one in snapshot.bends if one.compressed_m > 0.0
+        },
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         heave_late=heave.late if heave else 0,

@@ -137,14 +137,20 @@ def test_a_stiff_rope_that_would_be_compressed_is_warned_of(
 
     One that hangs aslant from its clamp is in tension throughout, down to the end of the bend.
     """
-    assert Twin(swung()).snapshot().bends[0].compressed_m == 0.0
     cantilever = tmp_path / "cantilever.yaml"
     cantilever.write_text(CANTILEVER)
-    shot = Twin(cantilever).snapshot()
+    twin = Twin(cantilever)
+    shot = twin.snapshot()
     assert shot.bends[0].compressed_m == pytest.approx(4.0)
     (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
     assert row.level == Level.WARN
     assert "4 m would be in compression" in row.message
+    said = summarise(twin, shot, None)
+    assert "\nat the end, 4 m would be in compression" in said.as_text()
+    assert RunSummary.from_values(said.row().values) == said
+    hanging = Twin(swung())
+    assert hanging.snapshot().bends[0].compressed_m == 0.0
+    assert "compression" not in summarise(hanging, hanging.snapshot(), None).as_text()
     assert main(["scene", "check", str(cantilever)]) == 0
     assert "\nwarning: effects bending: in static equilibrium, 4 m " in capsys.readouterr().out
 
