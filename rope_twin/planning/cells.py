@@ -114,6 +114,7 @@ class CellLimit:
     judged: Judgement | None  # at the limiting height
     beyond: Judgement | None  # at the next height
     simplified_height_m: float | None  # by the simplified method alone
+    simplified_capped: str  # as `capped`, of that height
     simplified: tuple[Simplified, ...]  # at the limiting height, of each leg
     error: float  # discretisation error of the governing run, over its hook load; NaN: unknown
     heights: int  # that were judged
@@ -310,6 +311,8 @@ class Cell:
         error = refine(self, last, at) if refine is not None and at is not None else math.nan
         plan, work = self.plan, self.work
         grid_end = top == len(plan.sea.hs_m.values) - 1
+        cap = "end of the grid" if grid_end else "higher waves break"
+        by_hand = self.simplified(self.heights_m[max(last, 0)])
         return CellLimit(
             phase=work.title,
             kind=plan.phases[work.number].kind,
@@ -319,12 +322,13 @@ class Cell:
             crossing_m=crossing,
             low_m=low,
             high_m=high,
-            capped=("" if last < top else "end of the grid" if grid_end else "higher waves break"),
+            capped="" if last < top else cap,
             governing=decisive.governing or decisive.fault,
             judged=at,
             beyond=beyond,
             simplified_height_m=self.heights_m[simple] if simple >= 0 else None,
-            simplified=tuple(self.simplified(self.heights_m[max(last, 0)])),
+            simplified_capped=cap if by_hand and simple == top else "",
+            simplified=tuple(by_hand),
             error=error,
             heights=len(self.judged),
             runs=sum(one.seeds for one in self.judged.values()) * len(work.legs),

@@ -150,6 +150,7 @@ def _limits(result: PlanResult) -> Named:
     words = "interval of the Hs at which the largest use is 1"
     yield "crossing_hs_interval_m", ((*CELL, "bound"), both, _attributes("_m", words))
     for name, words in (("capped", "why no higher sea was judged; empty: it was"),
+                        ("simplified_capped", "likewise by the simplified method"),
                         ("governing", "criterion that the next height breaks")):
         texts = _over_cells(result, operator.attrgetter(name))
         yield name, (CELL, texts, {"long_name": words})

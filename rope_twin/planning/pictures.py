@@ -149,8 +149,8 @@ def resonance_figure(result: PlanResult) -> Any:
 def limits_figure(result: PlanResult) -> Any:
     """Return the picture of limiting Hs over Tp: a panel for each phase, a line for each heading.
 
-    Bands are the intervals; thin lines are the simplified method. Triangles: no higher sea was
-    judged.
+    Bands are the intervals; thin lines are the simplified method. Triangles, open ones of the
+    simplified method: no higher sea was judged.
     """
     figure, panels = _panels(len(result.works), 2.7)
     top = result.plan.sea.hs_m.to * 1.08
@@ -193,6 +193,11 @@ def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) 
     axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
     simple = [one.simplified_height_m or 0.0 for one in cells]
     axes.plot(periods, simple, color=colour, linewidth=0.7)
+    ends = [
+        (one.period_s, one.simplified_height_m or 0.0) for one in cells if one.simplified_capped
+    ]
+    if ends:
+        axes.plot(*zip(*ends, strict=True), "^", color=colour, markersize=5, fillstyle="none")
 
 
 def contour_figure(result: PlanResult) -> Any:

@@ -375,7 +375,7 @@ def _add_limits(report: Report, result: PlanResult) -> None:
         limits_figure(result),
         f"Limiting Hs over Tp. Bands: intervals of {100.0 * result.plan.method.confidence:g} % "
         "where the use of the governing limit is 1. Thin lines: simplified method. "
-        "Triangles: no higher sea was judged.",
+        "Triangles, open ones of the simplified method: no higher sea was judged.",
     )
     report.figure(
         contour_figure(result),

@@ -48,9 +48,20 @@ DEEP_WATER_LENGTHS = 0.5  # of the wave: below, its kinematics are 4 % of those 
 
 def height_words(cell: CellLimit) -> str:
     """Return the limiting height in words."""
-    if cell.height_m is None:
+    return _bounded(cell.height_m, cell.capped)
+
+
+def simplified_height_words(cell: CellLimit) -> str:
+    """Return the limiting height of the simplified method in words."""
+    if not cell.simplified:
+        return NONE
+    return _bounded(cell.simplified_height_m, cell.simplified_capped)
+
+
+def _bounded(height_m: float | None, capped: str) -> str:
+    if height_m is None:
         return "none"
-    return f"{'≥ ' if cell.capped else ''}{cell.height_m:g}"
+    return f"{'≥ ' if capped else ''}{height_m:g}"
 
 
 def limit_words(result: PlanResult, cell: CellLimit) -> str:
@@ -76,8 +87,7 @@ def table_rows(result: PlanResult) -> list[list[str]]:
 def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     judged = cell.shown
     begin = [*cell.row_head, height_words(cell), _interval(cell), limit_words(result, cell)]
-    simple = f"{cell.simplified_height_m:g}" if cell.simplified_height_m is not None else "none"
-    simple = simple if cell.simplified else NONE
+    simple = simplified_height_words(cell)
     hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}" if cell.simplified else NONE
     if judged is None or "hook_load" not in judged.values:
         return [*begin, *[NONE] * 8, simple, hook]
@@ -339,6 +349,7 @@ def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
         "step_s": cell.setting.step_s,
         "refinements": cell.refinements,
         "simplified_hs_m": cell.simplified_height_m,
+        "simplified_capped": cell.simplified_capped,
         "simplified": [vars(one) for one in cell.simplified],
         "difference": difference(cell),
         "judged_heights": cell.heights,

@@ -11,6 +11,8 @@ import xarray
 
 from rope_twin.planning.dataset import SUFFIXES, write_netcdf
 from rope_twin.planning.judgement import QUANTITIES
+from rope_twin.planning.pictures import limits_figure
+from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, plan
 
 PLAN = """about: two depths
@@ -38,6 +40,30 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> PlanResult:
     return plan(path)
 
 
+def test_limits_of_the_simplified_method_at_the_end_of_the_grid_are_bounds(
+    found: PlanResult,
+) -> None:
+    """In each output, as those of the runs are."""
+    head, *rows = table_rows(found)
+    column = head.index("simplified Hs m")
+    cells = result_object(found)["cells"]
+    ends = 0
+    for row, cell in zip(rows, cells, strict=True):
+        at_end = cell["simplified_hs_m"] == 4.0
+        ends += at_end
+        height = "none" if cell["simplified_hs_m"] is None else f"{cell['simplified_hs_m']:g}"
+        assert row[column] == ("≥ 4" if at_end else height)
+        assert cell["simplified_capped"] == ("end of the grid" if at_end else "")
+    assert 0 < ends < len(cells)
+    drawn = [
+        line
+        for axes in limits_figure(found).axes
+        for line in axes.lines
+        if line.get_marker() == "^" and line.get_fillstyle() == "none"
+    ]
+    assert sum(len(line.get_xdata()) for line in drawn) == ends
+
+
 def test_every_limit_is_at_its_place(found: PlanResult, tmp_path: Path) -> None:
     """Arrays over phase, period and heading, read by their names."""
     write_netcdf(found, tmp_path / "plan.nc")
@@ -52,6 +78,7 @@ def test_every_limit_is_at_its_place(found: PlanResult, tmp_path: Path) -> None:
         assert (low, high) == (cell.low_m, cell.high_m)
         assert str(own.governing.values) == cell.governing
         assert str(own.capped.values) == cell.capped
+        assert str(own.simplified_capped.values) == cell.simplified_capped
         if cell.judged is None:
             assert np.isnan(own.hook_load_n)
             continue
