@@ -225,6 +225,17 @@ class MotionRecord:
         return int(np.median(np.diff(self.time_ns)))
 
 
+def check_start(start_s: float, duration_s: float) -> None:
+    """Check that a record of this duration has an instant to start at, looped or not.
+
+    Raises:
+        BagError: it has none.
+    """
+    if not (np.isfinite(start_s) and 0.0 <= start_s < duration_s):
+        where, right = f"start of the record at {start_s:g} s", f"0 to less than {duration_s:g} s"
+        raise BagError(where, f"it lasts {duration_s:g} s", f"right is {right}")
+
+
 class RecordReplay:
     """Rows of a record by simulation time, once or in a loop; t = 0 is `start_s` into the record.
 
@@ -254,10 +265,7 @@ class RecordReplay:
             BagError: `start_s` is not inside the record.
         """
         self.source, self.duration_s = record.source, track.end_ns * 1e-9
-        if not (np.isfinite(start_s) and 0.0 <= start_s < self.duration_s):
-            right = f"right is 0 to less than {self.duration_s:g} s"
-            where = f"start of the record at {start_s:g} s"
-            raise BagError(where, f"it lasts {self.duration_s:g} s", right)
+        check_start(start_s, self.duration_s)
         self._start_ns, self._time_ns = round(start_s * 1e9), track.time_ns
         # ROS time of t = 0, by which other records of the same time are placed; 0: unknown
         self.begins_ns = record.began_ns + self._start_ns if record.began_ns else 0

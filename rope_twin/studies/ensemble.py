@@ -12,8 +12,9 @@ from functools import lru_cache
 import numpy as np
 
 from rope_twin.errors import InputError
-from rope_twin.recording.heave import open_heave
+from rope_twin.recording.heave import HeaveReplay, open_heave
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea, series_of
+from rope_twin.recording.track import check_start
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
@@ -302,6 +303,7 @@ class Seas:
             return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
         start_ns = round((state.start_s + offset_s) * 1e9)
         whole = replace(state, start_s=0.0)
+        check_start(state.start_s + offset_s, _opened(whole).duration_s)
         record = self._records.get(whole)
         if record is None or (whole.loop and record.end_ns < start_ns + self._length_ns):
             # more than this member needs: offsets to come are like its own
@@ -326,9 +328,15 @@ def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
 
 
 @lru_cache(maxsize=8)
+def _opened(state: SeaState) -> HeaveReplay:
+    """Return the motion in a bag, read once for all ensembles of a process."""
+    return open_heave(state.bag, None, state.start_s, state.loop)
+
+
+@lru_cache(maxsize=8)
 def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
-    """Return a bag's samples, read once for all ensembles of a process."""
-    return _series(open_heave(state.bag, None, state.start_s, state.loop), until_ns)
+    """Return a bag's samples, made once for all ensembles of a process."""
+    return _series(_opened(state), until_ns)
 
 
 def _series(sea: Sea, until_ns: int) -> HeaveSeries:

@@ -166,6 +166,19 @@ def test_what_cannot_be_is_reported_in_one_sentence(
     assert reported.out == ""
 
 
+def test_an_offset_beyond_a_looped_record_is_refused_as_by_a_run(
+    tmp_path: Path, capsys: Printed
+) -> None:
+    path = str(scene_file(tmp_path, sea_state={"bag": "sea_1p2m"}))
+    words = "it lasts 1200 s; right is 0 to less than 1200 s."
+    for command in (
+        ["run", path, "--speed", "0", "--sea-offset", "360000"],
+        ["ensemble", path, "--sea-offset", "100h,100h"],
+    ):
+        assert main([*command, "--duration", "12"]) == 1
+        assert capsys.readouterr().err == f"start of the record at 360000 s: {words}\n"
+
+
 def test_a_sea_that_ends_too_early(tmp_path: Path, capsys: Printed) -> None:
     path = scene_file(tmp_path, sea_state={"bag": "sea_1p2m", "loop": False})
     words = [
