@@ -159,11 +159,12 @@ def own_headings(responses: Responses, wanted_deg: Sequence[float] = ()) -> Vect
     """Return the headings of a table within one turn, or those asked for, (h,).
 
     Raises:
-        InputError: a heading asked for is not finite.
+        InputError: a heading asked for is more than a turn.
     """
     if wanted_deg:
-        if not np.isfinite(wanted_deg).all():
-            raise InputError("--heading", "it is not finite", "give degrees")
+        wrong = [one for one in wanted_deg if not abs(one) <= 360.0]
+        if wrong:
+            raise InputError("--heading", f"it is {wrong[0]:g}°", "give degrees within ±360")
         return np.array(wanted_deg, dtype=float)
     end = 180.0 if responses.mirrored else 359.9999
     return responses.heading_deg[(responses.heading_deg >= 0.0) & (responses.heading_deg <= end)]

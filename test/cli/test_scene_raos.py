@@ -73,7 +73,8 @@ def test_a_scene_shows_the_raos_that_it_rides_on(capsys: pytest.CaptureFixture[s
         ("deep_lift", "its ship is not moved by a table of RAOs"),
         ("ship_6dof --symmetry none", "a scene states the conventions of its own file"),
         ("vessel_120m --crane-tip 1 2 3", "its RAOs are those of a point that is not stated"),
-        ("vessel_120m --heading nan", "--heading: it is not finite"),
+        ("vessel_120m --heading nan", "--heading: it is nan°; give degrees within ±360"),
+        ("vessel_120m --heading 900", "--heading: it is 900°; give degrees within ±360"),
         ("vessel_120n", "did you mean 'vessel_120m'?"),
     ],
 )

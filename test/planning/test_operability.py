@@ -398,6 +398,14 @@ def test_a_heading_is_never_guessed(operation: Operation, weather: Hindcast, wor
         operability(weather, HEADINGS, operation)
 
 
+@pytest.mark.parametrize("angle", [900.0, -361.0, math.inf])
+def test_a_heading_of_more_than_a_turn_is_refused(angle: float) -> None:
+    for heading in ({"bow_deg": angle}, {"relative_deg": angle}):
+        with pytest.raises(InputError, match=f"it is {angle:g}°; give degrees within ±360"):
+            Operation(HOUR, 0.0, **heading)
+    assert Operation(HOUR, 0.0, bow_deg=-360.0).bow_deg == -360.0
+
+
 @pytest.mark.parametrize(
     "wrong",
     [(0.0, 0.0), (math.nan, 0.0), (HOUR, -1.0), (HOUR, math.inf), (HOUR, 0.0, 1.0, 2.0),
