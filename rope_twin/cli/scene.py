@@ -172,19 +172,23 @@ def _columns() -> int:
 
 def _check(args: argparse.Namespace) -> int:
     """Check a scene. Raises SceneError: it has one error, or there is no static equilibrium."""
+    scene = None
     try:
         scene = load_scene(args.scene)
         resting = Twin(scene).snapshot()
     except SceneError as error:  # also that there is no static equilibrium
-        sentences = error.every
+        sentences, warnings = error.every, _warnings(scene) if scene is not None else []
         if args.json:
-            print_json({"scene": args.scene, "valid": False, "errors": sentences})
+            found = {"scene": args.scene, "valid": False, "errors": sentences}
+            print_json(found | {"warnings": warnings})
             return ExitCode.ERROR
+        for warning in warnings:
+            print(f"warning: {warning}")
         if len(sentences) == 1:
             raise
         print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
         return ExitCode.ERROR
-    accepted, idle = accepted_warnings(scene)
+    accepted, _ = accepted_warnings(scene)
     pressed = [
         phrase(
             "effects bending",
@@ -195,7 +199,7 @@ def _check(args: argparse.Namespace) -> int:
         for name in [one.now.name if len(resting.bends) > 1 else ""]
         if one.compressed_m > 0.0
     ]
-    warnings, broken = sense_checks(scene) + idle + pressed, resting.breaches
+    warnings, broken = _warnings(scene) + pressed, resting.breaches
     if args.json:
         found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
         found |= {"warnings": warnings, "accepted": accepted}
@@ -212,6 +216,11 @@ def _check(args: argparse.Namespace) -> int:
     counts += [f"{len(accepted)} accepted"] if accepted else []
     print(f"{scene.path}: valid, {', '.join(counts)}")
     return ExitCode.ERROR if broken else ExitCode.OK
+
+
+def _warnings(scene: Scene) -> list[str]:
+    """Return the warnings of a scene as it is in its file."""
+    return sense_checks(scene) + accepted_warnings(scene)[1]
 
 
 def _counted(count: int, noun: str) -> str:

@@ -110,8 +110,11 @@ def test_check_of_a_payload_that_floats_up_is_one_json_object(
     found = json.loads(capsys.readouterr().out)
     assert found["valid"] is False
     assert [sentence for sentence in found["errors"] if "floats up" in sentence]
+    assert any("payloads[0]: it floats" in sentence for sentence in found["warnings"])
     assert command("check", str(path)) == 1
-    assert "floats up" in capsys.readouterr().err
+    out, err = capsys.readouterr()
+    assert "floats up" in err
+    assert out.splitlines() == [f"warning: {sentence}" for sentence in found["warnings"]]
 
 
 def errors_of(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
