@@ -24,7 +24,7 @@ from rope_twin.scene.lift import (
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.rigging import NetPart, is_joined
+from rope_twin.scene.rigging import NetPart, is_joined, places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 from rope_twin.scene.shapes import Box
@@ -226,11 +226,13 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
     """Check the first rope with the total suspended load, and mesh and properties of the others."""
     if check_load in checks:
         yield from load_together(scene)
-    first = alone(scene, 0)
+    first, clamps = alone(scene, 0), list[str]()
     for check in checks:
         if check is not check_load:
             seen = scene if check is check_slamming else first
-            yield from check(seen, lift_figures(first))
+            found = list(check(seen, lift_figures(first)))
+            clamps += found if check is _bending else []
+            yield from found
     for number in range(1, len(scene.ropes)):
         if isinstance(scene.ropes[number], NetPart):
             continue
@@ -241,6 +243,12 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
         ):
             for warning in check(own, figures):
                 yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
+        if _bending in checks and scene.ropes[number].from_ in places(scene):  # else a hinge
+            for warning in _bending(own, figures):
+                words = warning.replace("ropes[0]", f"ropes[{number}]", 1)
+                if words not in clamps:  # one that is of the effect is of all ropes from a winch
+                    clamps.append(words)
+                    yield words
 
 
 def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:

@@ -213,3 +213,15 @@ def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float
     assert elements.max() < 1.001 * length / 200
     slopes = np.diff(nodes[2])
     assert ((np.diff(slopes) > -1e-9) != up).all() or ((np.diff(slopes) < 1e-9) == up).all()
+
+
+def test_the_clamp_of_every_rope_is_judged(tmp_path: Path) -> None:
+    """Its own stiffness and clamp at a hang-off; the ropes that begin at a hook have none."""
+    text = MEETING.replace(
+        "from: stern, to: hook", f"from: stern, to: hook, {CLAMPED.replace('1.0', '1.0e+5', 1)}"
+    ).replace("effects:\n", "effects:\n  - bending: {stiffness_n_m2: 1.0e+5}\n")
+    found = [one for one in sense_checks(load_scene(written(tmp_path, text))) if "clamp" in one]
+    assert len(found) == 1, found
+    assert found[0].startswith("ropes[3].elements: elements of 10 m spread the bend")
+    without = load_scene(written(tmp_path, MEETING))
+    assert not [one for one in sense_checks(without) if "clamp" in one]
