@@ -267,7 +267,7 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
     near = short | (np.abs(time_s - at) <= AROUND_S)
     for axes, values, words in (
         (load, hook, "hook load [kN]"),
-        (payload, tension, "payload [kN]"),
+        (payload, tension, "tension at\npayload [kN]"),
         (depth, below, "depth [m]"),
     ):
         axes.plot(time_s[near], values[near], linewidth=0.9)

@@ -11,7 +11,7 @@ import xarray
 
 from rope_twin.planning.dataset import SUFFIXES, write_netcdf
 from rope_twin.planning.judgement import QUANTITIES
-from rope_twin.planning.pictures import limits_figure
+from rope_twin.planning.pictures import limits_figure, series_figure
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, plan
 
@@ -62,6 +62,14 @@ def test_limits_of_the_simplified_method_at_the_end_of_the_grid_are_bounds(
         if line.get_marker() == "^" and line.get_fillstyle() == "none"
     ]
     assert sum(len(line.get_xdata()) for line in drawn) == ends
+
+
+def test_the_picture_of_a_run_names_its_quantities(found: PlanResult) -> None:
+    limit = next(cell for cell in found.cells if cell.shown is not None)
+    time_s = np.arange(0.0, 300.0, 0.5)
+    series = np.column_stack([3e5 + np.sin(time_s), 2e5 + np.sin(time_s), 1500.0 + time_s])
+    labels = [axes.get_ylabel() for axes in series_figure(limit, time_s, series).axes]
+    assert labels == ["hook load [kN]"] * 2 + ["tension at\npayload [kN]", "depth [m]"]
 
 
 def test_every_limit_is_at_its_place(found: PlanResult, tmp_path: Path) -> None:
