@@ -28,8 +28,10 @@ from rope_twin.core.joined.statics import solve_reeved_statics, weigh
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
+    END,
     LINE,
     MOTIONS,
+    PER_METRE,
     POSITION,
     STIFFNESS,
     TENSION,
@@ -155,6 +157,33 @@ def water_at(scene: Scene, z: Floats) -> Floats:
             for k in range(3):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
     return water
+
+
+def speed_across(scene: Scene, place: Floats) -> Floats:
+    """Return the speed of the current normal to a line at its nodes (3, nodes) [m/s].
+
+    At both ends as well: the half of an element there sheds vortices too.
+    """
+    water = water_at(scene, place[2])
+    direction = np.gradient(place, axis=1)
+    direction /= np.sqrt((direction * direction).sum(axis=0))
+    across = water - (water * direction).sum(axis=0) * direction
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))
+
+
+def per_metre(rest: AtRest) -> Floats:
+    """Return mass [kg] and volume [m³] per unstretched metre of each element, (2, elements)."""
+    sections = build(rest.scene).sections
+    middle = np.cumsum(rest.rest) - 0.5 * rest.rest
+    which = np.searchsorted(sections[END], middle, side="right")
+    return np.asarray(sections[PER_METRE : PER_METRE + 2, which])
+
+
+def node_diameters(rest: AtRest) -> Floats:
+    """Return the hydrodynamic diameter at each node, the mean of its elements [m]."""
+    own = np.sqrt(4.0 * per_metre(rest)[1] / np.pi)
+    both = np.concatenate([own[:1], own, own[-1:]])
+    return np.asarray(0.5 * (both[1:] + both[:-1]))
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,8 @@ from rope_twin.studies.equilibrium import (
     StillSystem,
     bring_system_to_rest,
     bring_to_rest,
+    node_diameters,
+    speed_across,
     water_at,
     with_body,
 )
@@ -95,12 +97,9 @@ def find_modes(scene: Scene, count: int) -> Modes:
         # of a sagging rope several share the stretch about one guess: the lowest comes first
         own = [mode for mode in around if mode.kind == AXIAL][:1]
         axial += own or sorted(around, key=lambda mode: -mode.axial_share)[:1]
-    speed = _speed_across(rest)
-    diameter = scene.ropes[0].thinnest_m
     place = np.ascontiguousarray(rest.place[:, ::-1].T)
-    strouhal = strouhal_number(scene)
-    fastest = float(strouhal * speed.max() / diameter)
-    return Modes(tuple(lowest), tuple(axial), place, strouhal, fastest)
+    fastest = float(_shedding_hz(rest).max())
+    return Modes(tuple(lowest), tuple(axial), place, strouhal_number(scene), fastest)
 
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
@@ -152,8 +151,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     """Return the modes; those of equal frequency are separated by the rope's plane."""
     normal = _normal(rest)
     vectors = _separate(rest, omega, vectors, normal)
-    speed = _speed_across(rest)
-    diameter = rest.scene.ropes[0].thinnest_m
+    shedding_hz = _shedding_hz(rest)
     for w, vector in zip(omega, vectors.T, strict=True):
         motion, hung = (
             vector[: 3 * rest.free_count].reshape(-1, 3).T,
@@ -183,7 +181,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
             turning_share=float(turning),
             largest_at_m=float(rest.s[rest.first + at]),
             wave_ratio=near_waves(period),
-            strouhal_hz=float(strouhal_number(rest.scene) * speed[at] / diameter),
+            strouhal_hz=float(shedding_hz[rest.first + at]),
             shape=shape[::-1].copy(),
         )
 
@@ -235,11 +233,10 @@ def _water(rest: AtRest) -> Floats:
     return water_at(rest.scene, rest.place[2, rest.first : -1])
 
 
-def _speed_across(rest: AtRest) -> Floats:
-    """Return the speed of the current normal to the rope at the free nodes [m/s]."""
-    water = _water(rest)
-    across = water - (water * rest.tangent).sum(axis=0) * rest.tangent
-    return np.asarray(np.sqrt((across * across).sum(axis=0)))
+def _shedding_hz(rest: AtRest) -> Floats:
+    """Return the frequency of vortex shedding at all nodes [Hz], as `viv` does."""
+    speed = speed_across(rest.scene, rest.place)
+    return np.asarray(strouhal_number(rest.scene) * speed / node_diameters(rest))
 
 
 NEAR_FREE = -1e-6  # [rad²/s²]: looked for from just below 0, as ropes over a sheave may run freely

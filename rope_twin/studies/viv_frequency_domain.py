@@ -31,9 +31,15 @@ from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.grid import ends_m
 from rope_twin.scene.rigging import is_joined, refuse_body
-from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.equilibrium import bring_system_to_rest, bring_to_rest, water_at
+from rope_twin.studies.equilibrium import (
+    bring_system_to_rest,
+    bring_to_rest,
+    node_diameters,
+    per_metre,
+    speed_across,
+    water_at,
+)
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area
 from rope_twin.vortex.line_model import Span, line_model, lines_of, one_rope
@@ -232,7 +238,7 @@ def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpa
     n = int(rope.state.counts[rows.ELEMENTS])
     s = rope.state.s[: n + 1]
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
-    span = line_model(rope)._replace(speed=_speed(scene, place))
+    span = line_model(rope)._replace(speed=speed_across(scene, place))
     if span.end_mass is not None:
         x, y, _ = _across(scene, place) ** 2
         loads = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
@@ -250,13 +256,10 @@ def span_of(scene: Scene) -> SceneSpan:
     """
     _check_current(scene)
     rest = bring_to_rest(scene)
-    sections = build(scene).sections
     steps = np.diff(rest.place, axis=1)
     length = np.sqrt((steps * steps).sum(axis=0))
     unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])
-    middle = 0.5 * (unstretched[1:] + unstretched[:-1])
-    which = np.searchsorted(sections[rows.END], middle, side="right")
-    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
+    mass, volume = per_metre(rest)
     added = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
     density = scene.environment.water_density_kg_per_m3
     stretch = length / rest.rest
@@ -264,8 +267,8 @@ def span_of(scene: Scene) -> SceneSpan:
         s=np.concatenate([[0.0], np.cumsum(length)]),
         tension=rest.tension,
         mass=(mass + added * density * volume) / stretch,
-        diameter=_at_nodes(np.sqrt(4.0 * volume / np.pi)),
-        speed=_speed(scene, rest.place),
+        diameter=node_diameters(rest),
+        speed=speed_across(scene, rest.place),
         stiffness=sum(p.stiffness_n_m2 for p in scene.effects if isinstance(p, BendingParams)),
     )
     if rest.first == 0:
@@ -280,21 +283,6 @@ def _check_current(scene: Scene) -> None:
     if not any(isinstance(params, CurrentParams) for params in scene.effects):
         what = "no current, so no vortices"
         raise SceneError(f"{scene.path}: effects", what, "add the effect 'current'")
-
-
-def _at_nodes(of_elements: Floats) -> Floats:
-    """Return the mean of the elements adjacent to each node."""
-    both = np.concatenate([of_elements[:1], of_elements, of_elements[-1:]])
-    return np.asarray(0.5 * (both[1:] + both[:-1]))
-
-
-def _speed(scene: Scene, place: Floats) -> Floats:
-    """Return the speed of the current normal to a line at its nodes (3, nodes) [m/s]."""
-    water = water_at(scene, place[2])
-    direction = np.gradient(place, axis=1)
-    direction /= np.sqrt((direction * direction).sum(axis=0))
-    across = water - (water * direction).sum(axis=0) * direction
-    return np.asarray(np.sqrt((across * across).sum(axis=0)))
 
 
 def _across(scene: Scene, place: Floats) -> Floats:

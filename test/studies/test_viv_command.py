@@ -52,8 +52,11 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     moved = np.array(modes["rms_diameters"])
     assert min(by_rms) > 0.01 * moved.max()
     assert {row["mode"] - 1 for row in reported["modes"]} == set(np.argsort(-moved)[: len(by_rms)])
-    # a rope in at most 0.5 m/s: the top of the current's Strouhal frequency
+    # a rope in at most 0.5 m/s, at its hang-off: the top of the current's Strouhal frequency
     assert reported["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
+    assert main(["modes", "deep_lift", "--count", "3", "--json"]) == 0
+    of_modes = json.loads(capsys.readouterr().out)
+    assert of_modes["strouhal_max_hz"] == pytest.approx(reported["strouhal_max_hz"], rel=1e-12)
 
 
 def test_statistics_of_a_run() -> None:
