@@ -67,10 +67,13 @@ def run(args: argparse.Namespace) -> int:
         progress.say(trouble)
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
-    if troubles:
-        return ExitCode.ERROR
     exceeded = summary.limits_broken and not options.allow_overload
-    return ExitCode.LIMIT if exceeded else ExitCode.OK
+    code = ExitCode.ERROR if troubles else ExitCode.LIMIT if exceeded else ExitCode.OK
+    if options.speed != 0.0:
+        from rope_twin.ros.entry import release
+
+        release(code)
+    return code
 
 
 def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:

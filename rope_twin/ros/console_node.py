@@ -30,7 +30,7 @@ from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders
 from rope_twin.messages import encode_order, encode_text
-from rope_twin.ros.entry import SuiteNode, middleware, run_node
+from rope_twin.ros.entry import SuiteNode, leave, middleware, run_node
 from rope_twin.ros.params import ConsoleParams, declare
 from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
@@ -105,10 +105,8 @@ def suite_source() -> Iterator[SuiteSource]:
     """Open a suite as a source in a process that is no node of it; logs go to no terminal."""
     with middleware("--disable-stdout-logs"):
         source = SuiteSource()
-        try:
-            yield source
-        finally:
-            source.close()
+        leave(source._node)
+        yield source
 
 
 class WinchCommander:

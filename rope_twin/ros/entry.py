@@ -8,6 +8,7 @@ lock of the domain goes on.
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import errno
 import os
@@ -126,39 +127,61 @@ def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> in
         if node is not None:
             node.close()
             code = code or node.exit_code
-        with _ended_in_time(code):
-            _release(node, executor)
+        leave(node, executor)
+        release(code)
         stop.restore()
     return code
+
+
+_LEFT: list[tuple[Node | None, SingleThreadedExecutor | None]] = []  # until `release`
+
+
+def leave(node: Node | None = None, executor: SingleThreadedExecutor | None = None) -> None:
+    """Leave a node and an executor to `release`, so that a command prints its result first.
+
+    At the exit of the interpreter they are released at the latest.
+    """
+    if not _LEFT:
+        atexit.register(release, 1)
+    _LEFT.append((node, executor))
+
+
+def release(code: int) -> None:
+    """Release what was left and shut rclpy down; end the process with `code` if that hangs."""
+    atexit.unregister(release)
+    if not _LEFT:
+        return
+    with _ended_in_time(code):
+        for node, executor in _LEFT:
+            if executor is not None:
+                executor.shutdown()
+            if node is not None:
+                node.destroy_node()
+        rclpy.try_shutdown()
+        _LEFT.clear()
 
 
 @contextmanager
 def middleware(*ros_args: str) -> Iterator[None]:
     """Hold the middleware for a block that is no node of the suite, and release it in time.
 
+    Nodes of the block are given to `leave`.
+
     Raises:
         InputError: an argument is invalid.
     """
     initialise(["rope_twin", "--ros-args", *ros_args])
+    leave()
     try:
         yield
     finally:
-        with _ended_in_time(0):
-            _release(None, None)
+        release(0)
 
 
 def _orphaned() -> bool:
     """Return whether the parent process of this node is gone, so that nothing would stop it."""
     parent = os.environ.get(PARENT)
     return parent is not None and parent != str(os.getppid())
-
-
-def _release(node: SuiteNode | None, executor: SingleThreadedExecutor | None) -> None:
-    if executor is not None:
-        executor.shutdown()
-    if node is not None:
-        node.destroy_node()
-    rclpy.try_shutdown()
 
 
 class _Event(ctypes.Structure):

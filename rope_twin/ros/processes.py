@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
-from rope_twin.ros.entry import PARENT, initialise
+from rope_twin.ros.entry import PARENT, initialise, leave
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
@@ -275,7 +275,7 @@ def _awaited(options: RunOptions) -> str:
 
 
 def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    """Start, supervise and end the processes.
+    """Start, supervise and end the processes; `entry.release` is left to the caller.
 
     Raises:
         RopeTwinError: the scene is invalid, or the simulation ended without sending diagnostics.
@@ -301,7 +301,6 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
             if left := processes.kill():
                 progress.say(f"did not end and were killed: {', '.join(left)}")
             processes.close()
-        rclpy.try_shutdown()
         stop.restore()
 
 
@@ -317,6 +316,7 @@ class _Supervisor:
         self._monitor = Monitor()
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._monitor)
+        leave(self._monitor, self._executor)
 
     @property
     def heard(self) -> bool:
@@ -342,8 +342,6 @@ class _Supervisor:
             give_up = time.monotonic() + _END_S
             while name in self._processes.names and time.monotonic() < give_up:
                 self._spin(expected=name)
-        self._executor.shutdown()
-        self._monitor.destroy_node()
 
     def result(self, options: RunOptions) -> RunSummary:
         """Return the last summary that was received.

@@ -13,7 +13,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import InstanceLock, SuiteNode, initialise, lock_instance
+from rope_twin.ros.entry import InstanceLock, SuiteNode, initialise, leave, lock_instance
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters, overrides
@@ -54,6 +54,7 @@ class Suite:
         self._precompilation = Precompilation(self._options)
         initialise(["rope_twin"])
         self._executor = make_executor()
+        leave(executor=self._executor)  # shut down before the nodes are destroyed
         for name, parameters in node_parameters(self._options).items():
             node = _make(name, parameters)
             self._nodes[name] = node
@@ -114,13 +115,9 @@ class Suite:
                 self.not_kept = self._nodes[name].failure
             else:
                 self._nodes[name].close()
-        if self._executor is not None:
-            self._executor.shutdown()
-        self._executor = None
         for node in self._nodes.values():
-            node.destroy_node()
+            leave(node)
         self._nodes.clear()
-        rclpy.try_shutdown()
         if self._lock is not None:
             self._lock.release()
 
@@ -137,6 +134,8 @@ class Suite:
 
 def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
     """Run until the end of `end_s`, a signal or a solver failure; then shut down cleanly.
+
+    `entry.release` is left to the caller.
 
     Raises:
         RopeTwinError: the suite could not start; one sentence.

@@ -7,6 +7,7 @@ the teardowns below holds it too.
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import time
@@ -89,3 +90,29 @@ def test_a_node_that_ends_in_time_is_left_alone(tmp_path: Path) -> None:
     code, said, _ = ended(tmp_path, "Node.destroy_node(self)", end_s=2.0, after="time.sleep(3.0)")
     assert time.monotonic() - began_s > 3.0
     assert (code, said) == (0, "")
+
+
+RUN = """
+import sys, time
+from rope_twin.cli import main
+from rope_twin.ros import entry, processes
+
+def hang(self): time.sleep(600)
+
+entry.SuiteNode.destroy_node = processes.Monitor.destroy_node = hang
+entry.END_S = 0.3
+sys.exit(main(["run", "shallow_lift", "--duration", "1s", "--headless", "--json", *sys.argv[1:]]))
+"""
+
+
+@pytest.mark.parametrize("how", [[], ["--processes"]], ids=["one process", "processes"])
+@pytest.mark.usefixtures("domain")
+def test_a_run_prints_its_summary_before_a_teardown_that_hangs(
+    how: list[str], tmp_path: Path
+) -> None:
+    """FastDDS deadlocks when a participant leaves while its own timer announces it (#6502)."""
+    command = [sys.executable, "-c", RUN, "--out", str(tmp_path / "bag"), *how]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=2 * PATIENCE_S)
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["steps"] == 100
+    assert "middleware did not release" in done.stderr
