@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import logging
 import math
 import socket
 import time
@@ -443,6 +444,8 @@ def on_cluster(
         what = f"no Dask scheduler answers there within {CONNECT_S} s"
         right = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
         raise InputError(f"--scheduler {address}", what, right) from error
+    # A lost connection is reported once, by `_result`, and not with the tracebacks of dask.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     with client:
         if not client.scheduler_info()["workers"]:
             right = "start some with `dask worker ADDRESS --nthreads 1`"
@@ -470,10 +473,17 @@ def _knock(address: str) -> None:
 
 
 def _result(future: Any, address: str) -> Any:
+    from distributed import CancelledError
+
     try:
         found = future.result()
     except RopeTwinError:
         raise
+    except CancelledError as error:  # nobody here cancels: the client does, without a connection
+        right = "start it and its workers again; the same command goes on with the rows left"
+        raise InputError(
+            f"--scheduler {address}", "the connection to the Dask scheduler is lost", right
+        ) from error
     except Exception as error:  # whatever went wrong on a worker, this process is to say it
         right = "see its log; the rows that are done stay"
         raise InputError(

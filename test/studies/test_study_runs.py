@@ -23,7 +23,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.ensemble import Plan, variations
 from rope_twin.studies.study_design import read_study
-from rope_twin.studies.study_run import StudyFolder
+from rope_twin.studies.study_run import StudyFolder, on_cluster
 from rope_twin.twin.ensemble.ensemble import Ensemble
 
 PATIENCE_S = 300.0
@@ -31,7 +31,7 @@ PATIENCE_S = 300.0
 STANDS_STILL = """
 import sys, threading
 from rope_twin.cli import main
-from rope_twin.studies.study_run import StudyFolder
+from rope_twin.studies.study_run import StudyFolder, on_cluster
 
 add = StudyFolder.add
 
@@ -140,6 +140,19 @@ def test_two_worker_processes_bring_the_same_rows(whole: Path, tmp_path: Path) -
         words = ["study", str(written(tmp_path)), "--out", str(into), "--batch-size", "2"]
         assert main([*words, "--scheduler", cluster.scheduler_address]) == 0
     assert rows_of(into) == rows_of(whole)
+
+
+def test_a_scheduler_that_is_lost(capfd: pytest.CaptureFixture[str]) -> None:
+    """One sentence that names it, and no traceback of the client's own."""
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, protocol="tcp", dashboard_address=None
+    ) as cluster:
+        results = on_cluster(time.sleep, [0.0, 5.0], cluster.scheduler_address)
+        next(results)
+        cluster.sync(cluster.scheduler.close)
+        with pytest.raises(InputError, match="connection to the Dask scheduler is lost"):
+            list(results)
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
