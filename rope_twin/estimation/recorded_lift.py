@@ -6,28 +6,37 @@ from ship/heave, or else from the twin's hang_off/odometry. Times count from the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
 from rope_twin.errors import BagError, InputError
 from rope_twin.estimation.figures import ROPE_FIGURES
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
-from rope_twin.messages.cdr import typestore
-from rope_twin.messages.inputs import read_heave, read_measurement
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.damaged_bag import Messages, read_undamaged
 from rope_twin.recording.input_log import decode_json
+from rope_twin.recording.lift_topics import (
+    HANG_OFF,
+    HEAVE,
+    LENGTH,
+    contents,
+    names_of,
+    refusal_words,
+    rope_values,
+    vertical_motion,
+)
 from rope_twin.recording.session import Session
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED, is_topic
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of
 
-HEAVE, HANG_OFF, LENGTH = "ship/heave", "hang_off/odometry", "ropes/length"
 LEAST_SAMPLES = 100
+Content = TypeVar("Content")
 
 
 @dataclass(frozen=True)
@@ -67,40 +76,28 @@ def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
 def _read(bag: Messages, winch: str) -> RecordedLift:
     tension, line_out, own_line = Series(1), Series(1), Series(1)
     heave, hang_off = Series(2), Series(2)
-    session: Session | None = None
-    problems: list[str] = []
     applied: dict[str, float] = {}
-    rest_z: float | None = None
-    refused = 0
-    for topic, data in _messages(bag):
-        try:
-            if topic == SESSION_TOPIC and session is None:
-                session = Session.read(decode_json(topic, data))
-            elif topic == WINCH_MEASURED:
-                stamp_ns, rows = read_measurement(topic, data)[1:]
-                for name, length, _, force in rows:
-                    if winch in ("", name):
-                        winch = winch or name
-                        line_out.add(stamp_ns * 1e-9, _number(length))
-                        tension.add(stamp_ns * 1e-9, _number(force))
-            elif topic == INPUT_LOG_TOPIC:
-                applied |= _applied(decode_json(topic, data))
-            elif topic == HEAVE:
-                stamp_ns, (z, v) = read_heave(data)
-                heave.add(stamp_ns * 1e-9, z, v)
-            elif topic == HANG_OFF:
-                message = _decoded(topic, data)
-                z = float(message.pose.pose.position.z)
-                rest_z = z if rest_z is None else rest_z
-                hang_off.add(_stamp_s(message), z, float(message.twist.twist.linear.z))
-            elif topic == LENGTH:
-                message = _decoded(topic, data)
-                if len(message.position):
-                    own_line.add(_stamp_s(message), float(message.position[0]))
-        except InputError:
-            refused += 1
-    if refused:
-        problems.append(f"{refused} messages could not be read and were left out")
+    refused = Counter[str]()
+
+    def found(topic: str, read: Callable[[str, bytes], Content]) -> Iterator[Content]:
+        return contents(bag, names_of(bag, topic), topic, read, refused)
+
+    session = next(found(SESSION_TOPIC, _session), None)
+    for taken in found(INPUT_LOG_TOPIC, _applied):
+        applied |= taken
+    for stamp_s, measured in found(WINCH_MEASURED, rope_values):
+        for one in measured:
+            if winch in ("", one.name):
+                winch = winch or one.name
+                line_out.add(stamp_s, one.line_out_m)
+                tension.add(stamp_s, one.tension_n)
+    for topic, series in ((HEAVE, heave), (HANG_OFF, hang_off)):
+        for stamp_s, moved in found(topic, vertical_motion):
+            series.add(stamp_s, *moved)
+    for stamp_s, ropes in found(LENGTH, rope_values):
+        if ropes:
+            own_line.add(stamp_s, ropes[0].line_out_m)
+    rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
     lift = MeasuredLift(np.nan)
     lift.tension = tension
     lift.line_out = line_out if len(line_out.table) else own_line
@@ -119,25 +116,21 @@ def _read(bag: Messages, winch: str) -> RecordedLift:
     zero_s = float(lift.tension.table[0, 0])
     lift.tension, lift.line_out = lift.tension.less(zero_s, 0.0), lift.line_out.less(zero_s, 0.0)
     lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
-    return RecordedLift(lift, session, tuple(problems), applied)
+    return RecordedLift(lift, session, refusal_words(refused), applied)
 
 
-def _messages(bag: Messages) -> Iterator[tuple[str, bytes]]:
-    """Return topic and data of the messages that are needed, topic by topic."""
-    for name in bag.topics:
-        for wanted in (SESSION_TOPIC, INPUT_LOG_TOPIC, WINCH_MEASURED, HEAVE, HANG_OFF, LENGTH):
-            if is_topic(name, wanted):
-                yield from ((wanted, data) for _, data in bag.messages(name))
+def _session(topic: str, data: bytes) -> Session:
+    return Session.read(decode_json(topic, data))
 
 
-def _applied(entry: dict[str, Any]) -> dict[str, float]:
+def _applied(topic: str, data: bytes) -> dict[str, float]:
     """Return the factors that an entry of the log of inputs takes over.
 
     Raises:
         InputError: it is no entry of that log.
     """
     try:
-        calls = calls_of(entry.get("calls", []))
+        calls = calls_of(decode_json(topic, data).get("calls", []))
     except ValueError as error:
         raise InputError(INPUT_LOG_TOPIC, str(error), "give the bag as recorded") from error
     given = (one.named for one in calls if one.method == "offer_figures")
@@ -147,27 +140,6 @@ def _applied(entry: dict[str, Any]) -> dict[str, float]:
         for name, value in named.items()
         if name in ROPE_FIGURES
     }
-
-
-def _decoded(topic: str, data: bytes) -> Any:
-    """Return a message of the table of topics.
-
-    Raises:
-        InputError: it cannot be decoded.
-    """
-    try:
-        return typestore().deserialize_cdr(data, BY_NAME[topic].type_name)
-    except Exception as error:
-        what = f"a message cannot be decoded ({type(error).__name__})"
-        raise InputError(topic, what, "give the bag as recorded") from error
-
-
-def _stamp_s(message: Any) -> float:
-    return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
-
-
-def _number(value: float | None) -> float:
-    return np.nan if value is None else value
 
 
 def _relative(hang_off: Series, session: Session | None, first_z: float | None) -> Series:

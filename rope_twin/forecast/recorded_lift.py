@@ -12,10 +12,10 @@ beginning, on the mesh of the forecast.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +30,23 @@ from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.damaged_bag import Messages, read_undamaged
+from rope_twin.recording.lift_topics import (
+    HANG_OFF,
+    HEAVE,
+    LENGTH,
+    TENSION_TOP,
+    contents,
+    names_of,
+    refusal_words,
+    rope_values,
+    vertical_motion,
+)
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import WINCH, Scene
-from rope_twin.topics import is_topic
+from rope_twin.topics import WINCH_MEASURED, is_topic
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp
 
@@ -157,11 +168,10 @@ def nominal_states(
 UNIT_SHARE = 0.02  # of the static tension: less, or as many times more, is another unit
 LARGEST_GAP_S = 2.0  # bridged by interpolation
 WINCH_STATE = "winch/state"
-HANG_OFF = "hang_off/odometry"
-HEAVE_TOPICS = ("ship/heave", HANG_OFF)
-LINE_TOPICS = ("winch/measured", "ropes/length")
-TENSION_TOPICS = ("winch/measured", "ropes/tension_top")
-Read = Callable[[Any], float]
+HEAVE_TOPICS = (HEAVE, HANG_OFF)
+LINE_TOPICS = (WINCH_MEASURED, LENGTH)
+TENSION_TOPICS = (WINCH_MEASURED, TENSION_TOP)
+Read = Callable[[str, bytes], tuple[float, float]]  # topic and data: time [s] and value
 _Found = tuple[str, Floats, Floats]  # topic, times [s] and values
 
 
@@ -234,15 +244,23 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     main = "", WINCH, own.ropes[0].name
     alone = not is_joined(own)
     has_one = own.winch is not None and own.winch.heave_compensation is not None
+    refused = Counter[str]()
 
     def read(reader: Messages) -> tuple[_Found, _Found, _Found, dict[str, _Found], Floats]:
-        def line_of(names: Sequence[str], what: str) -> _Found:
-            return _first(reader, LINE_TOPICS, lambda m: _of(m, m.position, names, alone), what)
+        refused.clear()
 
+        def heave_of(topic: str, data: bytes) -> tuple[float, float]:
+            stamp_s, (z, _) = vertical_motion(topic, data)
+            return stamp_s, z
+
+        def line_of(names: Sequence[str], what: str) -> _Found:
+            return _first(reader, LINE_TOPICS, _of(names, alone, "line_out_m"), what, refused)
+
+        tension_of = _of(main, alone, "tension_n")
         return (
-            _first(reader, HEAVE_TOPICS, lambda m: float(m.pose.pose.position.z), "heave"),
+            _first(reader, HEAVE_TOPICS, heave_of, "heave", refused),
             line_of(main, "line out"),
-            _first(reader, TENSION_TOPICS, lambda m: _of(m, m.effort, main, alone), "tension"),
+            _first(reader, TENSION_TOPICS, tension_of, "tension", refused),
             {
                 name: line_of((name, own.ropes[r].name), f"line out of {name}")
                 for name, (r, _) in other_winches(own).items()
@@ -250,7 +268,8 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
             _compensation(reader) if has_one else np.empty((0, 2)),
         )
 
-    (heave, line, tension, others, switched), problems = read_undamaged(path, read)
+    (heave, line, tension, others, switched), damage = read_undamaged(path, read)
+    problems = (*damage, *refusal_words(refused))
     known = heave, line, tension, *others.values()
     begin = max(series[1][0] for series in known)
     end = min(series[1][-1] for series in known)
@@ -320,31 +339,35 @@ def _scene_of(path: Path) -> Scene:
     return read_content(path).sessions[-1].session.scene()
 
 
-def _of(message: Any, values: Sequence[float], names: Sequence[str], alone: bool) -> float:
-    """Return the value of the rope or winch with one of these names; NaN: there is none.
+def _of(names: Sequence[str], alone: bool, part: str) -> Read:
+    """Return a reader of a value of the rope or winch with one of these names; NaN: there is none.
 
-    alone: the scene has one rope, the first of the message.
+    alone: the scene has one rope, the first of the message. part: of RopeValues.
     """
-    found = (k for k, name in enumerate(message.name) if name in names)
-    k = 0 if alone else next(found, len(values))
-    return float(values[k]) if k < len(values) else math.nan
+
+    def read(topic: str, data: bytes) -> tuple[float, float]:
+        stamp_s, rows = rope_values(topic, data)
+        own = rows[:1] if alone else [one for one in rows if one.name in names]
+        return stamp_s, getattr(own[0], part) if own else math.nan
+
+    return read
 
 
-def _first(reader: Messages, topics: Sequence[str], read: Read, what: str) -> _Found:
+def _first(
+    reader: Messages, topics: Sequence[str], read: Read, what: str, refused: Counter[str]
+) -> _Found:
     """Return name, times [s] and values of the first of these topics with usable numbers.
+
+    refused: counts the messages that were left out.
 
     Raises:
         BagError: none of them has any.
     """
     for wanted in topics:
-        names = [name for name in reader.topics if is_topic(name, wanted)]
-        for name in names:
-            kind = reader.topics[name].type_name
-            rows = []
-            for _, data in reader.messages(name):
-                message = deserialise(kind, data)
-                stamp = message.header.stamp
-                rows.append((stamp.sec + 1e-9 * stamp.nanosec, read(message)))
+        for name in names_of(reader, wanted):
+            unread = Counter[str]()
+            rows = list(contents(reader, [name], wanted, read, unread))
+            refused |= unread  # a topic may be read for several quantities
             table = np.array(rows, np.float64).reshape(-1, 2)
             table = table[np.isfinite(table).all(axis=1)]
             table = table[np.argsort(table[:, 0], kind="stable")]

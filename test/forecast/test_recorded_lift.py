@@ -21,6 +21,8 @@ from rope_twin.forecast.orders import read_order
 from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift, tension_doubt
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import encode_heave, encode_measurement
+from rope_twin.messages.cdr import decode, serialise
+from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.topics import BY_NAME
@@ -184,6 +186,30 @@ def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
         read_lift("sea_2p5m", str(tmp_path / "small.yaml"))
     with pytest.raises(BagError, match="session"):
         read_lift("sea_2p5m")
+
+
+def test_messages_that_a_twin_would_refuse_are_left_out(folder: Path, tmp_path: Path) -> None:
+    """By one rule for `ahead` and `learn`: heave of no orientation, bytes that do not decode."""
+    topics = [BY_NAME["ship/heave"], BY_NAME["winch/measured"]]
+    with BagReader(folder / "lift") as whole, BagWriter(tmp_path / "lift", topics) as bag:
+        for topic in topics:
+            for number, (log_ns, data) in enumerate(whole.messages(f"/{topic.name}")):
+                sent = data
+                if number == 1000 and topic.name == "ship/heave":
+                    message = decode(topic.name, data)
+                    message.pose.pose.orientation.w = 0.0
+                    message.pose.pose.position.z = 900.0
+                    sent = serialise(message)
+                elif number == 1001:
+                    sent = data[:20]
+                bag.write(topic.name, log_ns, sent)
+    read = read_lift(tmp_path / "lift", str(folder / "small.yaml"))
+    assert abs(read.heave_m).max() < 10.0
+    assert read.problems == (
+        "2 messages of ship/heave could not be read and were left out",
+        "1 message of winch/measured could not be read and was left out",
+    )
+    assert set(read_to_learn(tmp_path / "lift").problems) == set(read.problems)
 
 
 def test_a_bag_that_was_cut_off_is_read_up_to_its_break(
