@@ -197,7 +197,14 @@ def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) 
         (one.period_s, one.simplified_height_m or 0.0) for one in cells if one.simplified_capped
     ]
     if ends:
-        axes.plot(*zip(*ends, strict=True), "^", color=colour, markersize=5, fillstyle="none")
+        axes.plot(
+            *zip(*ends, strict=True),
+            "^",
+            color=colour,
+            markersize=12,
+            markeredgewidth=0.7,
+            fillstyle="none",
+        )
 
 
 def contour_figure(result: PlanResult) -> Any:
