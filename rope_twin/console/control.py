@@ -11,6 +11,7 @@ import hashlib
 import hmac
 import math
 import secrets
+import sys
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -492,9 +493,12 @@ class Desk:
 
 
 def is_finite(value: object) -> TypeGuard[float]:
-    """Return whether what a page sent is a finite number."""
+    """Return whether what a page sent is a finite number.
+
+    JSON has whole numbers of any length: those above the largest float are not finite either.
+    """
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    return is_number and math.isfinite(value)  # type: ignore[arg-type]
+    return is_number and abs(value) <= sys.float_info.max  # type: ignore[arg-type]
 
 
 def _words(command: WinchCommand) -> str:

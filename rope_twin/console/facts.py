@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rope_twin.alerts.limits import CREW_LIMITS, impossible_limits, scene_limits
-from rope_twin.console.control import Desk
+from rope_twin.console.control import Desk, is_finite
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import Values
 from rope_twin.effects.seabed import SeabedParams
@@ -160,8 +160,8 @@ class SeaLimits:
         numbers = {}
         for name, (low, high, unit) in RANGES.items():
             value = content.get(name)
-            number = float(value) if isinstance(value, int | float) else math.nan
-            if isinstance(value, bool) or not low <= number <= high:
+            number = float(value) if is_finite(value) else math.nan
+            if not low <= number <= high:
                 right = f"give {low:g} to {high:g} {unit}"
                 return phrase("sea", f"{name} is {value!r}", right)
             numbers[name] = number

@@ -7,7 +7,6 @@ show, so that an hour of a run takes some tens of megabytes.
 from __future__ import annotations
 
 import bisect
-import math
 import os
 import threading
 import time
@@ -16,7 +15,7 @@ from typing import Any
 
 from mcap.records import Channel
 
-from rope_twin.console.control import Desk
+from rope_twin.console.control import Desk, is_finite
 from rope_twin.console.pages import WINDOW_S, Page, Pages
 from rope_twin.console.readings import NODES, SHOWN, Readings, Values
 from rope_twin.errors import BagError, phrase
@@ -188,7 +187,7 @@ def connect_playback(source: Recording, pages: Pages, desk: Desk) -> None:
 
     def seek(page: Page, content: Mapping[str, Any]) -> str:
         to_s = content.get("time_s")
-        if isinstance(to_s, bool) or not isinstance(to_s, int | float) or not math.isfinite(to_s):
+        if not is_finite(to_s):
             return phrase("seek", f"{to_s!r}", "give a time in s")
         source.seek(float(to_s))
         return ""

@@ -199,6 +199,7 @@ def test_a_switch_without_effect_is_answered_with_its_own_refusal() -> None:
 
 @pytest.mark.parametrize("command", [
     {"kind": "speed", "value": "fast"}, {"kind": "speed", "value": float("nan")},
+    {"kind": "speed", "value": 10**400},
     {"kind": "speed", "value": True}, {"kind": "speed"}, {"kind": "new_commander"},
     {"kind": "speed", "value": -10.1}, {"kind": "length", "value": 99.9},
     {"kind": "length", "value": 3200.1}, {"kind": "tension", "value": 1e5},

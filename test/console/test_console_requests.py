@@ -50,7 +50,8 @@ def test_a_limit_that_the_twin_does_not_take_is_answered_with_why() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [("tension_n", math.nan), ("tension_n", -1.0), ("tension_n", 0), ("tension_n", "4e5"),
-     ("tension_n", True), ("tension", 4e5), (None, 4e5), (["tension_n"], 4e5)],
+     ("tension_n", True), ("tension_n", 10**400), ("tension", 4e5),
+      (None, 4e5), (["tension_n"], 4e5)],
 )  # fmt: skip
 def test_what_is_no_limit_is_refused_in_one_sentence(name: object, value: object) -> None:
     rig, page = seated()

@@ -85,6 +85,7 @@ def test_a_chart_of_another_scene_says_so(path: Path) -> None:
 @pytest.mark.parametrize(
     "numbers",
     [{}, {"hs_m": 1.0}, {"hs_m": -1.0, "tp_s": 8.0, "heading_deg": 0.0},
+     {"hs_m": 10**400, "tp_s": 8.0, "heading_deg": 0.0},
      {"hs_m": math.nan, "tp_s": 8.0, "heading_deg": 0.0},
      {"hs_m": True, "tp_s": 8.0, "heading_deg": 0.0},
      {"hs_m": 1.0, "tp_s": "8", "heading_deg": 0.0},
