@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError
 from rope_twin.interchange import STEP_S, Imported, Keys
 from rope_twin.interchange.moordyn_deck import COUPLED, FIXED, FREE, Deck, Line, LineType, Point
+from rope_twin.scene.environment import MIN_ROW_SPACING_M, SHEAR_LIMIT_PER_S
 from rope_twin.scene.grid import find_payload, section_damping
 from rope_twin.scene.lift import alone, listed_effects, point_figures
 from rope_twin.scene.rigging import is_joined, places
@@ -495,14 +495,25 @@ class _Reader:
         return [*effects, {"payload": {}}] if has_payload else effects
 
     def _current_rows(self) -> Iterator[list[Any]]:
-        """Yield rows from the surface down; the rows above it give the one at it."""
+        """Yield rows from the surface down; the rows above it give the one at it.
+
+        A step from one layer to the next becomes as thin a shear as a scene may have: its lower
+        row is moved down.
+        """
         rows = np.array(self._deck.current)
-        at = [float(z) for z in rows[::-1, 0] if z <= 0.0]
-        if not at or (at[0] < 0.0 and rows[-1, 0] > 0.0):
-            at.insert(0, 0.0)
+        below = list(rows[rows[:, 0] <= 0.0][::-1])
+        if not below or (below[0][0] < 0.0 and rows[-1, 0] > 0.0):
+            at_surface = [np.interp(0.0, rows[:, 0], rows[:, k]) for k in (1, 2, 3)]
+            below.insert(0, np.array([0.0, *at_surface]))
         rises = bool(rows[:, 3].any())
-        for z in at:
-            velocity = [float(np.interp(z, rows[:, 0], rows[:, k])) for k in (1, 2, 3)]
-            yield [z, velocity if rises else velocity[:2]]
-        if any(b == a for a, b in pairwise(at)):
-            self._left_out.append("current: two rows at one height")
+        before, moved = None, False
+        for z, *velocity in below:
+            if before is not None:
+                change = float(np.linalg.norm(np.subtract(velocity, before[1])))
+                least = max(MIN_ROW_SPACING_M, change / SHEAR_LIMIT_PER_S) * (1.0 + 1e-6)
+                moved |= before[0] - z < least
+                z = min(z, before[0] - least)
+            before = (z, velocity)
+            yield [float(z), [float(one) for one in velocity[: 3 if rises else 2]]]
+        if moved:
+            self._left_out.append("current: its steps, which are shear over some centimetres")

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from operator import itemgetter
 from pathlib import Path
 
 from rope_twin.errors import InputError, unreadable
@@ -297,7 +298,9 @@ def _current(path: Path) -> list[tuple[float, float, float, float]]:
         rows.append((z, x, y, up))
     if not rows:
         raise InputError(str(path), "it has no rows", "give rows z ux uy uz after 3 lines")
-    return sorted(rows)
+    if rows[0][0] > rows[-1][0]:
+        rows.reverse()
+    return sorted(rows, key=itemgetter(0))  # rows of one height, a step, stay in their order
 
 
 def _number(where: str, cell: str, name: str) -> float:

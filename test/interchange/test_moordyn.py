@@ -77,6 +77,26 @@ def test_a_scene_comes_back_from_its_deck(lift: Scene, tmp_path: Path) -> None:
     assert tension == pytest.approx(Twin(lift).snapshot().tension_top_n, rel=1e-5)
 
 
+@pytest.mark.parametrize("down", [False, True], ids=["bottom up", "top down"])
+@pytest.mark.parametrize("gap_m", [0.0, 0.001], ids=["equal heights", "a millimetre"])
+@pytest.mark.parametrize(("low", "high"), [(0.15, 0.4), (0.4, 0.15)])
+def test_layers_of_a_current_come_back(
+    lift: Scene, tmp_path: Path, gap_m: float, low: float, high: float, down: bool
+) -> None:
+    """Two layers are a step in a deck and a thin shear in a scene, elsewhere the same."""
+    path, _ = exported(lift, tmp_path)
+    rows = [(-900.0, low), (-200.0 - gap_m, low), (-200.0, high), (50.0, high)]
+    rows = rows[::-1] if down else rows
+    text = "\n".join(["layers", "", "", *(f"{z} {speed} 0 0" for z, speed in rows)])
+    (tmp_path / CURRENT_FILE).write_text(text)
+    found = scene_of(read_deck(path), path, MBL_N)
+    assert any(words.startswith("current: its steps") for words in found.left_out)
+    current = write_scene(found, tmp_path / "back.yaml").listed(CurrentParams)
+    assert current is not None
+    speeds = np.interp([-800.0, -200.1, -199.9, 0.0], *current.table[::-1, :2].T)
+    assert speeds == pytest.approx([low, low, high, high])
+
+
 def test_moordyn_has_the_same_static_tension(lift: Scene, tmp_path: Path) -> None:
     """Within 0.1 %, of two independent codes with equal segments, when MoorDyn's line is at rest.
 
