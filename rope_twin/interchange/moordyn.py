@@ -21,19 +21,20 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError
 from rope_twin.interchange import STEP_S, Imported, Keys
 from rope_twin.interchange.moordyn_deck import COUPLED, FIXED, FREE, Deck, Line, LineType, Point
 from rope_twin.scene.environment import MIN_ROW_SPACING_M, SHEAR_LIMIT_PER_S
 from rope_twin.scene.grid import find_payload, section_damping
 from rope_twin.scene.lift import alone, listed_effects, point_figures
-from rope_twin.scene.rigging import is_joined, places
+from rope_twin.scene.rigging import is_joined, places, winches_by_name
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 from rope_twin.twin.twin import Twin
 
 ABOVE_M = 50.0  # the current goes on so far above the water, where a hang-off may be
-BELOW = 1.2  # water depth over the depth of the lowest point, of a scene without seabed
+BELOW = 1.2  # water depth over the deepest that a winch lowers, of a scene without seabed
 STABLE = 0.3  # step over the largest of an explicit scheme, for accuracy
 RELAXATION_S = 30.0  # for the initial shape of the lines
 SAME = 1e-9  # relative: coefficients that count as one
@@ -154,7 +155,13 @@ class _Writer:
             return bed.depth_m
         if bed is not None and bed.soundings is not None:
             return max(max(row) for row in bed.soundings.depth_m)
-        return BELOW * max(1.0, -min(point.at_m[2] for point in self.points))
+        waves = self._scene.listed(WavesParams)
+        lowest_m = -min(point.at_m[2] for point in self.points)
+        if waves is not None and waves.depth_m is not None and waves.depth_m > lowest_m:
+            return waves.depth_m
+        hang_offs, winches = places(self._scene), winches_by_name(self._scene)
+        reach_m = [winch.most_line_out_m - hang_offs[name][2] for name, winch in winches.items()]
+        return BELOW * max(1.0, lowest_m, *reach_m)
 
     def step_s(self) -> float:
         """Return a stable step: 2/ω of the stiffest element, less by its damping."""

@@ -97,6 +97,16 @@ def test_layers_of_a_current_come_back(
     assert speeds == pytest.approx([low, low, high, high])
 
 
+@pytest.mark.parametrize(("name", "depth_m"), [("splash_zone", 300.0), ("deep_lift", 1.2 * 3200.0)])
+def test_a_deck_without_a_seabed_has_water_below_all_that_is_lowered(
+    name: str, depth_m: float
+) -> None:
+    """The depth that the waves feel, else 1.2 times the depth that the winch can reach."""
+    scene = load_scene(name)
+    assert scene.listed(SeabedParams) is None
+    assert (repr(depth_m), "WtrDpth") in deck_of(scene)[0].options
+
+
 def test_moordyn_has_the_same_static_tension(lift: Scene, tmp_path: Path) -> None:
     """Within 0.1 %, of two independent codes with equal segments, when MoorDyn's line is at rest.
 
