@@ -126,6 +126,25 @@ def test_a_figure_at_its_limit_leaves_the_best_others(seed: int) -> None:
     assert np.allclose((step.theta - prior.mean)[free], others, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_several_figures_at_their_limits_are_the_best_ones(seed: int) -> None:
+    """Karush-Kuhn-Tucker: the density falls towards each limit, and is level in the others."""
+    prior, J, R, y = random_problem(seed)
+    near = 0.05 * prior.sd  # nearly all would go further
+    r, whiten = y - J @ prior.mean, Whitening(R, np.ones(len(y), bool))
+    open_step = gauss_newton_step(prior.mean, prior, r, J, whiten, robust=False)
+    least, most = prior.mean - near, prior.mean + near
+    step = gauss_newton_step(
+        prior.mean, prior, r, J, whiten, robust=False, least=least, most=most
+    )  # fmt: skip
+    rises = open_step.precision @ (open_step.theta - step.theta) * prior.sd
+    slack = 1e-6 * np.abs(open_step.precision @ (open_step.theta - prior.mean) * prior.sd).max()
+    at_least, at_most = step.theta <= least + 1e-9 * near, step.theta >= most - 1e-9 * near
+    assert np.abs(rises[~at_least & ~at_most]).max(initial=0.0) < slack
+    assert rises[at_least].max(initial=0.0) < slack
+    assert rises[at_most].min(initial=0.0) > -slack
+
+
 def test_the_gain_of_a_step_is_that_of_the_misfit() -> None:
     """In a linear problem -ln of the density falls by as much as the step promised."""
     prior, J, R, y = random_problem(5)
