@@ -216,7 +216,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("estimate/figures", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "simulation",
           "figures learned from the measured tension, after each minute: name; value with low, "
           "high, 90 % interval, and prior, the scene's value (N, kg, m², N, N·s, kg/m², current: "
-          "-; load pin: bias N, gain -; motion sensor: gain -, delay s; sheave friction -); "
+          "-; load pin: bias N, gain -; motion sensor: gain -, delay s; sheave friction -; of "
+          "further winches, as winch/figure, also line offset m and slip -); "
           "prior_sd, sd, standard deviations (of the logarithm for the scene's figures); state, 0 "
           "not observable, 1 weak, 2 learned, 3 at the limit of the prior; correlation, the "
           "largest with another figure; stamped with the end of the data",

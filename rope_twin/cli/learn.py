@@ -23,9 +23,9 @@ MORE = """Reads winch/measured (tension, line out) and ship/heave of a bag and l
 rope and payload, load pin and motion sensor a minute at a time, from the uncertainties in the
 scene's section `learning`. The rope hangs at rest when the measurement begins, and two minutes are
 needed. Faults are looked for as in a run with --learn: nothing is learned behind one, and the exit
-code is 3. Nothing is learned while the payload is in the splash zone or near the seabed. Ropes that
-meet below one hang-off, such as a bridle, can be learned; loads on several ropes from the ship and
-those that begin on a deck cannot yet."""
+code is 3. Nothing is learned while the payload is in the splash zone or near the seabed. A load on
+several ropes from the ship is learned from the load pins of their winches, which winch/measured
+names by hang-off or rope; one that begins on a deck cannot be learned yet."""
 LEAST_S = 120.0
 
 
@@ -33,7 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("bag", metavar="BAG", help="bag directory, .mcap file, or name in bags/")
     add("--scene", metavar="SCENE", help="scene name or file (default: the bag's)")
-    add("--winch", metavar="NAME", default="", help="winch in winch/measured (default: the first)")
+    winch = "main winch in winch/measured (default: the first)"
+    add("--winch", metavar="NAME", default="", help=winch)
     add("--tared", action="store_true", help="the load pin was tared with an empty hook")
     add_time(parser, "--until", "learn from data up to this time after the first tension")
     add_out(parser, "FILE.png", "draw the figures over time, and the residual that is left")
@@ -52,8 +53,9 @@ def run(args: argparse.Namespace) -> int:
         from rope_twin.studies.picture import check_picture
 
         check_picture(args.out)
-    recorded = read_lift(args.bag, args.winch)
-    scene = load_scene(args.scene) if args.scene else recorded.scene()
+    given = load_scene(args.scene) if args.scene else None
+    recorded = read_lift(args.bag, args.winch, given)
+    scene = given or recorded.scene()
     estimator = begin_at_rest(scene, recorded.lift, tared=args.tared)
     until_s = np.inf if args.until is None else args.until
     progress = FigureProgress()
@@ -85,7 +87,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.tared:
         actions.append(report.tare_action(estimator.prior, posterior))
     base = report.base_values(scene)
-    advice = report.best_actions(posterior, actions)
+    advice = report.best_actions(posterior, actions, estimator.prior.names)
     held = estimator.results[-1].held
     found = report.estimates(base, estimator.prior, posterior, advice, held)
     found = report.score_applied(found, base, recorded.applied)
@@ -93,7 +95,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
     if args.json:
-        learned = report.as_json(found, estimator.results, derived)
+        learned = report.as_json(found, estimator.results, derived, estimator.model.winches)
+        learned["remarks"] = report.not_measured(recorded.lift)
         learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
@@ -108,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
     last = estimator.results[-1]
     minutes = len(estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
-    for words in report.left_out_words(last):
+    for words in (*report.left_out_words(last), *report.not_measured(recorded.lift)):
         print(words)
     if held:
         print(report.held_words(held), file=sys.stderr)

@@ -20,15 +20,16 @@ from rope_twin.estimation.causes import (
     BEFORE_ALARM_S,
     PAYLOAD,
     PIN,
-    SIGNATURES,
+    SHIFTS,
     SLOW_DRIFT,
     STUCK_ENCODER,
     STUCK_PIN,
     STUCK_SENSOR,
-    TESTED,
     UNKNOWN,
     FaultLanes,
+    cause_of,
     name_causes,
+    signatures_of,
 )
 from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, SPARE_HEAVE_S, Estimator
 from rope_twin.estimation.fault_tests import (
@@ -42,13 +43,13 @@ from rope_twin.estimation.figures import (
     HEAVE_DELAY,
     HEAVE_SHIFTS,
     INDEX,
-    NAMES,
     factors_of,
-    static_top_n,
+    static_tops_n,
 )
 from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.lift_model import Prediction
 from rope_twin.estimation.measured_lift import MEAN_S
+from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.ensemble.fleet import FleetState
 from rope_twin.twin.residual_tests import SlowDrift
@@ -103,8 +104,8 @@ class _Reference:
     covariance: Floats
     state: FleetState  # BURN_IN_S before
     at_s: float
-    colour: Floats  # autocovariance of the coloured error [N²], (means of CAPACITY_S,)
-    white_n: float
+    colour: Floats  # autocovariance of the coloured error [N²], (pins, pins, means of CAPACITY_S)
+    white_n: Floats  # (pins,)
     heave_ahead_s: float  # heave that its delay asks for
 
 
@@ -129,9 +130,10 @@ class FaultWatch:
         """
         self._threshold = threshold
         self._scene, self._model, self._lift = scene, estimator.model, estimator.model.lift
-        static_n = static_top_n(scene)
-        self._payload_n = hanging_of(scene).weight_n
-        self._rope_n_per_m = (static_n - self._payload_n) / scene.ropes[0].length_m
+        static_n, hanging = sum(static_tops_n(scene)), hanging_of(scene)
+        self._payload_n = hanging.weight_n
+        hung_m = sum(length_m for *_, length_m in hanging.ropes)
+        self._rope_n_per_m = (static_n - self._payload_n) / hung_m
         self.alarm: Alarm | None = None
         self.now_s = -np.inf  # end of the newest means that were tested
         self.tests: FaultTests | None = None
@@ -140,11 +142,17 @@ class FaultWatch:
         self._prediction: Prediction | None = None
         self._lanes: FaultLanes | None = None
         self._lost = LostPayload()
-        self._pin, self._sensor = RepeatedSample(), RepeatedSample()
-        winch = scene.winch
-        limit = largest_deceleration(winch)
-        self._encoder = StuckEncoder(limit, scene.measured.line_out.resolution_m)
-        self._heard_s = [-np.inf, -np.inf, -np.inf]
+        winches, resolution_m = winches_by_name(scene), scene.measured.line_out.resolution_m
+        # of load pin and line counter of each winch, the motion sensor after the first load pin
+        self._rules: list[RepeatedSample | StuckEncoder] = []
+        self._stuck: list[str] = []
+        for name in ("", *self._model.winches):
+            limit = largest_deceleration(winches.get(name) if name else scene.winch)
+            self._rules += [RepeatedSample(), StuckEncoder(limit, resolution_m)]
+            self._stuck += [cause_of(name, STUCK_PIN), cause_of(name, STUCK_ENCODER)]
+        self._rules.insert(1, RepeatedSample())
+        self._stuck.insert(1, STUCK_SENSOR)
+        self._heard_s = [-np.inf for _ in self._rules]
         self._drift = SlowDrift(DRIFT_SPREAD * static_n)
         self._before: Floats | None = None  # figures before the last block
         self._blocks = 0
@@ -153,7 +161,7 @@ class FaultWatch:
         """Return an independent watch with all that this one knows, on a copy of the estimator."""
         made = copy.copy(self)
         made._model, made._lift = estimator.model, estimator.model.lift
-        for name in ("tests", "_lost", "_pin", "_sensor", "_encoder", "_drift", "_heard_s"):
+        for name in ("tests", "_lost", "_rules", "_drift", "_heard_s"):
             setattr(made, name, copy.deepcopy(getattr(self, name)))
         if (own := self._prediction) is not None:
             made._prediction = replace(
@@ -167,8 +175,7 @@ class FaultWatch:
         begin_s: time at which this watch begins [s]; rules that heard later samples are left.
         """
         if max(before._heard_s) <= begin_s + 1.0:
-            self._pin, self._sensor, self._encoder = before._pin, before._sensor, before._encoder
-            self._heard_s = before._heard_s
+            self._rules, self._heard_s = before._rules, before._heard_s
 
     @property
     def frozen(self) -> bool:
@@ -200,7 +207,8 @@ class FaultWatch:
         colour = noise.coloured(estimator.autocovariances(count, end_s, estimated=False))
         lag_s = MEAN_S * np.arange(count)
         model_n = MODEL_ERROR * noise.nominal_white_n
-        colour = colour + model_n**2 * np.exp(-lag_s / MODEL_ERROR_S)
+        own = np.diag(model_n**2)[..., None]
+        colour = colour + own * np.exp(-lag_s / MODEL_ERROR_S)
         late_s = float(estimator.theta[INDEX[HEAVE_DELAY]]) + max(HEAVE_SHIFTS.values())
         ahead_s = max(HEAVE_AHEAD_S, estimator.heave_ahead_s, late_s + SPARE_HEAVE_S)
         new = _Reference(
@@ -227,11 +235,11 @@ class FaultWatch:
 
     def _restart(self, reference: _Reference) -> None:
         """Begin the tests at a reference."""
-        more = len(TESTED) - len(NAMES)  # nothing is open about a shift
+        names = self._model.names
         self.tests = FaultTests(
-            SIGNATURES, reference.colour, reference.white_n,
-            np.pad(reference.covariance, (0, more)), TESTED,
-            begin_s=reference.at_s, interval_s=MEAN_S,
+            signatures_of(self._model.winches), reference.colour, reference.white_n,
+            np.pad(reference.covariance, (0, len(SHIFTS))),  # nothing is open about a shift
+            (*names, *SHIFTS), begin_s=reference.at_s, interval_s=MEAN_S,
         )  # fmt: skip
         begin_s = reference.at_s - BURN_IN_S
         self._prediction = self._model.begin(reference.theta, reference.state, begin_s)
@@ -242,13 +250,14 @@ class FaultWatch:
         self._before = estimator.theta.copy()
         if innovation is None or before is None:
             return
-        good = np.isfinite(innovation.residual_n)
-        if good.mean() < LEAST_USED:
+        whole = innovation.residual_n.copy()
+        for k, name in enumerate(estimator.prior.names):
+            if name.rpartition("/")[2] in LOADS:  # had they not been learned
+                whole += innovation.columns[name] * (before[k] - estimator.prior.mean[k])
+        offset = whole.reshape(len(self._model.pins), -1).sum(axis=0)
+        offset = offset[np.isfinite(offset)]
+        if len(offset) < LEAST_USED * len(innovation.time_s):
             return
-        offset = innovation.residual_n[good].copy()
-        for name in LOADS:  # had they not been learned
-            learned = before[NAMES.index(name)] - estimator.prior.mean[NAMES.index(name)]
-            offset += innovation.columns[name][good] * learned
         found = self._drift.take(float(offset.mean()))
         if found is not None and self.alarm is None:
             begun_s = end_s - (found.begun + 1) * BLOCK_S
@@ -281,23 +290,30 @@ class FaultWatch:
             if now_s <= self.now_s:
                 continue  # the older part of the window of a new reference
             self.now_s = now_s
-            self._lost_payload(now_s, residual[some] + predicted[some], predicted[some])
+            whole = predicted[some].sum(axis=1)
+            self._lost_payload(now_s, residual[some].sum(axis=1) + whole, whole)
             self._judge(now_s)
         return self.alarm
 
     def _innovations(
         self, reference: _Reference, first_s: float, end_s: float
     ) -> tuple[Floats, Floats, Floats]:
-        """Return residual, columns and predicted tension of the means of an interval."""
+        """Return residual, columns and predicted tension of the means of an interval.
+
+        They are (m, pins), (m, pins, figures) and (m, pins).
+        """
         assert self._prediction is not None
         from_s = max(reference.at_s, first_s - MEAN_S)
         self._prediction = self._model.trimmed(self._prediction, from_s)
         predicted, J, shifts = self._model.with_shifts(self._prediction, from_s)
-        measured, _ = self._lift.tension_means(first_s, end_s)
+        measured, _ = self._lift.means_of_pins(first_s, end_s)
         measured = self._model.in_open_water(self._prediction, first_s, measured)
         measured = self._model.without_slack(self._prediction, first_s, measured)
-        new = slice(len(predicted) - len(measured), None)
-        return measured - predicted[new], np.hstack([J, shifts])[new], predicted[new]
+        pins = len(self._model.pins)
+        of_pins, columns = predicted.reshape(pins, -1).T, np.hstack([J, shifts])
+        columns = columns.reshape(pins, -1, columns.shape[1]).swapaxes(0, 1)
+        new = slice(len(of_pins) - len(measured) // pins, None)
+        return measured.reshape(pins, -1).T - of_pins[new], columns[new], of_pins[new]
 
     def _judge(self, now_s: float) -> None:
         """Raise an alarm by the ratios or the NIS, and name its cause when that is due."""
@@ -349,7 +365,7 @@ class FaultWatch:
         if payload_n <= 0.0:
             return
         assert self._prediction is not None
-        rope_n = self._rope_n_per_m * float(self._prediction.line_out_m[-1][-1])
+        rope_n = self._rope_n_per_m * float(self._prediction.line_out_m[-1][:, -1].sum())
         for k, (one, other) in enumerate(zip(measured, predicted, strict=True)):
             at_s = now_s - MEAN_S * (len(measured) - k - 0.5)
             begun_s = self._lost.take(at_s, float(one), float(other), rope_n, payload_n)
@@ -366,21 +382,23 @@ class FaultWatch:
     def _plain_rules(self, until_s: float) -> None:
         """Give new samples to the rules on stuck sensors."""
         lift = self._lift
-        counter = lift.counter if np.isfinite(lift.counter.newest_s) else lift.line_out
-        sensor = lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave
-        for k, series in enumerate((lift.tension, sensor, counter)):
+        heard = []
+        for own in lift.ropes:
+            counter = own.counter if np.isfinite(own.counter.newest_s) else own.line_out
+            heard += [own.tension, counter]
+        heard.insert(1, lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave)
+        for k, series in enumerate(heard):
             table = series.table
             first = np.searchsorted(table[:, 0], self._heard_s[k], side="right")
             last = np.searchsorted(table[:, 0], until_s, side="right")
             for row in table[first:last]:
                 time_s, value = float(row[0]), float(row[1])
-                rule = (self._pin, self._sensor, self._encoder)[k]
+                rule = self._rules[k]
                 rule.take(time_s, value)
                 self._heard_s[k] = time_s
                 if rule.stuck and (self.alarm is None or self.alarm.ratio > 0.0):
-                    cause = (STUCK_PIN, STUCK_SENSOR, STUCK_ENCODER)[k]
                     found_s = time_s if self.alarm is None else self.alarm.found_s
-                    self.alarm = Alarm(found_s, rule.since_s, 0.0, (cause,))
+                    self.alarm = Alarm(found_s, rule.since_s, 0.0, (self._stuck[k],))
 
 
 def _pairs(found: list[Suspicion]) -> list[tuple[str, float]]:
@@ -402,6 +420,7 @@ def _named(gains: list[tuple[str, float]]) -> tuple[str, ...]:
     if len(gains) == 1 or gains[0][1] - gains[1][1] > LEAD:
         return (gains[0][0],)
     first, second = gains[0][0], gains[1][0]
-    if {first, second} <= PIN:
+    (kind, _, winch), (other, _, its) = first.partition(" ("), second.partition(" (")
+    if {kind, other} <= PIN and winch == its:
         return (first,) if len(gains) < 3 or gains[0][1] - gains[2][1] > LEAD else (first, second)
     return first, second

@@ -26,8 +26,9 @@ from rope_twin.estimation.figures import (
     HEAVE_DELAY,
     HEAVE_GAIN,
     INDEX,
-    NAMES,
+    LINE_OFFSET,
     factors_of,
+    of_winch,
 )
 from rope_twin.estimation.lift_model import STEP_S, STEPS_PER_MEAN, LiftModel
 from rope_twin.estimation.measured_lift import MEAN_S
@@ -44,7 +45,7 @@ SLOW_DRIFT, UNKNOWN = "slow drift of load or load pin", "unknown"
 
 # beside the figures: a sensor that is much later or earlier, per second
 LATER, EARLIER = "later heave", "earlier heave"
-TESTED = (*NAMES, LATER, EARLIER)
+SHIFTS = LATER, EARLIER
 # zero and gain of a load pin are one as long as the load does not change
 SIGNATURES = (
     Signature(PIN_OFFSET, {BIAS: 1000.0}),
@@ -57,6 +58,27 @@ SIGNATURES = (
     Signature(SENSOR_DELAY, {LATER: 0.4}),
     Signature(SENSOR_DELAY, {EARLIER: -0.4}),
 )
+
+
+def cause_of(winch: str, cause: str) -> str:
+    """Return the name of a cause at a further winch; "": at the main one."""
+    return f"{cause} ({winch})" if winch else cause
+
+
+def signatures_of(winches: Sequence[str]) -> tuple[Signature, ...]:
+    """Return the signatures of a lift, with those of the load pins of further winches."""
+    found = list(SIGNATURES)
+    for pin, winch in enumerate(winches, start=1):
+        offset, slip = cause_of(winch, PIN_OFFSET), cause_of(winch, SLIP)
+        found += [
+            Signature(offset, {of_winch(winch, BIAS): 1000.0}),
+            Signature(offset, {of_winch(winch, GAIN): 0.01}),
+            Signature(cause_of(winch, PIN_DRIFT), ramp_n_per_s=50.0, pin=pin),
+            Signature(slip, {of_winch(winch, LINE_OFFSET): 0.1}),
+        ]
+    return tuple(found)
+
+
 PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be distinguished
 
 W, M, K = "submerged_weight", "oscillating_mass", "payload_drag"
@@ -75,6 +97,7 @@ class Lane:
     slip_m_per_s: float = 0.0
     least: float = -math.inf  # size of the response
     most: float = math.inf
+    winch: str = ""  # whose line slips
 
 
 LANES = (
@@ -111,7 +134,11 @@ class FaultLanes:
             InputError: the scene cannot be stepped by a fleet.
         """
         self._model = model
-        self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in LANES]
+        slips = [
+            replace(lane, cause=cause_of(winch, SLIP), winch=winch)
+            for winch in model.winches for lane in LANES if lane.cause == SLIP
+        ]  # fmt: skip
+        self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in (*LANES, *slips)]
         self._fleet = Fleet(scene, 1 + len(self.pairs), elements=model.elements, step_s=STEP_S)
         if model.live is not None:  # its current, not the scene's
             self._fleet.begin_from(model.live)
@@ -131,15 +158,15 @@ class FaultLanes:
         A slip yields further responses, which end after SLIP_ENDS_S.
 
         Args:
-            theta: figures at the reference, (COUNT,).
+            theta: figures at the reference.
             state: of a rope with these figures at begin_s.
             begin_s: start of the stretch [s].
             onsets_s: likely onsets, (ONSETS,) [s].
             end_s: end of the stretch, a whole number of means after begin_s.
 
         Returns:
-            causes (h,), changes (means from begin_s to end_s, h) [N], least and most size (h,).
-            Lanes that cannot be stepped are left out.
+            causes (h,), changes (means from begin_s to end_s, pins, h) [N], least and most size
+            (h,). Lanes that cannot be stepped are left out.
 
         Raises:
             SolverError: the rope without a fault cannot be stepped up to the onset.
@@ -152,18 +179,22 @@ class FaultLanes:
         if first > 0:
             state = self._model.state_at(theta, state, begin_s, first_s)
         self._fleet.restore(replace(state, time_ns=round(first_s * 1e9)))
-        tension, line = self._step(theta, [one - first for one in starts], first_s, total - first)
-        changes = np.zeros((total, len(self.pairs)))
-        pin = self._model.pin
-        reading = pin.measured(tension, pin.friction_state(tension, line), theta)
-        means = reading.reshape(-1, STEPS_PER_MEAN, reading.shape[1]).mean(axis=1)
-        changes[first:] = (means[:, 1:] - means[:, :1])[:, : len(self.pairs)]
+        starts_in = [one - first for one in starts]
+        tensions, lines = self._step(theta, state, starts_in, first_s, total - first)
+        changes = np.zeros((total, len(tensions), len(self.pairs)))
+        for p, (pin, tension) in enumerate(zip(self._model.pins, tensions, strict=True)):
+            reading = pin.measured(tension, pin.friction_state(tension, lines[p]), theta)
+            means = reading.reshape(-1, STEPS_PER_MEAN, reading.shape[1]).mean(axis=1)
+            changes[first:, p] = (means[:, 1:] - means[:, :1])[:, : len(self.pairs)]
         return self._with_ends(changes)
 
     def _step(
-        self, theta: Floats, starts: Sequence[int], first_s: float, means: int
+        self, theta: Floats, state: FleetState, starts: Sequence[int], first_s: float, means: int
     ) -> tuple[Floats, Floats]:
-        """Return tension of all members and line out of the first, (steps, members), (steps,)."""
+        """Return tensions of all members and lines out of the first.
+
+        They are (pins, steps, members) and (pins, steps).
+        """
         members = len(self._fleet)
         count = means * STEPS_PER_MEAN
         times = np.asarray(first_s + STEP_S * np.arange(count + 1), dtype=np.float64)
@@ -172,23 +203,29 @@ class FaultLanes:
             times, float(theta[INDEX[HEAVE_DELAY]]), float(theta[INDEX[HEAVE_GAIN]])
         )
         length, speed = lift.line_motion(times)
-        line, rate = (np.repeat(one[:, None], members, 1) for one in (length, speed))
+        thetas = np.tile(theta, (members, 1))
+        lead = self._model.lead(first_s, state, thetas, None)
+        lines = {"": tuple(np.repeat(one[:, None], members, 1) for one in (length, speed))}
+        lines |= self._model.lines(times, thetas, None, lead)
         for k, (onset, lane) in enumerate(self.pairs, start=1):
+            line, rate = lines[lane.winch]
             since = times - first_s - MEAN_S * starts[onset]
             ran = np.clip(since, 0.0, SLIP_RAMP_S)
             line[:, k] += lane.slip_m_per_s * (
                 0.5 * ran**2 / SLIP_RAMP_S + np.clip(since - SLIP_RAMP_S, 0.0, None)
             )
             rate[:, k] += lane.slip_m_per_s * ran / SLIP_RAMP_S
-        tension = np.full((count, members), np.nan)
+        tension = np.full((len(self._model.pins), count, members), np.nan)
         borders = sorted({0, *starts, means})
         for a, b in pairwise(borders):
             self._fleet.set_figures(self._factors(theta, starts, a))
             steps = slice(a * STEPS_PER_MEAN, b * STEPS_PER_MEAN + 1)
-            inputs = FleetInputs(z[steps], v[steps], line[steps], rate[steps])
+            cut = {one: (out[steps], own[steps]) for one, (out, own) in lines.items()}
+            line, rate = cut.pop("")
+            inputs = FleetInputs(z[steps], v[steps], line, rate, cut)
             record = self._fleet.advance(inputs, look_steps=steps.stop - steps.start - 1)
-            tension[steps.start : steps.stop - 1] = record.top_tension_n
-        return tension, length[1:]
+            tension[:, steps.start : steps.stop - 1] = list(record.hung_tension_n.values())
+        return tension, np.array([out[1:, 0] for out, _ in lines.values()])
 
     def _factors(self, theta: Floats, starts: Sequence[int], at: int) -> dict[str, Floats]:
         """Return the figures' factors of all members from a mean on."""
@@ -205,18 +242,18 @@ class FaultLanes:
         lanes = [lane for _, lane in self.pairs]
         columns = [changes]
         for k, lane in enumerate(list(lanes)):
-            for after_s in SLIP_ENDS_S if lane.cause == SLIP else ():
+            for after_s in SLIP_ENDS_S if lane.slip_m_per_s else ():
                 shift = round(after_s / MEAN_S)
-                ended = changes[:, k].copy()
-                ended[shift:] -= changes[:-shift, k]
-                columns.append(ended[:, None])
+                ended = changes[..., k].copy()
+                ended[shift:] -= changes[:-shift, :, k]
+                columns.append(ended[..., None])
                 lanes.append(lane)
-        whole = np.hstack(columns)
-        good = np.flatnonzero(np.isfinite(whole).all(axis=0))
+        whole = np.concatenate(columns, axis=-1)
+        good = np.flatnonzero(np.isfinite(whole).all(axis=(0, 1)))
         causes = [lanes[k].cause for k in good]
         least = np.array([lane.least for lane in lanes])[good]
         most = np.array([lane.most for lane in lanes])[good]
-        return causes, whole[:, good], least, most
+        return causes, whole[..., good], least, most
 
 
 def name_causes(

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core.state import Floats, Ints
-from rope_twin.estimation.figures import COUNT, Gaussian
+from rope_twin.estimation.figures import NAMES, Gaussian
 from rope_twin.estimation.measured_lift import MEAN_S, Passage
 from rope_twin.estimation.noise import FREQUENCY_HZ, FREQUENCY_STEP_HZ, Complexes
 
@@ -92,12 +92,13 @@ def _response_to_ramp(impedance: Complexes) -> tuple[Floats, Floats]:
 class ErrorMemory:
     """Errors of passages as far as they are known, with their correlation with θ."""
 
-    def __init__(self) -> None:
+    def __init__(self, figures: int = len(NAMES)) -> None:
+        """Begin without errors; figures: number of θ."""
         self.keys: list[Hashable] = []
         self._age: list[int] = []  # blocks since the passage came
         self._mean: Floats = np.empty(0)
         self._covariance: Floats = np.empty((0, 0))
-        self._cross: Floats = np.empty((0, COUNT))
+        self._cross: Floats = np.empty((0, figures))
 
     def __len__(self) -> int:
         return len(self.keys)
@@ -128,12 +129,13 @@ class ErrorMemory:
         return np.array([place[key] for key in errors.keys], dtype=np.int64)
 
     def with_errors(self, belief: Gaussian) -> Gaussian:
-        """Return the joint Gaussian of θ, (COUNT,), and the errors, (n,)."""
+        """Return the joint Gaussian of θ, (figures,), and the errors, (n,)."""
         whole = np.block([[belief.covariance, self._cross.T], [self._cross, self._covariance]])
         return Gaussian(np.concatenate([belief.mean, self._mean]), whole)
 
     def learn(self, joint: Gaussian) -> None:
-        """Take the posterior of θ and the errors, (COUNT + n,)."""
-        self._mean = joint.mean[COUNT:].copy()
-        self._covariance = joint.covariance[COUNT:, COUNT:].copy()
-        self._cross = joint.covariance[COUNT:, :COUNT].copy()
+        """Take the posterior of θ and the errors, (figures + n,)."""
+        count = self._cross.shape[1]
+        self._mean = joint.mean[count:].copy()
+        self._covariance = joint.covariance[count:, count:].copy()
+        self._cross = joint.covariance[count:, :count].copy()

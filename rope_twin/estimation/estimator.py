@@ -2,7 +2,8 @@
 
 A block is compared in means over 0.25 s, and in one mean over all that is left out for slack. Its
 rope begins a minute earlier from the state that the figures of then had; its residual covariance
-has the error of the heave through the top impedance.
+has the error of the heave through the top impedance. Of ropes that carry a load together the means
+of all load pins are compared, one pin after the other; a pin that is not measured is missing data.
 After each block the covariance grows a little, so that figures may drift, and the state from which
 the next block begins is that of the new figures.
 """
@@ -18,28 +19,31 @@ from rope_twin.core.state import Floats, Ints
 from rope_twin.errors import InputError
 from rope_twin.estimation.counter_error import CounterErrors, ErrorMemory
 from rope_twin.estimation.figures import (
-    COUNT,
     HEAVE_DELAY,
     HEAVE_ERRORS,
     INDEX,
-    NAMES,
     Gaussian,
     Prior,
     check_learnable,
     factors_of,
+    hung_ropes,
+    hung_winches,
     scene_prior,
 )
 from rope_twin.estimation.least_squares import Whitening, gate, gauss_newton_step, misfit
 from rope_twin.estimation.lift_model import ExpectedMotion, LiftModel, Prediction
-from rope_twin.estimation.measured_lift import MEAN_S, MeasuredLift
+from rope_twin.estimation.measured_lift import MEAN_S, Bools, MeasuredLift
 from rope_twin.estimation.noise import (
+    BANDS,
     FREQUENCY_HZ,
+    SHARE_BANDS,
     Complexes,
     ExpectedHeave,
     ResidualNoise,
     heave_spectra,
     heave_spectrum,
-    tension_error_autocovariance,
+    pin_autocovariances,
+    share_autocovariances,
     top_impedance,
 )
 from rope_twin.estimation.slack import SlackMean, slack_mean
@@ -56,21 +60,25 @@ class Innovation:
     """
 
     time_s: Floats  # (k,) middles of the intervals of the means
-    residual_n: Floats  # (k,) measured less predicted; NaN: missing
-    covariance: Floats  # (k, k) S = R + J·P·Jᵀ of all samples, not tempered
-    columns: Mapping[str, Floats]  # (k,) J of each figure and sensor parameter
+    residual_n: Floats  # (pins·k,) measured less predicted; NaN: missing
+    covariance: Floats  # S = R + J·P·Jᵀ of all samples, not tempered
+    columns: Mapping[str, Floats]  # (pins·k,) J of each figure and sensor parameter
     prior_sd: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class _Linear:
-    """Prediction of a block to first order about θ and n errors of the line counter."""
+    """Prediction of a block to first order about θ and n errors of the line counter.
 
-    theta: Floats  # (COUNT + n,)
-    residual: Floats  # (k,) measured less predicted [N]; NaN: missing, or the rope is slack
-    jacobian: Floats  # (k, COUNT + n)
+    Its k rows are those of all load pins.
+    """
+
+    names: tuple[str, ...]  # of θ
+    theta: Floats  # (figures + n,)
+    residual: Floats  # (k,) measured less predicted [N]; NaN: missing, or a rope is slack
+    jacobian: Floats  # (k, figures + n)
     covariance: Floats  # R, (k, k) [N²]
-    autocovariances: Floats  # of its octaves, (BANDS, k) [N²]
+    autocovariances: Floats  # of its octaves, (BANDS, pins, pins, k/pins) [N²]
     with_slack: Floats  # residual, (k,) [N]; NaN: missing
     slack: SlackMean | None  # over the samples that only `with_slack` has
 
@@ -81,7 +89,7 @@ class _Linear:
         """
         if slack is None:
             return self.residual, self.jacobian, self.covariance
-        row, variance = slack.row(self.jacobian, prior)
+        row, variance = slack.row(self.jacobian, prior, self.names)
         covariance = np.pad(self.covariance, (0, 1))
         covariance[-1, -1] = variance
         residual = np.append(self.residual, slack.of(self.with_slack))
@@ -112,11 +120,12 @@ class BlockResult:
 
     end_s: float
     posterior: Gaussian
-    used: float  # share of the block's means that were used
+    used: float  # share of the block's means that were used, of the load pins that are measured
     nis: float  # normalised innovation squared of the residual that is left, over its number
     held: tuple[str, ...]  # figures at the limit of what the prior allows
     near: float  # share of the means left out with the payload near the surface or the seabed
-    stopped: float  # share of the tension left out at an end of the load pin's range
+    stopped: float  # share of the tension left out at an end of a load pin's range
+    used_of_pins: tuple[float, ...] = ()  # share of the means of each load pin that was used
 
 
 class Estimator:
@@ -133,7 +142,9 @@ class Estimator:
         self.model = model
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
-        self._memory = ErrorMemory()
+        self._memory = ErrorMemory(len(prior.names))
+        for one, size in prior.ranges.items():
+            model.lift.others[one].pin_noise_n = model.lift.pin_noise_n * size
         self._errors: CounterErrors | None = None  # of the line counter in the present block
         self._places: Ints = np.empty(0, np.int64)  # of its knots in the memory
 
@@ -154,11 +165,10 @@ class Estimator:
         return max(float(delay), 0.0) + SPARE_HEAVE_S
 
     def tare(self) -> None:
-        """Take the load pin's zero as set now: its bias is 0 within the uncertainty of a tare."""
+        """Take the load pins' zeros as set now: a bias is 0 within the uncertainty of a tare."""
         self.prior = self.prior.tared()
-        bias = self.prior.gaussian.sd[INDEX["tension_bias"]]
-        self.belief = self.belief.with_figure("tension_bias", 0.0, float(bias))
-        self._memory = ErrorMemory()
+        self.belief = self.prior.with_tare(self.belief)
+        self._memory = ErrorMemory(len(self.prior.names))
         self.theta = self.belief.mean.copy()
         self._running = None
 
@@ -205,14 +215,18 @@ class Estimator:
         near = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
         psd, error_m = self._measured_psd(end_s), self.prior.learning.heave_error_m
         expected = ExpectedHeave(times[near], heave[near], begin_s, end_s, psd, error_m)
-        line = self.model.lift.line_track(self.state_s, self.block_end_s, straight=True)
-        return ExpectedMotion(expected, line)
+        line, *others = (
+            one.line_track(self.state_s, self.block_end_s, straight=True)
+            for one in self.model.lift.ropes
+        )
+        lines = dict(zip(self.model.winches, others, strict=True))
+        return ExpectedMotion(expected, line, lines)
 
     def autocovariances(self, count: int, end_s: float, *, estimated: bool = True) -> Floats:
-        """Return those of the top motion's error as a tension by octaves [N²], (BANDS, count).
+        """Return those of the top motion's error as tensions by octaves [N²].
 
-        They are those of the present figures. estimated: of a rope that is driven by the expected
-        heave; False: by the measured one.
+        They are those of the present figures, (bands, pins, pins, count). estimated: of ropes that
+        are driven by the expected heave; False: by the measured one.
         """
         measured = self._measured_psd(end_s)
         impedance = self._impedance(self.theta, end_s, measured)
@@ -226,68 +240,89 @@ class Estimator:
         spectra = heave_spectra(measured, self.prior.learning.heave_error_m, levels)
         error = spectra.left if estimated else spectra.error
         if not estimated or self._errors is None:
-            error = error + self.model.lift.line_error_psd(end_s - BLOCK_S, end_s)
-        return tension_error_autocovariance(impedance, error, count, MEAN_S)
+            lines = (one.line_error_psd(end_s - BLOCK_S, end_s) for one in self.model.lift.ropes)
+            error = error + max(lines)
+        of_heave = pin_autocovariances(impedance, error, count, MEAN_S)
+        bars, EA = self.model.bars, float(factors_of(theta)["axial_stiffness"])
+        stiff = np.array([EA / float((one.length_m / one.EA_n).sum()) for one in bars])
+        return np.concatenate([of_heave, share_autocovariances(stiff, measured, count, MEAN_S)])
 
     def _impedance(self, theta: Floats, end_s: float, measured: Floats) -> Complexes:
-        """Return the top impedance of the rope with figures θ in the block that ends then.
+        """Return the top impedance of each rope with figures θ in the block that ends then.
 
-        measured: spectrum of the heave [m²/Hz].
+        They are (pins, frequencies). measured: spectrum of the heave [m²/Hz].
         """
         times = end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS
-        line, speed = self.model.lift.line_motion(times)
         factors = {name: float(value) for name, value in factors_of(theta).items()}
-        bar = self.model.bar.at_length(float(line[SPEEDS // 2])).with_factors(factors)
-        return top_impedance(bar, FREQUENCY_HZ, measured, speed)
+        found = []
+        for rope, own in zip(self.model.lift.ropes, self.model.bars, strict=True):
+            line, speed = rope.line_motion(times)
+            bar = own.at_length(float(line[SPEEDS // 2])).with_factors(factors)
+            found.append(top_impedance(bar, FREQUENCY_HZ, measured, speed))
+        return np.array(found)
 
     def _take_counts(self, count: int) -> None:
-        """Take the errors of the line counter over the present block, if they matter."""
+        """Take the errors of the line counter over the present block, if they matter.
+
+        Those of several counters are noise: each moves the load between the ropes.
+        """
         assert self.noise is not None
-        begin_s = self.block_begin_s - RINGING_S
-        errors = CounterErrors.of(self.model.lift.passages(begin_s, self.block_end_s))
+        begin_s, alone = self.block_begin_s - RINGING_S, not self.model.winches
+        passages = self.model.lift.passages(begin_s, self.block_end_s) if alone else []
+        errors = CounterErrors.of(passages)
         self._errors, self._places = None, np.empty(0, np.int64)
         if 0 < len(errors.keys) <= MOST_KNOTS:
             psd = self._measured_psd(self.block_end_s)
             impedance = self._impedance(self.theta, self.block_end_s, psd)
-            columns = errors.columns(impedance, self.block_begin_s, count)
+            columns = errors.columns(impedance[0], self.block_begin_s, count)
             size = np.linalg.norm(columns, axis=0)
-            if (size * errors.sd_m).max() > LEAST_ERROR * self.noise.white_n:
+            if (size * errors.sd_m).max() > LEAST_ERROR * self.noise.white_n[0]:
                 self._errors = errors
         if self._errors is None:
-            self._memory = ErrorMemory()
+            self._memory = ErrorMemory(len(self.prior.names))
         else:
             self._places = self._memory.take(errors)
 
     def _assimilate(self, prediction: Prediction) -> None:
         """Learn from the block whose end a prediction with the present figures has reached."""
         begin_s, end_s = self.block_begin_s, self.block_end_s
-        measured, samples = self.model.lift.tension_means(begin_s, end_s)
+        lift, pins, figures = self.model.lift, len(self.model.pins), len(self.prior.names)
+        measured, samples = lift.means_of_pins(begin_s, end_s)
         known = np.isfinite(measured)
         measured = self.model.in_open_water(prediction, begin_s, measured)
-        near = float((known & np.isnan(measured)).mean())
+        near = self.share(known & np.isnan(measured))
         if self.noise is None:
-            pin_n = self.prior.pin_noise_n / np.sqrt(samples)
-            rounding_n = self.model.lift.rounding_n(begin_s, end_s)
-            self.noise = ResidualNoise(float(np.hypot(pin_n, rounding_n)))
-        self._take_counts(len(measured))
+            sizes = np.array([1.0, *self.prior.ranges.values()])
+            pin_n = self.prior.pin_noise_n * sizes / np.sqrt(samples)
+            rounding_n = np.array([one.rounding_n(begin_s, end_s) for one in lift.ropes])
+            bands = BANDS + (SHARE_BANDS if pins > 1 else 0)
+            self.noise = ResidualNoise(np.hypot(pin_n, rounding_n), bands)
+        self._take_counts(len(measured) // pins)
         joint = self._memory.with_errors(self.belief)
-        first = self._linearise(prediction, measured, joint.mean[COUNT:])
+        first = self._linearise(prediction, measured, joint.mean[figures:])
         self.innovation = self._innovation(first, joint)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
-        if used.mean() >= LEAST_USED or first.slack is not None:
+        if self.share(used) >= LEAST_USED or first.slack is not None:
             posterior, used, nis = self._learn(first, joint, measured, prediction.motion)
         self._memory.learn(posterior)
-        posterior = Gaussian(posterior.mean[:COUNT], posterior.covariance[:COUNT, :COUNT])
+        own = slice(figures)
+        posterior = Gaussian(posterior.mean[own], posterior.covariance[own, own])
         held = self.prior.held(self.theta)
-        stopped = self.model.lift.stopped_share(begin_s, end_s)
+        stopped = max(one.stopped_share(begin_s, end_s) for one in lift.ropes)
+        of_pins = tuple(used.reshape(pins, -1).mean(axis=1).tolist())
         self.results.append(
-            BlockResult(end_s, posterior, float(used.mean()), nis, held, near, stopped)
+            BlockResult(end_s, posterior, self.share(used), nis, held, near, stopped, of_pins)
         )
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
         motion = prediction.motion
         self.state = self.model.state_at(self.theta, self.state, self.state_s, begin_s, motion)
         self.state_s = begin_s
+
+    def share(self, rows: Floats | Bools) -> float:
+        """Return the share of the means of the load pins that were ever measured, (pins·k,)."""
+        heard = [len(one.tension.table) > 0 for one in self.model.lift.ropes]
+        return float(rows.reshape(len(heard), -1)[heard].mean()) if any(heard) else 0.0
 
     def _linearise(self, prediction: Prediction, measured: Floats, errors_m: Floats) -> _Linear:
         """Return what a prediction of the present block leaves of the measured means.
@@ -296,22 +331,25 @@ class Estimator:
         """
         assert self.noise is not None
         begin_s, end_s, theta = self.block_begin_s, self.block_end_s, prediction.theta
-        count, psd = len(measured), self._measured_psd(end_s)
+        pins, psd = len(self.model.pins), self._measured_psd(end_s)
+        count = len(measured) // pins
         taut = self.model.without_slack(prediction, begin_s, measured)
         predicted, J = self.model.linearised(prediction, begin_s)
         impedance = self._impedance(theta, end_s, psd)
         colours = self._autocovariances(impedance, theta, end_s, psd, count, estimated=True)
         R = self.noise.covariance(colours)
-        A = np.zeros((count, len(errors_m)))
+        A = np.zeros((len(measured), len(errors_m)))
         if self._errors is not None:
-            of_knots = self._errors.columns(impedance, begin_s, count)
+            of_knots = self._errors.columns(impedance[0], begin_s, count)
             np.add.at(A.T, self._places, of_knots.T)
             predicted = predicted + A @ errors_m
-        left_out = np.isfinite(measured) & np.isnan(taut)
-        slack = slack_mean(left_out, R, self.model.hanging_kg(theta), psd)
+        slackened = np.isfinite(measured) & np.isnan(taut)
+        left_out = np.asarray(slackened.reshape(pins, count).all(axis=0))
+        of_sum = R.reshape(pins, count, pins, count).sum(axis=(0, 2))
+        slack = slack_mean(left_out, of_sum, self.model.hanging_kg(theta), psd, pins)
         return _Linear(
-            np.append(theta, errors_m), taut - predicted, np.hstack([J, A]), R, colours,
-            measured - predicted, slack,
+            self.prior.names, np.append(theta, errors_m), taut - predicted, np.hstack([J, A]), R,
+            colours, measured - predicted, slack,
         )  # fmt: skip
 
     def _learn(
@@ -326,7 +364,8 @@ class Estimator:
         nothing is learned but from the mean over slack.
         """
         assert self.noise is not None
-        free = np.full(len(joint.mean) - COUNT, np.inf)  # errors of the line have no limits
+        figures = len(self.prior.names)
+        free = np.full(len(joint.mean) - figures, np.inf)  # errors of the line have no limits
         count = len(measured)
         for iteration in range(MOST_ITERATIONS):
             residual, jacobian, covariance = at.compared(at.slack, joint)
@@ -335,13 +374,13 @@ class Estimator:
                 offset[:count] = np.nanmedian(at.residual)
             used = gate(residual - offset, covariance, jacobian, joint)
             share = used[:count].copy()
-            if share.mean() < LEAST_USED:
+            if self.share(share) < LEAST_USED:
                 used[:count] = False
             if not used.any():
                 self.theta = self.belief.mean.copy()
                 return joint, share, np.nan
             whiten = Whitening(covariance, used)
-            reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:COUNT]
+            reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:figures]
             step = gauss_newton_step(
                 at.theta, joint, residual, jacobian, whiten, robust=iteration > 0,
                 least=np.append(self.prior.within(theta - reach), -free),
@@ -353,7 +392,7 @@ class Estimator:
             if better is None:
                 break
             at = better
-        self.theta = step.theta[:COUNT].copy()
+        self.theta = step.theta[:figures].copy()
         number = int(used[:count].sum())
         if number == 0:
             return step.posterior, share, np.nan
@@ -370,17 +409,17 @@ class Estimator:
 
         None: even an eighth of it is none.
         """
-        count = len(measured)
+        count, figures = len(measured), len(self.prior.names)
         before, _, covariance = at.compared(at.slack, joint)
         for halved in range(1 + MOST_HALVINGS):
             theta = at.theta + 0.5**halved * change
             prediction = self.model.predict(
-                theta[:COUNT], self.state, self.state_s, self.block_end_s, motion
+                theta[:figures], self.state, self.state_s, self.block_end_s, motion
             )
-            new = self._linearise(prediction, measured, theta[COUNT:])
+            new = self._linearise(prediction, measured, theta[figures:])
             after, _, _ = new.compared(at.slack, joint)
             both = used & np.isfinite(after)  # neither is slack
-            if used[:count].any() and both[:count].mean() < LEAST_USED:
+            if used[:count].any() and self.share(both[:count]) < LEAST_USED:
                 continue
             whiten = Whitening(covariance, both)
             lower = misfit(new.theta, joint, whiten(after))
@@ -390,13 +429,14 @@ class Estimator:
 
     def _innovation(self, at: _Linear, joint: Gaussian) -> Innovation:
         """Return the residual before learning, with its covariance and signatures."""
-        J, middles = at.jacobian, MEAN_S * (np.arange(len(at.residual)) + 0.5)
+        count = len(at.residual) // len(self.model.pins)
+        J, middles = at.jacobian, MEAN_S * (np.arange(count) + 0.5)
         return Innovation(
             time_s=np.asarray(self.block_begin_s + middles, float),
             residual_n=at.residual,
             covariance=at.covariance + J @ joint.covariance @ J.T,
-            columns={name: J[:, k] for k, name in enumerate(NAMES)},
-            prior_sd={name: float(self.prior.sd[k]) for k, name in enumerate(NAMES)},
+            columns={name: J[:, k] for k, name in enumerate(self.prior.names)},
+            prior_sd=dict(zip(self.prior.names, self.prior.sd.tolist(), strict=True)),
         )
 
 
@@ -410,13 +450,19 @@ def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> E
         SceneError: the measured line out is not possible in this scene.
     """
     check_learnable(scene)
+    for winch in hung_winches(scene):
+        lift.others.setdefault(winch, MeasuredLift(np.nan))
     begin_s = lift.begin_s
     if not np.isfinite(begin_s):
         what = "tension, heave or line out has no sample"
         raise InputError("measured lift", what, "give all three")
-    line, _ = lift.line_motion(np.array([begin_s]))
-    if abs(float(line[0]) - scene.ropes[0].length_m) > SAME_LENGTH_M:
-        scene = change_scene(scene, [Change("ropes[0].length_m", float(line[0]))])
+    changes = []
+    for r, winch in zip(hung_ropes(scene), ("", *hung_winches(scene)), strict=True):
+        own = lift.others[winch] if winch else lift
+        length_m = float(own.line_motion(np.array([begin_s]))[0][0])
+        if abs(length_m - scene.ropes[r].length_m) > SAME_LENGTH_M:
+            changes.append(Change(f"ropes[{r}].length_m", length_m))
+    scene = change_scene(scene, changes) if changes else scene
     prior = scene_prior(scene, tared)
     lift.pin_noise_n = prior.pin_noise_n
     model = LiftModel(scene, lift)

@@ -206,12 +206,13 @@ NIS_SPANS = 8, 16, 32, 80, 240  # samples: 2, 4, 8, 20 and 60 s
 class Signature:
     """Change of the measured tension by a cause of unit size, from its onset on.
 
-    Either a direction of the figures, whose columns of ∂ŷ/∂θ it is, or a drift.
+    Either a direction of the figures, whose columns of ∂ŷ/∂θ it is, or a drift of one load pin.
     """
 
     cause: str
     direction: Mapping[str, float] = field(default_factory=dict)
     ramp_n_per_s: float = 0.0
+    pin: int = 0  # that drifts
 
 
 @dataclass(frozen=True)
@@ -231,7 +232,7 @@ class FaultTests:
         self,
         signatures: Sequence[Signature],
         autocovariance: Floats,
-        white_n: float,
+        white_n: float | Floats,
         covariance: Floats,
         names: Sequence[str],
         *,
@@ -242,9 +243,10 @@ class FaultTests:
 
         Args:
             signatures: one for each cause.
-            autocovariance: of the coloured error of the tension at lags of interval_s, (lags,)
-                [N²]; its length is the most samples since the reference.
-            white_n: standard deviation of the white noise of a sample [N].
+            autocovariance: of the coloured error of the tension at lags of interval_s, (lags,) or
+                of pairs of load pins, (pins, pins, lags) [N²]; as many samples are possible since
+                the reference.
+            white_n: standard deviation of the white noise of a sample [N], one or (pins,).
             covariance: P of the figures at the reference, (figures, figures).
             names: of the figures, in the order of P.
             begin_s: time of the first sample.
@@ -258,31 +260,35 @@ class FaultTests:
             len(self.signatures), len(names)
         )
         self._ramps = np.array([one.ramp_n_per_s for one in signatures], dtype=np.float64)
-        capacity = len(autocovariance)
-        self._colour, self._white, self._P = autocovariance, white_n**2, covariance
+        self._ramping = np.array([one.pin for one in signatures], dtype=np.int64)
+        self._white: Floats = np.atleast_1d(np.square(white_n))
+        self.pins = len(self._white)
+        self._colour = np.reshape(autocovariance, (self.pins, self.pins, -1))
+        capacity, self._P = self.pins * self._colour.shape[2], covariance
         self.begin_s, self.interval_s = begin_s, interval_s
         self._numbers = 0  # of samples in time, missing ones too
         # of the samples that were taken:
         self.count = 0
         self._place: Ints = np.zeros(capacity, dtype=np.int64)  # number in time
+        self._pin: Ints = np.zeros(capacity, dtype=np.int64)  # number of its load pin
         self._columns = np.zeros((capacity, len(names)))
         self._residual = np.zeros(capacity)
         self._whitened = np.zeros(capacity)
         self._inverse = np.zeros((capacity, capacity))  # L⁻¹
         # of each onset and cause:
-        onsets = -(-capacity // ONSET_SAMPLES)
+        onsets = -(-self.capacity // ONSET_SAMPLES)
         self._onset: Ints = ONSET_SAMPLES * np.arange(onsets, dtype=np.int64)
         self._product = np.zeros((onsets, len(self.signatures)))
         self._power = np.zeros((onsets, len(self.signatures)))
 
     def __len__(self) -> int:
-        """Return the number of samples since the reference, missing ones too."""
+        """Return the number of samples in time since the reference, missing ones too."""
         return self._numbers
 
     @property
     def capacity(self) -> int:
-        """Return the largest number of samples."""
-        return len(self._colour)
+        """Return the largest number of samples of a load pin."""
+        return self._colour.shape[2]
 
     @property
     def now_s(self) -> float:
@@ -292,8 +298,8 @@ class FaultTests:
     def extend(self, residual_n: Floats, columns: Floats) -> None:
         """Take new samples, and form the ratios with them.
 
-        residual_n: (m,), NaN: missing; columns: ∂ŷ/∂θ of each figure, (m, figures). Samples whose
-        columns are not finite are missing too.
+        residual_n: (m,) or (m, pins), NaN: missing; columns: ∂ŷ/∂θ of each figure, of their shape
+        with (figures,) behind it. Samples whose columns are not finite are missing too.
 
         Raises:
             InputError: more samples than the capacity, or S is not positive definite.
@@ -303,12 +309,15 @@ class FaultTests:
             what = f"{total} samples do not fit into {self.capacity}"
             raise InputError("fault tests", what, "restart them with a new reference")
         self._numbers = total
+        times = np.repeat(np.arange(first, total), self.pins)
+        pins = np.tile(np.arange(self.pins), total - first)
+        residual_n, columns = residual_n.ravel(), columns.reshape(len(times), -1)
         good = np.isfinite(residual_n) & np.isfinite(columns).all(axis=1)
         if not good.any():
             return
         n = self.count
         new = slice(n, n + int(good.sum()))
-        self._place[new] = first + np.flatnonzero(good)
+        self._place[new], self._pin[new] = times[good], pins[good]
         self._columns[new], self._residual[new] = columns[good], residual_n[good]
         rows = self._extend_inverse(new)
         self.count = new.stop
@@ -320,14 +329,15 @@ class FaultTests:
 
     def _extend_inverse(self, new: slice) -> Floats:
         """Add the rows of new samples to L⁻¹, and return them, (m, count + m)."""
-        n, place, J = new.start, self._place[new], self._columns[new]
+        n, place, pin, J = new.start, self._place[new], self._pin[new], self._columns[new]
         inverse = self._inverse[:n, :n]
         JP = J @ self._P
-        cross = self._colour[np.abs(place[:, None] - self._place[:n])] + JP @ self._columns[:n].T
-        own = self._colour[np.abs(place[:, None] - place)] + JP @ J.T
+        apart = np.abs(place[:, None] - self._place[:n])
+        cross = self._colour[pin[:, None], self._pin[:n], apart] + JP @ self._columns[:n].T
+        own = self._colour[pin[:, None], pin, np.abs(place[:, None] - place)] + JP @ J.T
         link = cross @ inverse.T
         try:
-            factor = np.linalg.cholesky(own + self._white * np.eye(len(place)) - link @ link.T)
+            factor = np.linalg.cholesky(own + np.diag(self._white[pin]) - link @ link.T)
         except np.linalg.LinAlgError as error:
             what = "the covariance of the innovations is not positive definite"
             right = "give a positive noise of the load pin"
@@ -347,18 +357,19 @@ class FaultTests:
         begin = np.searchsorted(place, onset)
         along = self._columns[: self.count] @ self._directions.T
         seconds = self.interval_s * (place + 0.5)
-        along += np.outer(seconds, self._ramps)
+        drifts = np.where(self._pin[: self.count, None] == self._ramping, self._ramps, 0.0)
+        along += seconds[:, None] * drifts
         sums = _sums_from_each_on(rows[:, :, None] * along)[:, begin]
         if self._ramps.any():  # a drift begins at its onset, not at the reference
-            ones = _sums_from_each_on(rows[:, :, None])[:, begin]
-            sums -= ones * np.outer(self.interval_s * onset, self._ramps)
+            ones = _sums_from_each_on(rows[:, :, None] * drifts)[:, begin]
+            sums -= ones * (self.interval_s * onset)[:, None]
         return sums
 
     def ratios(self) -> Floats:
         """Return ℓ of each onset and cause, (onsets, causes); 0: too little was seen."""
         ready = self._power > LEAST_POWER
         seen = self.count - np.searchsorted(self._place[: self.count], self._onset)
-        ready &= (seen >= LEAST_SAMPLES)[:, None]
+        ready &= (seen >= LEAST_SAMPLES * self._heard)[:, None]
         ratio = np.zeros_like(self._power)
         np.divide(self._product**2, self._power, out=ratio, where=ready)
         return ratio
@@ -394,9 +405,11 @@ class FaultTests:
     def fit(self, change_n: Floats) -> tuple[Floats, Floats]:
         """Return sᵀS⁻¹e and sᵀS⁻¹s of changes of the tension, (h,) each.
 
-        change_n: at all samples since the reference, missing ones too, (samples, h).
+        change_n: at all samples since the reference, missing ones too, (samples, h) or (samples,
+        pins, h).
         """
-        known = change_n[self._place[: self.count]]
+        whole = change_n.reshape(-1, self.pins, change_n.shape[-1])
+        known = whole[self._place[: self.count], self._pin[: self.count]]
         whitened = self._inverse[: self.count, : self.count] @ known
         return whitened.T @ self._whitened[: self.count], (whitened**2).sum(axis=0)
 
@@ -406,11 +419,16 @@ class FaultTests:
         return max(
             (
                 (float(e[n - k :] @ e[n - k :]) - k) / math.sqrt(2.0 * k)
-                for k in NIS_SPANS
+                for k in (self._heard * span for span in NIS_SPANS)
                 if k <= n
             ),
             default=0.0,
         )
+
+    @property
+    def _heard(self) -> int:
+        """Return the number of load pins with samples."""
+        return max(1, len(np.unique(self._pin[: self.count])))
 
     @property
     def whitened(self) -> Floats:

@@ -8,13 +8,17 @@ value), then the parameters of the instruments:
 with the load pin's gain error g, bias b [N] and sheave friction μ (ξ of Dahl 1968, -1 to 1), and
 the motion sensor's gain error h (logarithm) and delay δ [s].
 
+A load on several ropes from the ship has a load pin on each, with errors of its own, and line
+counters whose zero and slip decide how the ropes share it: those of each further winch follow in θ,
+as "winch/figure". Lines are counted against the main winch's.
+
 It also says which scenes can be learned yet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
@@ -24,8 +28,9 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.instruments import Learning
-from rope_twin.scene.rigging import is_joined, places
+from rope_twin.scene.rigging import is_joined, places, winches_by_name
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.ropes import ropes_of
 
 
@@ -35,7 +40,7 @@ def check_learnable(scene: Scene) -> None:
     Raises:
         InputError: one sentence, if they cannot be learned yet.
     """
-    right = "payloads on one rope from one hang-off can be learned"
+    right = "payloads that hang free on ropes from winches can be learned"
     if is_joined(scene):
         what = _why_not_joined(scene)
         if what:
@@ -50,12 +55,9 @@ def check_learnable(scene: Scene) -> None:
 
 def _why_not_joined(scene: Scene) -> str:
     """Return why what hangs together cannot be learned yet, or ""."""
-    hung = sum(line.from_ in places(scene) for line in scene.ropes)
-    if hung > 1:
-        return (
-            f"its load hangs on {hung} ropes from the ship, and a load pin on each cannot tell a "
-            "shift of the load between them from offsets of their line counters"
-        )
+    dead = [one for one in hung_winches(scene) if one not in winches_by_name(scene)]
+    if dead:
+        return f"a rope from '{dead[0]}' has no winch, so nothing measures its length and its share"
     if scene.sheaves:
         return "a rope of it runs over a sheave below the winch"
     if any(line.fixed_at_m for line in scene.ropes[1:]):
@@ -63,24 +65,41 @@ def _why_not_joined(scene: Scene) -> str:
     return ""
 
 
-def static_top_n(scene: Scene) -> float:
-    """Return the static tension at the hang-off of the first rope [N].
+def hung_ropes(scene: Scene) -> tuple[int, ...]:
+    """Return the numbers of the ropes from the ship, the main winch's first."""
+    own = places(scene)
+    return (0, *(r for r, line in enumerate(scene.ropes) if r and line.from_ in own))
+
+
+def hung_winches(scene: Scene) -> tuple[str, ...]:
+    """Return the winches of the further ropes from the ship, by the names of their hang-offs."""
+    return tuple(scene.ropes[r].from_ for r in hung_ropes(scene)[1:])
+
+
+def static_tops_n(scene: Scene) -> tuple[float, ...]:
+    """Return the static tension at each hang-off [N], the main winch's first.
 
     Raises:
         SceneError: the scene has no static equilibrium.
     """
-    return float(ropes_of(scene, 1).solve_statics()[rows.PULL])
+    own = ropes_of(scene, 1)
+    first_n = float(own.solve_statics()[rows.PULL])
+    if not isinstance(own, MultiLineRopes):
+        return (first_n,)
+    return tuple(float(own.pulls[r, 0, rows.PULL]) for r in hung_ropes(scene))
 
 
 def scene_prior(scene: Scene, tared: bool = False) -> Prior:
-    """Return the prior of a scene by its section `learning` and its static top tension.
+    """Return the prior of a scene by its section `learning` and its static top tensions.
 
     tared: the load pin was tared with an empty hook.
 
     Raises:
         SceneError: the scene has no static equilibrium.
     """
-    prior = prior_of(scene.learning, static_top_n(scene))
+    first_n, *others_n = static_tops_n(scene)
+    others = dict(zip(hung_winches(scene), others_n, strict=True))
+    prior = prior_of(scene.learning, first_n, others)
     return prior.tared() if tared else prior
 
 
@@ -91,6 +110,8 @@ ROPE_FIGURES = (
 BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION = (
     "tension_bias", "tension_gain", "heave_gain", "heave_delay", "sheave_friction",
 )  # fmt: skip
+LINE_OFFSET, LINE_SLIP = "line_offset", "line_slip"
+WINCH_FIGURES = BIAS, GAIN, FRICTION, LINE_OFFSET, LINE_SLIP  # of each further winch
 SENSOR_FIGURES = (BIAS, GAIN, HEAVE_GAIN, HEAVE_DELAY, FRICTION)
 REPORTED = (*ROPE_FIGURES, *SENSOR_FIGURES)
 # Logarithms of the size of the motion sensor's error over its specification, in two octaves: the
@@ -104,7 +125,7 @@ COUNT = len(NAMES)
 INDEX: Mapping[str, int] = {name: k for k, name in enumerate(NAMES)}
 UNITS: Mapping[str, str] = {
     **dict.fromkeys(ROPE_FIGURES, "-"), BIAS: "N", GAIN: "-", HEAVE_GAIN: "-", HEAVE_DELAY: "s",
-    FRICTION: "-", **dict.fromkeys((*HEAVE_ERRORS, CURRENT_SHAPE), "-"),
+    LINE_OFFSET: "m", **dict.fromkeys((FRICTION, *HEAVE_ERRORS, CURRENT_SHAPE, LINE_SLIP), "-"),
 }  # fmt: skip
 # Steps in θ that a lane carries, by the figure it is for. The tension answers to mass or stiffness
 # alone, which change the natural period, in proportion for a small step only; mass has a lane with
@@ -117,6 +138,7 @@ LANE_STEPS: Mapping[str, Mapping[str, float]] = {
     )},
     "oscillating_mass": {"oscillating_mass": 0.03, "axial_stiffness": 0.03},
 }  # fmt: skip
+LINE_STEPS: Mapping[str, float] = {LINE_OFFSET: 0.02, LINE_SLIP: 0.0005}  # lanes of a winch
 # Levels of the sensor's error act on the expected heave only. Where the measured one drives the
 # members, their lanes have a sensor that is later by so much [s], which a tangent of the delay does
 # not describe for short waves.
@@ -124,6 +146,21 @@ HEAVE_SHIFTS: Mapping[str, float] = dict(zip(HEAVE_ERRORS, (0.4, -0.4), strict=T
 RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
 HEAVE_ERROR_SD = 0.5  # of those logarithms
 MOST_SDS = 4.0  # a figure stays within so many prior standard deviations
+
+
+def of_winch(winch: str, name: str) -> str:
+    """Return the name in θ of a figure of a further winch; "": of the main one."""
+    return f"{winch}/{name}" if winch else name
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a figure of θ, also of a further winch."""
+    return UNITS[name.rpartition("/")[2]]
+
+
+def names_of(winches: Sequence[str] = ()) -> tuple[str, ...]:
+    """Return the names of θ, with those of further winches."""
+    return (*NAMES, *(of_winch(winch, name) for winch in winches for name in WINCH_FIGURES))
 
 
 @dataclass(frozen=True)
@@ -154,7 +191,10 @@ class Gaussian:
         if not (np.isfinite(mean) and np.isfinite(sd) and sd > 0.0):
             what = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
             raise InputError(name, what, "give finite numbers, and a positive deviation")
-        k = INDEX[name]
+        return self.with_place(INDEX[name], mean, sd)
+
+    def with_place(self, k: int, mean: float, sd: float) -> Self:
+        """Return the Gaussian with number k of θ replaced by an independent one."""
         new_mean, covariance = self.mean.copy(), self.covariance.copy()
         new_mean[k] = mean
         covariance[k, :] = covariance[:, k] = 0.0
@@ -170,6 +210,27 @@ class Prior:
     pin_noise_n: float  # standard deviation of one sample
     pin_bias_tared_n: float  # standard uncertainty of the zero after a tare
     learning: Learning
+    # full scale of the load pins of further winches [N] over the main one's, by winch
+    ranges: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Return the names of θ."""
+        return names_of(tuple(self.ranges))
+
+    @property
+    def biases(self) -> tuple[tuple[int, float], ...]:
+        """Return the number in θ of each pin's bias, and its uncertainty after a tare [N]."""
+        own = {"": 1.0, **self.ranges}
+        at = self.names.index
+        return tuple(
+            (at(of_winch(one, BIAS)), size * self.pin_bias_tared_n) for one, size in own.items()
+        )
+
+    @property
+    def frictions(self) -> list[int]:
+        """Return the numbers in θ of the sheaves' friction."""
+        return [self.names.index(of_winch(one, FRICTION)) for one in ("", *self.ranges)]
 
     @property
     def mean(self) -> Floats:
@@ -183,7 +244,13 @@ class Prior:
 
     def tared(self) -> Self:
         """Return the prior after a tare: no bias, within the uncertainty of a tared zero."""
-        return replace(self, gaussian=self.gaussian.with_figure(BIAS, 0.0, self.pin_bias_tared_n))
+        return replace(self, gaussian=self.with_tare(self.gaussian))
+
+    def with_tare(self, belief: Gaussian) -> Gaussian:
+        """Return a belief with the zeros of all load pins as tared."""
+        for k, sd in self.biases:
+            belief = belief.with_place(k, 0.0, sd)
+        return belief
 
     def within(self, theta: Floats) -> Floats:
         """Return θ held within MOST_SDS of the prior and within what is possible.
@@ -192,21 +259,30 @@ class Prior:
         """
         reach = MOST_SDS * self.sd
         kept = np.clip(theta, self.mean - reach, self.mean + reach)
-        kept[INDEX[FRICTION]] = max(kept[INDEX[FRICTION]], 0.0)
+        kept[self.frictions] = np.maximum(kept[self.frictions], 0.0)
         return kept
 
     def held(self, theta: Floats) -> tuple[str, ...]:
         """Return the names of figures at the limits of `within`."""
         reach = MOST_SDS * self.sd * (1.0 - 1e-9)
         far = np.abs(theta - self.mean) >= reach
-        k = INDEX[FRICTION]
-        far[k] |= theta[k] <= 0.0 < self.mean[k]
-        return tuple(name for name, one in zip(NAMES, far, strict=True) if one)
+        k = self.frictions
+        far[k] |= (theta[k] <= 0.0) & (self.mean[k] > 0.0)
+        return tuple(name for name, one in zip(self.names, far, strict=True) if one)
 
 
-def prior_of(learning: Learning, static_tension_n: float) -> Prior:
-    """Return the prior of a scene's section `learning`; static_tension_n: at the hang-off [N]."""
+def prior_of(
+    learning: Learning, static_tension_n: float, others: Mapping[str, float] | None = None
+) -> Prior:
+    """Return the prior of a scene's section `learning`.
+
+    static_tension_n: at the hang-off [N]; others: at those of further winches, by name.
+    """
     full_scale = learning.pin_range_n or RANGE_OVER_TENSION * abs(static_tension_n)
+    ranges = {
+        name: 1.0 if learning.pin_range_n else abs(own_n / static_tension_n)
+        for name, own_n in (others or {}).items()
+    }
     pct = np.array([getattr(learning, f"{name}_pct") for name in ROPE_FIGURES])
     sd = np.concatenate([
         0.01 * pct,
@@ -219,15 +295,25 @@ def prior_of(learning: Learning, static_tension_n: float) -> Prior:
             *(HEAVE_ERROR_SD for _ in HEAVE_ERRORS),
             0.01 * learning.current_shape_pct,
         ],
+        *([
+            0.01 * learning.pin_bias_pct * full_scale * size,
+            0.01 * learning.pin_gain_pct,
+            0.01 * learning.friction_uncertainty_pct,
+            learning.line_offset_m,
+            0.01 * learning.line_slip_pct,
+        ] for size in ranges.values()),
     ])  # fmt: skip
-    mean = np.zeros(COUNT)
+    names = names_of(tuple(ranges))
+    mean = np.zeros(len(names))
     mean[INDEX[HEAVE_DELAY]] = learning.heave_delay_s
-    mean[INDEX[FRICTION]] = 0.01 * learning.friction_pct
+    for winch in ("", *ranges):
+        mean[names.index(of_winch(winch, FRICTION))] = 0.01 * learning.friction_pct
     return Prior(
         Gaussian(mean, np.diag(sd**2)),
         pin_noise_n=0.01 * learning.pin_noise_pct * full_scale,
         pin_bias_tared_n=0.01 * learning.pin_bias_tared_pct * full_scale,
         learning=learning,
+        ranges=ranges,
     )
 
 

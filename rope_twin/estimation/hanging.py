@@ -1,6 +1,6 @@
-"""All that hangs on the one rope from the ship: a payload, or a bridle with its hook and loads.
+"""All that hangs on the ropes from the ship: a payload, or a bridle with its hook and loads.
 
-The axial model of the lift is the rope from the hang-off with all of it as one mass at its lower
+The axial model of the lift is each rope from a hang-off with all of it as one mass at its lower
 end. Of a bridle these are hook, rings, bars and payloads, summed, as the figures scale them
 together. Its slings count with their mass: they are short, so their stretch, their drag and the
 added mass across them are neglected beside those of the rope and the payloads.
@@ -25,7 +25,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.environment import bed_at
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import point_figures
-from rope_twin.scene.rigging import is_joined
+from rope_twin.scene.rigging import is_joined, places
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 
@@ -34,13 +34,18 @@ Bools = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Hanging:
-    """The rope from the hang-off and what hangs on it, at the scene's figures."""
+    """The ropes from the ship and what hangs on them, at the scene's figures."""
 
-    rope: Rope
-    metre_kg: Floats  # mass of each section of the rope with added mass [kg/m], (sections,)
+    # each with the mass of its sections with added mass [kg/m], (sections,), and its length [m]
+    ropes: tuple[tuple[Rope, Floats, float], ...]
     bodies: tuple[tuple[float, float, float], ...]  # `_vertical_figures` of all below it
     slings_kg: float  # mass of the ropes below it, with added mass along them
     air_kg: float  # mass in air of payloads, connections and bars
+
+    @property
+    def rope(self) -> Rope:
+        """Return the rope from the main winch."""
+        return self.ropes[0][0]
 
     @property
     def weight_n(self) -> float:
@@ -72,21 +77,23 @@ def _vertical_figures(effect: Any) -> tuple[float, float, float] | None:
 
 
 def hanging_of(scene: Scene) -> Hanging:
-    """Return what hangs on a scene's first rope.
+    """Return what hangs on a scene's ropes from the ship.
 
     Raises:
         SceneError: the scene cannot be built.
     """
     ropes = build_joined(scene).system.ropes if is_joined(scene) else (build(scene),)
     metres = [_metre_kg(scene, rope) for rope in ropes]
-    slings_kg = sum(
-        float(kg @ line.lengths_m(line.length_m))
-        for line, kg in zip(scene.ropes[1:], metres[1:], strict=True)
-    )
+    own, hung, slings_kg = places(scene), [], 0.0
+    for r, (line, rope, kg) in enumerate(zip(scene.ropes, ropes, metres, strict=True)):
+        if r == 0 or line.from_ in own:
+            hung.append((rope, kg, float(line.length_m)))
+        else:
+            slings_kg += float(kg @ line.lengths_m(line.length_m))
     found = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
     bodies = [one for one in found if one is not None]
     air_kg = sum(one.mass_kg for one in point_figures(scene).values())
-    return Hanging(ropes[0], metres[0], tuple(bodies), slings_kg, air_kg)
+    return Hanging(tuple(hung), tuple(bodies), slings_kg, air_kg)
 
 
 @dataclass(frozen=True)

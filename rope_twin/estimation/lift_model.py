@@ -9,22 +9,27 @@ The load pin has gain, bias, and the friction of the rope that runs over its she
 follows Dahl (1968): its state ξ, -1 to 1, changes with the travel s of the rope over the sheave as
 dξ/ds = (sgn(ds) - ξ)/δ, so it reverses over a few δ and keeps its value while nothing moves. The
 rope travels by what the winch pays out and by the stretch of the rope on deck.
+
+Ropes that carry a load together are all in a member, and each has a load pin. Rows are those of the
+main winch's pin, then of the others. How long the ropes are against each other decides their
+shares, so zero and slip of the other winches' line counters are figures with lanes. A rope comes
+from the length that it has in the state where a prediction begins to that of its figures smoothly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.state import Floats
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import SolverError
 from rope_twin.estimation.figures import (
     BIAS,
-    COUNT,
     CURRENT_SHAPE,
     FRICTION,
     GAIN,
@@ -34,12 +39,18 @@ from rope_twin.estimation.figures import (
     HEAVE_SHIFTS,
     INDEX,
     LANE_STEPS,
+    LINE_STEPS,
+    NAMES,
     check_learnable,
     factors_of,
+    hung_ropes,
+    hung_winches,
+    names_of,
+    of_winch,
 )
 from rope_twin.estimation.hanging import hanging_of, open_water
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
-from rope_twin.estimation.noise import Bar, ExpectedHeave, bar_of
+from rope_twin.estimation.noise import Bar, ExpectedHeave, bars_of
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
@@ -67,8 +78,16 @@ def dahl_states(travel_m: Floats, slip_m: float, state: float | Floats = 0.0) ->
 class LoadPin:
     """Prediction of what the load pin measures of the rope's tension at the hang-off."""
 
-    def __init__(self, learning: Learning, EA_n: float) -> None:
-        """Take the sheave's properties; EA_n: axial stiffness of the rope on deck [N]."""
+    def __init__(
+        self, learning: Learning, EA_n: float, winch: str = "", names: Sequence[str] = NAMES
+    ) -> None:
+        """Take the sheave's properties.
+
+        EA_n: axial stiffness of the rope on deck [N]; winch: whose pin it is, "": the main one's;
+        names: of θ.
+        """
+        # numbers in θ
+        self.places = {name: names.index(of_winch(winch, name)) for name in PIN_STEPS}
         self._slip_m = learning.friction_slip_m
         self._stretch_m_per_n = learning.friction_rope_m / EA_n
 
@@ -91,8 +110,8 @@ class LoadPin:
         return dahl_states(np.diff(position, axis=0, prepend=last[None]), self._slip_m, state)
 
     def measured(self, tension_n: Floats, friction_state: Floats, theta: Floats) -> Floats:
-        """Return the reading y = (1 + g)·T·(1 - μ·ξ) + b [N]; theta: in the order of NAMES."""
-        gain, friction, bias = (theta[INDEX[name]] for name in (GAIN, FRICTION, BIAS))
+        """Return the reading y = (1 + g)·T·(1 - μ·ξ) + b [N]; theta: all figures."""
+        gain, friction, bias = (theta[self.places[name]] for name in (GAIN, FRICTION, BIAS))
         return np.asarray((1.0 + gain) * tension_n * (1.0 - friction * friction_state) + bias)
 
 
@@ -101,6 +120,7 @@ FEWEST_ABOVE_BODY = 12  # its rocking moves the rope aside, in waves that are sh
 WAVE_SHARE = 0.2  # of the way of an axial wave in a step, which an element has at least
 STEPS_PER_MEAN = round(MEAN_S / STEP_S)
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
+LEAD_S = 20.0  # of further ropes to their lengths, slowly: a load that is led aside swings
 RAMP_S = 10.0  # over which the ship's motion builds up from rest
 # differences of the load pin's own figures: exact for bias and gain
 PIN_STEPS: Mapping[str, float] = {BIAS: 100.0, GAIN: 0.003, FRICTION: 0.004}
@@ -112,20 +132,37 @@ class ExpectedMotion:
 
     heave: ExpectedHeave
     line: LineTrack
+    lines: Mapping[str, LineTrack] = field(default_factory=dict)  # of further winches
+
+
+@dataclass(frozen=True)
+class Lead:
+    """Way of the further winches' ropes from their lengths in a state to those of the figures."""
+
+    begin_s: float
+    longer_m: Mapping[str, Floats]  # of the rope in the state, (members,), by winch
+
+    def at(self, winch: str, times_s: Floats) -> tuple[Floats, Floats]:
+        """Return what is left of it at times, and its rate, (k, members): half a cosine."""
+        angle = np.pi * np.clip((times_s - self.begin_s) / LEAD_S, 0.0, 1.0)
+        left, rate = 0.5 * (1.0 + np.cos(angle)), -0.5 * np.pi / LEAD_S * np.sin(angle)
+        longer_m = self.longer_m[winch]
+        return np.outer(left, longer_m), np.outer(rate, longer_m)
 
 
 @dataclass
 class Prediction:
     """Tension of the members from a common state on, extended as data come."""
 
-    theta: Floats  # (COUNT,)
+    theta: Floats  # (figures,)
     begin_s: float
     end_s: float
     states: list[FleetState]  # of the members at the end
-    tension_n: list[Floats] = field(default_factory=list)  # (steps, members) each
-    line_out_m: list[Floats] = field(default_factory=list)  # (steps,) each
-    # of the rope over the sheave before `begin_s`: friction state and position; None: none
-    sheave: Floats | None = None  # (2, members)
+    lead: Lead
+    tension_n: list[Floats] = field(default_factory=list)  # (pins, steps, members) each
+    line_out_m: list[Floats] = field(default_factory=list)  # (pins, steps) each
+    # of the ropes over their sheaves before `begin_s`: friction state and position; None: none
+    sheave: Floats | None = None  # (pins, 2, members)
     motion: ExpectedMotion | None = None  # that drives them; None: the measured one
     # ends of means in which the rope of a member is slack
     slack_s: Floats = field(default_factory=lambda: np.empty(0))
@@ -144,7 +181,7 @@ def elements_of(bar: Bar) -> int:
 
 
 class LiftModel:
-    """A fleet of one rope, and of all that hangs on it, that follows a measured lift."""
+    """A fleet of ropes, and of all that hangs on them, that follows a measured lift."""
 
     def __init__(self, scene: Scene, lift: MeasuredLift) -> None:
         """Build the lanes of a scene, in its static equilibrium.
@@ -155,30 +192,44 @@ class LiftModel:
         """
         check_learnable(scene)
         self.lift = lift
+        self.winches = hung_winches(scene)  # further ones
+        self.names = names_of(self.winches)
+        self._numbers = dict(zip(self.winches, hung_ropes(scene)[1:], strict=True))
+        self._lengths_m = {one: scene.ropes[r].length_m for one, r in self._numbers.items()}
+        lift.others = {one: lift.others.get(one, MeasuredLift(np.nan)) for one in self.winches}
         self._water = open_water(scene, lift.pin_noise_n)
-        self.bar: Bar = bar_of(scene)
-        self.elements = elements_of(self.bar)
+        self.bars = bars_of(scene)  # of each rope from the ship
+        self.elements = elements_of(self.bars[0])
         if scene.listed(RigidBodyParams) is not None:
             self.elements = max(self.elements, FEWEST_ABOVE_BODY)
         self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
         # of the rope itself: slings may have a figure that it has not, the stiffness of steel
         self._known = figures_of(hanging_of(scene).rope)
         present = {*self._known, HEAVE_GAIN, HEAVE_DELAY, *HEAVE_ERRORS}
-        self.lanes = tuple(name for name in LANE_STEPS if name in present)
+        self._steps = {name: own for name, own in LANE_STEPS.items() if name in present}
+        for winch in self.winches:
+            named = {of_winch(winch, name): step for name, step in LINE_STEPS.items()}
+            self._steps |= {name: {name: step} for name, step in named.items()}
+        self.lanes = tuple(self._steps)
         members = 1 + len(self.lanes)
         if LANES > 1:  # a group that is not half full is stepped member by member
             members = -(-members // (LANES // 2)) * (LANES // 2)
         self._fleet = Fleet(scene, members, elements=self.elements, step_s=STEP_S)
-        self.pin = LoadPin(scene.learning, float(self.bar.EA_n[-1]))
+        self.pins = tuple(
+            LoadPin(scene.learning, float(bar.EA_n[-1]), winch, self.names)
+            for winch, bar in zip(("", *self.winches), self.bars, strict=True)
+        )
         self.rest = self._lone.state(0)
         self.ramp_begin_s = -np.inf
         self.live: LiveState | None = None  # from which it began, with the current in force
 
     def hanging_kg(self, theta: Floats) -> float:
-        """Return the mass of rope and all that hangs on it with figures θ, with added mass [kg]."""
-        bar = self.bar
-        payload_kg = float(factors_of(theta)["oscillating_mass"]) * bar.end_mass_kg
-        return payload_kg + bar.slings_kg + float(bar.mass_kg_per_m @ bar.length_m)
+        """Return the mass of ropes and all that hangs on them with θ, with added mass [kg]."""
+        factor = float(factors_of(theta)["oscillating_mass"])
+        return sum(
+            factor * bar.end_mass_kg + bar.slings_kg + float(bar.mass_kg_per_m @ bar.length_m)
+            for bar in self.bars
+        )
 
     def begin_at_rest(self, time_s: float) -> FleetState:
         """Return the static equilibrium as the state at a time; the ship's motion builds up."""
@@ -205,7 +256,8 @@ class LiftModel:
         motion: without the errors of sensor and counter; None: as it was measured.
         """
         states = [state] * len(self._fleet)
-        return Prediction(theta, begin_s, begin_s, states, motion=motion)
+        lead = self.lead(begin_s, state, self._members(theta, motion is None), motion)
+        return Prediction(theta, begin_s, begin_s, states, lead, motion=motion)
 
     def extend(self, prediction: Prediction, end_s: float) -> None:
         """Step the members on to a time [s], a whole number of means later.
@@ -220,7 +272,7 @@ class LiftModel:
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
         times = _borders(prediction.end_s, steps)
-        inputs = self._inputs(times, thetas, prediction.motion)
+        inputs = self._inputs(times, thetas, prediction.motion, prediction.lead)
         record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
@@ -229,8 +281,9 @@ class LiftModel:
         prediction.slack_s = np.append(prediction.slack_s, ends[loose])
         near = self._water.without(record.payload_depth_m).any(axis=1)
         prediction.near_s = np.append(prediction.near_s, ends[near])
-        prediction.tension_n.append(record.top_tension_n)
-        prediction.line_out_m.append(np.asarray(inputs.line_out_m)[1:])
+        prediction.tension_n.append(np.array(list(record.hung_tension_n.values())))
+        lines = [np.asarray(inputs.line_out_m), *(out[:, 0] for out, _ in inputs.lines.values())]
+        prediction.line_out_m.append(np.array(lines)[:, 1:])
         prediction.end_s = float(times[-1])
         prediction.states = [self._fleet.state(k) for k in range(len(self._fleet))]
 
@@ -241,20 +294,30 @@ class LiftModel:
         """
         begin_s, first = whole.begin_s, 0
         for piece in whole.tension_n:
-            end_s = begin_s + STEP_S * len(piece)
+            end_s = begin_s + STEP_S * piece.shape[1]
             if end_s > time_s:
                 break
             begin_s, first = end_s, first + 1
         if first == 0:
             return whole
-        tension = np.concatenate(whole.tension_n[:first])
-        line = np.concatenate(whole.line_out_m[:first])
-        state = self.pin.friction_state(tension, line, whole.sheave)[-1]
-        sheave = np.array([state, self.pin.position(tension[-1], line[-1])])
+        tension = np.concatenate(whole.tension_n[:first], axis=1)
+        line = np.concatenate(whole.line_out_m[:first], axis=1)
+        states = self._frictions(tension, line, whole.sheave)
+        sheave = np.array([
+            [states[p][-1], pin.position(tension[p, -1], line[p, -1])]
+            for p, pin in enumerate(self.pins)
+        ])  # fmt: skip
         return replace(
             whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
             line_out_m=whole.line_out_m[first:], sheave=sheave,
         )  # fmt: skip
+
+    def _frictions(self, tension: Floats, line: Floats, sheave: Floats | None) -> list[Floats]:
+        """Return ξ of each pin, (steps, members); see `LoadPin.friction_state`."""
+        return [
+            pin.friction_state(tension[p], line[p], None if sheave is None else sheave[p])
+            for p, pin in enumerate(self.pins)
+        ]
 
     def predict(
         self, theta: Floats, state: FleetState, begin_s: float, end_s: float,
@@ -266,23 +329,34 @@ class LiftModel:
         return prediction
 
     def without_slack(self, prediction: Prediction, begin_s: float, means: Floats) -> Floats:
-        """Return means from begin on, (k,), with NaN while the predicted rope is slack and after.
+        """Return means from begin on with NaN while a predicted rope is slack and after.
+
+        means: (k,), or of all pins, one after the other, (pins·k,).
 
         When it is taut again follows from elements and steps as much as from the figures, and what
         the jerk leaves in the rope lasts FORGETTING_S. That holds for each member: the difference
         from one that is slack is no derivative.
         """
-        return _without(prediction.slack_s, begin_s, means)
+        return self._without(prediction.slack_s, begin_s, means)
 
     def in_open_water(self, prediction: Prediction, begin_s: float, means: Floats) -> Floats:
-        """Return means from begin on, (k,), with NaN while the payload is not in open water.
+        """Return means from begin on with NaN while the payload is not in open water.
 
         The rope forgets in FORGETTING_S how it came out of the splash zone or off the bed.
         """
-        return _without(prediction.near_s, begin_s, means)
+        return self._without(prediction.near_s, begin_s, means)
+
+    def _without(self, at_s: Floats, begin_s: float, means: Floats) -> Floats:
+        """Return means of all pins with NaN in those that end at times or soon after."""
+        ends = begin_s + MEAN_S * np.arange(1, len(means) // len(self.pins) + 1)
+        since = ends[:, None] - at_s
+        near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
+        return np.where(np.tile(near, len(self.pins)), np.nan, means)
 
     def linearised(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats]:
-        """Return the predicted means from a time on, (k,) [N], and their Jacobian, (k, COUNT).
+        """Return the predicted means of all pins from a time on, and their Jacobian.
+
+        They are (pins·k,) [N], one pin after the other, and (pins·k, figures).
 
         A figure without a lane (the scene does not have it), or whose lane failed, has a column of
         zeros: it is not observable.
@@ -294,18 +368,21 @@ class LiftModel:
         """Return what `linearised` does, and the changes by a shifted motion sensor.
 
         Changes of the means [N] per second that the sensor is later, by each of HEAVE_SHIFTS,
-        (k, 2). They are zero where the expected motion drives the members.
+        (pins·k, 2). They are zero where the expected motion drives the members.
         """
-        tension, line = np.concatenate(prediction.tension_n), np.concatenate(prediction.line_out_m)
-        theta = prediction.theta
-        friction = self.pin.friction_state(tension, line, prediction.sheave)
+        tension = np.concatenate(prediction.tension_n, axis=1)
+        line, theta = np.concatenate(prediction.line_out_m, axis=1), prediction.theta
+        frictions = self._frictions(tension, line, prediction.sheave)
 
-        def means(reading: Floats) -> Floats:
-            return self.lift.sampled_means(reading, prediction.begin_s, STEP_S, from_s)
+        def means(p: int, reading: Floats) -> Floats:
+            return self.lift.ropes[p].sampled_means(reading, prediction.begin_s, STEP_S, from_s)
 
-        of_members = means(self.pin.measured(tension, friction, theta))
+        of_members = np.concatenate([
+            means(p, pin.measured(tension[p], frictions[p], theta))
+            for p, pin in enumerate(self.pins)
+        ])  # fmt: skip
         predicted = of_members[:, 0]
-        jacobian = np.zeros((len(predicted), COUNT))
+        jacobian = np.zeros((len(predicted), len(theta)))
         shifts = np.zeros((len(predicted), len(HEAVE_SHIFTS)))
         for member, name in enumerate(self.lanes, start=1):
             column = of_members[:, member] - predicted
@@ -314,17 +391,20 @@ class LiftModel:
             if prediction.motion is None and name in HEAVE_SHIFTS:
                 shifts[:, HEAVE_ERRORS.index(name)] = column / HEAVE_SHIFTS[name]
             else:
-                steps = dict(LANE_STEPS[name])
+                steps = dict(self._steps[name])
                 own = steps.pop(name)
                 for other, step in steps.items():  # has its column already
                     column = column - step * jacobian[:, INDEX[other]]
-                jacobian[:, INDEX[name]] = column / own
+                jacobian[:, self.names.index(name)] = column / own
         jacobian[:, INDEX[CURRENT_SHAPE]] = jacobian[:, INDEX["current"]]
-        for name, step in PIN_STEPS.items():
-            more = theta.copy()
-            more[INDEX[name]] += step
-            reading = self.pin.measured(tension[:, 0], friction[:, 0], more)
-            jacobian[:, INDEX[name]] = (means(reading) - predicted) / step
+        count = len(predicted) // len(self.pins)
+        for p, pin in enumerate(self.pins):
+            rows_of = slice(p * count, (p + 1) * count)
+            for name, step in PIN_STEPS.items():
+                more, k = theta.copy(), pin.places[name]
+                more[k] += step
+                reading = pin.measured(tension[p, :, 0], frictions[p][:, 0], more)
+                jacobian[rows_of, k] = (means(p, reading) - predicted[rows_of]) / step
         return predicted, jacobian, shifts
 
     def state_at(
@@ -336,13 +416,15 @@ class LiftModel:
         self._set(self._lone, theta[None])
         self._lone.restore(state)
         times = _borders(begin_s, steps)
-        record = self._lone.advance(self._inputs(times, theta[None], motion), look_steps=steps)
+        lead = self.lead(begin_s, state, theta[None], motion)
+        inputs = self._inputs(times, theta[None], motion, lead)
+        record = self._lone.advance(inputs, look_steps=steps)
         if record.failures:
             raise SolverError(record.failures[0])
         return self._lone.state(0)
 
     def _members(self, theta: Floats, measured: bool) -> Floats:
-        """Return θ of each member, (members, COUNT); spare members repeat the first.
+        """Return θ of each member, (members, figures); spare members repeat the first.
 
         measured: the measured heave drives them.
         """
@@ -351,16 +433,53 @@ class LiftModel:
             if measured and name in HEAVE_SHIFTS:
                 thetas[member, INDEX[HEAVE_DELAY]] += HEAVE_SHIFTS[name]
                 continue
-            for figure, step in LANE_STEPS[name].items():
-                thetas[member, INDEX[figure]] += step
+            for figure, step in self._steps[name].items():
+                thetas[member, self.names.index(figure)] += step
         return thetas
 
     def _set(self, fleet: Fleet, thetas: Floats) -> None:
         factors = factors_of(thetas)
         fleet.set_figures({name: factors[name] for name in self._known})
 
-    def _inputs(
+    def lead(
+        self, begin_s: float, state: FleetState, thetas: Floats, motion: ExpectedMotion | None
+    ) -> Lead:
+        """Return how further ropes come from a state to the lengths of figures, (members, ...)."""
+        longer_m = {}
+        for winch, (out, _) in self._lines(np.array([begin_s]), thetas, motion).items():
+            own = state.others[self._numbers[winch] - 1]
+            longer_m[winch] = float(own.s[own.counts[rows.ELEMENTS]]) - out[0]
+        return Lead(begin_s, longer_m)
+
+    def _lines(
         self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None
+    ) -> dict[str, tuple[Floats, Floats]]:
+        """Return line out and its rate of further winches by θ, (k, members) each."""
+        found = {}
+        for winch in self.winches:
+            track = (
+                self.lift.others[winch].line_motion if motion is None else motion.lines[winch].at
+            )
+            line, speed = (one[:, None] for one in track(times_s))
+            offset, slip = (
+                thetas[:, self.names.index(of_winch(winch, name))] for name in LINE_STEPS
+            )
+            ran = line - self._lengths_m[winch]
+            found[winch] = line + offset + slip * ran, speed * (1.0 + slip)
+        return found
+
+    def lines(
+        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
+    ) -> dict[str, tuple[Floats, Floats]]:
+        """Return line out and line speed of further winches, (k, members) each."""
+        found = {}
+        for winch, (out, rate) in self._lines(times_s, thetas, motion).items():
+            longer_m, slower = lead.at(winch, times_s)
+            found[winch] = out + longer_m, rate + slower
+        return found
+
+    def _inputs(
+        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
     ) -> FleetInputs:
         """Return what moves the members, whose sensors differ in gain and delay of the heave."""
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
@@ -380,15 +499,7 @@ class LiftModel:
             share_rate = np.where((since[:, None] >= 0.0) & (share < 1.0), 1.0 / RAMP_S, 0.0)
             rate = share * rate + share_rate * position
             position = share * position
-        return FleetInputs(position, rate, line, speed)
-
-
-def _without(at_s: Floats, begin_s: float, means: Floats) -> Floats:
-    """Return means from begin on, (k,), with NaN in those that end at times or soon after."""
-    ends = begin_s + MEAN_S * np.arange(1, len(means) + 1)
-    since = ends[:, None] - at_s
-    near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
-    return np.where(near, np.nan, means)
+        return FleetInputs(position, rate, line, speed, self.lines(times_s, thetas, motion, lead))
 
 
 def _expected(

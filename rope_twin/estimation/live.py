@@ -28,7 +28,13 @@ from rope_twin.errors import InputError, RopeTwinError, SolverError
 from rope_twin.estimation import report
 from rope_twin.estimation.alarms import Alarm, FaultWatch
 from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
-from rope_twin.estimation.figures import ROPE_FIGURES, check_learnable, factors_of, scene_prior
+from rope_twin.estimation.figures import (
+    ROPE_FIGURES,
+    check_learnable,
+    factors_of,
+    hung_ropes,
+    scene_prior,
+)
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.worker import Ask, Begin, Heave, Input, Motion, Reading, Worker
@@ -126,13 +132,14 @@ class Learner:
         self._frozen = f"frozen: {why}" if why else ""
 
     def tare(self) -> None:
-        """Take the load pin's zero as set with an empty hook; call it in the worker.
+        """Take the load pins' zeros as set with an empty hook; call it in the worker.
 
         Tension with the zero of before is forgotten.
         """
         self._tared = True
         self._prior = self._prior.tared()
-        self._lift.tension.drop_before(np.nextafter(self._lift.tension.newest_s, np.inf))
+        for rope in self._lift.ropes:
+            rope.tension.drop_before(np.nextafter(rope.tension.newest_s, np.inf))
         if self._estimator is not None:
             self._estimator.tare()
 
@@ -140,10 +147,13 @@ class Learner:
         """Take motion, a reading, or a live state to begin from."""
         if isinstance(inputs, Motion):
             self._lift.heave.add(inputs.time_s, inputs.heave_m, inputs.heave_rate_m_per_s)
-            self._lift.line_out.add(inputs.time_s, inputs.line_out_m)
+            lines_m = inputs.line_out_m, *inputs.lines_m
+            for rope, line_m in zip(self._lift.ropes, lines_m, strict=True):
+                rope.line_out.add(inputs.time_s, line_m)
         elif isinstance(inputs, Reading):
-            self._lift.tension.add(inputs.time_s, inputs.tension_n - self._bias_n)
-            self._lift.counter.add(inputs.time_s, inputs.line_out_m)
+            rope = self._lift.others[inputs.winch] if inputs.winch else self._lift
+            rope.tension.add(inputs.time_s, inputs.tension_n - self._bias_n)
+            rope.counter.add(inputs.time_s, inputs.line_out_m)
         elif isinstance(inputs, Heave):
             self._lift.sensor.add(*inputs)
         elif isinstance(inputs, Begin):
@@ -184,7 +194,7 @@ class Learner:
         advice: dict[str, str] = {}
         if not self._tared:
             action = report.tare_action(estimator.prior, last.posterior)
-            advice = report.best_actions(last.posterior, [action])
+            advice = report.best_actions(last.posterior, [action], estimator.prior.names)
         factors = factors_of(last.posterior.mean)
         known = [name for name in ROPE_FIGURES if self._base[name] and name != "current"]
         self.newest = Estimate(
@@ -196,7 +206,7 @@ class Learner:
             ),
             factors={name: float(factors[name]) for name in known},
             held=last.held,
-            left_out=tuple(report.left_out_words(last)),
+            left_out=(*report.left_out_words(last), *report.not_measured(self._lift)),
         )
 
     def factors_to_apply(self) -> dict[str, float]:
@@ -325,7 +335,11 @@ class LiveLearning:
         self.worker = Worker(self.learner, self.alarms)
         self._inputs = inputs
         self._source = WINCH_SENSORS if scene.measured.tension.at == SHEAVE else MOTOR
-        self._names = ("", *winches_by_name(scene), scene.ropes[0].name)
+        further = {scene.ropes[r].from_: scene.ropes[r].name for r in hung_ropes(scene)[1:]}
+        self._further = tuple(further.values())  # ropes of further winches
+        # winch of a reading by its name
+        self._winches = dict.fromkeys(("", *winches_by_name(scene), scene.ropes[0].name), "")
+        self._winches |= {name: one for one, rope in further.items() for name in (one, rope)}
         self._taken: Estimate | None = None
         self._reminded_s = 0.0
         self._twin: Twin | None = None
@@ -355,17 +369,20 @@ class LiveLearning:
     def see(self, shot: Snapshot) -> None:
         """Pass the motion of the hang-off and the line on."""
         rate = float(shot.hang_off_velocity_m_per_s[2])
-        self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m))
+        lines = {one.name: one.line_out_m for one in shot.ropes} if self._further else {}
+        lines_m = tuple(lines[name] for name in self._further)
+        self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m, lines_m))
 
     def hear(self, measurement: Measurement) -> None:
-        """Pass measured tension and line out of the first winch on."""
+        """Pass measured tension and line out of the winches that carry the load on."""
         if measurement.source not in (self._source, WINCH_SENSORS):
             return
         for name, line_out, _, tension in measurement.rows:
             tension_n = tension if measurement.source == self._source else None
-            if name in self._names and not (tension_n is None and line_out is None):
-                values = (math.nan if one is None else one for one in (tension_n, line_out))
-                self.worker.take(Reading(measurement.stamp_ns * 1e-9, *values))
+            if name in self._winches and not (tension_n is None and line_out is None):
+                force, line = (math.nan if one is None else one for one in (tension_n, line_out))
+                at_s = measurement.stamp_ns * 1e-9
+                self.worker.take(Reading(at_s, force, line, self._winches[name]))
 
     def hear_motion(self, stamp_ns: int, heave_m: float) -> None:
         """Pass a sample of the motion sensor on, as it came; the rule on stuck sensors has it."""

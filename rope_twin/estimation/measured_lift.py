@@ -246,7 +246,7 @@ class LineTrack:
 
 
 class MeasuredLift:
-    """Measured tension, heave and line out of one rope."""
+    """Measured tension, heave and line out of one rope, and of others that share its load."""
 
     def __init__(self, pin_noise_n: float) -> None:
         """Begin without data; pin_noise_n: standard deviation of one sample of the load pin [N]."""
@@ -256,42 +256,64 @@ class MeasuredLift:
         self.line_out = Series(1)  # of the rope that is predicted [m]
         self.sensor = Series(1)  # heave as the motion sensor measures it, if heave is a twin's [m]
         self.counter = Series(1)  # as the line counter measures it, if line_out is a twin's [m]
+        self.others: dict[str, MeasuredLift] = {}  # of further winches, without heave
+
+    @property
+    def ropes(self) -> tuple[MeasuredLift, ...]:
+        """Return this one and those of further winches."""
+        return (self, *self.others.values())
 
     @property
     def begin_s(self) -> float:
-        """Return the first time at which all three are known; inf: there is none."""
-        tables = (self.tension.table, self.heave.table, self.line_out.table)
-        if not all(len(one) for one in tables):
+        """Return the first time at which all are known, of load pins those there are; inf: none."""
+        tables = [self.heave.table, *(one.line_out.table for one in self.ropes)]
+        pins = [one.tension.table for one in self.ropes if len(one.tension.table)]
+        if not pins or not all(len(one) for one in tables):
             return np.inf
-        return max(float(one[0, 0]) for one in tables)
+        return max(float(one[0, 0]) for one in (*pins, *tables))
 
     def known_until_s(self, ahead_s: float) -> float:
         """Return the time until which all are known; ahead_s: of heave that a delay asks for.
 
         A tension that is LATE_S late is missing and is not waited for, if there was any before.
         """
-        moved_s = min(self.line_out.newest_s, self.heave.newest_s - ahead_s)
-        tension_s = self.tension.newest_s
-        return tension_s if np.isinf(tension_s) else min(max(tension_s, moved_s - LATE_S), moved_s)
+        line_s = min(one.line_out.newest_s for one in self.ropes)
+        moved_s = min(line_s, self.heave.newest_s - ahead_s)
+        heard = [one.tension.newest_s for one in self.ropes if len(one.tension.table)]
+        return min(max(min(heard), moved_s - LATE_S), moved_s) if heard else -np.inf
 
     def drop_before(self, time_s: float) -> None:
         """Forget all samples before a time."""
-        for one in (self.tension, self.heave, self.line_out, self.sensor, self.counter):
-            one.drop_before(time_s)
+        for rope in self.ropes:
+            for one in (rope.tension, rope.heave, rope.line_out, rope.sensor, rope.counter):
+                one.drop_before(time_s)
 
     def tension_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
         """Return the means of the tension over MEAN_S from begin to end, (k,), NaN: missing.
 
         Second result: median number of samples in a mean.
         """
+        means, samples = self.means_of_pins(begin_s, end_s)
+        return means[: round((end_s - begin_s) / MEAN_S)], float(samples[0])
+
+    def means_of_pins(self, begin_s: float, end_s: float) -> tuple[Floats, Floats]:
+        """Return `tension_means` of all load pins, one after the other, (pins·k,) and (pins,)."""
+        pairs = [one._own_means(begin_s, end_s) for one in self.ropes]
+        means = np.array([own for own, _ in pairs])
+        ends = begin_s + MEAN_S * np.arange(1, means.shape[1] + 1)
+        for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
+            means[:, (ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
+        return means.ravel(), np.array([samples for _, samples in pairs])
+
+    def _own_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
+        """Return `tension_means` of this load pin, holes of heave and line out not regarded."""
         count = round((end_s - begin_s) / MEAN_S)
+        if not len(self.tension.table):
+            return np.full(count, np.nan), 1.0
         time_s, clean = self._clean_tension(begin_s, end_s)
         means, number = interval_means(time_s, clean, begin_s, count)
         stopped = np.where(at_stops(clean), 1.0, 0.0)
         means[np.nan_to_num(interval_means(time_s, stopped, begin_s, count)[0]) > 0.0] = np.nan
-        for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
-            ends = begin_s + MEAN_S * np.arange(1, count + 1)
-            means[(ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
         present = number[number > 0]
         return means, float(np.median(present)) if len(present) else 1.0
 
@@ -359,7 +381,8 @@ class MeasuredLift:
     def _holes(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
         """Return begin and end of the holes in heave and line out that overlap an interval."""
         found = []
-        for series, longest in ((self.heave, HEAVE_HOLE_S), (self.line_out, LINE_HOLE_S)):
+        lines = ((one.line_out, LINE_HOLE_S) for one in self.ropes)
+        for series, longest in ((self.heave, HEAVE_HOLE_S), *lines):
             times = series.table[:, 0]
             wide = np.flatnonzero(np.diff(times) > longest)
             found += [(float(times[k]), float(times[k + 1])) for k in wide]

@@ -89,26 +89,46 @@ class Bar:
 
 
 def bar_of(scene: Scene) -> Bar:
-    """Return the bars of a scene's first rope at its length, with all that hangs on it.
+    """Return the first of `bars_of`.
 
     Raises:
         SceneError: the scene cannot be built.
     """
-    hanging = hanging_of(scene)
-    rope = hanging.rope
-    ends = [0.0, *rope.sections[rows.END][:-1], float(scene.ropes[0].length_m)]
-    lengths = np.array([high - low for low, high in pairwise(ends)])
-    _, _, _, skin, _ = rope.sections[rows.PER_METRE :]
-    return Bar(
-        lengths,
-        rope.sections[rows.EA].copy(),
-        rope.sections[rows.C].copy(),
-        hanging.metre_kg,
-        _tangential(rope.effects) * skin,
-        hanging.mass_kg,
-        hanging.drag_kg_per_m,
-        hanging.slings_kg,
-    )
+    return bars_of(scene)[0]
+
+
+def bars_of(scene: Scene) -> tuple[Bar, ...]:
+    """Return the bars of each rope from the ship, with its share of all that hangs on them.
+
+    Ropes that carry a load together share it by their stiffness EA/L: equal ropes move as one, and
+    each has the impedance of a bar with its share of the mass.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+    hanging, made = hanging_of(scene), []
+    for rope, metre_kg, length_m in hanging.ropes:
+        ends = [0.0, *rope.sections[rows.END][:-1], length_m]
+        lengths = np.array([high - low for low, high in pairwise(ends)])
+        made.append((rope, metre_kg, lengths, float((lengths / rope.sections[rows.EA]).sum())))
+    whole = sum(1.0 / gives for *_, gives in made)
+    found = []
+    for rope, metre_kg, lengths, gives in made:
+        share = 1.0 / gives / whole if len(made) > 1 else 1.0
+        _, _, _, skin, _ = rope.sections[rows.PER_METRE :]
+        found.append(
+            Bar(
+                lengths,
+                rope.sections[rows.EA].copy(),
+                rope.sections[rows.C].copy(),
+                metre_kg,
+                _tangential(rope.effects) * skin,
+                share * hanging.mass_kg,
+                share * hanging.drag_kg_per_m,
+                share * hanging.slings_kg,
+            )
+        )
+    return tuple(found)
 
 
 def _tangential(effects: tuple[Any, ...]) -> float:
@@ -189,6 +209,7 @@ ESTIMATE_S = 0.5  # between the samples that the true heave is estimated from
 ROUNDING_M = 5e-4  # white part of the heave there
 OCTAVES_HZ = 0.05, 0.10  # borders of the octaves of that band, each with its level
 BANDS = len(OCTAVES_HZ) + 1
+SHARE_ERROR_M, SHARE_ERROR_S, SHARE_OF_HEAVE, SHARE_BANDS = 0.01, 60.0, 0.05, 2
 WELCH_S = 60.0  # segments of the heave's spectrum: three in the first two minutes
 KEPT_BLOCKS = 5  # whose residuals decide on α and σ
 LEVELS = 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.0  # α_j that are tried
@@ -298,24 +319,77 @@ def tension_error_autocovariance(
     return np.asarray(parts @ waves * FREQUENCY_STEP_HZ)
 
 
+def pin_autocovariances(
+    impedances: Complexes, error_psd: Floats, count: int, interval_s: float
+) -> Floats:
+    """Return `tension_error_autocovariance` of each pair of load pins, (BANDS, pins, pins, count).
+
+    All ropes are moved by one error of the heave, so that their tensions err together: the density
+    of a pair is |Z_p|·|Z_q|, which neglects what they differ in phase. impedances: (pins, f).
+    """
+    size = np.sqrt(np.abs(impedances))
+    pairs = [
+        [tension_error_autocovariance(one * other, error_psd, count, interval_s) for other in size]
+        for one in size
+    ]
+    return np.moveaxis(np.array(pairs), 2, 0)
+
+
+def share_autocovariances(
+    stiffness_n_per_m: Floats, heave_psd: Floats, count: int, interval_s: float
+) -> Floats:
+    """Return those of what moves a load between its ropes, (SHARE_BANDS, pins, pins, count) [N²].
+
+    An error e of the ropes' lengths changes their tensions by (diag(K) - K·Kᵀ/ΣK)·e with the
+    stiffness K of each; their sum stays. There are two: a slow one of SHARE_ERROR_M (the load comes
+    to rest in another current, swings, counters slip), and SHARE_OF_HEAVE of the heave, as roll
+    lets hang-offs heave unlike. How large they are is learned, as that of each octave.
+
+    stiffness_n_per_m: (pins,); heave_psd: at FREQUENCY_HZ [m²/Hz].
+    """
+    K = stiffness_n_per_m
+    if len(K) == 1:
+        return np.empty((0, 1, 1, count))
+    M = np.diag(K) - np.outer(K, K) / K.sum()
+    lags = interval_s * np.arange(count)
+    slow = SHARE_ERROR_M**2 * np.exp(-lags / SHARE_ERROR_S)
+    waves = heave_psd @ np.cos(2.0 * np.pi * np.outer(FREQUENCY_HZ, lags)) * FREQUENCY_STEP_HZ
+    return np.array([np.multiply.outer(M @ M.T, r) for r in (slow, SHARE_OF_HEAVE**2 * waves)])
+
+
+def by_pins(colour: Floats) -> Floats:
+    """Return the covariance of all pins' samples, one pin after the other, (pins·k, pins·k).
+
+    colour: autocovariance of each pair of pins, (pins, pins, k), or of a single pin, (k,).
+    """
+    pairs = colour if colour.ndim == 3 else colour[None, None]
+    return np.block([[toeplitz(own) for own in row] for row in pairs])
+
+
 class ResidualNoise:
     """R of a block, with levels α_j and σ learned from the residuals that blocks left."""
 
-    def __init__(self, white_n: float, bands: int = BANDS) -> None:
-        """Begin with the nominal standard deviation of the white noise of a mean [N]."""
-        self.nominal_white_n = white_n
-        self.white_n = white_n
+    def __init__(self, white_n: float | Floats, bands: int = BANDS) -> None:
+        """Begin with the nominal standard deviation of the white noise of a mean [N].
+
+        white_n: one, or (pins,).
+        """
+        self.nominal_white_n: Floats = np.atleast_1d(np.asarray(white_n, float))
+        self.white_n = self.nominal_white_n
         self.levels: Floats = np.ones(bands)
         self._left: deque[tuple[Floats, Floats]] = deque(maxlen=KEPT_BLOCKS)
 
     def coloured(self, autocovariances: Floats) -> Floats:
-        """Return the autocovariance of the coloured error, (k,), from the octaves', (bands, k)."""
-        return np.asarray(self.levels**2 @ autocovariances)
+        """Return the autocovariance of the coloured error, (..., k), from the octaves' ones.
+
+        autocovariances: (bands, k), or (bands, pins, pins, k).
+        """
+        return np.tensordot(self.levels**2, autocovariances, 1)
 
     def covariance(self, autocovariances: Floats) -> Floats:
-        """Return R, (k, k) [N²], from the autocovariances of the octaves, (bands, k)."""
-        white = self.white_n**2 * np.eye(autocovariances.shape[1])
-        return np.asarray(toeplitz(self.coloured(autocovariances)) + white)
+        """Return R, (pins·k, pins·k) [N²], from the autocovariances of `coloured`."""
+        white = np.repeat(self.white_n**2, autocovariances.shape[-1])
+        return np.asarray(by_pins(self.coloured(autocovariances)) + np.diag(white))
 
     def learn(self, residual: Floats, used: Floats, autocovariances: Floats) -> None:
         """Add the residual that a block left, (k,), and choose levels and σ by the last blocks.
@@ -333,8 +407,9 @@ class ResidualNoise:
         groups = [(np.frombuffer(key, bool), np.array(own).T) for key, own in alike.items()]
         bands = len(self.levels)
         now = np.append(self.levels, self.white_n / self.nominal_white_n)
+        pins = len(self.white_n)
         best = self._score(now, groups, autocovariances)
-        for k in range(bands + 1):
+        for k in range(bands + pins):
             for value in LEVELS if k < bands else WHITES:
                 tried = now.copy()
                 tried[k] = value
@@ -342,17 +417,18 @@ class ResidualNoise:
                     continue
                 if (score := self._score(tried, groups, autocovariances)) > best:
                     best, now = score, tried
-        self.levels, self.white_n = now[:-1], float(now[-1]) * self.nominal_white_n
+        self.levels, self.white_n = now[:bands], now[bands:] * self.nominal_white_n
 
     def _score(
         self, shares: Floats, groups: list[tuple[Floats, Floats]], autocovariances: Floats
     ) -> float:
         """Return the logarithm of the posterior probability of levels and σ, but for a constant."""
-        white = shares[-1] * self.nominal_white_n
-        coloured = toeplitz(shares[:-1] ** 2 @ autocovariances)
-        R = coloured + white**2 * np.eye(autocovariances.shape[1])
-        score = -0.5 * float(((np.log(shares[:-1]) / LEVEL_SD) ** 2).sum())
-        score -= 0.5 * float(np.log(shares[-1]) / WHITE_SD) ** 2
+        bands = len(self.levels)
+        levels, whites = shares[:bands], shares[bands:]
+        white = np.repeat((whites * self.nominal_white_n) ** 2, autocovariances.shape[-1])
+        R = by_pins(np.tensordot(levels**2, autocovariances, 1)) + np.diag(white)
+        score = -0.5 * float(((np.log(levels) / LEVEL_SD) ** 2).sum())
+        score -= 0.5 * float(((np.log(whites) / WHITE_SD) ** 2).sum())
         for places, columns in groups:
             factor = cholesky(R[np.ix_(places, places)], lower=True)
             squares = solve_triangular(factor, columns, lower=True) ** 2

@@ -1,13 +1,14 @@
-"""Measured series of a recorded lift: tension, heave and line out of one winch, from a bag.
+"""Measured series of a recorded lift: tension, heave and line out of its winches, from a bag.
 
 Tension comes from winch/measured; line out from there, or else from ropes/length of the twin; heave
-from ship/heave, or else from the twin's hang_off/odometry. Times count from the first tension.
+from ship/heave, or else from the twin's hang_off/odometry. Times count from the first tension. The
+winches that carry a load together are known by the scene; of others the first is taken.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TypeVar
@@ -15,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from rope_twin.errors import BagError, InputError
-from rope_twin.estimation.figures import ROPE_FIGURES
+from rope_twin.estimation.figures import ROPE_FIGURES, hung_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.damaged_bag import Messages, read_undamaged
@@ -31,7 +32,7 @@ from rope_twin.recording.lift_topics import (
     vertical_motion,
 )
 from rope_twin.recording.session import Session
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of
 
@@ -61,20 +62,25 @@ class RecordedLift:
         return self.session.scene()
 
 
-def read_lift(bag: str | Path, winch: str = "") -> RecordedLift:
-    """Return the series of a winch; "": of the only one, or the first that is named.
+def read_lift(bag: str | Path, winch: str = "", scene: Scene | None = None) -> RecordedLift:
+    """Return the series of a winch, and of those that carry the load with it.
+
+    winch: in winch/measured; "": the only one, or the first that is named. scene: whose winches
+    they are; None: the bag's.
 
     A damaged bag is read as far as it is whole.
 
     Raises:
         BagError: there is no such bag, or it lacks tension, heave or line out.
+        SceneError: its scene is not valid here.
     """
-    found, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch))
+    found, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch, scene))
     return replace(found, problems=(*damage, *found.problems))
 
 
-def _read(bag: Messages, winch: str) -> RecordedLift:
-    tension, line_out, own_line = Series(1), Series(1), Series(1)
+def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
+    measured: dict[str, tuple[Series, Series]] = {}  # tension and line out of each winch, by name
+    lengths: dict[str, Series] = {}  # line out of the twin's ropes, by name
     heave, hang_off = Series(2), Series(2)
     applied: dict[str, float] = {}
     refused = Counter[str]()
@@ -83,44 +89,76 @@ def _read(bag: Messages, winch: str) -> RecordedLift:
         return contents(bag, names_of(bag, topic), topic, read, refused)
 
     session = next(found(SESSION_TOPIC, _session), None)
-    for taken in found(INPUT_LOG_TOPIC, _applied):
-        applied |= taken
-    for stamp_s, measured in found(WINCH_MEASURED, rope_values):
-        for one in measured:
-            if winch in ("", one.name):
-                winch = winch or one.name
-                line_out.add(stamp_s, one.line_out_m)
-                tension.add(stamp_s, one.tension_n)
+    for taken_over in found(INPUT_LOG_TOPIC, _applied):
+        applied |= taken_over
+    for stamp_s, rows in found(WINCH_MEASURED, rope_values):
+        for one in rows:
+            tension, line_out = measured.setdefault(one.name, (Series(1), Series(1)))
+            tension.add(stamp_s, one.tension_n)
+            line_out.add(stamp_s, one.line_out_m)
     for topic, series in ((HEAVE, heave), (HANG_OFF, hang_off)):
         for stamp_s, moved in found(topic, vertical_motion):
             series.add(stamp_s, *moved)
-    for stamp_s, ropes in found(LENGTH, rope_values):
-        if ropes:
-            own_line.add(stamp_s, ropes[0].line_out_m)
+    for stamp_s, rows in found(LENGTH, rope_values):
+        for one in rows:
+            lengths.setdefault(one.name, Series(1)).add(stamp_s, one.line_out_m)
     rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
+    if scene is None and session is not None:
+        scene = session.scene()
+    first, *others = [(line.from_, line.name) for line in _hung(scene)] or [("", "")]
+    taken = [name for pair in others for name in pair]
+    winch = winch or next((name for name in measured if name not in taken), first[0])
     lift = MeasuredLift(np.nan)
-    lift.tension = tension
-    lift.line_out = line_out if len(line_out.table) else own_line
+    lift.tension, lift.line_out = _series((winch,), first[1], measured, lengths)
+    for name, rope in others:
+        own = lift.others[name] = MeasuredLift(np.nan)
+        own.tension, own.line_out = _series((name, rope), rope, measured, lengths)
     lift.heave = heave if len(heave.table) else hang_off
-    for name, series, wanted in (
-        ("tension", lift.tension, f"{WINCH_MEASURED} with effort"),
-        ("line out", lift.line_out, f"{WINCH_MEASURED} with position, or {LENGTH}"),
-        ("heave", lift.heave, f"{HEAVE} or {HANG_OFF}"),
+    most = max(lift.ropes, key=lambda own: len(own.tension.table))
+    named = zip((winch, *lift.others), lift.ropes, strict=True)
+    for name, of, series, wanted in (
+        ("tension", winch, most.tension, f"{WINCH_MEASURED} with effort"),
+        *(
+            ("line out", of, own.line_out, f"{WINCH_MEASURED} with position, or {LENGTH}")
+            for of, own in named
+        ),
+        ("heave", winch, lift.heave, f"{HEAVE} or {HANG_OFF}"),
     ):
         if len(series.table) < LEAST_SAMPLES:
             what = f"{len(series.table)} samples of {name}"
-            of = f" of winch '{winch}'" if winch else ""
+            of = f" of winch '{of}'" if of else ""
             raise BagError(f"bag {bag.path}{of}", what, f"record {wanted}")
     if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
-    zero_s = float(lift.tension.table[0, 0])
-    lift.tension, lift.line_out = lift.tension.less(zero_s, 0.0), lift.line_out.less(zero_s, 0.0)
+    zero_s = min(float(own.tension.table[0, 0]) for own in lift.ropes if len(own.tension.table))
+    for own in lift.ropes:
+        own.tension, own.line_out = own.tension.less(zero_s, 0.0), own.line_out.less(zero_s, 0.0)
     lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
     return RecordedLift(lift, session, refusal_words(refused), applied)
 
 
 def _session(topic: str, data: bytes) -> Session:
     return Session.read(decode_json(topic, data))
+
+
+def _hung(scene: Scene | None) -> list[RopeLine]:
+    """Return the ropes from the ship, the main winch's first; none without a scene."""
+    return [] if scene is None else [scene.ropes[r] for r in hung_ropes(scene)]
+
+
+def _series(
+    names: tuple[str, ...], rope: str, measured: Mapping[str, tuple[Series, Series]],
+    lengths: Mapping[str, Series],
+) -> tuple[Series, Series]:  # fmt: skip
+    """Return tension and line out of a winch by one of its names, as far as they are there.
+
+    Line out that is not measured is that of its rope, or of the first.
+    """
+    found = next((measured[name] for name in names if name in measured), (Series(1), Series(1)))
+    if len(found[1].table):
+        return found
+    twin = lengths.get(rope) or next(iter(lengths.values()), Series(1))
+    return found[0], twin
 
 
 def _applied(topic: str, data: bytes) -> dict[str, float]:

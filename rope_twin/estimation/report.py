@@ -22,14 +22,13 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
 from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, BlockResult, Estimator
 from rope_twin.estimation.figures import (
-    BIAS,
-    INDEX,
     NAMES,
     REPORTED,
     ROPE_FIGURES,
-    UNITS,
     Gaussian,
     Prior,
+    names_of,
+    unit_of,
 )
 from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.least_squares import TEMPER, inverse
@@ -114,13 +113,21 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
             planned.heave.extend(recent[:, 0] - recent[0, 0], *recent[:, 1:].T)
             planned.line_out = Series(1)
             planned.line_out.extend(t, line)
+            for winch, own in measured.others.items():  # all winches run alike
+                planned.others[winch] = MeasuredLift(own.pin_noise_n)
+                out = float(own.line_motion(np.array([estimator.state_s]))[0][0])
+                planned.others[winch].line_out.extend(t, line - line_out + out)
             model.lift = planned
             prediction = model.predict(posterior.mean, state, 0.0, BURN_IN_S + BLOCK_S)
             if len(prediction.near_s):
                 continue  # nothing is learned near surface or seabed, nor is it advised to go there
             _, J = model.linearised(prediction, BURN_IN_S)
-            R = noise.covariance(estimator.autocovariances(len(J), BURN_IN_S + BLOCK_S))
-            gained = TEMPER * J.T @ np.linalg.solve(R, J)
+            count = len(J) // len(model.pins)
+            R = noise.covariance(estimator.autocovariances(count, BURN_IN_S + BLOCK_S))
+            heard = [len(one.tension.table) > 0 for one in measured.ropes]
+            known = np.repeat(heard, count)
+            solved = np.linalg.solve(R[np.ix_(known, known)], J[known])
+            gained = TEMPER * J[known].T @ solved
             covariance = inverse(inverse(posterior.covariance) + gained)
             found.append((words, Gaussian(posterior.mean, covariance)))
     finally:
@@ -184,12 +191,12 @@ def disagreement(estimator: Estimator) -> str:
     "": something was learned, or there was too little taut rope to compare.
     """
     last = estimator.innovation
-    if last is None or np.isfinite(last.residual_n).mean() < LEAST_USED:
+    if last is None or estimator.share(np.isfinite(last.residual_n)) < LEAST_USED:
         return ""
     if (estimator.results[-1].posterior.sd < estimator.prior.sd * (1.0 - 1e-6)).any():
         return ""
     begin_s, end_s = last.time_s[0] - 0.5 * MEAN_S, last.time_s[-1] + 0.5 * MEAN_S
-    measured, _ = estimator.model.lift.tension_means(float(begin_s), float(end_s))
+    measured, _ = estimator.model.lift.means_of_pins(float(begin_s), float(end_s))
     both = [float(np.nanmedian(one)) for one in (measured, measured - last.residual_n)]
     return f"nothing is learned from {both[0]:.4g} N where the scene has {both[1]:.4g} N"
 
@@ -207,10 +214,12 @@ def estimates(
     limit of the prior.
     """
     found = []
-    count = len(REPORTED)
-    correlation = posterior.correlation[:count, :count] - np.eye(count)
-    for k, name in enumerate(REPORTED):
-        if name in ROPE_FIGURES and not base[name]:
+    names = prior.names
+    hidden = [names.index(name) for name in NAMES if name not in REPORTED]
+    correlation = posterior.correlation - np.eye(len(names))
+    correlation[:, hidden] = 0.0
+    for k, name in enumerate(names):
+        if k in hidden or (name in ROPE_FIGURES and not base[name]):
             continue
         mean, sd, before = posterior.mean[k], posterior.sd[k], prior.sd[k]
         ends = mean + np.array([-NORMAL_90, 0.0, NORMAL_90]) * sd
@@ -225,7 +234,7 @@ def estimates(
         found.append(
             FigureEstimate(
                 name=name,
-                unit=FIGURE_UNITS[name],
+                unit=FIGURE_UNITS[name.rpartition("/")[2]],
                 prior=float(start),
                 value=float(ends[1]),
                 low=float(ends[0]),
@@ -233,7 +242,7 @@ def estimates(
                 prior_sd=float(before),
                 sd=float(sd),
                 state=state,
-                correlated=NAMES[other] if tied else "",
+                correlated=names[other] if tied else "",
                 correlation=float(correlation[k, other]) if tied else 0.0,
                 advice=(advice or {}).get(name, ""),
             )
@@ -260,12 +269,11 @@ def score_applied(
     )
 
 
-def after_measurement(posterior: Gaussian, name: str, sd: float) -> Gaussian:
-    """Return the posterior after an independent measurement of one figure with this uncertainty.
+def after_measurement(posterior: Gaussian, k: int, sd: float) -> Gaussian:
+    """Return the posterior after an independent measurement of number k of θ with this uncertainty.
 
     It is the exact conditioning of the Gaussian; the mean stays, as the result is not known.
     """
-    k = INDEX[name]
     column = posterior.covariance[:, k]
     return replace(
         posterior,
@@ -274,14 +282,15 @@ def after_measurement(posterior: Gaussian, name: str, sd: float) -> Gaussian:
     )
 
 
-def best_actions(posterior: Gaussian, actions: Sequence[tuple[str, Gaussian]]) -> dict[str, str]:
+def best_actions(
+    posterior: Gaussian, actions: Sequence[tuple[str, Gaussian]], names: Sequence[str] = NAMES
+) -> dict[str, str]:
     """Return for each figure the action that narrows it most, in words with both uncertainties.
 
-    actions: what could be done, and the Gaussian expected after it.
+    actions: what could be done, and the Gaussian expected after it; names: of θ.
     """
     found = {}
-    for name in NAMES:
-        k = INDEX[name]
+    for k, name in enumerate(names):
         sd = posterior.sd[k]
         words, after = min(
             ((words, float(one.sd[k])) for words, one in actions),
@@ -294,14 +303,16 @@ def best_actions(posterior: Gaussian, actions: Sequence[tuple[str, Gaussian]]) -
 
 def tare_action(prior: Prior, posterior: Gaussian) -> tuple[str, Gaussian]:
     """Return the action of a tare with an empty hook, and the Gaussian expected after it."""
-    return "tare", after_measurement(posterior, BIAS, prior.pin_bias_tared_n)
+    for k, sd in prior.biases:
+        posterior = after_measurement(posterior, k, sd)
+    return "tare", posterior
 
 
 def _spread(name: str, sd: float) -> str:
     """Return one standard deviation in words."""
-    if name in ROPE_FIGURES or UNITS[name] == "-":
+    if name in ROPE_FIGURES or unit_of(name) == "-":
         return f"±{100.0 * sd:.2g} %"
-    return f"±{sd:.3g} {UNITS[name]}"
+    return f"±{sd:.3g} {unit_of(name)}"
 
 
 def derived_mass_kg(base: dict[str, float], posterior: Gaussian, scene: Scene) -> dict[str, float]:
@@ -354,6 +365,15 @@ def held_words(held: Sequence[str]) -> str:
     return f"at the limit of 4 prior sd: {listed}; check scene, units and signs" if held else ""
 
 
+def not_measured(lift: MeasuredLift) -> list[str]:
+    """Return which of several load pins is not measured, in words; empty: none."""
+    named = {"the main winch": lift, **lift.others}
+    mute = [name for name, one in named.items() if not len(one.tension.table)]
+    if not mute or len(mute) == len(named):
+        return []
+    return [f"no tension of {', '.join(mute)}: learned from the other load pins alone"]
+
+
 def left_out_words(last: BlockResult) -> list[str]:
     """Return why shares of the last minute were left out, in words, and if too little was left."""
     found = []
@@ -371,15 +391,22 @@ def left_out_words(last: BlockResult) -> list[str]:
 
 
 def as_json(
-    found: Sequence[FigureEstimate], results: Sequence[BlockResult], derived: dict[str, float]
+    found: Sequence[FigureEstimate],
+    results: Sequence[BlockResult],
+    derived: dict[str, float],
+    winches: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Return all results for `--json`: figures, derived values, and the blocks."""
+    """Return all results for `--json`: figures, derived values, load pins, and the blocks.
+
+    winches: further ones, whose load pins follow that of the main one.
+    """
     blocks = [
         {
             "end_s": one.end_s, "used": one.used, "near": one.near,
             "stopped": one.stopped,
             "nis": None if np.isnan(one.nis) else one.nis,
-            "held": list(one.held), "mean": one.posterior.mean.tolist(),
+            "held": list(one.held), "used_of_pins": list(one.used_of_pins),
+            "mean": one.posterior.mean.tolist(),
             "sd": one.posterior.sd.tolist(),
         }
         for one in results
@@ -387,13 +414,14 @@ def as_json(
     return {
         "figures": [asdict(one) for one in found],
         "derived": derived,
-        "parameters": list(NAMES),
+        "pins": ["winch", *winches],
+        "parameters": list(names_of(winches)),
         "blocks": blocks,
     }
 
 
 def history(results: Sequence[BlockResult]) -> tuple[Floats, Floats, Floats]:
-    """Return end times [s] (blocks,), and mean and sd of θ after each block (blocks, COUNT)."""
+    """Return end times [s] (blocks,), and mean and sd of θ after each block (blocks, figures)."""
     return (
         np.array([one.end_s for one in results]),
         np.array([one.posterior.mean for one in results]),

@@ -21,6 +21,8 @@ estimate of a constant with the least variance (Aitken 1936) has
 These weights fall off at both ends of a slack by themselves, so that momenta at the period of the
 waves cancel: an equal mean over D keeps √2·M·v/D of velocities v.
 
+Where several ropes carry the load, T is the sum over their load pins.
+
 The mean is one more row of a block. It tells of the figures that are in the tension by themselves,
 with the row w·J. The others change it by mean drag and by what is left of the momentum, which is
 not linear. So they are considered (Schmidt 1966): by w·J and by what is known of them they add to
@@ -29,50 +31,54 @@ the variance, and nothing is learned of them. The use of the law here is this pr
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve, toeplitz
 
 from rope_twin.core.state import Floats
-from rope_twin.estimation.figures import BIAS, COUNT, CURRENT_SHAPE, FRICTION, GAIN, NAMES, Gaussian
+from rope_twin.estimation.figures import BIAS, CURRENT_SHAPE, FRICTION, GAIN, NAMES, Gaussian
 from rope_twin.estimation.measured_lift import MEAN_S, Bools
 from rope_twin.estimation.noise import FREQUENCY_HZ, tension_error_autocovariance
 
 LEARNED = "submerged_weight", "current", CURRENT_SHAPE, BIAS, GAIN, FRICTION
-CONSIDERED = np.array([name not in LEARNED for name in NAMES])
 
 
 @dataclass(frozen=True)
 class SlackMean:
     """Weighted mean of a block's residual over the samples that are left out for slack."""
 
-    weights: Floats  # (k,) of sum 1; 0: compared one by one, or not measured
+    weights: Floats  # (k,) of sum 1 for each load pin; 0: compared one by one, or not measured
     variance_n2: float  # if all figures are known
 
     def of(self, residual_n: Floats) -> float:
         """Return the mean of a residual with slack, (k,) [N]; NaN where not measured."""
         return float(self.weights @ np.where(self.weights == 0.0, 0.0, residual_n))
 
-    def row(self, jacobian: Floats, prior: Gaussian) -> tuple[Floats, float]:
+    def row(
+        self, jacobian: Floats, prior: Gaussian, names: Sequence[str] = NAMES
+    ) -> tuple[Floats, float]:
         """Return the row of a Jacobian (k, n) for this mean, (n,), and the mean's variance [N²].
 
-        Its first COUNT columns are those of θ. prior: of all n, before the block.
+        Its first columns are those of θ, by their names. prior: of all n, before the block.
         """
         row = self.weights @ jacobian
         considered = np.zeros(len(row))
-        considered[:COUNT][CONSIDERED] = row[:COUNT][CONSIDERED]
+        for k, name in enumerate(names):
+            if name.rpartition("/")[2] not in LEARNED:
+                considered[k] = row[k]
         variance = self.variance_n2 + considered @ prior.covariance @ considered
         return row - considered, float(variance)
 
 
 def slack_mean(
-    left_out: Bools, covariance: Floats, mass_kg: float, heave_psd: Floats
+    left_out: Bools, covariance: Floats, mass_kg: float, heave_psd: Floats, pins: int = 1
 ) -> SlackMean | None:
     """Return the mean over samples that are measured but left out for slack; None: there are none.
 
-    left_out: (k,); covariance: R, (k, k) [N²]; mass_kg: M, with added mass; heave_psd: S_z, at
-    FREQUENCY_HZ [m²/Hz].
+    left_out: (k,); covariance: R of the sum over the load pins, (k, k) [N²]; mass_kg: M, with added
+    mass; heave_psd: S_z, at FREQUENCY_HZ [m²/Hz]; pins: whose residuals follow each other.
     """
     if not left_out.any():
         return None
@@ -83,4 +89,4 @@ def slack_mean(
     solved = cho_solve(cho_factor(whole, lower=True), np.ones(len(own)))
     weights = np.zeros(len(left_out))
     weights[own] = solved / solved.sum()
-    return SlackMean(weights, float(1.0 / solved.sum()))
+    return SlackMean(np.tile(weights, pins), float(1.0 / solved.sum()))

@@ -30,14 +30,16 @@ class Motion(NamedTuple):
     heave_m: float  # of the hang-off, relative to its rest
     heave_rate_m_per_s: float
     line_out_m: float
+    lines_m: tuple[float, ...] = ()  # of further winches
 
 
 class Reading(NamedTuple):
-    """Readings of the winch's sensors, in twin time; NaN: not measured."""
+    """Readings of a winch's sensors, in twin time; NaN: not measured."""
 
     time_s: float
     tension_n: float
     line_out_m: float = math.nan
+    winch: str = ""  # "": the main one, else by the name of its hang-off
 
 
 class Heave(NamedTuple):

@@ -27,7 +27,7 @@ UNITS = {
     "submerged_weight": "N", "oscillating_mass": "kg", "payload_drag": "m²",
     "axial_stiffness": "N", "axial_damping": "N·s", "tangential_drag": "kg/m²", "current": "-",
     "tension_bias": "N", "tension_gain": "-", "heave_gain": "-", "heave_delay": "s",
-    "sheave_friction": "-",
+    "sheave_friction": "-", "line_offset": "m", "line_slip": "-",
 }  # fmt: skip
 ROW = "simulation: learned figures"
 TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", FORECAST_RISK, "forecast/quiet"

@@ -165,6 +165,14 @@ class Learning:
         "rope between sheave and drum, whose stretch moves it over the sheave", "m", 0.0, 1e3,
         default=30.0,
     )  # fmt: skip
+    line_offset_m: float = quantity(
+        "standard uncertainty of the line out of each further winch against the main one's, where "
+        "ropes share a load", "m", 1e-4, 100.0, default=0.1,
+    )  # fmt: skip
+    line_slip_pct: float = quantity(
+        "standard uncertainty of its changes, by slip of the counters", "%", 1e-5, 10.0,
+        default=0.1,
+    )  # fmt: skip
     heave_gain_pct: float = quantity(
         "standard uncertainty of the motion sensor's gain", "%", 1e-4, 100.0, default=3.0
     )

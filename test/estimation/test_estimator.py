@@ -251,7 +251,7 @@ def test_shifts_are_those_of_other_delays() -> None:
 
 def test_short_ropes_have_few_elements() -> None:
     """An element is as long as a fifth of the way of an axial wave in a step; 6 to 20 elements."""
-    bar = LiftModel(scene(), lift()).bar
+    bar = LiftModel(scene(), lift()).bars[0]
     speed = float(np.sqrt(bar.EA_n[0] / bar.mass_kg_per_m[0]))
     assert elements_of(bar.at_length(speed * STEP_S * 0.2 * 10.5)) == 10
     assert elements_of(bar.at_length(10.0)) == 6

@@ -132,7 +132,7 @@ def test_a_bag_without_a_scene_or_tension(bag: Path, capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [("two_line_lift", "2 ropes"), ("lift_off", "begins on a deck")],
+    [("two_line_loop", "over a sheave"), ("lift_off", "begins on a deck")],
 )
 def test_scenes_that_cannot_be_learned_yet(name: str, why: str) -> None:
     """One sentence says why."""

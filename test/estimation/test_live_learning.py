@@ -154,8 +154,8 @@ def test_a_tare_and_a_freeze(tmp_path: Path) -> None:
 
 def test_scenes_that_cannot_be_learned_are_refused_at_the_start() -> None:
     """The parameter `learn` of such a scene is one sentence, not a thread that fails."""
-    scene = load_scene("lift_off")
-    with pytest.raises(InputError, match="begins on a deck"):
+    scene = load_scene("two_line_loop")
+    with pytest.raises(InputError, match="over a sheave"):
         LiveLearning(scene, None)  # type: ignore[arg-type]
 
 
