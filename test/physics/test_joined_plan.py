@@ -184,6 +184,24 @@ def test_the_plan_solves_what_the_dense_system_does(name: str) -> None:
         assert largest_difference(system) < error
 
 
+def test_each_number_of_elements_has_its_own_plan() -> None:
+    """A plan that was found before is found again, and not taken for other ropes."""
+    tree, loop = system_of("a tree"), system_of("a loop")
+    renew_plan(tree)
+    renew_plan(loop)
+    plan = tree.joints.plan
+    spans, ends = plan.spans.copy(), plan.ends.copy()
+    elements = tree.stack.counts[:, rows.ELEMENTS]
+    elements[0] -= 2
+    assert renew_plan(tree)
+    assert not np.array_equal(plan.spans, spans)
+    elements[0] += 2
+    assert renew_plan(tree)
+    plan.spans[plan.sizes[SPANS] :] = spans[plan.sizes[SPANS] :]  # rows not in use
+    assert np.array_equal(plan.spans, spans)
+    assert np.array_equal(plan.ends, ends)
+
+
 def test_a_tether_belongs_to_the_dense_system() -> None:
     """The tie belongs to the connection onto which the trees are eliminated."""
     held = tie(0, anchor=(0.0, 0.0, -20.0))

@@ -263,9 +263,9 @@ def topology_of(system: System, columns: int) -> Topology:
     if sheaves is not None:
         coupled |= set(sheaves.figures[[POINT, FLOW_COLUMN]].astype(int).ravel())
     return Topology(
-        lower=joints.lower.tolist(),
-        upper=joints.upper.tolist(),
-        first=stack.model[:, FIRST_FREE].astype(int).tolist(),
+        lower=tuple(joints.lower.tolist()),
+        upper=tuple(joints.upper.tolist()),
+        first=tuple(stack.model[:, FIRST_FREE].astype(int).tolist()),
         coupled=frozenset(int(j) for j in coupled),
         columns=columns,
         joints=joints.nodes.shape[1],

@@ -15,6 +15,8 @@ division of a run into calls give the same bits.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -63,9 +65,9 @@ class Chain(NamedTuple):
 class Topology(NamedTuple):
     """Connections at the ends of ropes."""
 
-    lower: list[int]  # connection at each rope's lower end, negative if there is none
-    upper: list[int]
-    first: list[int]  # lowest free node of each rope
+    lower: tuple[int, ...]  # connection at each rope's lower end, negative if there is none
+    upper: tuple[int, ...]
+    first: tuple[int, ...]  # lowest free node of each rope
     coupled: frozenset[int]  # connections that are dense in any case
     columns: int  # between a node of a rope and the same of the next rope
     joints: int
@@ -89,9 +91,33 @@ def new_plan(ropes: int, joints: int, nodes: int) -> Plan:
     )
 
 
+class _Order(NamedTuple):
+    """Order of elimination: the rows of a plan's tables."""
+
+    spans: list[tuple[int, ...]]
+    ends: list[tuple[int, int, int]]
+    roots: list[tuple[int, int]]
+    between: list[int]
+    onto: list[tuple[int, int]]
+    dense: frozenset[int]
+
+
 def write_plan(plan: Plan, topology: Topology, counts: Ints) -> None:
     """Write the plan for ropes with these numbers of elements."""
-    n = [int(count) for count in counts]
+    order = _order(topology, tuple(int(count) for count in counts))
+    plan.counts[:] = counts
+    plan.dense[:] = [j in order.dense for j in range(topology.joints)]
+    plan.sizes[:] = [len(part) for part in order]
+    found: tuple[Sequence[Any], ...] = order[:-1]
+    tables = plan.spans, plan.ends, plan.roots, plan.between, plan.onto
+    for table, rows in zip(tables, found, strict=True):
+        for k, row in enumerate(rows):
+            table[k] = row
+
+
+@lru_cache(maxsize=256)  # members of a fleet that are paid out alike need the same ones
+def _order(topology: Topology, n: tuple[int, ...]) -> _Order:
+    """Return the order of elimination for ropes with these numbers of elements."""
     layout = _Layout(topology, n)
     dense = _dense(topology)
     between = [r for r in range(len(n)) if {topology.lower[r], topology.upper[r]} <= dense]
@@ -117,14 +143,7 @@ def write_plan(plan: Plan, topology: Topology, counts: Ints) -> None:
         for j, column in layout.ends(r)
         if j >= 0
     ]
-    plan.counts[:] = counts
-    plan.dense[:] = [j in dense for j in range(topology.joints)]
-    plan.sizes[:] = len(spans), len(ends), len(roots), len(between), len(onto), len(dense)
-    found: tuple[list[Any], ...] = spans, ends, roots, between, onto
-    tables = plan.spans, plan.ends, plan.roots, plan.between, plan.onto
-    for table, rows in zip(tables, found, strict=True):
-        for k, row in enumerate(rows):
-            table[k] = row
+    return _Order(spans, ends, roots, between, onto, dense)
 
 
 def _dense(topology: Topology) -> frozenset[int]:
@@ -146,7 +165,7 @@ def _dense(topology: Topology) -> frozenset[int]:
 class _Layout:
     """Chains of a system of ropes."""
 
-    def __init__(self, topology: Topology, counts: list[int]) -> None:
+    def __init__(self, topology: Topology, counts: tuple[int, ...]) -> None:
         self._of, self._n = topology, counts
 
     def ends(self, r: int) -> tuple[tuple[int, int], tuple[int, int]]:
