@@ -42,25 +42,26 @@ OMEGA, PHASE = 2, 3  # [rad/s], [rad]
 AMPLITUDE = 4  # [m]
 K = 5  # [1/m], ascending
 EAST, NORTH, UP = 6, 7, 8  # a·ω/(1 - e^{-2kh}), times cos β, times sin β, and as it is [m/s]
+BOTTOM = 9  # e^{-2kh}: its reflection at the bottom, at the mean level
 # one column per block of components,
-REACH = 9  # below this z [m] the blocks from here on are left out
-ECHO = 10  # down to this z [m] its reflection at the bottom is negligible
-ASIDE = 11  # range of rotated angles for this number of reaching blocks [m]: one more column
+REACH = 10  # below this z [m] the blocks from here on are left out
+ECHO = 11  # down to this z [m] its reflection at the bottom is negligible
+ASIDE = 12  # range of rotated angles for this number of reaching blocks [m]: one more column
 # and one column per level, from the surface down.
-LEVEL = 12  # z [m]
-THIRD = 13  # of the longest stretch [m] that a cubic can interpolate below it
-SEA_ROWS = 14
+LEVEL = 13  # z [m]
+THIRD = 14  # of the longest stretch [m] that a cubic can interpolate below it
+SEA_ROWS = 15
 
 # Rows of scratch.
 COS, SIN = 0, 1  # of each component's angle at the present position
 COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
-BASE = 4  # its x, y and surface [m]
+BASE = 4  # its x, y and surface [m], and the row of LEVEL at the end of the last stretch
 SCRATCH_ROWS = 5
 
 
 # The rows of a sea's table; rows of scratch, with anything in them.
 figures = table_rows("sea", SEA_ROWS)
-scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), 3))
+scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), 4))
 
 
 LOWEST = 60.0  # exponents below are clamped to e^-60
@@ -150,10 +151,11 @@ def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
     """
     rows, c, s = figures(sea.table), kept[COS], kept[SIN]
     k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    bottom = rows[BOTTOM]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * echoing):
         far = decay(max(k[j] * z, -LOWEST))
-        echo = decay(max(-k[j] * (z + 2.0 * sea.depth), -LOWEST))
+        echo = bottom[j] / far  # e^{-k(z+2h)}
         along, rise = (far + echo) * c[j], (far - echo) * s[j]
         cross, fall = omega[j] * (far + echo) * s[j], omega[j] * (far - echo) * c[j]
         u += east[j] * along
@@ -180,9 +182,10 @@ def slopes(sea: Any, kept: Any, echoing: int) -> Any:
     """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
     rows, c, s = figures(sea.table), kept[COS], kept[SIN]
     k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    bottom = rows[BOTTOM]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * sea.blocks):
-        echo = decay(max(-2.0 * k[j] * sea.depth, -LOWEST)) if j < BLOCK * echoing else 0.0
+        echo = bottom[j] if j < BLOCK * echoing else 0.0
         along, rise = k[j] * (1.0 - echo) * c[j], k[j] * (1.0 + echo) * s[j]
         cross, fall = omega[j] * k[j] * (1.0 - echo) * s[j], omega[j] * k[j] * (1.0 + echo) * c[j]
         u += east[j] * along
@@ -338,14 +341,14 @@ def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
 
 
 @jit
-def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
+def _stretch_end(sea: Any, kept: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
     """Return the last node of a stretch from node i; arc length of its nodes is in arc [m].
 
     eta: the surface elevation above node i; from there it falls by the steepest slope at most.
     """
     x, y, z = nodes
     level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
-    end, length, top, row_of = i, 0.0, -sea.depth, sea.levels - 1
+    end, length, top, row_of = i, 0.0, -sea.depth, int(kept[BASE][3])
     shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
     for k in range(i + 1, last):
         dx, dy, dz = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
@@ -353,12 +356,15 @@ def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) 
         dx, dy = x[k] - x[i], y[k] - y[i]
         lowest = sea.follows * (eta - sea.steepest * math.sqrt(dx * dx + dy * dy))
         top = max(top, min((z[k] - lowest) * shrink, 0.0))  # at least _level(sea, z[k], lowest)
+        while row_of < sea.levels - 1 and level[row_of + 1] >= top:
+            row_of += 1
         while row_of > 0 and level[row_of] < top:
             row_of -= 1
         if length > 3.0 * third[row_of] or z[k] < sea.lowest:
             break
         arc[k] = length
         end = k
+    kept[BASE][3] = row_of
     return end
 
 
@@ -437,7 +443,7 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
         return
     kept = scratch()
     kept[BASE][0] = NOWHERE
-    kept[BASE][1] = kept[BASE][2] = 0.0
+    kept[BASE][1] = kept[BASE][2] = kept[BASE][3] = 0.0
     target = (*rows(work, FLOW, low), *rates, surface_at)
     i, last = low - low, high - low  # 0; a literal has its own type and compiles everything twice
     while i < last:
@@ -457,7 +463,7 @@ def _go_along(
     first = _find(sea, share, kept, (x[i], y[i], z[i]), time)
     _put(target, i, first)
     while True:
-        end = _stretch_end(sea, nodes, arc, i, last, first[0])
+        end = _stretch_end(sea, kept, nodes, arc, i, last, first[0])
         if end - i + 1 < FEWEST:
             break
         a, b = _thirds(arc, i, end)

@@ -32,12 +32,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.decorators import jit_exact_within, jit_within
 from rope_twin.core.jit.rows import row, rows, span
-from rope_twin.core.lanes.effects import by_lane
+from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import end_relative
-from rope_twin.core.loads.hooks import differs, grows, kernel, switching
+from rope_twin.core.loads.hooks import differs, grows, kernel, switching, wide_kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -232,7 +232,7 @@ def build_splash_zone(params: SplashZoneParams, payload: Any, around: Any) -> Sp
     )
 
 
-@kernel("load_end", SplashZone)
+@kernel("load_end", SplashZone, wide=True, exact=True)
 def splash_load_end(zone: Any, work: Any, stage: Any) -> None:
     """Add (1 - β)·(A·a + k·|u|·u - ρVg·ẑ - (ρV + A)·a_water) + slamming to R_0.
 
@@ -251,7 +251,7 @@ def splash_load_end(zone: Any, work: Any, stage: Any) -> None:
     speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
     mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]
-    partly = 1.0 if 0.0 < share < 1.0 else 0.0
+    partly = choose(share > 0.0, choose(share < 1.0, 1.0, 0.0), 0.0)
     entering = partly * max(-w, 0.0)
     slam = zone.slam * entering
     fx = zone.added[0] * ax[0] + zone.k[0] * speed * x - zone.wet[0] * wx[0]
@@ -270,17 +270,30 @@ def splash_load_end(zone: Any, work: Any, stage: Any) -> None:
     Ayz[0] -= 0.5 * g * (ky + kz) * y * w + 0.5 * rise * fy
 
 
-@kernel("calm", SplashZone)
-def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
-    """Return whether the body is and stays fully submerged or fully dry."""
+@jit_exact_within
+def _wet_shares(zone: Any, work: Any, stage: Any, share: Any) -> Any:
+    """Return the least and the most of the wetted share, unlimited, now and after share·delta."""
     _, _, z = rows(work, POSITION, 0)
     _, _, dz = rows(work, CORRECTION, 0)
     wet = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
     then = wet - share * stage.p * dz[0] / zone.height
-    return bool(min(wet, then) >= 1.0 or max(wet, then) <= 0.0)
+    return min(wet, then), max(wet, then)
 
 
-by_lane(SplashZone, "load_end", "calm")
+@kernel("calm", SplashZone)
+def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """Return whether the body is and stays fully submerged or fully dry."""
+    least, most = _wet_shares(zone, work, stage, share)
+    return bool(least >= 1.0 or most <= 0.0)
+
+
+@wide_kernel("calm", SplashZone)
+def calm_wide(zone: Any, work: Any, stage: Any, n: int, share: float) -> int:
+    """Return the lanes in which the body is and stays fully submerged or fully dry, as bits."""
+    least, most = _wet_shares(zone, work, stage, share)
+    return int(bits(least >= 1.0) | bits(most <= 0.0))
+
+
 switching(SplashZone)
 
 

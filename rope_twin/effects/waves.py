@@ -42,13 +42,13 @@ from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.waves import (
     ASIDE,
     BLOCK,
+    BOTTOM,
     ECHO,
     LEVEL,
     MOST,
     REACH,
     SEA_ROWS,
     THIRD,
-    UP,
     add_water,
     asides,
     echoes,
@@ -257,9 +257,9 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
     reach = reaches(k, felt, depth, neglected)[::BLOCK]
     blocks = len(reach)
     table = np.zeros((SEA_ROWS, max(blocks * BLOCK, len(levels), blocks + 1)))
-    table[: UP + 1, : len(k)] = (
+    table[: BOTTOM + 1, : len(k)] = (
         k * np.cos(sea.heading), k * np.sin(sea.heading), sea.omega, sea.phase, a, k,
-        speed * np.cos(sea.heading), speed * np.sin(sea.heading), speed,
+        speed * np.cos(sea.heading), speed * np.sin(sea.heading), speed, np.exp(-2.0 * k * depth),
     )  # fmt: skip
     table[REACH, :blocks] = reach
     table[ECHO, :blocks] = echoes(k[::BLOCK], depth)

@@ -5,7 +5,7 @@ axis of lanes: the last one for SIMD vectors and their tables, the first one for
 called for each lane in turn, which then see the arrays of a single rope.
 
 **Kernels of a single rope** are called for each lane in turn where SIMD does not pay. What happens
-at the lower end alone (a net, a splash zone) branches, and costs little beside the nodes of the
+at the lower end alone (a net, a fairing) branches, and costs little beside the nodes of the
 rope; waves are summed over their components in SIMD already. `by_lane` lets such an effect take
 part in a batch with its own kernels: the columns that they read are copied to the scratch of one
 rope, and what they change is copied back. A rigid body costs more than its rope: it is solved in
