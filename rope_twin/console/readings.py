@@ -25,8 +25,8 @@ from rope_twin.messages.reports import (
     RISK_TOPIC,
     ROPES_TOPIC,
     STATES,
-    UNITS,
     band_columns,
+    figure_unit,
 )
 from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
 from rope_twin.messages.templates import NANOSECONDS
@@ -372,7 +372,7 @@ def _figures(points: Points) -> Values:
         state = row["state"]
         known = state is not None and 0 <= state < len(STATES)
         row["state"] = STATES[int(state)] if known else ""
-        row["unit"] = UNITS.get(row["name"], "")
+        row["unit"] = figure_unit(row["name"])
     return {"learned": {"rows": rows}}
 
 

@@ -34,7 +34,7 @@ from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.least_squares import TEMPER, inverse
 from rope_twin.estimation.measured_lift import LINE_HZ, MEAN_S, MeasuredLift, Series
 from rope_twin.estimation.noise import bar_of
-from rope_twin.messages.reports import UNITS as FIGURE_UNITS
+from rope_twin.messages.reports import figure_unit
 from rope_twin.scene.schema import Scene
 
 SLOW_SHARE = 0.5  # of the winch's speed limit, for the second speed
@@ -164,7 +164,7 @@ class FigureEstimate:
 
 
 def base_values(scene: Scene) -> dict[str, float]:
-    """Return the scene's own value of each figure, in FIGURE_UNITS.
+    """Return the scene's own value of each figure, in `figure_unit`.
 
     Weight, mass and drag are those of the payload, of a bridle the sums over all that hangs below
     the rope from the winch, slings left out. Drag is Cd·A; tangential drag the force per metre over
@@ -234,7 +234,7 @@ def estimates(
         found.append(
             FigureEstimate(
                 name=name,
-                unit=FIGURE_UNITS[name.rpartition("/")[2]],
+                unit=figure_unit(name),
                 prior=float(start),
                 value=float(ends[1]),
                 low=float(ends[0]),

@@ -46,6 +46,11 @@ _LEVELS = {
 CREW_LIMITS_ROW = "simulation: crew limits"
 
 
+def figure_unit(name: str) -> str:
+    """Return the unit of a learned figure, also of a further winch (winch/figure); "": unknown."""
+    return UNITS.get(name.rpartition("/")[2], "")
+
+
 def encode_estimate(stamp_ns: int, rows: Sequence[dict[str, Any]]) -> bytes:
     """Return a message of estimate/figures.
 

@@ -26,7 +26,7 @@ from rope_twin.console.readings import (
     of_winch,
     stale_limits_s,
 )
-from rope_twin.estimation.figures import REPORTED
+from rope_twin.estimation.figures import REPORTED, WINCH_FIGURES
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
 from rope_twin.messages.cdr import encode_text
@@ -226,7 +226,9 @@ def test_a_table_of_other_columns_is_a_fault_in_words() -> None:
 def test_learned_figures_have_units_and_words() -> None:
     readings = read("ropes/tension_top")
     figure = FigureEstimate("payload_drag", "m²", 12.0, 14.5, 13.0, 16.0, 0.3, 0.06, "learned")
-    pin = FigureEstimate("tension_bias", "N", 0.0, 900.0, -50.0, 1850.0, 2e3, 600.0, "weak")
+    pin = FigureEstimate(
+        "aft_winch/tension_bias", "N", 0.0, 900.0, -50.0, 1850.0, 2e3, 600.0, "weak"
+    )
     data = encode_estimate(EPOCH_NS + 120_000_000_000, [asdict(figure), asdict(pin)])
     readings.take("estimate/figures", data, 11.0)
     readings.take("estimate/alarms", encode_text("snag since 312 s"), 11.0)
@@ -237,14 +239,14 @@ def test_learned_figures_have_units_and_words() -> None:
     drag, bias = learned["rows"]
     assert (drag["name"], drag["unit"], drag["state"]) == ("payload_drag", "m²", "learned")
     assert (drag["low"], drag["value"], drag["high"], drag["prior"]) == (13.0, 14.5, 16.0, 12.0)
-    assert (bias["name"], bias["unit"], bias["state"]) == ("tension_bias", "N", "weak")
+    assert (bias["name"], bias["unit"], bias["state"]) == ("aft_winch/tension_bias", "N", "weak")
     assert readings.values["fault_alarm"] == "snag since 312 s"
     readings.take("estimate/alarms", encode_text(""), 12.0)
     assert readings.update()["fault_alarm"] == "", "acknowledged"
 
 
 def test_every_figure_that_is_learned_has_a_unit() -> None:
-    assert set(UNITS) == set(REPORTED)
+    assert set(UNITS) == {*REPORTED, *WINCH_FIGURES}
 
 
 def test_a_trend_has_a_row_for_each_rope() -> None:
