@@ -25,7 +25,8 @@ scene's section `learning`. The rope hangs at rest when the measurement begins, 
 needed. Faults are looked for as in a run with --learn: nothing is learned behind one, and the exit
 code is 3. Nothing is learned while the payload is in the splash zone or near the seabed. A load on
 several ropes from the ship is learned from the load pins of their winches, which winch/measured
-names by hang-off or rope; one that begins on a deck cannot be learned yet."""
+names by hang-off or rope. A load that begins on a deck cannot be learned yet, nor a rigid body on
+several ropes."""
 LEAST_S = 120.0
 
 

@@ -62,6 +62,8 @@ def _why_not_joined(scene: Scene) -> str:
         return "a rope of it runs over a sheave below the winch"
     if any(line.fixed_at_m for line in scene.ropes[1:]):
         return "a rope holds it to a fixed point, so that no tension is the load's alone"
+    if hung_winches(scene) and scene.listed(RigidBodyParams) is not None:
+        return "its rigid body hangs on several ropes, and its rocking moves the load between them"
     return ""
 
 

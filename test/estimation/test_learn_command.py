@@ -132,7 +132,11 @@ def test_a_bag_without_a_scene_or_tension(bag: Path, capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize(
     ("name", "why"),
-    [("two_line_loop", "over a sheave"), ("lift_off", "begins on a deck")],
+    [
+        ("two_line_loop", "over a sheave"),
+        ("lift_off", "begins on a deck"),
+        ("load_transfer", "rigid body hangs on several ropes"),
+    ],
 )
 def test_scenes_that_cannot_be_learned_yet(name: str, why: str) -> None:
     """One sentence says why."""
