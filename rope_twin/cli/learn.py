@@ -95,9 +95,10 @@ def run(args: argparse.Namespace) -> int:
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
+    remarks = report.not_measured(recorded.lift) + report.short_words(estimator.model.bars)
     if args.json:
         learned = report.as_json(found, estimator.results, derived, estimator.model.winches)
-        learned["remarks"] = report.not_measured(recorded.lift)
+        learned["remarks"] = remarks
         learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
@@ -112,7 +113,7 @@ def run(args: argparse.Namespace) -> int:
     last = estimator.results[-1]
     minutes = len(estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
-    for words in (*report.left_out_words(last), *report.not_measured(recorded.lift)):
+    for words in (*report.left_out_words(last), *remarks):
         print(words)
     if held:
         print(report.held_words(held), file=sys.stderr)

@@ -33,12 +33,13 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.hanging import hanging_of
 from rope_twin.estimation.least_squares import TEMPER, inverse
 from rope_twin.estimation.measured_lift import LINE_HZ, MEAN_S, MeasuredLift, Series
-from rope_twin.estimation.noise import bar_of
+from rope_twin.estimation.noise import Bar, bar_of
 from rope_twin.messages.reports import figure_unit
 from rope_twin.scene.schema import Scene
 
 SLOW_SHARE = 0.5  # of the winch's speed limit, for the second speed
 PAUSE_S = 5.0
+SHORT_PERIOD_S = 2.0  # first axial period below which a step of the members is too long
 
 
 def planned_lines(scene: Scene, line_out_m: float) -> Iterator[tuple[str, Floats, Floats]]:
@@ -372,6 +373,22 @@ def not_measured(lift: MeasuredLift) -> list[str]:
     if not mute or len(mute) == len(named):
         return []
     return [f"no tension of {', '.join(mute)}: learned from the other load pins alone"]
+
+
+def short_words(bars: Sequence[Bar]) -> list[str]:
+    """Return a remark on ropes whose first axial period the members' time step shows in.
+
+    bars: the ropes from the ship. The period is that of a mass on springs: 2π·√(M/Σ(EA/L)).
+    """
+    mass_kg = sum(
+        one.end_mass_kg + one.slings_kg + float(one.mass_kg_per_m @ one.length_m) for one in bars
+    )
+    stiffness = sum(1.0 / float((one.length_m / one.EA_n).sum()) for one in bars)
+    period_s = 2.0 * np.pi * float(np.sqrt(mass_kg / stiffness))
+    if period_s >= SHORT_PERIOD_S:
+        return []
+    what = "mass and stiffness may be a percent or two high, more than their intervals say"
+    return [f"first axial period {period_s:.1f} s, below {SHORT_PERIOD_S:g} s: {what}"]
 
 
 def left_out_words(last: BlockResult) -> list[str]:

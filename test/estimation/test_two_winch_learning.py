@@ -48,7 +48,7 @@ from rope_twin.messages.inputs import encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.lift import alone, lift_figures
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, WINCH_MEASURED
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
@@ -120,7 +120,7 @@ def drawn(count: int, seed: int) -> Floats:
 def measured(
     thetas: Floats, seed: int, step_s: float, elements: int, rolls_m: float = 0.0
 ) -> list[MeasuredLift]:
-    """What the sensors measure of truths on a mesh and step, with noise of a seed.
+    """Return the measured series of truths on a mesh and step, with noise of a seed.
 
     rolls_m: amplitude of a heave that the aft hang-off has more, which nobody measures.
     """
@@ -216,6 +216,14 @@ def test_pins_have_errors_of_their_own_and_share_the_load() -> None:
     assert metre_n == pytest.approx(static_metre_n(), rel=0.01)
 
 
+def test_short_ropes_have_a_remark() -> None:
+    """On 120 m ropes and module have an axial period of 2π·√(71.7 t / 1.08 MN/m) = 1.6 s."""
+    assert report.short_words(bars_of(two_lines())) == []
+    lengths = [Change(f"ropes[{r}].length_m", 120.0) for r in (0, 1)]
+    (words,) = report.short_words(bars_of(change_scene(two_lines(), lengths)))
+    assert words.startswith("first axial period 1.6 s, below 2 s")
+
+
 def static_metre_n() -> float:
     """Weight of a metre of the rope in water, by the tension of a bare rope."""
     made = alone(two_lines(), 0)
@@ -276,7 +284,7 @@ def test_a_stuck_pin_of_the_other_winch_is_found() -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("offset_n", [0.0, 8000.0])
 def test_an_offset_of_the_other_pin_is_named(offset_n: float) -> None:
-    """Two learned minutes, then its zero moves: found in seconds, and told from a slip."""
+    """Two learned minutes, then its zero moves: found in seconds, and not taken for a slip."""
     lift = short(lambda t, y: np.where(t > 200.0, y + offset_n, y))
     estimator = begin_at_rest(two_lines(), lift, tared=True)
     watch = FaultWatch(two_lines(), estimator)

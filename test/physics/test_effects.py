@@ -65,7 +65,7 @@ def in_plain_python(file: Path, *rest: Path) -> Mapping[str, Vector]:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """The same results in plain Python."""
+    """Results of each case in plain Python, bodies from where compiled code lets them rest."""
     folder = tmp_path_factory.mktemp("plain")
     at: dict[str, Vector] = {}
     with_bodies(at)
