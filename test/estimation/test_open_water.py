@@ -64,6 +64,7 @@ def learned() -> Estimator:
     return made
 
 
+@pytest.mark.long
 def test_a_lift_that_lands_is_learned_before_and_after() -> None:
     """Figures lie within 2.5 sd in each block, and those on the bed change nothing of them."""
     results = learned().results

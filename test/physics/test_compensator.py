@@ -234,7 +234,7 @@ def active(**changes: float) -> ActiveCylinder:
     return replace(usual, **changes)
 
 
-@pytest.mark.parametrize("period", [6.0, 12.0])
+@pytest.mark.parametrize("period", [6.0, pytest.param(12.0, marks=pytest.mark.long)])
 def test_what_an_active_cylinder_leaves_of_the_heave(period: float) -> None:
     """The closed form of the module's docstring, within 1 % of what the gas alone leaves."""
     unit, omega, step = active(), 2.0 * pi / period, 0.01

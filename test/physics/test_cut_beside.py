@@ -31,6 +31,7 @@ def growth_of(effects: tuple[object, ...]) -> np.ndarray:
 
 
 @SCENES
+@pytest.mark.long
 def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str) -> None:
     """Twenty seconds later they are those of a bare rope of its length and tension."""
     twin = shaken(name)

@@ -65,18 +65,18 @@ def in_plain_python(file: Path, *rest: Path) -> Mapping[str, Vector]:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """Results of each case in plain Python, bodies from where compiled code lets them rest."""
-    folder = tmp_path_factory.mktemp("plain")
-    at: dict[str, Vector] = {}
-    with_bodies(at)
-    np.savez(folder / "rest.npz", allow_pickle=False, **at)
-    return in_plain_python(folder / "plain.npz", folder / "rest.npz")
+    """Results of each effect, and of a compensator, in plain Python."""
+    return in_plain_python(tmp_path_factory.mktemp("plain") / "plain.npz")
 
 
 @pytest.fixture(scope="module")
 def plain_long(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """The results of the long run in plain Python."""
-    return in_plain_python(tmp_path_factory.mktemp("plain") / "long.npz")
+    """Those of the long run, bodies from where compiled code lets them rest."""
+    folder = tmp_path_factory.mktemp("plain")
+    at: dict[str, Vector] = {}
+    with_bodies(at)
+    np.savez(folder / "rest.npz", allow_pickle=False, **at)
+    return in_plain_python(folder / "long.npz", folder / "rest.npz")
 
 
 def assert_equal(found: Vector, expected: Vector, relative: float) -> None:
@@ -101,25 +101,28 @@ def test_plain_python_equals_compiled(name: str, plain: Mapping[str, Vector]) ->
     assert_equal(plain[name], compiled, 1e-9)
 
 
-def test_plain_python_equals_compiled_steps(plain: Mapping[str, Vector]) -> None:
+@pytest.mark.long
+def test_plain_python_equals_compiled_steps(plain_long: Mapping[str, Vector]) -> None:
     """All effects together over 160 steps with slack, splits and merges, 1e-9."""
     compiled = together()
     assert compiled[:, 1].min() == 0.0, "the case must go slack"
     assert len(set(compiled[:, -1])) > 1, "the case must split or merge"
-    assert_equal(plain["together"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["together"].T, compiled.T, 1e-9)
 
 
-def test_plain_python_equals_compiled_body(plain: Mapping[str, Vector]) -> None:
+@pytest.mark.long
+def test_plain_python_equals_compiled_body(plain_long: Mapping[str, Vector]) -> None:
     """A rigid body on slings that go slack, 30 steps, 1e-9."""
     compiled = effect_cases.swung()
     assert compiled[:, 1].min() == 0.0, "the case must go slack"
-    assert_equal(plain["swung"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["swung"].T, compiled.T, 1e-9)
 
 
-def test_plain_python_equals_compiled_body_aground(plain: Mapping[str, Vector]) -> None:
+@pytest.mark.long
+def test_plain_python_equals_compiled_body_aground(plain_long: Mapping[str, Vector]) -> None:
     """A rigid body that falls tilted into shallows, half wet and aground; 20 steps, 1e-9."""
     compiled = effect_cases.touching()
-    assert_equal(plain["aground"].T, compiled.T, 1e-9)
+    assert_equal(plain_long["aground"].T, compiled.T, 1e-9)
 
 
 @pytest.mark.long

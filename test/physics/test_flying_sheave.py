@@ -45,6 +45,7 @@ def states(shot: object) -> dict[str, float]:
     return dict(own.figures)
 
 
+@pytest.mark.long
 def test_it_holds_the_static_tension() -> None:
     """At rest it has the stroke of p_0·A·(V_0/V)^n = falls·tension, line out as given."""
     soft = replace(UNIT, gas_pressure_pa=0.95 * UNIT.gas_pressure_pa)

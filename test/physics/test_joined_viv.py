@@ -35,7 +35,7 @@ time: {{step_s: 0.02, newton_tolerance_n: 0.01}}
 HEAD = "about: ropes that vortices shake\nsource: made up for a test\nlook_at: nothing\n"
 MODELS = ["modal_vibration", "decomposed_force"]  # loosely coupled
 WAKES = [  # inside the time step
-    "wake_oscillator",
+    pytest.param("wake_oscillator", marks=pytest.mark.long),
     pytest.param("strouhal_forcing", marks=pytest.mark.long),
     pytest.param("travelling_waves", marks=pytest.mark.long),
 ]
@@ -246,7 +246,7 @@ def test_the_energy_of_ropes_that_shake_closes(model: str, tmp_path: Path) -> No
     assert abs(energy.residual_j) < 2e-3 * energy.exchanged_j
 
 
-@pytest.mark.parametrize("model", ["modal_vibration", "wake_oscillator"])
+@pytest.mark.parametrize("model", [MODELS[0], WAKES[0]])
 def test_an_assessment_in_the_time_domain_is_that_of_each_alone(model: str, tmp_path: Path) -> None:
     """Motion, tension and drag of both wires, by a model outside the step and by one in it."""
     both = run_time_domain(scene_of(hanging("ab", model), tmp_path), 20.0, "stranded_wire")

@@ -46,13 +46,8 @@ def whole(effects: tuple[Any, ...]) -> tuple[Vector, rows.Rope]:
     return pull, rope
 
 
-@pytest.mark.parametrize(
-    "model",
-    [
-        pytest.param(WakeOscillatorParams(start_per_s=0.0), id="wake_oscillator"),
-        pytest.param(StrouhalForcingParams(), id="strouhal_forcing", marks=pytest.mark.long),
-    ],
-)  # fmt: skip
+@pytest.mark.long
+@pytest.mark.parametrize("model", [WakeOscillatorParams(start_per_s=0.0), StrouhalForcingParams()])
 def test_a_cut_rope_vibrates_like_the_whole_one(model: Any) -> None:
     """In three parts, joined without mass, with calls of one step and of many."""
     pull, rope = whole((model,))

@@ -167,6 +167,7 @@ def test_ropes_that_meet_have_numbers_of_their_own() -> None:
     assert np.ptp(factors) > 1e-3
 
 
+@pytest.mark.long
 def test_energy_with_factors_that_change() -> None:
     """A factor that is held over a step is late by a part of it: an error of the first order.
 

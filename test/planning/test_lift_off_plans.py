@@ -159,6 +159,7 @@ def test_deck_moves_by_heave_roll_and_pitch_at_the_place_of_the_load() -> None:
     assert found.rms_m == pytest.approx(math.sqrt(variance), rel=1e-9)
 
 
+@pytest.mark.long
 def test_slow_winches_are_hit_again() -> None:
     """A deck that heaves faster than the winch hoists meets the object again; a fast one does not,
     and the object hangs below the tip in the end.

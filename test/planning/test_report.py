@@ -131,6 +131,7 @@ def test_pdf_has_all_content(report: Report) -> None:
     assert at == sorted(at)
 
 
+@pytest.mark.long
 def test_reports_repeat(result: PlanResult) -> None:
     """Equal results give equal bytes, without a date."""
     first, second = report_of(result), report_of(result)

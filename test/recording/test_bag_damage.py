@@ -163,8 +163,8 @@ def random_bits(original: Recorded, seed: int, count: int) -> list[int]:
     ]
 
 
-def test_ten_random_flips_cost_a_chunk_each_at_most(of_a_run: Recorded, tmp_path: Path) -> None:
-    for bit in random_bits(of_a_run, 17, 10):
+def test_four_random_flips_cost_a_chunk_each_at_most(of_a_run: Recorded, tmp_path: Path) -> None:
+    for bit in random_bits(of_a_run, 17, 4):
         judge(of_a_run, bit, tmp_path / str(bit))
 
 

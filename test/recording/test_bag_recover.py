@@ -91,7 +91,7 @@ def run(*words: str) -> int:
     return main(["recover", *words])
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_a_file_cut_anywhere_gives_its_beginning_or_nothing(whole, data):
     content, written = whole
@@ -113,7 +113,7 @@ def test_a_file_cut_anywhere_gives_its_beginning_or_nothing(whole, data):
         assert len(found) >= (at / len(content) - 0.35) * len(written)
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(st.data())
 def test_damage_anywhere_is_reported_and_never_handed_on(whole, data):
     content, written = whole

@@ -121,6 +121,7 @@ def test_killed_simulation_is_started_again_and_is_fed_again(
     recorder = processes.node("recorder", out=str(tmp_path / "bag"))
     sea = processes.node("sea_state", scene=SCENE)
     winch = processes.node("winch_schedule", scene=SCENE)
+    viewer = processes.node("viewer", file=str(tmp_path / "run.rrd"))
     first = processes.node("simulation", scene=SCENE, **EVERYBODY)
     bench.until(lambda: len(odometry) >= 50, "a second of the run")
     first.send(signal.SIGKILL)
@@ -141,10 +142,13 @@ def test_killed_simulation_is_started_again_and_is_fed_again(
         lambda: figure(diagnostics, "simulation: run", "heave_accepted") > 20,
         "the new twin takes it",
     )
-    for process in (sea, winch, recorder, second):
+    all_of_them = (sea, winch, viewer, recorder, second)
+    for process in all_of_them:
         assert not process.ended, process.text
         process.send(signal.SIGTERM)
-    assert [process.wait() for process in (sea, winch, recorder, second)] == [0, 0, 0, 0]
+    for process in all_of_them:
+        assert process.wait() == 0, process.text
+        assert "Traceback" not in process.text
     with BagReader(tmp_path / "bag") as reader:
         counts = {name: content.messages for name, content in reader.topics.items()}
     assert counts["/twin/epoch"] == 2
@@ -240,19 +244,6 @@ def test_each_entry_ends_cleanly_on_ctrl_c(
     process.send(signal.SIGINT)
     assert process.wait() == 0, process.text
     assert "Traceback" not in process.text
-
-
-def test_all_entries_end_cleanly_when_reported(
-    bench: Bench, processes: Processes, tmp_path: Path
-) -> None:
-    """Together, each while the others are there."""
-    started = [entry(processes, name, tmp_path) for name in ENTRIES]
-    bench.until(lambda: set(ENTRIES) <= set(bench.own.get_node_names()), "all are there")
-    for process in started:
-        process.send(signal.SIGTERM)
-    for process in started:
-        assert process.wait() == 0, process.text
-        assert "Traceback" not in process.text
 
 
 def entry(processes: Processes, name: str, folder: Path, node_name: str = "") -> Process:

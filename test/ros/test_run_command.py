@@ -375,7 +375,7 @@ def test_every_command_is_in_the_help_and_an_unknown_one_is_refused() -> None:
     assert run().returncode == 2
 
 
-@pytest.mark.parametrize("how", [(), ("--processes",)])
+@pytest.mark.parametrize("how", [(), pytest.param(("--processes",), marks=pytest.mark.long)])
 def test_a_broken_limit_ends_a_paced_run_with_code_4(
     how: tuple[str, ...], processes: Processes, tmp_path: Path
 ) -> None:

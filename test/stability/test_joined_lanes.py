@@ -37,7 +37,7 @@ from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
-SCENES = ("two_line_lift", "bridle_lift", "two_line_loop")
+SCENES = ("two_line_lift", "bridle_lift", pytest.param("two_line_loop", marks=pytest.mark.long))
 SLACK_M = {"two_line_lift": 4.0, "bridle_lift": 4.0, "two_line_loop": 6.0}  # heights of seas
 PARTS = ("load_transfer", "net_screen", "net_wall")  # with a rigid body, with nets between ropes
 
@@ -184,6 +184,7 @@ def over_the_sheave(number: int, speed: float) -> Variation:
     return Variation((*own.changes, *changes), own.heave)
 
 
+@pytest.mark.long
 def test_elements_at_a_sheave() -> None:
     """Rope runs over it either way: some get more elements there, some run out of them and fail."""
     scene = load_scene("two_line_loop")

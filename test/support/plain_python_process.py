@@ -1,6 +1,6 @@
 """A process of its own (NUMBA_DISABLE_JIT=1): the results of effect_cases into an .npz file.
 
-A second one holds where rigid bodies rest; without it, the results of the long run.
+With a second one, which holds where rigid bodies rest, the results of the long run.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from effect_cases import of_always, of_minutes
 if __name__ == "__main__":
     if len(sys.argv) > 2:
         with np.load(sys.argv[2]) as rest:
-            found = of_always(dict(rest))
+            found = of_minutes(dict(rest))
     else:
-        found = of_minutes()
+        found = of_always()
     np.savez(sys.argv[1], allow_pickle=False, **found)

@@ -100,7 +100,7 @@ def test_winches_that_are_not_named_hold(two_lines: Scene) -> None:
     [
         ("bridle_lift", ""),
         pytest.param("two_line_landing", "", marks=pytest.mark.long),
-        ("two_line_loop", ""),
+        pytest.param("two_line_loop", "", marks=pytest.mark.long),
         pytest.param("load_transfer", "", marks=pytest.mark.long),
         pytest.param("net_screen", "", marks=pytest.mark.long),
         pytest.param("cage_and_clump", "", marks=pytest.mark.long),
