@@ -81,6 +81,7 @@ def test_a_lift_that_lands_is_learned_before_and_after() -> None:
     assert results[-1].used > 0.9
 
 
+@pytest.mark.long
 def test_means_near_the_bed_are_left_out_until_the_rope_has_forgotten_it() -> None:
     """Left out is what ends within CLEAR_OF_BED_M of the bed, and half a minute after it."""
     model = learned().model

@@ -263,7 +263,8 @@ def test_damping_by_the_first_axial_mode_knows_what_moves_along() -> None:
     assert found[1] > 1.05 * found[0]
 
 
-@pytest.mark.parametrize("wet", [pytest.param(False, marks=pytest.mark.long), True])
+@pytest.mark.long
+@pytest.mark.parametrize("wet", [False, True])
 def test_energy_in_stratified_water(wet: bool) -> None:
     """The balance closes to 1e-6 of what is exchanged, through a pycnocline in waves.
 

@@ -238,7 +238,11 @@ UNIT = ["current", "weight", "drag", "added_mass", "payload", "compensator"]
 BODY = ["current", "weight", "drag", "added_mass", "rigid_body"]
 
 
-@pytest.mark.parametrize("names", [POINT, UNIT, BODY], ids=["point", "compensator", "rigid body"])
+@pytest.mark.parametrize(
+    "names",
+    [pytest.param(POINT, marks=pytest.mark.long), UNIT, BODY],
+    ids=["point", "compensator", "rigid body"],
+)
 @pytest.mark.parametrize(
     "turn", [Turn(211.3, False), Turn(130.0, True)], ids=["turned", "turned and mirrored"]
 )

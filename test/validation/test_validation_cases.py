@@ -23,7 +23,7 @@ def missed(found: Found) -> list[str]:
 
 
 DAILY = [case for case in CASES if case.quick]
-HEAVY = ("L4",)  # even in short
+HEAVY = ("L4", "P4", "P13", "Q1")  # even in short
 
 
 @pytest.mark.parametrize(
