@@ -1,13 +1,15 @@
 """Checks of measured line out, line speed, tension and payload depth.
 
-A reading is refused if it is not finite, beyond what the scene's winch and rope allow, out of
-order, or a jump that the winch's speed limit excludes. After a hole longer than HOLE_NS data is
+A reading whose stamp is out of order or of another clock is refused. Each of its values is judged
+by itself, since a counter that fails says nothing of the load cell: a value is refused if it is not
+finite, beyond what the scene's winch and rope allow, or a jump that the winch's speed limit
+excludes, and the others of the reading are accepted. After a hole longer than HOLE_NS data is
 missing and nothing has jumped: any possible value is accepted, and one that the speed limit does
 not explain is reported as a warning.
 
 A counter that jumps to and fro would be believed after each hole. For a while after such a warning
-readings that contradict the accepted ones for longer than HOLE_NS make the sensor distrusted: its
-readings are refused as unconfirmed until they have followed each other within the speed limit for a
+places that contradict the accepted ones for longer than HOLE_NS make the counter distrusted: its
+places are refused as unconfirmed until they have followed each other within the speed limit for a
 time of HOLE_NS after the first warning, which doubles with each further one. DOUBT_NS, or twice
 that time if it is longer, without a warning ends the doubt.
 """
@@ -51,6 +53,7 @@ DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS = 5.0, 6.0  # scatter of acoustic positioning
 ABOVE_WATER_M = 50.0
 WAY_NS = 5_000_000_000  # over which line out and line speed are compared
 WAY_SHARE, WAY_LAG_S = 0.1, 0.3  # allowed: scale error and delay of the line speed
+_OTHERS = "line speed", "tension"
 TENSION_RANGE = -0.2, 2.0  # of the MBL: an offset may make an unloaded cell negative
 
 
@@ -95,6 +98,8 @@ class Readings(ABC):
         self.counter, self._topic = InputCounter(name), topic
         self._newest_ns: int | None = None
         self._interval_ns = 0
+        # newest stamp and interval of place, speed and tension
+        self._came: list[tuple[int, int] | None] = [None] * 3
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
         self._heard: tuple[int, float] | None = None  # likewise, accepted or not
         self._steady_ns = 0  # since when readings have followed each other within the speed limit
@@ -110,29 +115,56 @@ class Readings(ABC):
     def invalidate(self) -> None:
         """Accept readings again that were known in advance, after a pause or a restart."""
         self._newest_ns = self._place = self._heard = None
+        self._came = [None] * 3
         self._distrust = ""
         self._ways.clear()
 
-    def take(self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None) -> str:
-        """Take a row; return "" or the reason for its rejection, counted.
+    def take(
+        self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None
+    ) -> tuple[Row, str]:
+        """Take a row; return what of it is accepted, None for the rest, and why that was refused.
+
+        A refusal is counted, of several values in a row the first one; "": nothing was refused.
 
         received_ns: its arrival, to see a clock that is ahead; None: unknown.
         """
         if received_ns is not None:
             self._leads.append(stamp_ns - received_ns)
-        fault = self._number_fault(row) or self._stamp_fault(stamp_ns, now_ns)
-        fault = fault or self._jump_fault(stamp_ns, row, now_ns)
+        name, place, speed, tension = row
+        fault = self._stamp_fault(stamp_ns, now_ns)
+        if (place, speed, tension) == (None, None, None):
+            right = "give at least one value that is not NaN"
+            fault = "non_finite", "nothing is measured", right
         if fault:
-            kind, what, right = fault
-            return self.counter.refuse(kind, phrase(self._topic, what, right))
+            return (name, None, None, None), self._refuse(fault)
+        alone = (name, place, None, None), (name, None, speed, None), (name, None, None, tension)
+        faults = [self._number_fault(one) for one in alone]
+        place, speed, tension = (
+            None if fault else value for value, fault in zip(row[1:], faults, strict=True)
+        )
+        if place is not None and (fault := self._jump_fault(stamp_ns, place, now_ns)):
+            place, faults = None, [fault, *faults]
+        refused = next((self._refuse(fault) for fault in faults if fault), "")
+        taken: Row = name, place, speed, tension
+        if taken[1:] != (None, None, None):
+            self._accept(stamp_ns, taken)
+        return taken, refused
+
+    def _accept(self, stamp_ns: int, row: Row) -> None:
         if self._newest_ns is not None:
             self._interval_ns = stamp_ns - self._newest_ns
         self._newest_ns = stamp_ns
+        for k, (before, value) in enumerate(zip(self._came, row[1:], strict=True)):
+            if value is not None:
+                self._came[k] = stamp_ns, 0 if before is None else stamp_ns - before[0]
         if row[1] is not None:
             self._note_way(stamp_ns, row)
             self._place = stamp_ns, row[1]
         self.counter.accept(stamp_ns)
-        return ""
+
+    def _refuse(self, fault: Refusal) -> str:
+        kind, what, right = fault
+        return self.counter.refuse(kind, phrase(self._topic, what, right))
 
     def _note_way(self, stamp_ns: int, row: Row) -> None:
         """Compare the change of the measured place with the integral of the measured speed."""
@@ -183,21 +215,23 @@ class Readings(ABC):
         if self._newest_ns is not None and self.stale(now_ns):
             gap_s = (now_ns - self._newest_ns) * 1e-9
             words.append(f"no reading for {gap_s:.1f} s; nothing is compared")
+        else:
+            words += [
+                f"no {name} for {(now_ns - came[0]) * 1e-9:.1f} s"
+                for name, came in zip((self._quantity, *_OTHERS), self._came, strict=True)
+                if came is not None and _is_stale(*came, now_ns)
+            ]
         judged = UNJUDGED._replace(warning="; ".join(words)) if words else UNJUDGED
         return self.counter.health(now_ns, False, judged)
 
     def stale(self, now_ns: int) -> bool:
         """Return whether readings have been missing for longer than is usual for the sensor."""
-        if self._newest_ns is None:
-            return False
-        allowed_ns = max(STALE_NS, round(STALE_INTERVALS * min(self._interval_ns, AHEAD_NS)))
-        return now_ns - self._newest_ns > allowed_ns
+        newest_ns = self._newest_ns
+        return newest_ns is not None and _is_stale(newest_ns, self._interval_ns, now_ns)
 
     def _number_fault(self, row: Row) -> Refusal | None:
         """Return why the numbers are rejected, or None."""
-        given = [value for value in row[1:] if value is not None]
-        if not given:
-            return "non_finite", "nothing is measured", "give at least one value that is not NaN"
+        given = (value for value in row[1:] if value is not None)
         bad = next((value for value in given if not math.isfinite(value)), None)
         if bad is not None:
             right = "give a finite number, or None (NaN in a message) for none"
@@ -223,11 +257,9 @@ class Readings(ABC):
             return "impossible", fault, right
         return None
 
-    def _jump_fault(self, stamp_ns: int, row: Row, now_ns: int) -> Refusal | None:
+    def _jump_fault(self, stamp_ns: int, place: float, now_ns: int) -> Refusal | None:
         """Return why a place after the last one is impossible, or None; warn after a hole."""
-        if row[1] is None:
-            return None
-        heard, self._heard = self._heard, (stamp_ns, row[1])
+        heard, self._heard = self._heard, (stamp_ns, place)
         if heard is None or self._change(heard, self._heard)[1]:
             self._steady_ns = stamp_ns
         if self._place is None:
@@ -267,6 +299,11 @@ class Readings(ABC):
     @abstractmethod
     def _allowed_m(self, seconds: float) -> float:
         """Return the largest change of the place that is possible in a time [m]."""
+
+
+def _is_stale(newest_ns: int, interval_ns: int, now_ns: int) -> bool:
+    allowed_ns = max(STALE_NS, round(STALE_INTERVALS * min(interval_ns, AHEAD_NS)))
+    return now_ns - newest_ns > allowed_ns
 
 
 def fastest_m_per_s(winch: Winch | None) -> float:

@@ -273,7 +273,7 @@ class MeasuredInputs:
         self, measurement: Measurement, now_ns: int, follow: Follow | None = None,
         received_ns: int | None = None,
     ) -> str:  # fmt: skip
-        """Take a measurement, row by row; return "" or the first reason for a rejection.
+        """Take a measurement, value by value; return "" or the first reason for a rejection.
 
         follow: is given name of the winch, stamp, line out less its offset, and line speed (None:
         not measured, or in contradiction to the line out). received_ns: arrival; None: unknown.
@@ -282,9 +282,11 @@ class MeasuredInputs:
         self._heard = True
         refusals = []
         for row in rows:
-            refusals.append(self._offer(source, stamp_ns, row, now_ns, received_ns))
-            name, line_out, speed, _ = row
-            if refusals[-1] or source != WINCH_SENSORS or line_out is None or follow is None:
+            (name, line_out, speed, _), refusal = self._offer(
+                source, stamp_ns, row, now_ns, received_ns
+            )
+            refusals.append(refusal)
+            if source != WINCH_SENSORS or line_out is None or follow is None:
                 continue
             name = name or self.names[0]
             if self._winches[self.names.index(name)].speed_doubt:
@@ -294,31 +296,32 @@ class MeasuredInputs:
 
     def _offer(
         self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None
-    ) -> str:
-        name, place, _, tension = row
+    ) -> tuple[Row, str]:
+        """Take a row; return what of it is accepted and why the rest is not."""
+        name, nothing = row[0], (row[0], None, None, None)
         if source == PAYLOAD:
-            refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
-            if not refusal and place is not None:
+            taken, refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
+            if (depth_m := taken[1]) is not None:
                 self.active = True
-                self._depths.offer(stamp_ns, place)
-            return refusal
+                self._depths.offer(stamp_ns, depth_m)
+            return taken, refusal
         group = self._motors if source == MOTOR else self._winches
         if not name and len(self.names) > 1:
             right = f"name one of {', '.join(self.names)}"
-            return group[0].counter.refuse("impossible", phrase("winch", "no name is given", right))
+            sentence = phrase("winch", "no name is given", right)
+            return nothing, group[0].counter.refuse("impossible", sentence)
         if name and name not in self.names:
             sentence = phrase("winch", f"there is no '{name}'", did_you_mean(name, self.names))
-            return group[0].counter.refuse("impossible", sentence)
+            return nothing, group[0].counter.refuse("impossible", sentence)
         at = self.names.index(name) if name else 0
-        refusal = group[at].take(stamp_ns, row, now_ns, received_ns)
-        if refusal:
-            return refusal
-        self.active = True
+        taken, refusal = group[at].take(stamp_ns, row, now_ns, received_ns)
+        _, place, _, tension = taken
+        self.active = self.active or taken != nothing
         if tension is not None and (source == MOTOR) == self._motor_tells:
             self._tensions[at].offer(stamp_ns, tension)
         if place is not None:
             self._lengths[at].offer(stamp_ns, place)
-        return ""
+        return taken, refusal
 
     def invalidate(self) -> None:
         """Drop readings that were known in advance, after a pause or a restart."""

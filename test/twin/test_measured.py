@@ -161,7 +161,7 @@ REFUSED = {
     "infinite": (Measurement.of_winch(10**9, math.inf), "finite"),
     "longer than the rope": (Measurement.of_winch(10**9, 401.0), "0 to 400 m out"),
     "negative": (Measurement.of_winch(10**9, -34.0), "zero"),
-    "too fast": (Measurement.of_winch(10**9, 200.0, 3.0), "1.875 m/s at most"),
+    "too fast": (Measurement.of_winch(10**9, None, 3.0), "1.875 m/s at most"),
     "beyond its strength": (Measurement.of_winch(10**9, tension_n=1e9), "possible for this rope"),
     "another winch": (Measurement.of_winch(10**9, 200.0, winch="aft"), "there is no 'aft'"),
     "above the water": (Measurement.of_depth(10**9, -80.0), "up from the mean water level"),
@@ -189,6 +189,52 @@ def test_garbage_gets_one_sentence(case: str, scene: Scene) -> None:
     assert refusal.count(". ") == 0
     assert not inputs.active
     assert sum(one.refused for one in inputs.health(0).values()) == 1
+
+
+@pytest.mark.parametrize(
+    ("values", "kept", "words"),
+    [
+        ((450.0, 0.5, 1e5), (None, 0.5, 1e5), "line out 450 m; this winch has 0 to 400 m out"),
+        ((202.0, 0.5, 1e5), (None, 0.5, 1e5), "line out changes by +2.00 m in 0.10 s"),
+        ((200.1, 3.0, 1e5), (200.1, None, 1e5), "line speed 3 m/s"),
+        ((200.1, 0.5, 1e9), (200.1, 0.5, None), "tension 1e+09 N"),
+        ((math.inf, 0.5, 1e9), (None, 0.5, None), "a value of inf"),
+    ],
+)
+def test_a_faulty_value_leaves_the_others_of_its_reading(
+    values: tuple[float, float, float],
+    kept: tuple[float | None, float | None, float | None],
+    words: str,
+    scene: Scene,
+) -> None:
+    """A counter that fails says nothing of the load cell; the bad value is refused and counted."""
+    inputs, followed, shot = MeasuredInputs(scene), [], Twin(scene).snapshot()
+    at_ns = 100_000_000
+    inputs.record(0, (1e5, 200.0, 190.0))
+    inputs.record(at_ns, (1e5, 200.1, 190.1))
+    assert inputs.offer(Measurement.of_winch(0, 200.0, 0.5), 0) == ""
+    reading = Measurement.of_winch(at_ns, *values)
+    assert words in inputs.offer(reading, at_ns, lambda *one: followed.append(one[2:]))
+    line_out, speed, tension = kept
+    assert followed == ([] if line_out is None else [(line_out, speed)])
+    found = {one.quantity: one for one in inputs.residuals(shot)}
+    assert (TENSION in found) == (tension is not None)
+    assert (found[LINE_OUT].at_s == 0.1) == (line_out is not None)
+    health = inputs.health(at_ns)["winch_measured"]
+    assert (health.accepted, health.refused, health.recently_refused) == (2, 1, 1)
+
+
+def test_a_quantity_that_falls_silent_is_named(scene: Scene) -> None:
+    """While the load cell goes on: else the last line out would pass for one of now."""
+    inputs, second = MeasuredInputs(scene), 1_000_000_000
+    for k in range(80):
+        t_ns = k * second // 10
+        line_out = 200.0 if k < 30 else 900.0 if k < 60 else None
+        inputs.offer(Measurement.of_winch(t_ns, line_out, tension_n=1e5), t_ns)
+        silent = inputs.health(t_ns)["winch_measured"].warning
+        assert silent == (f"no line out for {0.1 * (k - 29):.1f} s" if k > 49 else "")
+    later = inputs.health(12 * second)["winch_measured"].warning
+    assert later == "no reading for 4.1 s; nothing is compared"
 
 
 NUMBERS = st.one_of(st.none(), st.floats(allow_nan=False, width=64), st.floats(0.0, 400.0))
