@@ -80,8 +80,12 @@ class Converter:
         self._factor = {name: UNITS[name][unit] for name, unit in units.items()}
         self._sign = {name: SIGNS[name][word] for name, word in positive.items()}
 
-    def convert(self, reading: Reading, arrival_ns: int) -> Sample:
-        """Return the sample of a reading that arrived at this time. Raises Refusal."""
+    def convert(self, reading: Reading, arrival_ns: int) -> tuple[Sample, Refusal | None]:
+        """Return the sample of a reading that arrived at this time, and why a part is missing.
+
+        Raises:
+            Refusal: nothing of it can be used.
+        """
         stamp_ns = self._stamp(reading, arrival_ns)
         if stamp_ns is None:
             raise Refusal(TIME, "the line has no time")
@@ -105,23 +109,28 @@ class Converter:
     def _size(self, name: str) -> float:
         return self._factor.get(name, 1.0) * self._sign.get(name, 1.0)
 
-    def _line(self, reading: LineReading, stamp_ns: int) -> LineSample:
+    def _line(self, reading: LineReading, stamp_ns: int) -> tuple[LineSample, Refusal | None]:
         force = self._size("tension")
         tension_n, motor_n = reading.tension * force, reading.motor_tension * force
         if self._settings.tension_of == MOTOR and math.isnan(motor_n):
             tension_n, motor_n = math.nan, tension_n
         speed, payout_m = reading.speed * self._size("speed"), reading.payout * self._size("payout")
+        missing, kept = reading.missing, []
         for value, most, what in (
             (tension_n, MAX_TENSION_N, "N of tension"),
-            (motor_n, MAX_TENSION_N, "N of motor tension"),
             (speed, MAX_SPEED_M_PER_S, "m/s of line speed"),
             (payout_m, MAX_PAYOUT_M, "m of line out"),
+            (motor_n, MAX_TENSION_N, "N of motor tension"),
         ):
-            if abs(value) > most:
-                raise Refusal(RANGE, f"{value:g} {what}")
-        return LineSample(stamp_ns, tension_n, speed, payout_m, motor_n)
+            beyond = abs(value) > most
+            if beyond:
+                missing = missing or Refusal(RANGE, f"{value:g} {what}")
+            kept.append(math.nan if beyond else value)
+        if missing is not None and all(map(math.isnan, kept)):
+            raise missing
+        return LineSample(stamp_ns, *kept), missing
 
-    def _motion(self, reading: MotionReading, stamp_ns: int) -> MotionSample:
+    def _motion(self, reading: MotionReading, stamp_ns: int) -> tuple[MotionSample, Refusal | None]:
         size = self._size("heave")
         heave, rate = reading.heave * size, reading.heave_rate * size
         for value, most, what in (
@@ -129,16 +138,17 @@ class Converter:
             (rate, MAX_RATE_M_PER_S, "m/s of heave rate"),
             (reading.roll, MAX_TILT_DEG, "° of roll"),
             (reading.pitch, MAX_TILT_DEG, "° of pitch"),
-            (reading.heading, 360.0, "° of heading"),
         ):
             if abs(value) > most:
                 raise Refusal(RANGE, f"{value:g} {what}")
+        heading, missing = reading.heading, None
+        if abs(heading) > 360.0:  # that of a gyrocompass, which is no fault of the motion
+            heading, missing = math.nan, Refusal(RANGE, f"{heading:g} ° of heading")
         # Octans states port and bow by letters, and its parser gives port up, bow up.
         roll = reading.roll * self._sign.get("roll", 1.0)
         pitch = reading.pitch * self._sign.get("pitch", -1.0)
-        return MotionSample(
-            stamp_ns, heave, rate, math.radians(roll), math.radians(pitch), reading.heading
-        )
+        turns = math.radians(roll), math.radians(pitch)
+        return MotionSample(stamp_ns, heave, rate, *turns, heading), missing
 
 
 TWIN_NS = 2_000_000  # equal lines without time and counter that come so close are one line twice
@@ -298,14 +308,14 @@ class Instrument:
                 return None
             if self._is_repeated(reading, line, arrival_ns):
                 raise Refusal(DUPLICATE, "the last line again")
-            sample = self._convert(reading, arrival_ns)
+            sample, missing = self._convert(reading, arrival_ns)
             self._check_order(sample.stamp_ns)
         except Refusal as refusal:
             self._refuse(refusal)
             return None
         counts.accepted += 1
-        if isinstance(reading, LineReading) and reading.missing is not None:
-            self._refuse(reading.missing)
+        if missing is not None:
+            self._refuse(missing)
         return sample
 
     def _is_repeated(self, reading: Reading, line: bytes, arrival_ns: int) -> bool:

@@ -1,6 +1,7 @@
 """Telegrams of line monitors: LCI-90 and LCI-90i, UNOLS wire string, Rapp, and by columns.
 
-Readings keep units and signs of the telegram: no telegram states them.
+Readings keep units and signs of the telegram: no telegram states them. A field that is blank or has
+only dashes, stars or the like is a value that the instrument does not have, and the others count.
 
 - LCI-90 and LCI-90i (Measurement Technology NW): `RD,TENSION,SPEED,PAYOUT,CCCC`, and
   `nnRD,time[,NAME],TENSION,SPEED,PAYOUT,CCCC` after SOH. CCCC is the decimal sum of all characters
@@ -39,8 +40,27 @@ from rope_twin.feeds.readings import (
 _RD = re.compile(r"(\d\d)?RD,")
 _SUM = re.compile(r"\d{1,5}")
 _FLAGS = re.compile(r"[01]{8}")
+_BLANK = re.compile(r"[\s*#?=_.-]*")  # a value that the instrument does not have
+_QUANTITIES = "tension", "speed", "payout"
 _MOST_STARTS = 4  # in one line: of telegrams that were cut
 SUM_KINDS = ("xor", "sum", "none")
+
+
+def _measured(given: Mapping[str, str]) -> dict[str, Any]:
+    """Return the values of a LineReading from the fields of its quantities.
+
+    Raises:
+        Refusal: a field is no number and not blank, so that the telegram may be another one, or no
+            field has a value.
+    """
+    known = {name: text for name, text in given.items() if not _BLANK.fullmatch(text)}
+    measured: dict[str, Any] = dict(zip(known, numbers(list(known.values())), strict=True))
+    if len(known) < len(given):
+        blank = ((name, text) for name, text in given.items() if name not in known)
+        measured["missing"] = Refusal(NUMBER, ", ".join(f"{k} '{text[:20]}'" for k, text in blank))
+    if not known:
+        raise measured["missing"]
+    return measured
 
 
 def lci90(channel: str = "") -> Parser:
@@ -82,8 +102,8 @@ def _rd(text: str, digits: str) -> LineReading:
         time_ns = iso_time_ns(fields[1])
         if time_ns is None:
             raise Refusal(NUMBER, f"'{fields[1][:30]}' is not a time")
-    tension, speed, payout = numbers(fields[-4:-1])
-    return LineReading(tension, speed, payout, channel=digits, time_ns=time_ns)
+    measured = _measured(dict(zip(_QUANTITIES, fields[-4:-1], strict=True)))
+    return LineReading(**measured, channel=digits, time_ns=time_ns)
 
 
 def wir(checksum: str) -> Parser:
@@ -110,8 +130,8 @@ def wir(checksum: str) -> Parser:
             computed = sum_of(",".join(fields[:place]) + ",")
             if not _SUM.fullmatch(given) or int(given) != computed:
                 raise Refusal(CHECKSUM, f"WIR: {given[:8]}, computed {computed}")
-        tension, speed, payout = numbers(fields[3:6])
-        return LineReading(tension, speed, payout, time_ns=date_time_ns(fields[1], fields[2]))
+        measured = _measured(dict(zip(_QUANTITIES, fields[3:6], strict=True)))
+        return LineReading(**measured, time_ns=date_time_ns(fields[1], fields[2]))
 
     return parse
 
@@ -123,11 +143,14 @@ def rcwd(length_at: str, channel: str = "") -> Parser:
         fields = sentence(line, ("RCWD",), "@", counts=(9,))
         if fields is None:
             return None
-        at_motor, motor, speed, _, at_block, cell = numbers(fields[3:])
+        at_motor, motor, speed, alarm, at_block, cell = fields[3:]
+        payout, unused = (at_block, at_motor) if length_at == "block" else (at_motor, at_block)
+        numbers([one for one in (alarm, unused) if not _BLANK.fullmatch(one)])
+        given = {"tension": cell, "speed": speed, "payout": payout, "motor_tension": motor}
+        measured = _measured(given)
         if channel and fields[1].strip() != channel:
             return None
-        payout = at_block if length_at == "block" else at_motor
-        return LineReading(cell, speed, payout, motor, channel=fields[1].strip())
+        return LineReading(**measured, channel=fields[1].strip())
 
     return parse
 
@@ -165,11 +188,10 @@ def columns(
             return None
         if len(fields) <= max(places.values()):
             raise Refusal(INCOMPLETE, f"{len(fields)} fields after {start}")
-        values = numbers([fields[places[name]] for name in quantities])
+        measured = _measured({name: fields[places[name]] for name in quantities})
         found = fields[places["channel"]].strip() if "channel" in places else ""
         if channel and found != channel:
             return None
-        measured: dict[str, Any] = dict(zip(quantities, values, strict=True))
         return LineReading(**measured, channel=found)
 
     return parse

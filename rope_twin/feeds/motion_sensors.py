@@ -17,6 +17,8 @@ settings call up.
   `$PHINF`, status; `$PHTRH,pitch,M or P,roll,T or B,heave,O or U`.
 - `$PSMCE,roll,pitch,yaw,heave,surge,sway`, `$PSMCK,heave,velocity,acceleration,roll,pitch,counter`.
 - `$PNORSUB2,time,delay [µs],roll,pitch,heading,heave,velocity,status`.
+
+The heading is mostly that of another sensor: a blank one is not measured, and the rest counts.
 """
 
 from __future__ import annotations
@@ -53,6 +55,11 @@ _OCTANS = ("PHTRO", "PHLIN", "PHSPD", "PHINF", *_HEADINGS)
 _BOW_UP, _PORT_UP = {"M": 1.0, "P": -1.0}, {"T": 1.0, "B": -1.0}
 
 
+def _heading(text: str) -> float:
+    """Return a heading [°], NaN for a blank field. Raises Refusal."""
+    return numbers([text])[0] if text.strip() else NAN
+
+
 def psxn(with_rates: bool = False) -> Parser:
     """Return the parser of Seapath; `with_rates`: a reading is complete with its sentence 24.
 
@@ -69,7 +76,11 @@ def psxn(with_rates: bool = False) -> Parser:
             return None
         if len(fields) != 2 + counts[kind]:
             raise Refusal(INCOMPLETE, f"{len(fields)} fields in PSXN,{kind}")
-        values = numbers(fields[2:])
+        if kind == "23":
+            roll, pitch, heave = numbers([*fields[2:4], fields[5]])
+            values = [roll, pitch, _heading(fields[4]), heave]
+        else:
+            values = numbers(fields[2:])
         state[kind] = values
         if kind == "20":
             state.pop("23", None)  # of a telegram whose sentence 24 was lost
@@ -99,7 +110,8 @@ def pashr(line: bytes) -> MotionReading | None:
         raise Refusal(NUMBER, f"'{fields[1][:20]}' is not a time")
     if not fields[6].strip():
         raise Refusal(INCOMPLETE, "PASHR without heave")
-    heading, roll, pitch, heave = numbers([fields[2], *fields[4:7]])
+    roll, pitch, heave = numbers(fields[4:7])
+    heading = _heading(fields[2])
     return MotionReading(
         heave, roll=roll, pitch=pitch, heading=heading, time_ns=time_ns, in_day=True
     )
@@ -253,7 +265,8 @@ def norsub(line: bytes) -> MotionReading | None:
     fields = sentence(line, ("PNORSUB2",), counts=(9,))
     if fields is None:
         return None
-    time_us, delay_us, roll, pitch, heading, heave, rate = numbers(fields[1:8])
+    time_us, delay_us, roll, pitch, heave, rate = numbers([*fields[1:5], *fields[6:8]])
+    heading = _heading(fields[5])
     if not 0.0 <= delay_us <= 10e6:
         raise Refusal(NUMBER, f"PNORSUB2 with a delay of {delay_us:g} µs")
     return MotionReading(

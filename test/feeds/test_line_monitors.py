@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.feeds.instrument import Instrument, LineSample
-from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, NUMBER, RANGE, iso_time_ns
+from rope_twin.feeds.readings import CHECKSUM, INCOMPLETE, NUMBER, RANGE, iso_time_ns, nmea
 from rope_twin.feeds.writers import writer
 
 S = 1_000_000_000
@@ -126,7 +126,9 @@ def test_the_instrument_s_own_time_is_used_where_it_is_asked_for() -> None:
         ("lci90", with_sum("02RD,2014-13-01T00:28:38.351,A,10,0,0,"), NUMBER),
         ("lci90", with_sum("02RD,2014-12-01T00:28:38.351,A,1e3,0,0,"), NUMBER),
         ("lci90", with_sum("RD,inf,0,0,"), NUMBER),
-        ("lci90", with_sum("RD,0,0,99999,"), RANGE),
+        ("lci90", with_sum("RD,, ,----,"), NUMBER),
+        ("lci90", with_sum("RD,9e9,0,99999,"), NUMBER),
+        ("lci90", with_sum("RD,999999999,99999,99999,"), RANGE),
         ("rcwd", b"@RCWD,2,3,103.64,0.42,-29.95,0,102.96,0.294791", INCOMPLETE),
         ("rcwd", SAMPLES["rcwd"].replace(b"*3d", b"*3e"), CHECKSUM),
         ("rcwd", SAMPLES["rcwd"].replace(b"*3d", b"*0x"), CHECKSUM),
@@ -135,6 +137,31 @@ def test_the_instrument_s_own_time_is_used_where_it_is_asked_for() -> None:
 )
 def test_lines_are_refused_for_one_reason(name: str, line: bytes, reason: str) -> None:
     assert read(line, name) == (None, {reason: 1})
+
+
+@pytest.mark.parametrize(
+    ("name", "line", "missing", "reason"),
+    [
+        ("lci90", with_sum("RD,,000030.0,-0120.5,"), "tension_n", NUMBER),
+        ("lci90", with_sum("RD,------,000030.0,-0120.5,"), "tension_n", NUMBER),
+        ("lci90", with_sum("RD,00000061,000030.0,99999,"), "payout_m", RANGE),
+        ("lci90", with_sum("RD,00000061,99999999,-0120.5,"), "speed_m_per_s", RANGE),
+        ("rcwd", nmea("RCWD,2,3,103.64,0.42,-29.95,0,----,0.294791", "@"), "payout_m", NUMBER),
+        ("columns", nmea("R30C,1,120.5,30.0,---"), "motor_tension_n", NUMBER),
+    ],
+)
+def test_a_value_that_the_instrument_does_not_have_leaves_the_others(
+    name: str, line: bytes, missing: str, reason: str
+) -> None:
+    """It is counted as refused, beside the line that is accepted."""
+    found, refused = read(line, name)
+    assert refused == {reason: 1}
+    assert found is not None
+    values = {one: getattr(found, one) for one in ("tension_n", "speed_m_per_s", "payout_m")}
+    values["motor_tension_n"] = found.motor_tension_n
+    absent = {one for one, value in values.items() if math.isnan(value)}
+    never = {"lci90": {"motor_tension_n"}, "rcwd": set(), "columns": {"tension_n"}}[name]
+    assert absent == {missing} | never
 
 
 NUMBERS = st.floats(-9000.0, 9000.0).map(lambda value: round(value, 1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import astuple
 
 import pytest
 from feed_samples import DATA, MOTIONS, SAMPLES, settings
@@ -156,6 +157,23 @@ def test_rates_that_are_not_asked_for_are_left_out() -> None:
         assert math.isnan(found.heave_rate_m_per_s), "of the sentence 24 before it"
         assert not instrument.take(nmea("PSXN,24,0.1,0.2,0.3,-0.40"), NOW_NS + k * S + 1)
     assert (instrument.counts.others, instrument.counts.refused_total) == (2, 0)
+
+
+@pytest.mark.parametrize(
+    ("name", "heading", "count"),
+    [("psxn", b"", 0), ("pashr", b" ", 0), ("norsub", b"", 0), ("psxn", b"400.00", 1)],
+)
+def test_a_faulty_heading_leaves_the_motion(name: str, heading: bytes, count: int) -> None:
+    """It is that of another sensor; a blank one is not measured, one beyond 360° is refused."""
+    whole, _ = read(SAMPLES[name], settings(name))
+    given = {"psxn": b"218.66", "pashr": b"158.09", "norsub": b"218.66"}[name]
+    body = SAMPLES[name].replace(given, heading).partition(b"*")[0].decode()
+    found, refused = read(nmea(body[1:]), settings(name))
+    assert whole is not None
+    assert found is not None
+    assert math.isnan(found.heading_deg)
+    assert astuple(found)[:-1] == pytest.approx(astuple(whole)[:-1], abs=0.0, nan_ok=True)
+    assert sum(refused.values()) == count
 
 
 def test_a_heading_that_is_invalid_is_not_measured() -> None:
