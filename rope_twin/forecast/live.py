@@ -72,6 +72,7 @@ Floats = NDArray[np.float64]
 Row = Mapping[str, float | str]
 
 INTERVAL_S = 1.0
+LATE_S, LATE_INTERVALS = 3.0, 2.0  # without a forecast after the last one, for a warning
 LARGEST_GAP_S = 2.0  # of a series that is bridged
 WAVES_S = 240.0  # of elevations that a forecast uses
 WAVES_EVERY_S = 1.0  # apart, for each place
@@ -103,6 +104,12 @@ class Series:
         while self._rows[0][0] < time_s - KEPT_S:
             self._rows.popleft()
 
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest value; -inf: there is none."""
+        rows = self._rows.copy()
+        return rows[-1][0] if rows else -np.inf
+
     def rows(self) -> Floats:
         """Return all times and values that are kept, (n, 2)."""
         return np.array(list(self._rows.copy()), np.float64).reshape(-1, 2)
@@ -130,6 +137,7 @@ class Heard:
     # mean and standard deviation of the logarithms of learned figures; None: nothing is learned
     figures: tuple[Mapping[str, float], Mapping[str, float]] | None = None
     asked: tuple[Order, ...] = ()  # orders that the next forecast compares
+    doubt: str = ""  # why the heave is not the ship's at present: nothing is forecast from it
 
     def clear(self) -> None:
         """Forget everything, as after a pause."""
@@ -137,6 +145,15 @@ class Heard:
         self.pin_n, self.lines_m = Series(), {}
         self.waves.clear()
         self.compensation_on = None
+
+    def silent(self) -> str:
+        """Return which of heave and line out ended first, in words; "": they go on together."""
+        names = {"heave": self.heave_m, "line out": self.line_out_m}
+        names |= {f"line out of {name}": one for name, one in self.lines_m.copy().items()}
+        ends = {name: one.newest_s for name, one in names.items()}
+        first = min(ends, key=lambda name: ends[name])
+        behind_s = max(ends.values()) - ends[first]
+        return f"no {first} for {behind_s:.0f} s" if behind_s > LARGEST_GAP_S else ""
 
 
 @dataclass(frozen=True)
@@ -450,6 +467,7 @@ class ForecastWorker:
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="forecast", daemon=True)
         self.made = 0
+        self._made_s = 0.0  # steady time of the newest forecast
         self.processor_s = 0.0  # CPU time of the thread
         self.waits = ""  # what is missing for a forecast, in words
         self.trouble = ""  # why there is no forecast though nothing is missing
@@ -457,6 +475,23 @@ class ForecastWorker:
     def start(self) -> None:
         """Start the thread."""
         self._thread.start()
+
+    def state(self, steady_s: float) -> tuple[bool, str]:
+        """Return whether forecasts come as they should, and what the thread does in words.
+
+        Before the first one it may wait; later a forecast that is due and missing is a fault.
+        steady_s: now, by time.monotonic.
+        """
+        late_s = steady_s - self._made_s
+        due_s = max(LATE_S, LATE_INTERVALS * self._interval_s)
+        late = self.made > 0 and late_s > due_s
+        why = self.trouble or self._heard.doubt
+        if not why and self.waits:
+            why = f"waits for {self.waits}"
+        if late:
+            why = why or self._heard.silent() or "nothing new was heard"
+            return False, f"no forecast for {late_s:.0f} s: {why}"
+        return not (self.trouble or self._heard.doubt), why or "a forecast every second"
 
     def close(self) -> None:
         """End the thread after its present forecast."""
@@ -470,12 +505,12 @@ class ForecastWorker:
             began = time.monotonic()
             try:
                 self.waits = self._forecaster.waits_for(self._heard)
-                if not self.waits:
+                if not (self.waits or self._heard.doubt):
                     made = self._forecaster.forecast(self._heard, self._now_s)
                     if made.forecast.origin_s != newest:  # earlier ones too: the clock went back
                         newest = made.forecast.origin_s
                         self._publish(made)
-                        self.made += 1
+                        self.made, self._made_s = self.made + 1, time.monotonic()
                     self.trouble = ""
             except RopeTwinError as error:
                 self.trouble = str(error)

@@ -29,6 +29,7 @@ from rope_twin.twin.snapshot import (
 from rope_twin.vortex.results import MaterialFatigue
 
 WARN_UTILISATION = 0.5  # codes for lifting wire allow less than this share of the MBL
+MOTION_ROW, SAMPLE_AGE = "simulation: input heave", "age of the last sample [s]"
 VIOLATED_FOR_S = 60.0  # after its last violation a limit is an ERROR for so long, then a WARN
 
 
@@ -543,7 +544,7 @@ def _rejected(health: InputHealth) -> str:
 def _input_values(health: InputHealth, age: str) -> dict[str, str]:
     values = {
         "accepted": str(health.accepted),
-        "age of the last sample [s]": age,
+        SAMPLE_AGE: age,
         "refused": str(health.refused),
         "refused in the last 60 s": str(health.recently_refused),
         "late": str(health.late),

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 import sys
+import time
 from typing import Any
 
 from rope_twin.errors import InputError
+from rope_twin.forecast.admission import Admission
 from rope_twin.forecast.heave_process import MotionError
 from rope_twin.forecast.live import (
     LARGEST_GAP_S,
@@ -32,7 +34,10 @@ from rope_twin.forecast.tension_forecast import (
     unlearned_spread,
 )
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
+from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
+from rope_twin.messages.inputs import read_heave, read_measurement
 from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
+from rope_twin.messages.status import read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
@@ -49,11 +54,14 @@ from rope_twin.topics import (
 
 _WINCH_STATE = "winch/state"
 _HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
-          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC, WHAT_IF)  # fmt: skip
+          WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC, WHAT_IF,
+          "diagnostics")  # fmt: skip
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
 # after which the simulation's values stand in for measured ones: less than a gap that ends a series
 _SILENT_S = 0.5 * LARGEST_GAP_S
+_LOST_S = 0.5  # age of the newest heave that the simulation has accepted
+_AHEAD_S = 10.0  # of the simulation; what was measured later is of another run
 
 
 class ForecastNode(SuiteNode):
@@ -89,6 +97,7 @@ class ForecastNode(SuiteNode):
             for name, (r, _) in other_winches(scene).items()
             for called in (name, scene.ropes[r].name)
         }
+        self._admission = Admission(scene)
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
         heading = math.radians(own.wave_heading_deg)
         forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m, heading)
@@ -122,7 +131,14 @@ class ForecastNode(SuiteNode):
     def _taker(self, name: str) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
             try:
-                self._take(name, decode(name, data))
+                if name == "ship/heave":
+                    self._take_heave(data)
+                elif name == "diagnostics":
+                    self._take_diagnostics(data)
+                elif name == WINCH_MEASURED:
+                    self._take_measured(data)
+                else:
+                    self._take(name, decode(name, data))
             except (InputError, IndexError, AttributeError) as error:
                 if name == WHAT_IF:  # someone waits for the answer
                     self.get_logger().warning(f"{name}: {error}")
@@ -144,14 +160,12 @@ class ForecastNode(SuiteNode):
         if name == ESTIMATE_TOPIC:
             self._heard.figures = learned_figures(message)
             return
-        at = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
-        heard = self._heard
-        if name in ("ship/heave", "hang_off/odometry"):
-            z = float(message.pose.pose.position.z)
-            if name == "ship/heave":
-                self._measured_s["heave"] = at
-                heard.heave_m.add(at, z)
-            elif at > self._measured_s["heave"] + _SILENT_S:
+        stamp = message.header.stamp
+        at, heard = stamp.sec + 1e-9 * stamp.nanosec, self._heard
+        if name == "hang_off/odometry":
+            self._admission.note_simulated(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            if self._is_silent("heave", at):
+                z = float(message.pose.pose.position.z)
                 heard.heave_m.add(at, z - self._hang_off[2])
         elif name == MEASURED_ELEVATION:
             place = message.point
@@ -161,52 +175,72 @@ class ForecastNode(SuiteNode):
             if math.isfinite(along + place.z):
                 heard.waves.append((at, -along, float(place.z)))
         else:
-            self._take_line(at, name == WINCH_MEASURED, message)
+            self._take_simulated(at, message)
 
-    def _take_line(self, at: float, measured: bool, message: Any) -> None:
-        for k, called in enumerate(message.name):
-            name = self._others.get(called)
-            if name is not None and len(message.position) > k:
-                self._take_other(at, measured, name, float(message.position[k]))
-        own = 0
-        if measured:  # a message may have the readings of other winches too
-            own = next((k for k, name in enumerate(message.name) if name in self._winches), -1)
-            if own < 0:
-                return
-        rows = (("line", message.position, self._heard.line_out_m, self._bias_m),
-                ("tension", message.effort, self._heard.tension_n, self._bias_n))  # fmt: skip
-        for what, values, series, bias in rows:
-            value = float(values[own]) - bias * measured if len(values) > own else math.nan
-            if not math.isfinite(value):
+    def _take_heave(self, data: bytes) -> None:
+        """Append a measured heave, unless the twin would refuse it."""
+        stamp_ns, (z, rate) = read_heave(data)
+        if self._admission.heave(stamp_ns, z, rate):
+            at = self._measured_s["heave"] = 1e-9 * stamp_ns
+            self._heard.heave_m.add(at, z)
+
+    def _take_measured(self, data: bytes) -> None:
+        """Append what the twin accepts of the readings of each winch."""
+        _, stamp_ns, rows = read_measurement(WINCH_MEASURED, data)
+        at, heard = 1e-9 * stamp_ns, self._heard
+        for row in rows:
+            name = WINCH if row[0] in self._winches else self._others.get(row[0])
+            if name is None:
                 continue
-            if measured:
-                self._measured_s[what] = at
-                if what == "tension":  # the twin's own would only judge itself
-                    self._heard.pin_n.add(at, value)
-            if measured or at > self._measured_s[what] + _SILENT_S:
-                series.add(at, value)
+            _, line_out_m, _, tension_n = self._admission.reading(stamp_ns, name, row)
+            if line_out_m is not None:
+                self._measured_s["line" if name == WINCH else f"line of {name}"] = at
+                self._line_of(name).add(at, line_out_m - self._bias_m)
+            if tension_n is not None and name == WINCH:
+                self._measured_s["tension"] = at
+                for series in (heard.tension_n, heard.pin_n):  # the twin's would judge itself
+                    series.add(at, tension_n - self._bias_n)
 
-    def _take_other(self, at: float, measured: bool, name: str, line_out_m: float) -> None:
-        """Append the line out of a winch other than the main one."""
-        if not math.isfinite(line_out_m):
-            return
-        what = f"line of {name}"
-        if measured:
-            self._measured_s[what] = at
-            line_out_m -= self._bias_m
-        if measured or at > self._measured_s.get(what, -math.inf) + _SILENT_S:
-            self._heard.lines_m.setdefault(name, Series()).add(at, line_out_m)
+    def _line_of(self, winch: str) -> Series:
+        heard = self._heard
+        return heard.line_out_m if winch == WINCH else heard.lines_m.setdefault(winch, Series())
+
+    def _is_silent(self, what: str, at: float) -> bool:
+        """Return whether a quantity was not measured of late, or by another clock."""
+        measured_s = self._measured_s.get(what, -math.inf)
+        return not at - _SILENT_S <= measured_s <= at + _AHEAD_S
+
+    def _take_simulated(self, at: float, message: Any) -> None:
+        """Append line out and tension of the simulation where they are not measured."""
+        for k, called in enumerate(message.name):
+            name = WINCH if k == 0 else self._others.get(called)
+            if name is None:
+                continue
+            what = "line" if name == WINCH else f"line of {name}"
+            if len(message.position) > k and self._is_silent(what, at):
+                self._line_of(name).add(at, float(message.position[k]))
+        if len(message.effort) and self._is_silent("tension", at):
+            self._heard.tension_n.add(at, float(message.effort[0]))
+
+    def _take_diagnostics(self, data: bytes) -> None:
+        """Forecast nothing while the simulation has lost the ship: its heave is made up then."""
+        for row in read_diagnostics(data):
+            if row.name == MOTION_ROW:
+                age = row.values.get(SAMPLE_AGE, "never")
+                lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
+                self._heard.doubt = f"the ship's heave is lost, see {MOTION_ROW}" if lost else ""
 
     def _publish_diagnostics(self) -> None:
         worker = self.worker
         if worker is None:
             return
         values = {"forecasts": str(worker.made), "CPU time [s]": f"{worker.processor_s:.2f}"}
-        level = Level.WARN if worker.trouble else Level.OK
-        words = worker.trouble or "a forecast every second"
-        if worker.waits and not worker.trouble:
-            words = f"waits for {worker.waits}"
-        row = Status("forecast: worker", level, words, values)
+        refused = self._admission.refused
+        values |= {f"{topic}: refused": str(count) for topic, count in refused.items()}
+        if refused:
+            values["last refusal"] = self._admission.last_refusal
+        works, words = worker.state(time.monotonic())
+        row = Status("forecast: worker", Level.OK if works else Level.WARN, words, values)
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [row]))
 

@@ -27,6 +27,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
+from rope_twin.messages.diagnostics import MOTION_ROW
 from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.paced_twin import PacedTwin
@@ -73,7 +74,6 @@ _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.
 _POLL_S, _DIAGNOSTICS_S, _COMMANDERS_S = 0.1, 1.0, 0.5
 _DESCRIBE_S = 10.0  # minimum time between two session descriptions for joining recorders
 _SILENT_S = 5.0  # of a recorder, which reports once a second
-MOTION_ROW = "simulation: input heave"
 NO_RECORDER = Status(RECORDER_ROW, Level.OK, "no recorder has reported")
 WAITING_FOR_CLOCK = "waiting for the first message on /clock (use_sim_time is true)"
 

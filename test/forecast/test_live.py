@@ -152,6 +152,7 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     while not worker.waits and time.monotonic() < until:
         time.sleep(0.01)
     assert worker.waits == "heave, line out and tension"
+    assert worker.state(1e9) == (True, "waits for heave, line out and tension")
     feed(heard, 0.0, 125.0)
     while not made and time.monotonic() < until:
         time.sleep(0.05)
@@ -159,6 +160,13 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     assert not worker.trouble
     assert worker.made == len(made) == len({one.forecast.origin_s for one in made}) == 1
     assert worker.processor_s > 0.0
+    now_s = time.monotonic()
+    assert worker.state(now_s) == (True, "a forecast every second")
+    assert worker.state(now_s + 60.0) == (False, "no forecast for 60 s: nothing new was heard")
+    heard.heave_m.add(BEGIN_S + 137.0, 0.0)
+    assert worker.state(now_s + 60.0) == (False, "no forecast for 60 s: no line out for 12 s")
+    heard.doubt = "the ship's heave is lost"
+    assert worker.state(now_s) == (False, "the ship's heave is lost")
     for topic, rows in tables_of(made[0], LIMITS).items():
         message = decode(topic, encode_forecast(topic, 1_234_567_890_123, "map", rows))
         table = read_cloud(message)

@@ -10,13 +10,17 @@ from ros_bench import Bench
 from small_scene import small_scene
 
 from rope_twin.messages import (
+    Level,
+    Status,
     decode,
+    encode_diagnostics,
     encode_elevation,
     encode_heave,
     encode_measurement,
     read_cloud,
 )
 from rope_twin.messages.cdr import encode_text
+from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.reports import encode_estimate
 from rope_twin.ros.forecast_node import learned_figures
@@ -111,6 +115,41 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
     assert lines["aft_sheave"].rows()[:, 1].tolist() == [600.0, 601.0]
     assert node._heard.line_out_m.rows()[:, 1].tolist() == [600.0, 602.0]
     assert list(lines) == ["aft_sheave"]
+    node.close()
+
+
+def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -> None:
+    """Value by value; and while the simulation has lost the ship, nothing is forecast."""
+    node = bench.make("forecast", scene=str(small_scene(tmp_path).path), members=19)
+    names = ("ship/heave", "winch/measured", "diagnostics")
+    publishers = {name: bench.publisher(name) for name in names}
+    told = bench.listen("diagnostics")
+    node.begin()
+    for publisher in publishers.values():
+        bench.until(publisher.get_subscription_count, "the node listens")
+    heard, ns = node._heard, BEGIN_NS
+    for k in range(4):
+        ns += S // 4
+        publishers["ship/heave"].publish(encode_heave(ns, 1e6 if k == 2 else 0.01 * k, 0.04))
+        line_out_m = 350.0 if k == 2 else 200.0
+        reading = Measurement.of_winch(ns, line_out_m, 0.0, 1e12 if k == 1 else 76e3)
+        publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
+        bench.until(lambda k=k: len(heard.line_out_m.rows()) >= k, "it keeps up")
+    bench.until(lambda: len(heard.line_out_m.rows()) == 3, "the last reading is heard")
+    assert heard.heave_m.rows()[:, 1].tolist() == [0.0, 0.01, 0.03]
+    assert heard.line_out_m.rows()[:, 1].tolist() == [200.0] * 3
+    assert heard.tension_n.rows()[:, 1].tolist() == [76e3] * 3
+    for level, age, doubted in ((2, "4.2", True), (2, "0.1", False), (0, "0.1", False)):
+        row = Status(MOTION_ROW, Level(level), "stale", {SAMPLE_AGE: age})
+        publishers["diagnostics"].publish(encode_diagnostics(ns, [row]))
+        bench.until(lambda on=doubted: bool(heard.doubt) == on, "the simulation's doubt is heard")
+        told.clear()
+        bench.until(lambda: any(one.status[0].name == "forecast: worker" for one in told), "rows")
+        own = next(one.status[0] for one in told if one.status[0].name == "forecast: worker")
+        assert own.level == (Level.WARN if doubted else Level.OK)
+        counts = {pair.key: pair.value for pair in own.values}
+        assert counts["ship/heave: refused"] == "1"
+        assert counts["winch/measured: refused"] == "2"
     node.close()
 
 
