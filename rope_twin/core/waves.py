@@ -55,13 +55,15 @@ SEA_ROWS = 15
 # Rows of scratch.
 COS, SIN = 0, 1  # of each component's angle at the present position
 COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
-BASE = 4  # its x, y and surface [m], and the row of LEVEL at the end of the last stretch
-SCRATCH_ROWS = 5
+FADED = 4  # e^{kz} of each component at the z that was last computed
+BASE = 5  # base position: x, y and surface [m]; row of LEVEL at the end of the last stretch;
+LAST_Z, LAST_BLOCKS = 4, 5  # and of FADED its z, and for how many blocks
+SCRATCH_ROWS = 6
 
 
 # The rows of a sea's table; rows of scratch, with anything in them.
 figures = table_rows("sea", SEA_ROWS)
-scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), 4))
+scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), LAST_BLOCKS + 1))
 
 
 LOWEST = 60.0  # exponents below are clamped to e^-60
@@ -142,38 +144,51 @@ def turn(sea: Any, kept: Any, x: float, y: float) -> float:
     return eta
 
 
+@jit
+def fade(sea: Any, kept: Any, blocks: int, z: float) -> None:
+    """Set e^{kz} of the longest blocks, unless it is there: nodes above the surface have one z."""
+    base, faded, k = kept[BASE], kept[FADED], figures(sea.table)[K]
+    if z == base[LAST_Z] and blocks <= base[LAST_BLOCKS]:
+        return
+    base[LAST_Z], base[LAST_BLOCKS] = z, blocks
+    for j in range(BLOCK * blocks):
+        faded[j] = decay(max(k[j] * z, -LOWEST))
+
+
 @jit_sum
 def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
     """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
 
     The `echoing` longest ones are reflected at the bottom: cosh and sinh profiles then differ
-    slightly.
+    slightly. All factors are read before the sums: by the numbers in use at once LLVM decides how
+    many partial sums it makes, which the rounding depends on.
     """
+    fade(sea, kept, max(echoing, reaching), z)
     rows, c, s = figures(sea.table), kept[COS], kept[SIN]
-    k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom = rows[BOTTOM]
+    omega, east, north, up = rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
+    bottom, faded = rows[BOTTOM], kept[FADED]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * echoing):
-        far = decay(max(k[j] * z, -LOWEST))
+        o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
         echo = bottom[j] / far  # e^{-k(z+2h)}
-        along, rise = (far + echo) * c[j], (far - echo) * s[j]
-        cross, fall = omega[j] * (far + echo) * s[j], omega[j] * (far - echo) * c[j]
-        u += east[j] * along
-        v += north[j] * along
-        w += up[j] * rise
-        du += east[j] * cross
-        dv += north[j] * cross
-        dw -= up[j] * fall
+        along, rise = (far + echo) * cosine, (far - echo) * sine
+        cross, fall = o * (far + echo) * sine, o * (far - echo) * cosine
+        u += e * along
+        v += n * along
+        w += r * rise
+        du += e * cross
+        dv += n * cross
+        dw -= r * fall
     for j in range(BLOCK * echoing, BLOCK * reaching):
-        far = decay(max(k[j] * z, -LOWEST))
-        along, rise = far * c[j], far * s[j]
-        cross, fall = omega[j] * rise, omega[j] * along
-        u += east[j] * along
-        v += north[j] * along
-        w += up[j] * rise
-        du += east[j] * cross
-        dv += north[j] * cross
-        dw -= up[j] * fall
+        o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
+        along, rise = far * cosine, far * sine
+        cross, fall = o * rise, o * along
+        u += e * along
+        v += n * along
+        w += r * rise
+        du += e * cross
+        dv += n * cross
+        dw -= r * fall
     return u, v, w, du, dv, dw
 
 
@@ -444,6 +459,7 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
     kept = scratch()
     kept[BASE][0] = NOWHERE
     kept[BASE][1] = kept[BASE][2] = kept[BASE][3] = 0.0
+    kept[BASE][LAST_Z] = NOWHERE
     target = (*rows(work, FLOW, low), *rates, surface_at)
     i, last = low - low, high - low  # 0; a literal has its own type and compiles everything twice
     while i < last:
