@@ -31,7 +31,7 @@ from rope_twin.twin.health import InputCounter
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.heave_track import LowerEndTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
-from rope_twin.twin.other_ropes import OtherRopes
+from rope_twin.twin.multi_line import OtherRopes
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.residuals import MeasuredInputs
 from rope_twin.twin.snapshot import BORDER, ForecastScore, InputHealth, Snapshot, amended

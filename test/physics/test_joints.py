@@ -21,7 +21,7 @@ from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.step import advance
 from rope_twin.scene.rope_model import build
-from rope_twin.twin.parted import CutRope
+from rope_twin.twin.ropes import CutRope
 
 ROPE = Rig(
     length=100.0, elements=40, mass=3.6, EA=1.5e6, diameter=0.05, damping=1e3, load=500.0,

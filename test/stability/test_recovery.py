@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_scene import not_finite, small_scene
 
-import rope_twin.twin.parted as parted_module
+import rope_twin.twin.ropes as parted_module
 import rope_twin.twin.ropes as ropes_module
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core.step import advance

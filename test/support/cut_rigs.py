@@ -12,8 +12,8 @@ from rigs import Rig
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.twin.parted import CutRope
 from rope_twin.twin.rope_cut import without_massless_section
+from rope_twin.twin.ropes import CutRope
 
 Vector = NDArray[np.float64]
 VACUUM = Rig(length=400.0, elements=20, load=5000.0, damping=65e3)

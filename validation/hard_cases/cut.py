@@ -17,13 +17,13 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError
 from rope_twin.scene.rope_model import build
 from rope_twin.twin.contact import seabed_contact
-from rope_twin.twin.parted import CutRope
 from rope_twin.twin.rope_cut import (
     CutPosition,
     cut_rope,
     without_load,
     without_massless_section,
 )
+from rope_twin.twin.ropes import CutRope
 from validation.case import Finding, limited
 from validation.hard_cases.limits import all_converged, hard_case, off
 from validation.hard_cases.rigs import RigBench, settled
