@@ -27,8 +27,14 @@ from rope_twin.planning.results import (
     table_rows,
     write_results,
 )
-from rope_twin.planning.run import PlanFolder, cell_named, plan_stamp, prepare, run_plan
-from rope_twin.planning.settings import find_within
+from rope_twin.planning.run import (
+    PlanFolder,
+    cell_named,
+    find_within,
+    plan_stamp,
+    prepare,
+    run_plan,
+)
 from rope_twin.planning.tables import further_tables
 from rope_twin.run.arguments import add_json, add_out
 from rope_twin.run.progress import FigureProgress

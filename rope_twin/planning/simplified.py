@@ -34,7 +34,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.estimation.noise import linear_drag
-from rope_twin.planning.extremes import rayleigh_factor
+from rope_twin.planning.judgement import rayleigh_factor
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import (
     PointTransfer,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.planning.extremes import characteristic_maximum
+from rope_twin.planning.judgement import characteristic_maximum
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.runs import run_seeds, sea_seed

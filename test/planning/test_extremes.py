@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import gumbel_r
 
 from rope_twin.errors import InputError
-from rope_twin.planning.extremes import (
+from rope_twin.planning.judgement import (
     characteristic_maximum,
     fit_gumbel,
     rayleigh_factor,

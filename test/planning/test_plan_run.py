@@ -26,7 +26,8 @@ from rope_twin.cli import main
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.files import share_dir
-from rope_twin.planning import cells, settings
+from rope_twin.planning import cells
+from rope_twin.planning import run as planned
 from rope_twin.planning.cells import Cell, CellLimit, RowStore, bisect
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import AtDepth, Heights, Phase, Seeds
@@ -251,7 +252,7 @@ def test_nothing_is_run_twice(small: Path, tmp_path: Path, monkeypatch: pytest.M
         stepped.extend((*line, seed) for seed in seeds)
         return run_seeds(leg, ship, sea, seeds)
 
-    for module in (cells, settings):
+    for module in (cells, planned):
         monkeypatch.setattr(module, "run_seeds", counted)
     whole = RowStore()
     expected = run(own, scene, whole, threads=1)

@@ -12,9 +12,8 @@ from rope_twin.cli import main
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.cells import Cell, CellLimit, RowStore
 from rope_twin.planning.plan_reader import read_plan, with_error
-from rope_twin.planning.run import prepare
+from rope_twin.planning.run import find_within, prepare
 from rope_twin.planning.runs import run_seeds, sea_seed
-from rope_twin.planning.settings import find_within
 from rope_twin.scene.error_bound import Setting
 
 PLAN = """about: one depth near resonance
