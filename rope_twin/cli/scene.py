@@ -17,9 +17,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import CaseProgress, ExitCode, print_json
-from rope_twin.cli.interchange import add_export, add_import, run_export, run_import
-from rope_twin.cli.scene_hydrodynamics import add_coefficients, add_raos, run_coefficients, run_raos
+from rope_twin.cli import CaseProgress, ExitCode, print_json, scene_exchange
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words, compressed_words
@@ -91,18 +89,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "editor. It is always one JSON object; --json puts it on one line.",
     )  # fmt: skip
     add_json(schema)
-    add_raos(actions)
-    add_coefficients(actions)
-    add_import(actions)
-    add_export(actions)
+    scene_exchange.add_raos(actions)
+    scene_exchange.add_coefficients(actions)
+    scene_exchange.add_import(actions)
+    scene_exchange.add_export(actions)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the action and return the exit code."""
     actions = {
         "list": _list, "keys": _keys, "show": _show, "check": _check, "measure": _measure,
-        "schema": _schema, "raos": run_raos, "coefficients": run_coefficients,
-        "import": run_import, "export": run_export,
+        "schema": _schema, "raos": scene_exchange.run_raos,
+        "coefficients": scene_exchange.run_coefficients, "import": scene_exchange.run_import,
+        "export": scene_exchange.run_export,
     }  # fmt: skip
     try:
         return actions[args.action](args)
