@@ -23,6 +23,7 @@ _FREQUENCY = "frequency_hz"
 _PREFIX, _SUFFIX = "S_", "_m2_per_hz"
 DEEP = math.inf  # m
 TAIL = 1e-3  # of the variance: tail at each end of a spectrum, added to the outermost components
+BAND_HZ = 0.01  # of a band of a measured spectrum
 NEWTON = 30
 LEAST_TURN = 1e-12
 
@@ -84,22 +85,22 @@ def jonswap(height_m: float, peak_period_s: float, gamma: float | None = None) -
     return WaveSpectrum(ratio * peak_hz, density, source)
 
 
-def band_spectrum(values: Vector, rate_hz: float, band_hz: float = 0.01) -> WaveSpectrum:
+def band_spectrum(values: Vector, rate_hz: float) -> WaveSpectrum:
     """Return the spectrum of a record (n,) sampled at `rate_hz`: its periodogram in band averages.
 
-    Bands are centred at multiples of `band_hz`, as reported by buoys; frequencies below the first
+    Bands are centred at multiples of BAND_HZ, as reported by buoys; frequencies below the first
     half band (mean, tide) are excluded.
     """
     count = len(values)
     line_hz = rate_hz / count
     frequency = np.fft.rfftfreq(count, 1.0 / rate_hz)
     lines = 2.0 * np.abs(np.fft.rfft(values)) ** 2 / (count**2 * line_hz)
-    band = np.floor(frequency / band_hz + 0.5).astype(np.int64)
+    band = np.floor(frequency / BAND_HZ + 0.5).astype(np.int64)
     sums = np.bincount(band, weights=lines)
     counts = np.bincount(band)
     held = np.flatnonzero(counts)
     held = held[held > 0]
-    return WaveSpectrum(held.astype(np.float64) * band_hz, sums[held] / counts[held], "periodogram")
+    return WaveSpectrum(held.astype(np.float64) * BAND_HZ, sums[held] / counts[held], "periodogram")
 
 
 def _usual_gamma(height_m: float, peak_period_s: float) -> float:

@@ -389,9 +389,9 @@ class Pacer:
         return late_s > 0.0
 
 
-def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:
+def steps_in_slot(step_s: float) -> int:
     """Return the number of whole steps that fit into a publish period, at least 1."""
-    return max(1, int(slot_s / step_s + 1e-9))
+    return max(1, int(SLOT_S / step_s + 1e-9))
 
 
 def keep_pauses_short() -> None:

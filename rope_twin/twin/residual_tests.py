@@ -140,7 +140,7 @@ def _one_sided(limit: float, shift: float, reference: float) -> float:
 
 
 @cache
-def limit_for(length: float, reference: float = REFERENCE) -> float:
+def limit_for(length: float) -> float:
     """Return the limit h with this average run length without a drift, within 1e-6.
 
     Raises:
@@ -152,7 +152,7 @@ def limit_for(length: float, reference: float = REFERENCE) -> float:
     low, high = 1e-3, 25.0
     while high - low > 1e-6:
         middle = 0.5 * (low + high)
-        if run_length(middle, 0.0, reference) < length:
+        if run_length(middle, 0.0) < length:
             low = middle
         else:
             high = middle

@@ -36,13 +36,13 @@ def ticks_over(span: float, most: int = 7) -> NDArray[np.float64]:
     return np.asarray(np.arange(math.ceil(max(span, step) / step - 1e-9) + 1) * step)
 
 
-def depths_over(highest_m: float, deepest_m: float, most: int = 7) -> NDArray[np.float64]:
+def depths_over(highest_m: float, deepest_m: float) -> NDArray[np.float64]:
     """Return depth ticks from a height above the water to a depth, from the top down.
 
     Negative depths are heights; a hang-off barely above the water has none.
     """
     deepest_m, highest_m = max(deepest_m, 0.0), max(highest_m, 0.0)
-    step = round_step(max(deepest_m + highest_m, 1e-9), most)
+    step = round_step(max(deepest_m + highest_m, 1e-9))
     above = math.ceil(highest_m / step - _OVER) if highest_m > _ABOVE * step else 0
     below = math.ceil(max(deepest_m, 0.0 if above else step) / step - 1e-9)
     return np.asarray(np.arange(-above, below + 1) * step)
