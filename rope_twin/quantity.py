@@ -1,10 +1,15 @@
-"""A number in a scene or a parameter: its meaning, unit and range, kept beside the field itself."""
+"""A number in a scene or a parameter: its meaning, unit and range, kept beside the field itself.
+
+And how a number that is not known is written: NaN in arrays, None in objects, null in JSON.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 import re
+from collections.abc import Mapping
+from pathlib import Path
 from typing import Any, ClassVar, cast
 
 _NO_DEFAULT = dataclasses.MISSING
@@ -128,3 +133,28 @@ _UNIT_ENDINGS = {
 def unit_of(name: str) -> str:
     """Return the unit at the end of a name, as CF conventions write it; "1" without one."""
     return next((unit for end, unit in _UNIT_ENDINGS.items() if name.endswith(end)), "1")
+
+
+def or_nan(value: float | None) -> float:
+    """Return NaN for None."""
+    return math.nan if value is None else value
+
+
+def or_none(value: float) -> float | None:
+    """Return None for NaN."""
+    return None if math.isnan(value) else value
+
+
+def json_value(value: Any) -> Any:
+    """Return a value in the types of JSON; numbers that are not finite are None."""
+    match value:
+        case Mapping():
+            return {str(key): json_value(one) for key, one in value.items()}
+        case list() | tuple():
+            return [json_value(one) for one in value]
+        case float():
+            return float(value) if math.isfinite(value) else None
+        case Path():
+            return str(value)
+        case _:
+            return value

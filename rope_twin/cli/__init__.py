@@ -13,7 +13,6 @@ import contextlib
 import gc
 import importlib
 import json
-import math
 import os
 import re
 import sys
@@ -21,11 +20,11 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from functools import partial
-from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn, TextIO
 
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
+from rope_twin.quantity import json_value
 from rope_twin.run.arguments import HelpFormatter, add_command
 from rope_twin.run.progress import FigureProgress
 
@@ -105,22 +104,7 @@ MEANINGS = {
 
 def print_json(content: Mapping[str, Any]) -> None:
     """Print the one object of `--json`; numbers that JSON does not have are null."""
-    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
-
-
-def _plain(value: Any) -> Any:
-    """Return a value in the types of JSON."""
-    match value:
-        case Mapping():
-            return {str(key): _plain(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_plain(one) for one in value]
-        case float():
-            return value if math.isfinite(value) else None
-        case Path():
-            return str(value)
-        case _:
-            return value
+    print(json.dumps(json_value(content), ensure_ascii=False, allow_nan=False))
 
 
 def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:

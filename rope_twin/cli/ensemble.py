@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import math
 import os
 import re
 import sys
@@ -19,7 +18,7 @@ from typing import Any
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
-from rope_twin.quantity import read_quantity
+from rope_twin.quantity import json_value, read_quantity
 from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
@@ -162,9 +161,7 @@ def _rows(result: StudyResult) -> list[dict[str, Any]]:
     for number, (values, figures) in enumerate(zip(result.plan.rows, result.figures, strict=True)):
         own = {_column(str(axis.path), axis.multiply): value
                for axis, value in zip(result.plan.axes, values, strict=True)}  # fmt: skip
-        finite = {key: None if isinstance(value, float) and not math.isfinite(value) else value
-                for key, value in asdict(figures).items()}  # fmt: skip
-        rows.append({"member": number, **own, **finite})
+        rows.append({"member": number, **own, **json_value(asdict(figures))})
     return rows
 
 

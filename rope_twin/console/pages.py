@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rope_twin.console.readings import NODES, SESSION, Readings, Values, number, stale_limits_s
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import CloudReader
+from rope_twin.quantity import json_value
 
 PROTOCOL = 2  # raised when a page of an earlier version would misread a frame
 RATE_HZ = 20.0  # of rows
@@ -440,16 +441,4 @@ def _json(content: Any) -> str:
     try:
         return _ENCODER.encode(content)
     except ValueError:
-        return _ENCODER.encode(_finite(content))
-
-
-def _finite(value: Any) -> Any:
-    match value:
-        case dict():
-            return {key: _finite(one) for key, one in value.items()}
-        case list() | tuple():
-            return [_finite(one) for one in value]
-        case float():
-            return value if math.isfinite(value) else None
-        case _:
-            return value
+        return _ENCODER.encode(json_value(content))

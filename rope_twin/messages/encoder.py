@@ -20,6 +20,7 @@ from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, encode_text, new
 from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
 from rope_twin.messages.templates import RopeMarkers
+from rope_twin.quantity import or_nan
 from rope_twin.twin.snapshot import (
     CONTROL_MODES,
     BodyShot,
@@ -298,10 +299,6 @@ def _body(snapshot: Snapshot) -> BodyShot:
     return snapshot.body
 
 
-def _or_nan(value: float | None) -> float:
-    return math.nan if value is None else value
-
-
 def _errors(snapshot: Snapshot) -> Rows:
     """Yield error bound and interval of each rope; NaN where unknown."""
     for number, rope in enumerate(ropes_of(snapshot)):
@@ -314,8 +311,8 @@ def _errors(snapshot: Snapshot) -> Rows:
 def _utilisation(snapshot: Snapshot) -> Rows:
     """Yield utilisation and tensions of each rope; NaN without a static tension."""
     for one in snapshot.strength:
-        amplified = _or_nan(one.dynamic_amplification)
-        yield one.name, one.utilisation, amplified, one.highest_n, _or_nan(one.static_n)
+        amplified = or_nan(one.dynamic_amplification)
+        yield one.name, one.utilisation, amplified, one.highest_n, or_nan(one.static_n)
 
 
 def _bend_radius(snapshot: Snapshot) -> Rows:
@@ -328,7 +325,7 @@ def _bend_radius(snapshot: Snapshot) -> Rows:
 def _payloads_body(snapshot: Snapshot) -> Rows:
     body = _body(snapshot)
     name = snapshot.payloads[_carried(snapshot)].name if snapshot.payloads else PAYLOAD
-    yield name, *body.size_m, _or_nan(body.deck_clearance_m), _or_nan(body.deck_push_n)
+    yield name, *body.size_m, or_nan(body.deck_clearance_m), or_nan(body.deck_push_n)
 
 
 def _slings(snapshot: Snapshot) -> Rows:
@@ -390,11 +387,11 @@ def _crossings(snapshot: Snapshot) -> Rows:
 def _residuals(snapshot: Snapshot) -> Rows:
     """Yield the newest residual of each measured quantity, and its statistics."""
     for one in snapshot.residuals:
-        half = _or_nan(one.half_width)
+        half = or_nan(one.half_width)
         yield (
             f"{one.quantity} {one.name}"[:NAME_LENGTH], snapshot.time_s - one.at_s,
-            one.measured, one.computed, one.residual, -half, half, _or_nan(one.instrument),
-            _or_nan(one.twin), one.mean, one.rms, _or_nan(one.outside),
+            one.measured, one.computed, one.residual, -half, half, or_nan(one.instrument),
+            or_nan(one.twin), one.mean, one.rms, or_nan(one.outside),
         )  # fmt: skip
 
 

@@ -17,6 +17,7 @@ from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, decode, new, serialise
 from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.quantity import or_nan, or_none
 from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import (
@@ -119,23 +120,19 @@ def encode_measurement(stamp_ns: int, measurement: Measurement) -> tuple[str, by
     """
     rows, stamp = measurement.rows, templates.stamp(stamp_ns)
     if measurement.source == PAYLOAD:
-        depth_m = _nan(rows[0][1])
+        depth_m = or_nan(rows[0][1])
         return MEASURED_DEPTH, _elevation(False).fill({**stamp, "point": (0.0, 0.0, -depth_m)})
     names = tuple(row[0] or WINCH for row in rows)
     columns = {
-        "position": [_nan(row[1]) for row in rows],
-        "velocity": [_nan(row[2]) for row in rows],
-        "effort": [_nan(row[3]) for row in rows],
+        "position": [or_nan(row[1]) for row in rows],
+        "velocity": [or_nan(row[2]) for row in rows],
+        "effort": [or_nan(row[3]) for row in rows],
     }
     if measurement.source == MOTOR:
         return MOTOR_TENSION, _joints(names, ("effort",)).fill(
             {**stamp, "effort": columns["effort"]}
         )
     return WINCH_MEASURED, _joints(names, tuple(columns)).fill({**stamp, **columns})
-
-
-def _nan(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
@@ -187,7 +184,7 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
     """
     message, stamp_ns = _stamped(topic, data)
     if topic == MEASURED_DEPTH:
-        return Measurement(PAYLOAD, stamp_ns, (("", _or_none(-message.point.z), None, None),))
+        return Measurement(PAYLOAD, stamp_ns, (("", or_none(-message.point.z), None, None),))
     names = [str(name) for name in message.name] or [""]
     fields = ("effort",) if topic == MOTOR_TENSION else ("position", "velocity", "effort")
     columns: dict[str, list[float | None]] = {}
@@ -197,7 +194,7 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
             what = f"{len(values)} values of {field} for {len(names)} winches"
             right = "give one for each name, NaN where nothing is measured, or none"
             raise InputError(topic, what, right)
-        columns[field] = [_or_none(float(one)) for one in values] or [None] * len(names)
+        columns[field] = [or_none(float(one)) for one in values] or [None] * len(names)
     if len(names) > MOST_WINCHES or len(set(names)) < len(names):
         what = f"{len(names)} names"
         raise InputError(topic, what, f"give each winch once, {MOST_WINCHES} at most")
@@ -207,10 +204,6 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
 
 
 MOST_WINCHES = 100  # in one message
-
-
-def _or_none(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:

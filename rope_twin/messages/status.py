@@ -13,6 +13,7 @@ from typing import Any
 
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import decode, new, serialise
+from rope_twin.quantity import or_nan
 from rope_twin.twin.snapshot import (
     CAUSES,
     DISCRETISATION,
@@ -137,8 +138,7 @@ def residual_words(one: Residual) -> str:
 def quality_rows(snapshot: Snapshot) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of `twin/quality`; cause: its number in CAUSES, NaN: unknown."""
     for one in snapshot.quality:
-        parts = (math.nan if value is None else value for value in one.components)
-        yield one.element, one.index, CAUSES.index(one.cause), *parts
+        yield one.element, one.index, CAUSES.index(one.cause), *map(or_nan, one.components)
 
 
 def quality_status(elements: Sequence[Quality]) -> Status:

@@ -21,7 +21,7 @@ from rope_twin.errors import require
 from rope_twin.files import write_whole
 from rope_twin.planning.judgement import QUANTITIES, Quantity
 from rope_twin.planning.results import daf
-from rope_twin.quantity import unit_of
+from rope_twin.quantity import or_nan, unit_of
 from rope_twin.scene.convergence import solver_version
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def _limits(result: PlanResult) -> Named:
         return lambda cell: math.nan if cell.judged is None else getattr(cell.judged, name)
 
     # fmt: off
-    yield over(lambda cell: _known(cell.height_m), "limiting_hs_m",
+    yield over(lambda cell: or_nan(cell.height_m), "limiting_hs_m",
                "largest Hs of the grid that meets all criteria; NaN: none does",
                standard_name="sea_surface_wave_significant_height",
                ancillary_variables="crossing_hs_m crossing_hs_interval_m capped governing")
@@ -163,7 +163,7 @@ def _limits(result: PlanResult) -> Named:
     yield over(at_limit("seeds"), "seeds", "seeds at the limiting height")
     yield over(at_limit("governing_seed"), "governing_seed", "seed with the largest use")
     yield over(lambda cell: cell.runs, "runs", "runs of the cell")
-    yield over(lambda cell: _known(cell.simplified_height_m), "simplified_hs_m",
+    yield over(lambda cell: or_nan(cell.simplified_height_m), "simplified_hs_m",
                "largest Hs by the simplified method of DNV-RP-N103")
     yield over(lambda cell: max(one.hook_n for one in cell.simplified), "simplified_hook_load_n",
                "hook load by the simplified method of DNV-RP-N103, at the limiting height")
@@ -231,10 +231,6 @@ def _runs(result: PlanResult) -> Named:
         if values.dtype.kind == "U":
             attributes.pop("units")
         yield ("run" if name == "run" else f"run_{name}"), ("run", values, attributes)
-
-
-def _known(value: float | None) -> float:
-    return math.nan if value is None else value
 
 
 def _attributes(name: str, words: str, **more: str) -> dict[str, str]:

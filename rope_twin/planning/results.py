@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
@@ -20,6 +18,7 @@ from rope_twin.files import write_whole
 from rope_twin.planning.judgement import Judgement
 from rope_twin.planning.seas import ResponsesTip, SeaState
 from rope_twin.planning.tables import sling_loads
+from rope_twin.quantity import json_value
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.load_chart import FORMAT
 from rope_twin.sea.spectrum import DEEP, STANDARD_GRAVITY, irregular_waves, spread, usual_height_m
@@ -327,7 +326,7 @@ def result_object(result: PlanResult) -> dict[str, Any]:
         "slings": list(sling_loads(result)) if result.plan.slings is not None else [],
         "cells": [_cell_object(result, cell) for cell in result.cells],
     }  # fmt: skip
-    return dict(_plain(found))
+    return dict(json_value(found))
 
 
 def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
@@ -390,17 +389,6 @@ def _judgement_object(judged: Judgement | None) -> dict[str, Any] | None:
         "failures": judged.failures,
         "fault": judged.fault,
     }
-
-
-def _plain(value: Any) -> Any:
-    """Return a value with None for numbers that are not finite."""
-    if isinstance(value, Mapping):
-        return {key: _plain(own) for key, own in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(own) for own in value]
-    if isinstance(value, float | np.floating):
-        return float(value) if math.isfinite(value) else None
-    return value
 
 
 def load_chart(result: PlanResult) -> dict[str, Any]:

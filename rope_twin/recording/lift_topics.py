@@ -15,6 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.messages.cdr import decode
 from rope_twin.messages.inputs import read_heave, read_measurement
 from rope_twin.messages.status import counted
+from rope_twin.quantity import or_nan
 from rope_twin.recording.damaged_bag import Messages
 from rope_twin.topics import WINCH_MEASURED, is_topic
 
@@ -55,7 +56,7 @@ def rope_values(topic: str, data: bytes) -> tuple[float, list[RopeValues]]:
     """
     if topic == WINCH_MEASURED:
         _, stamp_ns, measured = read_measurement(topic, data)
-        rows = [RopeValues(name, _number(m), _number(n)) for name, m, _, n in measured]
+        rows = [RopeValues(name, or_nan(m), or_nan(n)) for name, m, _, n in measured]
         return stamp_ns * 1e-9, rows
     message: Any = decode(topic, data)
     columns = [list(values) for values in (message.position, message.effort)]
@@ -101,7 +102,3 @@ def refusal_words(refused: Counter[str]) -> tuple[str, ...]:
 
 def _stamp_s(message: Any) -> float:
     return float(message.header.stamp.sec) + 1e-9 * float(message.header.stamp.nanosec)
-
-
-def _number(value: float | None) -> float:
-    return math.nan if value is None else value

@@ -39,6 +39,7 @@ from rope_twin.messages import (
     encode_pose,
 )
 from rope_twin.messages.status import counted
+from rope_twin.quantity import or_none
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
@@ -362,17 +363,13 @@ def _encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
     Tension of the motor has a topic of its own, since losses of sheaves and gear are in it.
     """
     at, measured = sample.stamp_ns, []
-    payout, speed = _known(sample.payout_m), _known(sample.speed_m_per_s)
-    tension = _known(sample.tension_n)
+    payout, speed = or_none(sample.payout_m), or_none(sample.speed_m_per_s)
+    tension = or_none(sample.tension_n)
     if (payout, speed, tension) != (None, None, None):
         measured.append(Measurement.of_winch(at, payout, speed, tension, winch))
     if not math.isnan(sample.motor_tension_n):
         measured.append(Measurement.of_motor(at, sample.motor_tension_n, winch))
     return [encode_measurement(at, one) for one in measured]
-
-
-def _known(value: float) -> float | None:
-    return None if math.isnan(value) else value
 
 
 def _encode_output(output: MotionOutput) -> tuple[str, bytes]:

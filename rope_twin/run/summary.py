@@ -21,6 +21,7 @@ from rope_twin.messages.diagnostics import (
 )
 from rope_twin.messages.reports import alarm_words, learned_words
 from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
+from rope_twin.quantity import or_none
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
@@ -328,10 +329,6 @@ def _times(factor: float) -> str:
     return f"{factor:.0f}" if factor >= 9.95 or factor == 0.0 else f"{factor:.2g}"
 
 
-def _or_none(error_pct: float) -> float | None:
-    return None if math.isnan(error_pct) else error_pct
-
-
 def _kn(newtons: float) -> str:
     return f"{newtons / 1e3:.1f} kN"
 
@@ -360,8 +357,8 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
         tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,
         tension_top_min_n=statistics.tension_top_min_n if stepped else now_n,
-        tension_top_error_pct=_or_none(snapshot.study_error.rms_pct),
-        tension_top_peak_error_pct=_or_none(snapshot.study_error.peak_pct),
+        tension_top_error_pct=or_none(snapshot.study_error.rms_pct),
+        tension_top_peak_error_pct=or_none(snapshot.study_error.peak_pct),
         tension_top_error_reason=snapshot.study_error.words,
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),

@@ -22,7 +22,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, RopeTwinError, SceneError, SolverError
-from rope_twin.quantity import quantity, text
+from rope_twin.quantity import json_value, quantity, text
 from rope_twin.scene.joined_model import over_sheaves
 from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
 from rope_twin.scene.reader import Place, read_document, read_object
@@ -442,12 +442,7 @@ def _sample(twin: Twin, counts: Counts) -> None:
 
 
 def _top(results: MemberResults) -> Row:
-    return {name: known(value) for name, value in vars(results).items()}
-
-
-def known(value: Any) -> Any:
-    """Return a number of a row, None for one that is not finite."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    return dict(json_value(vars(results)))
 
 
 def _by_rope(scene: Scene, seen: TensionMonitor | None) -> Row:
@@ -459,11 +454,11 @@ def _by_rope(scene: Scene, seen: TensionMonitor | None) -> Row:
     shares = []
     for number, line in enumerate(scene.ropes):
         upper = None if seen is None else seen.upper_n[number]
-        found[f"{line.name}.tension_max_n"] = None if upper is None else known(upper.high)
-        found[f"{line.name}.tension_mean_n"] = None if upper is None else known(upper.mean)
-        found[f"{line.name}.tension_min_n"] = None if upper is None else known(upper.low)
+        found[f"{line.name}.tension_max_n"] = None if upper is None else json_value(upper.high)
+        found[f"{line.name}.tension_mean_n"] = None if upper is None else json_value(upper.mean)
+        found[f"{line.name}.tension_min_n"] = None if upper is None else json_value(upper.low)
         shares.append(math.nan if upper is None else upper.high / line.breaking_load_n)
-    return {"highest_over_breaking_load": known(float(np.max(shares))), **found}
+    return {"highest_over_breaking_load": json_value(float(np.max(shares))), **found}
 
 
 def _damage(scene: Scene, counts: Counts) -> Row:
@@ -494,6 +489,6 @@ def most_bent(found: MaterialFatigue) -> Row:
     return {
         "bends": float(found.bent.bends[at]),
         "bends_from_lower_end_m": float(found.from_lower_end_m[at]),
-        "bend_damage": known(float(found.bent.damage[at])),
-        "discard_fraction": known(float(found.bent.discard[at])),
+        "bend_damage": json_value(float(found.bent.damage[at])),
+        "discard_fraction": json_value(float(found.bent.discard[at])),
     }

@@ -6,7 +6,6 @@ import fcntl
 import hashlib
 import json
 import logging
-import math
 import socket
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
@@ -19,6 +18,7 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
 from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.files import write_whole
+from rope_twin.quantity import json_value, or_none
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.joined_model import build_joined
@@ -33,7 +33,6 @@ from rope_twin.studies.study_design import (
     Study,
     StudyRun,
     design_runs,
-    known,
     made_of,
     most_bent,
     new_counts,
@@ -156,7 +155,7 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
 def _figures(ensemble: Ensemble, number: int) -> Row:
     scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
     least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
-    values = {key: known(value) for key, value in asdict(figures).items()}
+    values = json_value(asdict(figures))
     most = values["tension_top_max_n"]
     share = None if most is None else most / least
     whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
@@ -167,8 +166,8 @@ def _figures(ensemble: Ensemble, number: int) -> Row:
 def _study_row(known: KnownError, changed: bool) -> Row:
     """Return the error of the scene's convergence study; indicative for a run with other values."""
     return {
-        "study_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
-        "study_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,
+        "study_error_rms_pct": or_none(known.rms_pct),
+        "study_error_peak_pct": or_none(known.peak_pct),
         "study_error_words": known.words + (CHANGED if changed else ""),
     }
 

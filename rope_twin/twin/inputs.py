@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rope_twin.effects.current import Current, RisingCurrent, from_rows, profile_of, with_profile
 from rope_twin.errors import did_you_mean, phrase
+from rope_twin.quantity import or_nan, or_none
 from rope_twin.scene.environment import (
     DEEPEST_ROW_M,
     MIN_ROW_SPACING_M,
@@ -492,8 +493,7 @@ class ForecastInput:
             what = f"a factor of {factor:g} and inputs {age_s:g} s old"
             fault = phrase("forecast", what, "give a positive factor and a finite age")
         if not fault:
-            known = None if math.isnan(coverage) else coverage
-            self._newest = now_s, age_s, known, int(judged), factor
+            self._newest = now_s, age_s, or_none(coverage), int(judged), factor
         return fault
 
     def at(self, now_s: float) -> ForecastScore | None:
@@ -501,6 +501,4 @@ class ForecastInput:
         if self._newest is None or now_s - self._newest[0] > GONE_S:
             return None
         at_s, age_s, coverage, judged, factor = self._newest
-        return ForecastScore(
-            at_s, age_s, math.nan if coverage is None else coverage, judged, factor
-        )
+        return ForecastScore(at_s, age_s, or_nan(coverage), judged, factor)

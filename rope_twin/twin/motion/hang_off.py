@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from rope_twin.errors import phrase
+from rope_twin.quantity import or_none
 from rope_twin.scene.environment import reference_point_m
 from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
@@ -398,8 +399,7 @@ class HangOffTrack(HeaveTrack):
             warnings.append(slow)
         if self._rejoining(now_ns):
             warnings.append(f"the motion is led over to the samples in {self._rejoin_s:.3g} s")
-        known = [None if math.isnan(one) else one
-                 for one in (self.clock.offset_s, self._timing.interval_s)]  # fmt: skip
+        known = or_none(self.clock.offset_s), or_none(self._timing.interval_s)
         return Judgement("; ".join(faults), "; ".join(warnings), *known)
 
     def aside_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
