@@ -14,7 +14,7 @@ from typing import NamedTuple
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
-from rope_twin.scene.convergence import OTHER_SEA, ConvergenceStudy, read_study
+from rope_twin.scene.convergence import OTHER_SEA, ConvergenceStudy
 from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
@@ -23,6 +23,7 @@ from rope_twin.studies.accuracy_study import make_plan
 from rope_twin.studies.accuracy_within import (
     best_bound,
     cheapest_within,
+    current_study,
     most_accurate,
     next_better,
     sure_bound,
@@ -221,7 +222,7 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         what = "a saved state has its elements and its step already"
         raise InputError(option, what, "leave out --from-state, or this")
     scene = load_scene(options.scene)
-    study = _current_study(scene, option)
+    study = current_study(scene, f"{option}, scene {scene.name}", InputError)
     levels = _known_levels(study, quantity, options.speed > 0.0, option)
     if option == "--within":
         _refuse_other_run(scene, study, options)
@@ -265,15 +266,6 @@ def find_quantity(name: str | None) -> Quantity:
     if name is not None and name not in BY_NAME:
         raise InputError("--quantity", f"unknown quantity '{name}'", did_you_mean(name, BY_NAME))
     return BY_NAME[name or "tension_rms"]
-
-
-def _current_study(scene: Scene, option: str) -> ConvergenceStudy:
-    study = read_study(scene)
-    why = "it has no convergence study" if study is None else study.age(scene)
-    if study is None or why:
-        right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
-        raise InputError(f"{option}, scene {scene.name}", why, right)
-    return study
 
 
 def _known_levels(

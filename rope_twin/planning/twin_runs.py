@@ -25,6 +25,7 @@ from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.schema import SeaState as SceneSea
 from rope_twin.sea.spectrum import wave_at
+from rope_twin.studies.driven_twin import check_taken
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
@@ -185,16 +186,16 @@ def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snaps
     while twin.steps < steps:
         until = twin.time_ns + every * step + AHEAD_NS
         while stamp < until:
-            _taken(twin.offer_pose(moved.pose(stamp)))
+            check_taken(twin.offer_pose(moved.pose(stamp)))
             stamp += SAMPLE_PERIOD_NS
         for name, winch in winches_by_name(scene).items():
             if name != WINCH or not leg.commands:
                 for sample in schedule_samples(winch, commanded, until):
-                    _taken(twin.offer_command(sample.stamp_ns, sample.command, name))
+                    check_taken(twin.offer_command(sample.stamp_ns, sample.command, name))
         commanded = until
         while waiting and waiting[0].stamp_ns < until:
             sample = waiting.pop(0)
-            _taken(twin.offer_command(sample.stamp_ns, sample.command))
+            check_taken(twin.offer_command(sample.stamp_ns, sample.command))
         twin.advance(min(every, steps - twin.steps))
         yield twin.snapshot()
 
@@ -271,8 +272,3 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
     moved = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=heaves))
     effects = tuple(moved if own is body else own for own in scene.effects)
     return replace(scene, effects=effects)
-
-
-def _taken(refusal: str) -> None:
-    if refusal:
-        raise SolverError(refusal)

@@ -42,6 +42,7 @@ from rope_twin.twin.motion.boundary_conditions import (
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.regrid import is_slack
 from rope_twin.twin.statics import check_equilibrium, solve_scene_statics
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.coupled import VivDragAmplification
@@ -173,7 +174,7 @@ class Trial:
             first = number * every
             self._advance(self._part(first, every), first, every)
             depth[number] = self._body.depth_m()
-            slack[number] = self._body.is_slack()
+            slack[number] = is_slack(self._body.ropes)
         done = looks * every
         return Series(
             self.setting.step_s,
@@ -337,13 +338,6 @@ class Body(ABC):
     def depth_m(self) -> float:
         """Return the depth of the lower end, or of the first payload [m]."""
         return -float(self.ropes[self.lowest].state.nodes[rows.POSITION + 2, 0])
-
-    def is_slack(self) -> bool:
-        """Return whether any element is slack."""
-        return any(
-            bool(rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() <= 0.0)
-            for rope in self.ropes
-        )
 
     @property
     def health(self) -> Ints:

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-from rope_twin.errors import SceneError
-from rope_twin.scene.convergence import read_study
+from rope_twin.errors import RopeTwinError, SceneError
+from rope_twin.scene.convergence import ConvergenceStudy, read_study
 from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
@@ -19,6 +19,21 @@ from rope_twin.studies.accuracy_run import Course, Quantity, Trial, differences
 from rope_twin.studies.accuracy_study import make_plan
 
 NOTHING = 1e-6  # below, errors are round-off
+
+
+def current_study(
+    scene: Scene, where: str, kind: type[RopeTwinError] = SceneError
+) -> ConvergenceStudy:
+    """Return the scene's convergence study.
+
+    Raises:
+        RopeTwinError: of this kind, at this place: there is none, or it is outdated.
+    """
+    study = read_study(scene)
+    why = "it has no convergence study" if study is None else study.age(scene)
+    if study is None or why:
+        raise kind(where, why, f"make it with `rope_twin accuracy {argument_for(scene)}`")
+    return study
 
 
 def sure_bound(level: StudyLevel, levels: Iterable[StudyLevel], name: str) -> float:
@@ -133,11 +148,7 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
         RopeTwinError: as for all.
     """
     quantity, within = wanted.quantity, wanted.within
-    study = read_study(scene)
-    why = "it has no convergence study" if study is None else study.age(scene)
-    if study is None or why:
-        right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
-        raise SceneError(f"scene {scene.name}", why, right)
+    study = current_study(scene, f"scene {scene.name}")
     known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     level = cheapest_within(known, quantity.name, within)
     if level is None:

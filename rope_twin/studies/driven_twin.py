@@ -106,19 +106,20 @@ def march(
     """
     twin.prescribe_motion()
     if twin.steps == 0:
-        _taken(twin.offer_heave(0, *heave(0.0)))
+        check_taken(twin.offer_heave(0, *heave(0.0)))
     waiting = deque(speeds)
     for _ in range(round(seconds / (every * twin.step_s))):
         last = twin.steps + every
         while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
             at, speed, *name = waiting.popleft()
-            _taken(twin.offer_speed(round(at * 1e9), speed, *name))
+            check_taken(twin.offer_speed(round(at * 1e9), speed, *name))
         for k in range(twin.steps + 1, last + 1):
-            _taken(twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)))
+            check_taken(twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)))
         twin.advance(every)
         yield twin.snapshot()
 
 
-def _taken(refusal: str) -> None:
+def check_taken(refusal: str) -> None:
+    """Check that a twin has taken an input. Raises SolverError: it has refused it."""
     if refusal:
         raise SolverError(refusal)

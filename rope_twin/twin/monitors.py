@@ -28,7 +28,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.multi_line import MultiLineRopes
-from rope_twin.twin.regrid import element_tension
+from rope_twin.twin.regrid import element_tension, is_slack
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import CutShot, EnergyBalance, Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes
@@ -354,7 +354,7 @@ class TensionMonitor(Monitor):
         if chunk.done and chunk.steps % self._slack_steps == 0:
             ropes = (chunk.ropes,) if isinstance(chunk.ropes, Rope) else chunk.ropes.ropes
             self._checks += 1
-            self._slack_checks += any(bool(element_tension(one).min() <= 0.0) for one in ropes)
+            self._slack_checks += is_slack(ropes)
 
     def cut(self, now: TwinView) -> None:
         """Continue with the parts; the lower one of a multi-line system is a further rope."""

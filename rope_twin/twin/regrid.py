@@ -19,7 +19,7 @@ of a rigid body stay as they are. In a multi-line system the connections keep th
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -119,6 +119,11 @@ def element_tension(rope: Rope) -> Floats:
     """Tension of the elements from the lower end up [N], (elements,), a view of the scratch."""
     tension: Floats = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
     return tension
+
+
+def is_slack(ropes: Iterable[Rope]) -> bool:
+    """Return whether any of these ropes has an element without tension."""
+    return any(bool(element_tension(rope).min() <= 0.0) for rope in ropes)
 
 
 def marks_of(rope: Rope) -> Floats:

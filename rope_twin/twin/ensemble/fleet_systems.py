@@ -36,7 +36,7 @@ from rope_twin.twin.ensemble.fleet_members import (
     Scratch,
 )
 from rope_twin.twin.ensemble.live_state import on_mesh
-from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.ensemble.member import element_changes, fold_of
 from rope_twin.twin.figures import scaled_law, scaled_rope
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.regrid import joined_as, own_copies, state_arrays
@@ -209,8 +209,7 @@ class SystemMembers(Members):
     def kind_of(self, member: int) -> JoinedKind | None:
         """Return what members in lanes must share; None: the member steps alone."""
         system = self._systems[member]
-        health = [rope.state.health for rope in system.ropes]
-        changes = sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+        changes = element_changes(system.ropes)
         known = self._kinds.get(member)
         if known is None or known[0] != changes:
             known = self._kinds[member] = changes, joined_kind_of(system)

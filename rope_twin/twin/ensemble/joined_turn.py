@@ -17,7 +17,8 @@ from rope_twin.core.lanes.joined_group import JoinedKind
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
 from rope_twin.core.step import advance_joined
-from rope_twin.twin.ensemble.member import Scratch, TwinMember, is_slack
+from rope_twin.twin.ensemble.member import Scratch, TwinMember
+from rope_twin.twin.regrid import is_slack
 
 OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 

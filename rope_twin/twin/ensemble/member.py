@@ -43,7 +43,7 @@ from rope_twin.twin.motion.boundary_conditions import (
 )
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.recovery import step_failure
-from rope_twin.twin.regrid import element_tension, own_copies
+from rope_twin.twin.regrid import element_tension, is_slack, own_copies
 from rope_twin.twin.ropes import OpenSteps
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes, build_snapshot, with_body, with_compensator
@@ -158,6 +158,12 @@ class Batch:
     folds: Floats | None = None  # result: what a look at each step sees, (steps, FOLDS)
 
 
+def element_changes(ropes: Iterable[Rope]) -> int:
+    """Return how many elements of these ropes have split or merged since the start."""
+    health = (rope.state.health for rope in ropes)
+    return sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+
+
 def fold_of(rope: Rope) -> Floats:
     """Return what a look at a rope sees, (FOLDS,).
 
@@ -239,8 +245,7 @@ class Member:
 
     def kind(self) -> Kind | None:
         """Return the properties that members of a SIMD group must share; None: none can join."""
-        health = self.rope.state.health
-        changes = int(health[rows.SPLITS] + health[rows.MERGES])
+        changes = element_changes((self.rope,))
         if changes != self._kind_changes:
             self._kind, self._kind_changes = kind_of(self.rope), changes
         return self._kind
@@ -421,8 +426,7 @@ class TwinMember:
         if self._course is None:
             return None
         system = self.system
-        health = [rope.state.health for rope in system.ropes]
-        changes = sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+        changes = element_changes(system.ropes)
         if changes != self._kind_changes:
             self._kind, self._kind_changes = joined_kind_of(system), changes
         return self._kind
@@ -513,11 +517,6 @@ class TwinMember:
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present and restart the recent extremes of tension."""
         return self.twin.snapshot()
-
-
-def is_slack(ropes: Iterable[Rope]) -> bool:
-    """Return whether any of these ropes has an element without tension."""
-    return any(bool(element_tension(rope).min() <= 0.0) for rope in ropes)
 
 
 SteppedMember = Member | TwinMember
