@@ -189,7 +189,9 @@ class Pages:
                 take(rows)
         self._send_row(changed, rows, now_s)
         if self._rows % PROFILE_EVERY == 0:
-            self._send_profile()
+            if self._read_profile():
+                for page in self.pages.values():
+                    page.offer(self._newest_profile)
             self._send_state()
 
     def tick_or_report(self) -> None:
@@ -247,11 +249,6 @@ class Pages:
             return False
         self._newest_profile = _json({"type": "profile", "ropes": self.profile})
         return True
-
-    def _send_profile(self) -> None:
-        if self._read_profile():
-            for page in self.pages.values():
-                page.offer(self._newest_profile)
 
     def _send_state(self) -> None:
         state = self._state()

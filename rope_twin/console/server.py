@@ -74,15 +74,6 @@ class PageFile:
         return 200, self.content, headers
 
 
-def page_files() -> dict[str, PageFile]:
-    """Return the files by their path below the folder of the page, such as `console.js`."""
-    return {
-        path.relative_to(FOLDER).as_posix(): _file(path)
-        for path in FOLDER.rglob("*")
-        if path.suffix in _TYPES
-    }
-
-
 def _file(path: Path) -> PageFile:
     content = path.read_bytes()
     compressed = gzip.compress(content, mtime=0) if path.suffix in _COMPRESSED else b""
@@ -175,7 +166,11 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
         else:
             await PlainTextResponse(why, status_code=403)(scope, receive, send)
 
-    files = page_files()
+    files = {
+        path.relative_to(FOLDER).as_posix(): _file(path)
+        for path in FOLDER.rglob("*")
+        if path.suffix in _TYPES
+    }
 
     async def file(request: Any) -> Any:
         found = files.get(request.path_params.get("name", "index.html"))

@@ -298,7 +298,9 @@ class TensionForecaster:
         for order in orders:
             check_lift_order(order, self.scene, now[WINCH])
         lines = [self._lines(order, now, plans or {}) for order in orders]
-        paths = self._paths(known)
+        heave = known.heave_m - known.heave_m.mean()
+        process = HeaveProcess.of_record(heave, self.settings.motion_error)
+        paths = process.paths(heave, known.waves, known.response).for_unknown_spectrum()
         motion = self._motion(known, paths)
         self._draw_figures()
         states, weights = self._through_the_past(known, motion, start)
@@ -323,11 +325,6 @@ class TensionForecaster:
             what = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
             raise SolverError("forecast", what, "check the scene at this line out and in this sea")
         return np.asarray(good)
-
-    def _paths(self, known: Known) -> HeavePaths:
-        heave = known.heave_m - known.heave_m.mean()
-        process = HeaveProcess.of_record(heave, self.settings.motion_error)
-        return process.paths(heave, known.waves, known.response).for_unknown_spectrum()
 
     def _motion(self, known: Known, paths: HeavePaths) -> tuple[Floats, Floats]:
         """Return heave [m] and rate [m/s] at the borders from the burn-in on, (borders, members).

@@ -93,7 +93,10 @@ def write_report(result: PlanResult, folder: Path) -> list[Path]:
 
 def report_of(result: PlanResult) -> Report:
     """Return the content of a plan's report; governing runs are run once more."""
-    result = _spoken(result)
+    # phases as in a text: `at depth`
+    works = (replace(one, title=one.title.replace("_", " ")) for one in result.works)
+    cells = (replace(one, phase=one.phase.replace("_", " ")) for one in result.cells)
+    result = replace(result, works=tuple(works), cells=tuple(cells))
     plan, scene = result.plan, result.scene
     report = Report(
         plan.about or plan.name,
@@ -117,13 +120,6 @@ def report_of(result: PlanResult) -> Report:
     names = ("", "")
     report.table("What made these results.", names, list(_versions(result)), (0, 1), (1,))
     return report
-
-
-def _spoken(result: PlanResult) -> PlanResult:
-    """Return the result with phases called as in a text: `at depth`."""
-    works = (replace(one, title=one.title.replace("_", " ")) for one in result.works)
-    cells = (replace(one, phase=one.phase.replace("_", " ")) for one in result.cells)
-    return replace(result, works=tuple(works), cells=tuple(cells))
 
 
 def _lowest(cells: Sequence[CellLimit]) -> CellLimit:

@@ -315,7 +315,9 @@ def read_options(args: argparse.Namespace) -> RunOptions:
     begins_s = begin.time_s if begin else 0.0
     end_s = None if args.duration is None else begins_s + args.duration
     cut = _read_cut(args.cut, begins_s, end_s)
-    args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
+    scene = args.scene or (_scene_of(begin) if begin else "deep_lift")
+    # a path as absolute, since other processes may run elsewhere
+    args.scene = str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
     given = {one.name: getattr(args, one.name) for one in fields(RunOptions) if one.name in args}
     own: dict[str, Any] = {
         "end_s": end_s,
@@ -411,11 +413,6 @@ def _scene_of(about: StateDescription) -> str:
         what = f"its scene {about.scene_path} does not exist"
         raise InputError("--from-state", what, "give the path of the scene too")
     return about.scene
-
-
-def _scene_argument(scene: str) -> str:
-    """Return a path as absolute, since other processes may run elsewhere; or the name."""
-    return str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
 
 
 def _record_directory(args: argparse.Namespace) -> Path | None:

@@ -133,7 +133,15 @@ def read_study(scene: Scene) -> ConvergenceStudy | None:
         if found["format"] != FORMAT:
             what = f"a study of format {found['format']}, this version reads {FORMAT}"
             raise SceneError(str(path), what, _REMAKE)
-        return _study_of(found)
+        return ConvergenceStudy(
+            scene=str(found["scene"]),
+            seconds=float(found["seconds"]),
+            scene_digest=str(found["scene_digest"]),
+            solver=str(found["solver"]),
+            machine=str(found["machine"]),
+            levels=tuple(_level_of(row) for row in found["rows"]),
+            rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),
+        )
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(
             str(path), f"it is not a convergence study ({error!r})", _REMAKE
@@ -182,18 +190,6 @@ def _around(value: float, sizes: list[Any]) -> list[Any]:
         [size for size in sizes if size > value],
     )
     return [below[-1], above[0]] if below and above else []
-
-
-def _study_of(found: dict[str, Any]) -> ConvergenceStudy:
-    return ConvergenceStudy(
-        scene=str(found["scene"]),
-        seconds=float(found["seconds"]),
-        scene_digest=str(found["scene_digest"]),
-        solver=str(found["solver"]),
-        machine=str(found["machine"]),
-        levels=tuple(_level_of(row) for row in found["rows"]),
-        rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),
-    )
 
 
 def _level_of(row: dict[str, Any]) -> StudyLevel:

@@ -125,13 +125,6 @@ class BuiltSystem:
     hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is connected
 
 
-def _hook_mass_kg(scene: Scene, params: RigidBodyParams) -> float:
-    """Return the mass of a rigid body's hook, with half of the bars that end there."""
-    name = body_payload(scene)
-    bars = sum(0.5 * strut.mass_kg for strut in scene.struts if name in strut.between)
-    return params.hook_mass_kg + bars
-
-
 def build_joined(scene: Scene) -> BuiltSystem:
     """Return ropes, connections and bars with an initial guess of their shape.
 
@@ -230,7 +223,9 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
         sheds = carried and params.payload in ("", carried.name)
         return params if sheds else replace(params, lift_coefficient=0.0)
     if isinstance(params, RigidBodyParams):
-        params = replace(params, hook_mass_kg=_hook_mass_kg(scene, params))
+        name = body_payload(scene)
+        bars = sum(0.5 * strut.mass_kg for strut in scene.struts if name in strut.between)
+        params = replace(params, hook_mass_kg=params.hook_mass_kg + bars)
     if isinstance(params, BendingParams):
         params = line.bending or params
         if line.from_ not in places(scene):  # a connection is a hinge

@@ -273,17 +273,13 @@ def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
         if line.grading is not None:
             right = "remove `grading`: elements are added and removed at its end"
             yield path, f"'{line.name}' runs over a sheave and is graded", right
-    if _makes_differ(one, other):
+    pairs = zip(one.made_of, other.made_of, strict=False)
+    if one.damping != other.damping or any(a.rope != b.rope for a, b in pairs):
         what = f"'{one.name}' and '{other.name}' are one rope and differ in material"
         yield f"ropes[{ends[1]}]", what, "give both the same `rope` and `damping`"
     if one.fatigue is not None and other.fatigue not in (None, one.fatigue):
         what = f"'{one.name}' and '{other.name}' are one rope with different fatigue data"
         yield f"ropes[{ends[1]}].fatigue", what, f"give them once, at '{one.name}'"
-
-
-def _makes_differ(one: RopeLine, other: RopeLine) -> bool:
-    pairs = zip(one.made_of, other.made_of, strict=False)
-    return one.damping != other.damping or any(a.rope != b.rope for a, b in pairs)
 
 
 # Effects that treat a payload as a point at the rope's end.

@@ -20,7 +20,6 @@ from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.files import write_whole
 from rope_twin.quantity import json_value, or_none
 from rope_twin.scene.convergence import known_error, solver_version
-from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
@@ -95,7 +94,10 @@ def run_batch(batch: Batch) -> list[Row]:
             "run": run.number,
             **dict(zip(batch.columns, run.values, strict=True)),
             **found,
-            **_study_row(error, bool(made.changes)),
+            # of the scene's convergence study; indicative for a run with other values
+            "study_error_rms_pct": or_none(error.rms_pct),
+            "study_error_peak_pct": or_none(error.peak_pct),
+            "study_error_words": error.words + (CHANGED if made.changes else ""),
             "took_s": took_s,
         }
         for run, made, found in zip(batch.runs, batch.made, results, strict=True)
@@ -161,15 +163,6 @@ def _figures(ensemble: Ensemble, number: int) -> Row:
     whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
              "step_s": scene.time.step_s}  # fmt: skip
     return {**whole, **values, "highest_over_breaking_load": share}
-
-
-def _study_row(known: KnownError, changed: bool) -> Row:
-    """Return the error of the scene's convergence study; indicative for a run with other values."""
-    return {
-        "study_error_rms_pct": or_none(known.rms_pct),
-        "study_error_peak_pct": or_none(known.peak_pct),
-        "study_error_words": known.words + (CHANGED if changed else ""),
-    }
 
 
 def _damage(counted: RopeDamage) -> Row:

@@ -164,7 +164,10 @@ class Ensemble:
             what = "ropes that meet, or a winch with tension feedback, are not watched"
             raise InputError("ensemble", what, "step them with `rope_twin run`")
         self._monitors = monitors
-        starts = self._find_starts(list(dict.fromkeys(zip(scenes, by_twin, strict=True))))
+        keys = list(dict.fromkeys(zip(scenes, by_twin, strict=True)))
+        find = partial(_find_start, monitors=self._monitors)
+        first = find(keys[0])  # alone: it compiles
+        starts = dict(zip(keys, [first, *self._on_threads(find, keys[1:])], strict=True))
         self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
         self._members: list[AnyMember] = []
         borders = Borders()
@@ -197,7 +200,9 @@ class Ensemble:
         self._interrupted = True
         while steps > 0:
             batch = min(steps, BATCH_STEPS)
-            own = self._scratch_of(batch)
+            if self._own is None or self._own.steps != batch:
+                self._own = _OfThread(batch, self._watched)
+            own = self._own
 
             def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:
                 advance_group(some, batch, self._look_steps, own.scratch)
@@ -206,12 +211,6 @@ class Ensemble:
             self.steps += batch
             steps -= batch
         self._interrupted = False
-
-    def _scratch_of(self, steps: int) -> _OfThread:
-        """Return the scratch arrays of each thread, those of the last batch if it was as long."""
-        if self._own is None or self._own.steps != steps:
-            self._own = _OfThread(steps, self._watched)
-        return self._own
 
     def _groups(self) -> list[list[SteppedMember]]:
         """Return the members that have not failed, grouped by the members they are stepped with."""
@@ -273,12 +272,6 @@ class Ensemble:
         if isinstance(member, UnstartedMember):
             raise InputError(f"member {number}", "it never started", member.failure[:-1])
         return member.snapshot()
-
-    def _find_starts(self, keys: list[StartKey]) -> dict[StartKey, AnyStart]:
-        """Return the static equilibrium of each scene; the first is solved alone to compile."""
-        find = partial(_find_start, monitors=self._monitors)
-        first = find(keys[0])
-        return dict(zip(keys, [first, *self._on_threads(find, keys[1:])], strict=True))
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
         """Apply the work to each item; an interruption waits only for items in progress."""

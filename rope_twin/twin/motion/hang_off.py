@@ -197,7 +197,8 @@ class HangOffTrack(HeaveTrack):
         sample = (position_m, velocity_m_per_s)
         if self._in_doubt and self._is_settled(stamp_ns, sample):
             return ""
-        fault = self._position_fault(position_m, velocity_m_per_s)
+        within = abs(position_m) <= self._limit_m and math.isfinite(velocity_m_per_s)
+        fault = "" if within else self._number_fault(position_m, velocity_m_per_s)
         fault = fault or self._fault(stamp_ns, sample, sample[1:], (position_m,), "heave")
         if fault:
             return fault
@@ -323,11 +324,6 @@ class HangOffTrack(HeaveTrack):
         if moving is given and turning is pose.rate_rad_per_s:
             return pose
         return with_rates(pose, _vector(moving), _vector(turning))
-
-    def _position_fault(self, z: float, v: float) -> str:
-        """Return why numbers are not finite, or the position is beyond the ship's range; or ""."""
-        within = abs(z) <= self._limit_m and math.isfinite(v)
-        return "" if within else self._number_fault(z, v)
 
     def _pose_range(self, place: Vector3) -> str:
         """Return why the position of the hang-off is out of range, counted; or ""."""
