@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages import CloudReader, decode
 from rope_twin.messages.reports import (
     CREW_LIMITS_ROW,
@@ -107,6 +107,10 @@ class Readings:
             changed |= self._read(topic, data)
         except InputError as error:
             changed[f"fault {topic}"] = str(error)
+            return
+        except (ValueError, LookupError, TypeError) as error:  # lists of other lengths and the like
+            right = "publish it with this version of rope_twin"
+            changed[f"fault {topic}"] = phrase(topic, f"{type(error).__name__}: {error}", right)
             return
         if self.values.get(f"fault {topic}"):
             changed[f"fault {topic}"] = ""
@@ -300,7 +304,7 @@ def _diagnostics(message: Any) -> Values:
     """Return the rows by name, since each node publishes only its own."""
     rows = {}
     for row in message.status:
-        level = row.level[0] if isinstance(row.level, bytes) else int(row.level)
+        level = row.level[0] if isinstance(row.level, bytes) else int(row.level) & 0xFF
         values = {str(one.key): str(one.value) for one in row.values}
         rows[f"diagnostics {row.name}"] = {
             "level": level, "message": str(row.message), "values": values,

@@ -84,7 +84,7 @@ def read_diagnostics(data: bytes) -> list[Status]:
     return [
         Status(
             str(row.name),
-            Level(min(int(row.level), Level.ERROR)),
+            Level(min(int(row.level) & 0xFF, Level.ERROR)),  # a byte, with a sign in its array
             str(row.message),
             {str(pair.key): str(pair.value) for pair in row.values},
         )

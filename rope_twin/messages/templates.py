@@ -162,13 +162,18 @@ def read_cloud(message: Any) -> NDArray[Any]:
     fields = message.fields
     numbers = {code: kind for kind, code in _FIELD_TYPES.items()}
     try:
+        formats: list[Any] = [
+            f"S{field.count}" if field.datatype == _UINT8 else numbers[field.datatype]
+            for field in fields
+        ]
+        for field, kind in zip(fields, formats, strict=True):
+            # numpy adds offset and size as int32, and reads anywhere once the sum has overflowed
+            if field.offset + np.dtype(kind).itemsize > message.point_step:
+                raise ValueError(f"'{field.name[:32]}' ends beyond its point")
         point = np.dtype(
             {
                 "names": [field.name for field in fields],
-                "formats": [
-                    f"S{field.count}" if field.datatype == _UINT8 else numbers[field.datatype]
-                    for field in fields
-                ],
+                "formats": formats,
                 "offsets": [field.offset for field in fields],
                 "itemsize": message.point_step,
             }

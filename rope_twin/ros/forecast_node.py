@@ -246,10 +246,19 @@ class ForecastNode(SuiteNode):
 
 
 def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]]:
-    """Return mean and standard deviation of the logarithms of the figures of estimate/figures."""
+    """Return mean and standard deviation of the logarithms of the figures of estimate/figures.
+
+    Raises:
+        InputError: a column is missing.
+    """
     mean, spread = dict[str, float](), dict[str, float]()
-    for row in read_cloud(message):
-        name = bytes(row["name"]).rstrip(b"\0").decode()
+    table = read_cloud(message)
+    missing = {"name", "value", "prior", "sd"}.difference(table.dtype.names or ())
+    if missing:
+        what = f"the table has no column {', '.join(sorted(missing))}"
+        raise InputError(ESTIMATE_TOPIC, what, "publish it with this version of rope_twin")
+    for row in table:
+        name = bytes(row["name"]).rstrip(b"\0").decode("utf-8", "replace")
         value, scene_value, sd = (float(row[key]) for key in ("value", "prior", "sd"))
         if name in LEARNED_SPREAD and value * scene_value > 0.0 and math.isfinite(sd):
             mean[name], spread[name] = math.log(value / scene_value), sd / abs(value)

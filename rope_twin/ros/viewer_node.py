@@ -1,8 +1,8 @@
 """Viewer node: shows the suite in rerun, in a window or an .rrd file.
 
 Callbacks only queue bytes; the viewer's own thread decodes and draws, at most `rate_hz` times per
-second. Every scalar is kept; of large topics only the newest message is drawn. A failure of the
-viewer does not affect the run.
+second. Every scalar is kept; of large topics only the newest message is drawn. A message that is
+not what its topic carries is left out. A failure of the viewer does not affect the run.
 """
 
 from __future__ import annotations
@@ -29,6 +29,8 @@ _NEWEST_ONLY = (
     "ropes/nodes", "ropes/element_tension", "payloads/state", "payloads/body", "slings/state",
     "struts/state", "sea/elevation",
 )  # fmt: skip
+# raised for a message that any node may send: other columns, sizes or names
+_MALFORMED = (InputError, LookupError, ValueError, TypeError)
 
 
 class ViewerNode(SuiteNode):
@@ -42,6 +44,7 @@ class ViewerNode(SuiteNode):
         self._thread: threading.Thread | None = None
         self._senders = Senders(self)
         self._failure = ""
+        self._malformed: set[str] = set()  # topics of which a message was left out
         self._shut = False  # the user has closed the window
 
     def begin(self) -> None:
@@ -119,8 +122,14 @@ class ViewerNode(SuiteNode):
         batch = [self._queue.popleft() for _ in range(len(self._queue))]
         newest = {name: index for index, (name, _, _) in enumerate(batch)}
         for index, (name, time_ns, data) in enumerate(batch):
-            if name not in _NEWEST_ONLY or newest[name] == index:
+            if name in _NEWEST_ONLY and newest[name] != index:
+                continue
+            try:
                 view.show(name, decode(name, data), time_ns)
+            except _MALFORMED as error:
+                if name not in self._malformed:
+                    self._malformed.add(name)
+                    self.get_logger().warning(f"{name}: message not shown: {error}")
         view.flush()
 
 

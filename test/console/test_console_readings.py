@@ -29,7 +29,7 @@ from rope_twin.console.readings import (
 from rope_twin.estimation.figures import REPORTED, WINCH_FIGURES
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status
-from rope_twin.messages.cdr import encode_text
+from rope_twin.messages.cdr import encode_text, new, serialise
 from rope_twin.messages.reports import UNITS, encode_estimate, encode_forecast
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
@@ -118,6 +118,23 @@ def test_bytes_that_are_no_message_are_a_fault_in_words(topic: str, data: bytes)
     fault = changed.get(f"fault {topic}")
     assert fault is None or topic in fault or "point cloud" in fault
     json.dumps(changed, allow_nan=False)
+
+
+def test_lists_of_other_lengths_are_a_fault_in_words() -> None:
+    """And of that topic alone: the others are read, and it is once it is whole again."""
+    readings = read()
+    strange = new("sensor_msgs/msg/MultiDOFJointState", joint_names=["payload"])
+    readings.take("payloads/state", serialise(strange), 11.0)
+    encoder = messages.Encoder(EPOCH_NS)
+    readings.take("ropes/length", encoder.encode("ropes/length", hanging_rope()), 11.0)
+    for _ in range(SLOW_EVERY):
+        readings.update()
+    assert "payloads/state: ValueError" in readings.values["fault payloads/state"]
+    assert readings.values["line_out_m"] == [3000.0]
+    readings.take("payloads/state", encoder.encode("payloads/state", hanging_rope()), 12.0)
+    for _ in range(SLOW_EVERY):
+        readings.update()
+    assert readings.values["fault payloads/state"] == ""
 
 
 @given(st.floats())

@@ -396,6 +396,22 @@ def test_a_reader_of_clouds_reads_what_decoding_finds() -> None:
         assert len(points) == nodes
 
 
+@pytest.mark.parametrize(
+    ("datatype", "offset", "count", "step"),
+    [(8, 2**31 - 1, 1, 8), (2, 8, 2**31 - 1, 8), (8, 1, 1, 8), (8, 2**32 - 8, 1, 8), (2, 0, 9, 8)],
+)
+def test_a_column_beyond_its_point_is_refused(
+    datatype: int, offset: int, count: int, step: int
+) -> None:
+    """Offset and size overflow the int32 of numpy, which then reads memory of others."""
+    field = templates.new("sensor_msgs/msg/PointField", name="x_m", datatype=datatype,
+                          offset=offset, count=count)  # fmt: skip
+    cloud = templates.new("sensor_msgs/msg/PointCloud2", height=1, width=4, fields=[field],
+                          point_step=step, row_step=32, data=np.zeros(32, np.uint8))  # fmt: skip
+    with pytest.raises(InputError, match="'x_m' ends beyond its point"):
+        read_cloud(cloud)
+
+
 def test_a_reader_of_clouds_sees_renamed_columns() -> None:
     encoder, reader = messages.Encoder(0), CloudReader("ropes/nodes")
     data = encoder.encode("ropes/nodes", hanging_rope(nodes=5))

@@ -19,7 +19,7 @@ from rope_twin.messages import (
     encode_measurement,
     read_cloud,
 )
-from rope_twin.messages.cdr import encode_text
+from rope_twin.messages.cdr import encode_text, new, serialise
 from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.reports import encode_estimate
@@ -121,7 +121,7 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
 def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -> None:
     """Value by value; and while the simulation has lost the ship, nothing is forecast."""
     node = bench.make("forecast", scene=str(small_scene(tmp_path).path), members=19)
-    names = ("ship/heave", "winch/measured", "diagnostics")
+    names = ("ship/heave", "winch/measured", "diagnostics", "estimate/figures")
     publishers = {name: bench.publisher(name) for name in names}
     told = bench.listen("diagnostics")
     node.begin()
@@ -141,6 +141,11 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     assert heard.tension_n.rows()[:, 1].tolist() == [76e3] * 3
     for level, age, doubted in ((2, "4.2", True), (2, "0.1", False), (0, "0.1", False)):
         row = Status(MOTION_ROW, Level(level), "stale", {SAMPLE_AGE: age})
+        strange = new("diagnostic_msgs/msg/DiagnosticStatus", level=-56, name=MOTION_ROW)
+        publishers["diagnostics"].publish(
+            serialise(new("diagnostic_msgs/msg/DiagnosticArray", status=[strange]))
+        )
+        publishers["estimate/figures"].publish(serialise(new("sensor_msgs/msg/PointCloud2")))
         publishers["diagnostics"].publish(encode_diagnostics(ns, [row]))
         bench.until(lambda on=doubted: bool(heard.doubt) == on, "the simulation's doubt is heard")
         told.clear()

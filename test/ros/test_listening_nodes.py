@@ -11,6 +11,7 @@ from ros_bench import Bench
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Encoder, encode_epoch, encode_heave
+from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag import BagReader
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
@@ -66,12 +67,16 @@ def test_the_recorder_tells_how_it_goes(bench: Bench, tmp_path: Path) -> None:
 def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path) -> None:
     node = bench.make("viewer", file=str(tmp_path / "run.rrd"), simulation_node="bench")
     node.begin()
-    publishers = {name: bench.publisher(name) for name in ("twin/epoch", "ropes/nodes")}
+    names = ("twin/epoch", "ropes/nodes", "residuals")
+    publishers = {name: bench.publisher(name) for name in names}
     bench.until(
         lambda: all(p.get_subscription_count() for p in publishers.values()), "the viewer listens"
     )
     publishers["twin/epoch"].publish(encode_epoch(10**18))
     encoder, snapshot = Encoder(10**18), Twin(load_scene("shallow_lift")).snapshot()
+    strange = serialise(new("sensor_msgs/msg/PointCloud2", width=1, point_step=8))
+    for data in (strange, b"strange"):
+        publishers["residuals"].publish(data)  # of any node: left out
     empty = (tmp_path / "run.rrd").stat().st_size if (tmp_path / "run.rrd").exists() else 0
 
     def show() -> bool:
