@@ -30,6 +30,7 @@ from rope_twin.scene.winch import FOLLOWS_MEASURED
 from rope_twin.sea.tables import is_path
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
+SIZES_MM = 8.0, 200.0  # nominal diameters for which a construction's figures are taken
 _KINDS = {
     **{effect.params: effect.name for effect in EFFECTS},
     **{shape: name for name, shape in SHAPES.items()},
@@ -112,9 +113,7 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
     Raises:
         SceneError: if the file is invalid, with the location.
     """
-    path = path or share_dir() / "config" / "ropes.yaml"
-    tree, _ = read_document(path)
-    book: RopeBook = read_object(RopeBook, tree, Place(path))
+    book, tree, path = _rope_book(path)
     presets = dict(book.by_figures)
     for name, sized in book.by_diameter.items():
         where = f"by_diameter.{name}"
@@ -128,17 +127,45 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
     return presets
 
 
+def _rope_book(path: Path | None = None) -> tuple[RopeBook, Item, Path]:
+    path = path or share_dir() / "config" / "ropes.yaml"
+    tree, _ = read_document(path)
+    book: RopeBook = read_object(RopeBook, tree, Place(path))
+    return book, tree, path
+
+
+def rope_sizes() -> str:
+    """Return the pattern of names that give a construction and a nominal diameter [mm]."""
+    return rf"({'|'.join(sorted(_rope_book()[0].constructions))})_(\d{{1,3}}(?:\.\d{{1,3}})?)mm"
+
+
 def rope_preset(name: str) -> Rope:
-    """Return one preset.
+    """Return one preset, or a rope of a construction by its diameter, such as steel_wire_52mm.
 
     Raises:
         SceneError: if there is none of this name.
     """
-    presets = rope_presets()
-    if name not in presets:
-        what = "there is no such preset in config/ropes.yaml"
-        raise SceneError(f"rope '{name}'", what, did_you_mean(name, presets))
-    return presets[name]
+    found = _rope_named(name)
+    if isinstance(found, Rope):
+        return found
+    raise SceneError(f"rope '{name}'", *found)
+
+
+def _rope_named(name: str) -> Rope | tuple[str, str]:
+    """Return the rope of a name, or fault and remedy."""
+    presets, constructions = rope_presets(), _rope_book()[0].constructions
+    if name in presets:
+        return presets[name]
+    if size := re.fullmatch(rope_sizes(), name):
+        low, high = SIZES_MM
+        if low <= float(size[2]) <= high:
+            return constructions[size[1]].rope(float(size[2]) / 1e3)
+        what = f"{size[2]} mm is out of the range of figures by diameter, {low:g} to {high:g} mm"
+        return what, "give the rope by its properties"
+    sized = f"{', '.join(sorted(constructions))} by diameter, such as steel_wire_52mm"
+    right = f"give another one by its properties, one of {sized}, or one of: "
+    what = f"no preset of config/ropes.yaml is named '{name}'"
+    return what, right + ", ".join(sorted(presets))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
@@ -210,14 +237,13 @@ def _read_rope(item: Item, place: Place) -> Rope:
     if isinstance(item.value, dict):
         rope: Rope = read_object(Rope, item, place)
         return rope
-    presets = rope_presets()
     if not isinstance(item.value, str):
         right = "give a preset's name or the rope's properties as a mapping"
         raise place.refuse(f"{kind(item)} is not a rope", right)
-    if item.value not in presets:
-        right = f"give another size by its properties, or one of: {', '.join(sorted(presets))}"
-        raise place.refuse(f"no preset of config/ropes.yaml is named '{item.value}'", right)
-    return presets[item.value]
+    found = _rope_named(item.value)
+    if isinstance(found, Rope):
+        return found
+    raise place.refuse(*found)
 
 
 def _read_shape(item: Item, place: Place) -> Any:

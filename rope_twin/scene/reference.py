@@ -15,7 +15,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 from rope_twin.effects import EFFECTS
 from rope_twin.quantity import Quantity
-from rope_twin.scene.load import rope_presets
+from rope_twin.scene.load import rope_presets, rope_sizes
 from rope_twin.scene.reader import key_of
 from rope_twin.scene.schema import Rope, Scene, Shape, Winch
 from rope_twin.scene.shapes import SHAPES
@@ -173,7 +173,8 @@ def _key_schema(cls: type, field: dataclasses.Field[Any], hint: Any, definitions
 def _value(hint: Any, quantity: Quantity, definitions: Schema) -> Schema:
     """Return the schema of a value that a type hint asks for."""
     if hint is Rope:
-        preset = {"type": "string", "enum": sorted(rope_presets())}
+        sized = {"pattern": f"^{rope_sizes()}$"}
+        preset = {"type": "string", "anyOf": [{"enum": sorted(rope_presets())}, sized]}
         return {"oneOf": [preset, _reference(Rope, definitions)]}
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return _reference(hint, definitions)

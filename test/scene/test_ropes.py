@@ -70,8 +70,28 @@ def test_every_preset_says_what_it_is_and_where_from() -> None:
 
 
 def test_unknown_preset() -> None:
-    with pytest.raises(SceneError, match=r"'hmpe_75mm'.*did you mean 'hmpe_76mm'\?"):
-        rope_preset("hmpe_75mm")
+    for name in ("hpme_76mm", "steel_wire_52", "steel_wire_052.mm", "whoi_cable_18mm"):
+        with pytest.raises(SceneError, match=rf"named '{name}'; .*steel_wire_52mm.*hmpe_76mm"):
+            rope_preset(name)
+    for name in ("steel_wire_7mm", "chain_201mm"):
+        with pytest.raises(SceneError, match="out of the range of figures by diameter, 8 to 200"):
+            rope_preset(name)
+
+
+@pytest.mark.parametrize("mm", [16, 28, 44, 52, 60])
+def test_steel_wire_of_any_diameter_is_near_the_standard(mm: int) -> None:
+    """EN 12385-4, class 6x36 with steel core, 1770: W = 0.409·d² kg per 100 m, F = 0.356·R·d²."""
+    rope = rope_preset(f"steel_wire_{mm}mm")
+    assert rope.diameter_m == pytest.approx(1e-3 * mm)
+    assert rope.mass_kg_per_m == pytest.approx(0.409e-2 * mm**2, rel=0.03)
+    assert rope.breaking_load_n == pytest.approx(0.356 * 1770.0 * mm**2, rel=0.01)
+    assert f"{mm} mm steel wire rope" in rope.about
+
+
+def test_a_size_that_is_a_preset_is_that_preset() -> None:
+    """Of 76.2 mm, 3 in."""
+    assert rope_preset("steel_wire_76mm").diameter_m == 0.0762
+    assert rope_preset("steel_wire_76.2mm") == rope_preset("steel_wire_76mm")
 
 
 BOOK = """\
