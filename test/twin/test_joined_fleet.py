@@ -182,6 +182,23 @@ def test_figures_of_load_and_ropes_apply_to_the_whole_system(two_lines: Scene) -
     assert deeper_m == pytest.approx(stretch_m, rel=0.03)
 
 
+def test_figures_apply_to_members_that_have_stepped(two_lines: Scene, uneven: Driven) -> None:
+    """Their lanes take the new ones, also while elements are added: as in a fleet of that load."""
+    fleets = [Fleet(two_lines, 3, elements=4 * ELEMENTS, step_s=STEP_S) for _ in range(2)]
+    start = fleets[0].state(0)
+    plain = fleets[0].advance(uneven.inputs).top_tension_n
+    fleets[0].restore(start)
+    tops = []
+    for fleet in fleets:
+        fleet.set_figures({"submerged_weight": [1.0, 1.1, 1.2]})
+        tops.append(fleet.advance(uneven.inputs).top_tension_n)
+        now = fleet.state(1)
+        assert sum(int(own.health[rows.SPLITS]) for own in (now.rope, *now.others)) > 0
+    assert np.array_equal(*tops)
+    assert np.array_equal(tops[0][:, 0], plain[:, 0])
+    assert not np.array_equal(tops[0][:, 1], plain[:, 1])
+
+
 @pytest.mark.parametrize("elements_", [7, 40])
 def test_another_mesh_keeps_connections_and_tension(
     two_lines: Scene, lowered: Driven, elements_: int

@@ -84,6 +84,11 @@ class Kind(NamedTuple):
         )
 
     @property
+    def layout(self) -> Kind:
+        """What arrays of a batch are made for."""
+        return self
+
+    @property
     def types(self) -> tuple[type, ...]:
         """Types that select the compiled code."""
         return (*(own[0] for own in self.effects), type(self.law))
@@ -207,6 +212,8 @@ def take_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
 class Lanes(ABC):
     """Batch of up to LANES members, ropes by themselves or systems of ropes: what both have."""
 
+    kind: Any
+
     def __init__(self, effects: tuple[Any, ...], lead: tuple[int, ...], sizes: Any) -> None:
         """Allocate tables of motion and results.
 
@@ -221,6 +228,10 @@ class Lanes(ABC):
         self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
         self._late = 0  # lanes whose internal variables belong to other nodes, as bits
         self._remembers = any(numbers_carried(own[0]) for own in effects)
+
+    def fit(self, kind: Any) -> None:
+        """Take members of this kind, of the same layout."""
+        self.kind = kind
 
     @abstractmethod
     def _put(self, lane: int, member: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from operator import is_
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,7 +57,6 @@ from rope_twin.core.lanes.group import (
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import count_known, numbers_carried
-from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
     ELEMENTS,
@@ -68,7 +69,6 @@ from rope_twin.core.state import (
     WORK_ROWS,
     Boundary,
     Floats,
-    Ints,
     Model,
     Rope,
     State,
@@ -90,6 +90,18 @@ class JoinedKind(NamedTuple):
         """Types that select the compiled code."""
         return Joined, Sheaves if self.sheaves else type(None), *self.ropes[0].types
 
+    @property
+    def layout(self) -> JoinedKind:
+        """What arrays of a batch are made for: the kind, whatever the elements."""
+        ropes = tuple(own._replace(elements=0, place=()) for own in self.ropes)
+        return self._replace(ropes=ropes)
+
+    def with_elements_of(self, system: System) -> JoinedKind:
+        """Return the kind of a system of this layout, with the elements that it has now."""
+        pairs = zip(self.ropes, system.ropes, strict=True)
+        made = (own._replace(elements=_count(rope), place=places_of(rope)) for own, rope in pairs)
+        return self._replace(ropes=tuple(made))
+
 
 def why_joined_alone(system: System) -> str:
     """Return why a system cannot be stepped in a SIMD batch; empty if it can.
@@ -101,6 +113,11 @@ def why_joined_alone(system: System) -> str:
     kinds = [type(effect) for effect in system.ropes[0].effects]
     alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in alone)
+
+
+def _count(rope: Rope) -> int:
+    """Return the number of elements in use."""
+    return int(rope.state.counts[ELEMENTS])
 
 
 def _name_of(kind: type) -> str:
@@ -126,7 +143,7 @@ def joined_kind_of(system: System) -> JoinedKind | None:
     law = None if system.stack.law is None else layout_of(_law_at(system, 0))
     kinds = tuple(
         Kind(
-            elements=int(rope.state.counts[ELEMENTS]),
+            elements=_count(rope),
             place=places_of(rope),
             sections=rope.sections.shape[1],
             first_free=rope.model.first_free,
@@ -166,7 +183,7 @@ def _part(data: Any, r: int) -> Any:
 
 
 class JoinedGroup(Lanes):
-    """Batch of up to LANES systems of one kind."""
+    """Batch of up to LANES systems of one kind, with space for as many nodes as each has."""
 
     def __init__(self, system: System, kind: JoinedKind, steps: int, looks: int = 0) -> None:
         """Allocate arrays for systems of this kind, as this one, and for this many steps.
@@ -176,8 +193,8 @@ class JoinedGroup(Lanes):
         """
         count, one = len(kind.ropes), kind.ropes[0]
         super().__init__(one.effects, (count,), (steps, looks))
-        self.kind = kind
-        columns = max(own.elements for own in kind.ropes) + 1 + TRIALS
+        self.kind = kind.layout
+        columns = system.stack.s.shape[1]
         sections = aligned(count, SECTION_ROWS, max(own.sections for own in kind.ropes), LANES)
         sections[:, END] = np.inf
         self._stack = LaneStack(
@@ -193,16 +210,27 @@ class JoinedGroup(Lanes):
             effects=tuple(_stacked(on_columns(own, columns), count) for own in one.effects),
             law=None if one.law is None else _stacked(one.law, count),
         )
-        self._stack.counts[:, ELEMENTS] = [own.elements for own in kind.ropes]
-        self._joints = _new_joints(system, columns, self._stack.counts[:, ELEMENTS])
+        self._topology = topology_of(system, columns)
+        self._joints = _new_joints(system, count)
         self._sheaves = _new_sheaves(system)
         self._ropes = [self._view(r) for r in range(count)]
-        self._loaded = [
-            own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
-        ]
         by_lane = any_by_lane(own[0] for own in one.effects)
         self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
         self._place = np.zeros((count, columns), np.int64)
+        self._held: list[System] = []  # the lanes have their properties
+        self.fit(kind)
+
+    def fit(self, kind: JoinedKind) -> None:
+        """Take systems of this kind, of the same layout; lanes keep their properties."""
+        if kind == self.kind:
+            return
+        super().fit(kind)
+        counts = self._stack.counts[:, ELEMENTS]
+        counts[:] = [own.elements for own in kind.ropes]
+        write_plan(self._joints.plan, self._topology, counts)
+        self._loaded = [
+            own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
+        ]
         for row, own in zip(self._place, kind.ropes, strict=True):
             row[: own.elements] = own.place
 
@@ -217,6 +245,19 @@ class JoinedGroup(Lanes):
         state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
         effects, law = _part(stack.effects, r), _part(stack.law, r)
         return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
+
+    def load(self, members: Sequence[System]) -> None:
+        """Copy in systems of the group's kind, and clear counters and folds.
+
+        Of the very systems that the lanes hold, with other elements, states are copied alone.
+        """
+        if len(members) == len(self._held) and all(map(is_, members, self._held)):
+            self._clear()
+            for lane in range(LANES):
+                self.put(lane, members[lane if lane < len(members) else 0])
+        else:
+            super().load(members)
+            self._held = list(members)
 
     def _put(self, lane: int, system: System) -> None:
         effects = stacked_effects(system.ropes, system.stack.s.shape[1])
@@ -298,12 +339,11 @@ def _stacked(layout: Any, count: int) -> Any:
     return make(layout, lambda kind, shape: aligned(count, *shape, LANES))
 
 
-def _new_joints(system: System, columns: int, counts: Ints) -> Joints:
-    """Return connections of all lanes, with the order of elimination of their systems."""
+def _new_joints(system: System, count: int) -> Joints:
+    """Return connections of all lanes; count: number of ropes."""
     joints, size = system.joints, 3 * system.joints.nodes.shape[1]
-    count, links = len(counts), joints.ties.shape[1]
+    links = joints.ties.shape[1]
     plan: Plan = new_plan(count, size // 3, 0)
-    write_plan(plan, topology_of(system, columns), counts)
     sums: Floats = aligned(SUM_ROWS, plan.sums.shape[1], LANES)
     return Joints(
         lower=joints.lower.copy(),

@@ -123,11 +123,12 @@ class Scratch:
 
     def group(self, members: Members, kind: Any, steps: int, looks: int) -> Any:
         """Return arrays for members of this kind in lanes."""
-        found = self._groups.get(kind)
+        found = self._groups.get(kind.layout)
         if found is None or found.steps < steps or found.folds.shape[-3] < looks:
             if len(self._groups) >= KINDS_KEPT:
                 self._groups.clear()
-            found = self._groups[kind] = members.new_group(kind, steps, looks)
+            found = self._groups[kind.layout] = members.new_group(kind, steps, looks)
+        found.fit(kind)
         return found
 
 

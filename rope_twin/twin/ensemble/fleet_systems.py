@@ -95,7 +95,8 @@ class SystemMembers(Members):
         self.hung = tuple(np.flatnonzero(self._base.joints.upper == LOOSE).tolist())
         self.payload = payload_rope(scene)
         self._systems = [_copy_of(self._base) for _ in range(count)]
-        self._kinds: dict[int, tuple[int, JoinedKind | None]] = {}
+        self._kind = joined_kind_of(self._base)  # of all, whatever their elements
+        self._kinds: dict[int, tuple[int, JoinedKind]] = {}
 
     @property
     def ropes(self) -> tuple[Rope, ...]:
@@ -165,6 +166,7 @@ class SystemMembers(Members):
         both = zip(alive, self.ropes, self.marks_m, strict=True)
         states, effects = zip(*(on_mesh(*one) for one in both), strict=True)
         self._base = _with_effects(self._base, effects)
+        self._kind = joined_kind_of(self._base)
         self._systems = [
             _with_effects(system, [own_copies(one) for one in effects]) for system in self._systems
         ]
@@ -208,11 +210,13 @@ class SystemMembers(Members):
 
     def kind_of(self, member: int) -> JoinedKind | None:
         """Return what members in lanes must share; None: the member steps alone."""
+        if self._kind is None:
+            return None
         system = self._systems[member]
         changes = element_changes(system.ropes)
         known = self._kinds.get(member)
         if known is None or known[0] != changes:
-            known = self._kinds[member] = changes, joined_kind_of(system)
+            known = self._kinds[member] = changes, self._kind.with_elements_of(system)
         return known[1]
 
     def new_scratch(self) -> Scratch:

@@ -142,10 +142,11 @@ class Scratch:
         return self._group
 
     def joined(self, kind: JoinedKind, system: System, steps: int) -> JoinedGroup:
-        """Return arrays for systems of this kind, as this one; those of another are dropped."""
+        """Return arrays for systems of this kind; those of another layout are dropped."""
         held = self._joined
-        if held is None or held.kind != kind or held.steps < steps:
+        if held is None or held.kind.layout != kind.layout or held.steps < steps:
             held = self._joined = JoinedGroup(system, kind, steps)
+        held.fit(kind)
         return held
 
 
@@ -428,7 +429,9 @@ class TwinMember:
         system = self.system
         changes = element_changes(system.ropes)
         if changes != self._kind_changes:
-            self._kind, self._kind_changes = joined_kind_of(system), changes
+            known = self._kind
+            self._kind = known.with_elements_of(system) if known else joined_kind_of(system)
+            self._kind_changes = changes
         return self._kind
 
     def new_group(self) -> JoinedGroup:
