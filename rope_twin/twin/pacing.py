@@ -80,19 +80,14 @@ class SnapshotQueue:
         self._waiting: deque[Snapshot] = deque()
         self._depth = depth
         self._arrived = threading.Condition()
-        self._lost = 0
-
-    @property
-    def lost(self) -> int:
-        """Number of snapshots dropped because the queue was full."""
-        return self._lost
+        self.lost = 0  # snapshots dropped because the queue was full
 
     def put(self, snapshot: Snapshot) -> None:
         """Append a snapshot; the oldest is dropped if the publisher is `depth` behind."""
         with self._arrived:
             if len(self._waiting) >= self._depth:
                 self._waiting.popleft()
-                self._lost += 1
+                self.lost += 1
             self._waiting.append(snapshot)
             self._arrived.notify()
 
@@ -240,7 +235,7 @@ class Pacer:
         self._twin = twin
         self._handover = handover
         self._steps = steps_per_slot
-        self._slot_ns = steps_per_slot * twin.step_ns
+        self.slot_ns = steps_per_slot * twin.step_ns  # twin time of a cycle
         self._last_ns = last_step * twin.step_ns
         self._simulated_ns = 0
         self._watch: Callable[[SlotTimes], bool] | None = None
@@ -254,14 +249,9 @@ class Pacer:
         self.last: Snapshot | None = None
 
     @property
-    def slot_ns(self) -> int:
-        """Twin time of a cycle [ns]."""
-        return self._slot_ns
-
-    @property
     def period_ns(self) -> float:
         """Real time of a cycle [ns]."""
-        return self._slot_ns / self._health.speed
+        return self.slot_ns / self._health.speed
 
     def watch(self, watch: Callable[[SlotTimes], bool]) -> None:
         """Call `watch` after each cycle; it returns True if it changed the time step."""
@@ -346,7 +336,7 @@ class Pacer:
             )
             return False
         steps = self._health.steps + self._steps
-        self._simulated_ns += self._slot_ns
+        self._simulated_ns += self.slot_ns
         computing_s = self._health.computing_s + computed_ns * 1e-9
         factor = self._simulated_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
         self._health = self._health._replace(
@@ -373,7 +363,7 @@ class Pacer:
         if not changed:
             return False
         self._steps = steps_in_slot(self._twin.step_ns * 1e-9)
-        self._slot_ns = self._steps * self._twin.step_ns
+        self.slot_ns = self._steps * self._twin.step_ns
         return True
 
     def _judge(self, due_ns: int) -> bool:

@@ -308,7 +308,8 @@ class VivDragAmplification:
         self._looked, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = settings.strouhal, settings.step_s
         self._step_since = (0, 0.0)  # steps and time [s] at which the step became this long
-        self._cycle, self._every, self._rarer = cycle, cycle, 1
+        self._cycle, self._rarer = cycle, 1
+        self.every = cycle  # steps between two samplings
         self._growth: tuple[float, float] = settings.params.drag_growth
         self._loaded = tuple(loaded)
         self.trackers: tuple[CoupledModel, ...] = tuple(_tracker(settings, rope) for rope in ropes)
@@ -325,14 +326,9 @@ class VivDragAmplification:
         """Description of the models with the cost of a mode search, a line for each rope."""
         return "\n".join(tracker.notice for tracker in self.trackers)
 
-    @property
-    def every(self) -> int:
-        """Number of steps between two samplings."""
-        return self._every
-
     def steps_to_sampling(self, steps: int) -> int:
         """Return the number of steps left until the next sampling, after `steps` steps."""
-        return self._looked + self._every - steps
+        return self._looked + self.every - steps
 
     def look(self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int) -> None:
         """Advance by the time since the last sampling, and set the drag amplification.
@@ -370,7 +366,7 @@ class VivDragAmplification:
         """Continue with another step from the newest sampling on; cycle: steps of a cycle."""
         self._step_since = self._looked, self._time_s
         self._step_s, self._cycle = step_s, cycle
-        self._every = self._rarer * sampling_steps(self.hz, step_s, cycle)
+        self.every = self._rarer * sampling_steps(self.hz, step_s, cycle)
 
     @property
     def _time_s(self) -> float:
@@ -388,7 +384,7 @@ class VivDragAmplification:
             tracker.restrict_searches()
         other._rarer = rarer
         if other.hz > 0.0:
-            other._every = rarer * sampling_steps(other.hz, other._step_s, other._cycle)
+            other.every = rarer * sampling_steps(other.hz, other._step_s, other._cycle)
         return other
 
     def cut(self, number: int, whole: Rope, upper: Rope) -> None:
@@ -438,7 +434,7 @@ class VivDragAmplification:
         self.hz, self._currents = kept.hz, kept.currents
         self._looked, self._second = kept.looked, kept.second
         self._step_since = kept.step_since
-        self._every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
+        self.every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
 
     def _update_interval(self, ropes: Sequence[Rope], boundary: Boundary, currents: int) -> None:
         """Adapt the sampling interval to the fastest vortices of all ropes, once a second."""
@@ -449,7 +445,7 @@ class VivDragAmplification:
         hz = max(shedding_hz(rope, boundary, self._strouhal) for rope in ropes)
         if needs_new_interval(hz, self.hz, currents != self._currents):
             self.hz, self._currents = hz, currents
-            self._every = self._rarer * sampling_steps(hz, self._step_s, self._cycle)
+            self.every = self._rarer * sampling_steps(hz, self._step_s, self._cycle)
 
 
 def _tracker(settings: CoupledSettings, rope: Rope) -> CoupledModel:

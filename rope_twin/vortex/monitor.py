@@ -302,21 +302,16 @@ class RopeMonitor:
         """Description of the vibration model and its cost; "" for none."""
         return self._tracker.notice if isinstance(self._tracker, CoupledModel) else ""
 
-    @property
-    def every(self) -> int:
-        """Number of steps between two samplings of the monitors' own."""
-        return self._every
-
     def set_step(self, step_s: float, cycle: int) -> None:
         """Set the time step [s] and the steps of a real-time cycle."""
         self._step_s, self._cycle = step_s, cycle
-        self._every = sampling_steps(self._hz, step_s, cycle)
+        self.every = sampling_steps(self._hz, step_s, cycle)
 
     def steps_to_sampling(self, steps: int) -> int:
         """Return the number of steps left until the next sampling, after `steps` steps."""
         if self._viv_drag is not None:
             return self._viv_drag.steps_to_sampling(steps)
-        return self._every - steps % self._every
+        return self.every - steps % self.every
 
     def observe(self, seen: Sample) -> None:
         """Sample the line; once a second the interval and the fatigue results are updated too."""
@@ -326,7 +321,7 @@ class RopeMonitor:
         if new:
             self._update_interval(seen)
         if self._tracker is not None and self._viv_drag is None:
-            self._tracker.take(seen.line, self._every * self._step_s, self._hz)
+            self._tracker.take(seen.line, self.every * self._step_s, self._hz)
         if self.damages:
             self._take_damage(seen)
             if new:
@@ -336,7 +331,7 @@ class RopeMonitor:
                     for damage, one in zip(self.damages, seen.ropes, strict=True)
                 )
         self._observing_s += time.perf_counter() - began
-        self._observed_s += self._every * self._step_s
+        self._observed_s += self.every * self._step_s
 
     def _take_damage(self, seen: Sample) -> None:
         """Count the damage of each rope; the line's coordinate at its lower end grows upward."""
@@ -428,7 +423,7 @@ class RopeMonitor:
                 self._tracker = self._measured_vibration(seen.line) if hz > 0.0 else None
 
     def _measured_vibration(self, rope: Rope) -> Any:
-        return MeasuredVibration(rope, self._every * self._step_s, self._hz)
+        return MeasuredVibration(rope, self.every * self._step_s, self._hz)
 
     def _coupled_model(self, rope: Rope) -> Any:
         """Return the loosely coupled model of the scene or of the run in its initial state."""
