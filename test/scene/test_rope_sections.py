@@ -55,9 +55,9 @@ BAD = {
         ("3 elements for 4 sections", "at least 4"),
     ),
     "unknown preset": (
-        JOINED.replace("chain_42mm", "chain_43mm"),
+        JOINED.replace("chain_42mm", "chain_43"),
         "ropes[0].sections[0].rope",
-        ("'chain_43mm'", "give another size by its properties, or one of: chain_42mm"),
+        ("'chain_43'", "by its properties, one of chain, ", " or one of: chain_42mm"),
     ),
     "own drag on nothing": (
         JOINED.replace("tangential: 0.02", "tangential: 0.0"),

@@ -21,8 +21,8 @@ Row = tuple[str, str, str, tuple[str, ...]]  # name, scene, path in it, words of
 
 BAD: list[Row] = [
     ("unknown preset",
-     spoilt(ROPE, "rope: steel_wire_41mm"),
-     "ropes[0].rope", ("'steel_wire_41mm'", "by its properties, or one of: chain")),
+     spoilt(ROPE, "rope: steel_wire_41"),
+     "ropes[0].rope", ("'steel_wire_41'", "such as steel_wire_52mm, or one of: chain")),
     ("rope as a number", spoilt(ROPE, "rope: 40"), "ropes[0].rope", ("is not a rope", "preset")),
     ("rope with a figure missing",
      spoilt(ROPE, "rope: {diameter_m: 0.04, mass_kg_per_m: 6.4}"),
