@@ -95,7 +95,10 @@ def run(args: argparse.Namespace) -> int:
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
-    remarks = report.not_measured(recorded.lift) + report.short_words(estimator.model.bars)
+    remarks = report.not_measured(recorded.lift)
+    if estimator.noise is not None:
+        noise_n = estimator.noise.nominal_white_n
+        remarks += report.counter_words(estimator.model.bars, recorded.lift, noise_n)
     if args.json:
         learned = report.as_json(found, estimator.results, derived, estimator.model.winches)
         learned["remarks"] = remarks

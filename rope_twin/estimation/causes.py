@@ -30,7 +30,7 @@ from rope_twin.estimation.figures import (
     factors_of,
     of_winch,
 )
-from rope_twin.estimation.lift_model import STEP_S, STEPS_PER_MEAN, LiftModel
+from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MEAN_S
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
@@ -139,7 +139,8 @@ class FaultLanes:
             for winch in model.winches for lane in LANES if lane.cause == SLIP
         ]  # fmt: skip
         self.pairs = [(onset, lane) for onset in range(ONSETS) for lane in (*LANES, *slips)]
-        self._fleet = Fleet(scene, 1 + len(self.pairs), elements=model.elements, step_s=STEP_S)
+        members = 1 + len(self.pairs)
+        self._fleet = Fleet(scene, members, elements=model.elements, step_s=model.step_s)
         if model.live is not None:  # its current, not the scene's
             self._fleet.begin_from(model.live)
         known = set(self._fleet.figures)
@@ -184,7 +185,7 @@ class FaultLanes:
         changes = np.zeros((total, len(tensions), len(self.pairs)))
         for p, (pin, tension) in enumerate(zip(self._model.pins, tensions, strict=True)):
             reading = pin.measured(tension, pin.friction_state(tension, lines[p]), theta)
-            means = reading.reshape(-1, STEPS_PER_MEAN, reading.shape[1]).mean(axis=1)
+            means = reading.reshape(-1, self._model.steps_per_mean, reading.shape[1]).mean(axis=1)
             changes[first:, p] = (means[:, 1:] - means[:, :1])[:, : len(self.pairs)]
         return self._with_ends(changes)
 
@@ -195,9 +196,9 @@ class FaultLanes:
 
         They are (pins, steps, members) and (pins, steps).
         """
-        members = len(self._fleet)
-        count = means * STEPS_PER_MEAN
-        times = np.asarray(first_s + STEP_S * np.arange(count + 1), dtype=np.float64)
+        members, per_mean = len(self._fleet), self._model.steps_per_mean
+        count = means * per_mean
+        times = np.asarray(first_s + self._model.step_s * np.arange(count + 1), dtype=np.float64)
         lift = self._model.lift
         z, v = lift.heave_motion(
             times, float(theta[INDEX[HEAVE_DELAY]]), float(theta[INDEX[HEAVE_GAIN]])
@@ -219,7 +220,7 @@ class FaultLanes:
         borders = sorted({0, *starts, means})
         for a, b in pairwise(borders):
             self._fleet.set_figures(self._factors(theta, starts, a))
-            steps = slice(a * STEPS_PER_MEAN, b * STEPS_PER_MEAN + 1)
+            steps = slice(a * per_mean, b * per_mean + 1)
             cut = {one: (out[steps], own[steps]) for one, (out, own) in lines.items()}
             line, rate = cut.pop("")
             inputs = FleetInputs(z[steps], v[steps], line, rate, cut)

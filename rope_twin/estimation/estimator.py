@@ -108,7 +108,7 @@ BEFORE_S = 30.0  # of heave before the burn-in, from which it is estimated too
 SPEEDS = 30  # of the line in a block, for the same
 SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end of a block
 SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
-SEGMENT_S = 15.0  # the members are stepped so far at a time
+SEGMENT_STEPS = 300  # of the members at a time, whole means
 RINGING_S = 40.0  # before a block, in which an error of the line still rings in it
 MOST_KNOTS = 200  # a line that is hardly ever steady has errors that are noise
 LEAST_ERROR = 0.3  # of the white noise that errors of the line must be, or they are left out
@@ -184,7 +184,7 @@ class Estimator:
         if self._running is None:
             motion = self._expected_motion()
             self._running = self.model.begin(self.theta, self.state, self.state_s, motion)
-        end_s = min(self._running.end_s + SEGMENT_S, self.block_end_s)
+        end_s = min(self._running.end_s + SEGMENT_STEPS * self.model.step_s, self.block_end_s)
         self.model.extend(self._running, end_s)
         if self._running.end_s >= self.block_end_s - 1e-6:
             self._assimilate(self._running)

@@ -50,7 +50,7 @@ from rope_twin.estimation.figures import (
 )
 from rope_twin.estimation.hanging import hanging_of, open_water
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
-from rope_twin.estimation.noise import Bar, ExpectedHeave, bars_of
+from rope_twin.estimation.noise import Bar, ExpectedHeave, bars_of, first_axial_period_s
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState, LiveState
@@ -115,10 +115,11 @@ class LoadPin:
         return np.asarray((1.0 + gain) * tension_n * (1.0 - friction * friction_state) + bias)
 
 
-FEWEST_ELEMENTS, MOST_ELEMENTS, STEP_S = 6, 20, 0.05
+FEWEST_ELEMENTS, MOST_ELEMENTS = 6, 20
+LONGEST_STEP_S, MOST_HALVINGS = 0.05, 2
+MOST_PHASE_RAD = 0.1  # of the first axial mode in a step
 FEWEST_ABOVE_BODY = 12  # its rocking moves the rope aside, in waves that are shorter
-WAVE_SHARE = 0.2  # of the way of an axial wave in a step, which an element has at least
-STEPS_PER_MEAN = round(MEAN_S / STEP_S)
+WAVE_SHARE = 0.2  # of the way of an axial wave in the longest step: an element has it at least
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
 LEAD_S = 20.0  # of further ropes to their lengths, slowly: a load that is led aside swings
 RAMP_S = 10.0  # over which the ship's motion builds up from rest
@@ -174,10 +175,25 @@ def elements_of(bar: Bar) -> int:
     """Return the number of elements that the members have.
 
     Elements that an axial wave passes many times in a step are no more accurate, since the step
-    does not resolve them, but need more corrections than members in lanes do together.
+    does not resolve them, but need more corrections than members in lanes do together. A shorter
+    step needs no more of them: it is for the first mode, which even the fewest resolve.
     """
-    way_m = STEP_S * float(np.sqrt(bar.EA_n / bar.mass_kg_per_m).max())
+    way_m = LONGEST_STEP_S * float(np.sqrt(bar.EA_n / bar.mass_kg_per_m).max())
     return int(np.clip(bar.length_m.sum() / (WAVE_SHARE * way_m), FEWEST_ELEMENTS, MOST_ELEMENTS))
+
+
+def step_of(bars: Sequence[Bar]) -> float:
+    """Return the time step of the members [s], LONGEST_STEP_S halved as often as they need.
+
+    TR-BDF2 with γ = 2 - √2 has the truncation error 0.0404·(ω·Δt)³ in a step (Hosea and Shampine
+    1996), by which an axial mode lags: a rope that rings is taken for one whose stiffness over mass
+    is 0.081·(ω·Δt)² larger. At MOST_PHASE_RAD that is 0.08 %, where ten minutes leave a standard
+    deviation of 0.18 % of this ratio (`shallow_lift`), and 0.6 % of mass and stiffness. A step that
+    is shorter still would serve periods that the smoothing of the line out takes away.
+    """
+    phase = 2.0 * np.pi * LONGEST_STEP_S / first_axial_period_s(bars)
+    halvings = np.clip(np.ceil(np.log2(phase / MOST_PHASE_RAD)), 0, MOST_HALVINGS)
+    return LONGEST_STEP_S / float(2**halvings)
 
 
 class LiftModel:
@@ -202,7 +218,9 @@ class LiftModel:
         self.elements = elements_of(self.bars[0])
         if scene.listed(RigidBodyParams) is not None:
             self.elements = max(self.elements, FEWEST_ABOVE_BODY)
-        self._lone = Fleet(scene, 1, elements=self.elements, step_s=STEP_S)
+        self.step_s = step_of(self.bars)
+        self.steps_per_mean = round(MEAN_S / self.step_s)
+        self._lone = Fleet(scene, 1, elements=self.elements, step_s=self.step_s)
         # of the rope itself: slings may have a figure that it has not, the stiffness of steel
         self._known = figures_of(hanging_of(scene).rope)
         present = {*self._known, HEAVE_GAIN, HEAVE_DELAY, *HEAVE_ERRORS}
@@ -214,7 +232,7 @@ class LiftModel:
         members = 1 + len(self.lanes)
         if LANES > 1:  # a group that is not half full is stepped member by member
             members = -(-members // (LANES // 2)) * (LANES // 2)
-        self._fleet = Fleet(scene, members, elements=self.elements, step_s=STEP_S)
+        self._fleet = Fleet(scene, members, elements=self.elements, step_s=self.step_s)
         self.pins = tuple(
             LoadPin(scene.learning, float(bar.EA_n[-1]), winch, self.names)
             for winch, bar in zip(("", *self.winches), self.bars, strict=True)
@@ -265,18 +283,18 @@ class LiftModel:
         Raises:
             SolverError: the rope with the figures θ cannot be stepped.
         """
-        steps = STEPS_PER_MEAN * round((end_s - prediction.end_s) / MEAN_S)
+        steps = self.steps_per_mean * round((end_s - prediction.end_s) / MEAN_S)
         if steps < 1:
             return
         thetas = self._members(prediction.theta, prediction.motion is None)
         self._set(self._fleet, thetas)
         self._fleet.restore(prediction.states)
-        times = _borders(prediction.end_s, steps)
+        times = self._borders(prediction.end_s, steps)
         inputs = self._inputs(times, thetas, prediction.motion, prediction.lead)
-        record = self._fleet.advance(inputs, look_steps=STEPS_PER_MEAN)
+        record = self._fleet.advance(inputs, look_steps=self.steps_per_mean)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
-        ends = times[STEPS_PER_MEAN::STEPS_PER_MEAN]
+        ends = times[self.steps_per_mean :: self.steps_per_mean]
         loose = (record.least_tension_n < SLACK_BELOW_N).any(axis=1)
         prediction.slack_s = np.append(prediction.slack_s, ends[loose])
         near = self._water.without(record.payload_depth_m).any(axis=1)
@@ -294,7 +312,7 @@ class LiftModel:
         """
         begin_s, first = whole.begin_s, 0
         for piece in whole.tension_n:
-            end_s = begin_s + STEP_S * piece.shape[1]
+            end_s = begin_s + self.step_s * piece.shape[1]
             if end_s > time_s:
                 break
             begin_s, first = end_s, first + 1
@@ -375,7 +393,8 @@ class LiftModel:
         frictions = self._frictions(tension, line, prediction.sheave)
 
         def means(p: int, reading: Floats) -> Floats:
-            return self.lift.ropes[p].sampled_means(reading, prediction.begin_s, STEP_S, from_s)
+            rope = self.lift.ropes[p]
+            return rope.sampled_means(reading, prediction.begin_s, self.step_s, from_s)
 
         of_members = np.concatenate([
             means(p, pin.measured(tension[p], frictions[p], theta))
@@ -412,10 +431,10 @@ class LiftModel:
         motion: ExpectedMotion | None = None,
     ) -> FleetState:  # fmt: skip
         """Return the state of a rope with figures θ that began with a state. Raises SolverError."""
-        steps = round((end_s - begin_s) / STEP_S)
+        steps = round((end_s - begin_s) / self.step_s)
         self._set(self._lone, theta[None])
         self._lone.restore(state)
-        times = _borders(begin_s, steps)
+        times = self._borders(begin_s, steps)
         lead = self.lead(begin_s, state, theta[None], motion)
         inputs = self._inputs(times, theta[None], motion, lead)
         record = self._lone.advance(inputs, look_steps=steps)
@@ -478,6 +497,10 @@ class LiftModel:
             found[winch] = out + longer_m, rate + slower
         return found
 
+    def _borders(self, begin_s: float, steps: int) -> Floats:
+        """Return the times of the borders of steps, (steps + 1,)."""
+        return np.asarray(begin_s + self.step_s * np.arange(steps + 1), dtype=np.float64)
+
     def _inputs(
         self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
     ) -> FleetInputs:
@@ -515,8 +538,3 @@ def _expected(
         one, at = heave.at(tuple(own)), times_s + delay
         position[:, of], rate[:, of] = one(at)[:, None], one(at, 1)[:, None]
     return position, rate
-
-
-def _borders(begin_s: float, steps: int) -> Floats:
-    """Return the times of the borders of steps, (steps + 1,)."""
-    return np.asarray(begin_s + STEP_S * np.arange(steps + 1), dtype=np.float64)

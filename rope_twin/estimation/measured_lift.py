@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.signal import savgol_coeffs
 from scipy.sparse import csr_array
 
@@ -28,7 +28,8 @@ STOP_SHARE = 0.03  # of the values at the extreme: the sensor may be at the end 
 STOP_RATIO = 4.0  # ... with so many times those next to it; the counts of a sine have 2.4 times ...
 STOP_GAP = 0.2  # ... so near, in standard deviations: coarser counts say nothing of it
 LEAST_GOOD = 0.6  # share of a mean's samples that must be good
-SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 3
+SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 5
+# of an axial period of 1.3 s a cubic would leave 97 %, a quintic leaves 99.9 %
 _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
 SMOOTHING_LEAVES = float(_SMOOTHING @ _SMOOTHING)  # of the variance of independent errors
 SAME_COUNT_M = 1e-6  # counts that differ by less are equal
@@ -233,16 +234,17 @@ class Passage:
 class LineTrack:
     """Smoothed line out over time."""
 
-    time_s: Floats  # (k,) evenly spaced
-    line_out_m: Floats  # (k,)
-    rate_m_per_s: Floats  # (k,)
+    line_out_m: CubicSpline  # over time [s]
 
     def at(self, times_s: Floats) -> tuple[Floats, Floats]:
-        """Return the line out [m] and its rate [m/s] at times, (k,); beyond its ends it stands."""
-        inside = np.clip(times_s, self.time_s[0], self.time_s[-1])
-        rate = np.interp(inside, self.time_s, self.rate_m_per_s)
-        line = np.interp(inside, self.time_s, self.line_out_m)
-        return line, np.where(inside == times_s, rate, 0.0)
+        """Return the line out [m] and its rate [m/s] at times, (k,); beyond its ends it stands.
+
+        The rate is the derivative of the line out: else steps shorter than a sample would shake the
+        rope.
+        """
+        inside = np.clip(times_s, self.line_out_m.x[0], self.line_out_m.x[-1])
+        rate = np.where(inside == times_s, self.line_out_m(inside, 1), 0.0)
+        return self.line_out_m(inside), rate
 
 
 class MeasuredLift:
@@ -412,6 +414,10 @@ class MeasuredLift:
         times = np.arange(begin, end, interval_s)
         return np.interp(times, table[:, 0], table[:, 1])
 
+    def line_resolution_m(self) -> float:
+        """Return the smallest change of the line counter [m]; 0: the line has not moved."""
+        return _resolution(self.line_out.table[:, 1])
+
     def line_error_psd(self, begin_s: float, end_s: float) -> float:
         """Return the spectrum of a line counter's rounding [m²/Hz], one-sided and flat.
 
@@ -441,8 +447,7 @@ class MeasuredLift:
             raw, _ = straightened(raw, resolution_m)
         half = SMOOTHED_SAMPLES // 2
         around = np.pad(raw, half, mode="reflect", reflect_type="odd")
-        smooth = np.convolve(around, _SMOOTHING, "valid")
-        return LineTrack(grid, smooth, np.gradient(smooth, 1.0 / LINE_HZ))
+        return LineTrack(CubicSpline(grid, np.convolve(around, _SMOOTHING, "valid")))
 
     def passages(self, begin_s: float, end_s: float) -> list[Passage]:
         """Return the stretches between two times [s] in which a line moves, but not steadily."""

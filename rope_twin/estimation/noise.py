@@ -27,6 +27,7 @@ iteration.
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -129,6 +130,16 @@ def bars_of(scene: Scene) -> tuple[Bar, ...]:
             )
         )
     return tuple(found)
+
+
+def first_axial_period_s(bars: Sequence[Bar]) -> float:
+    """Return the first axial period of ropes that carry a load together, by Rayleigh's quotient.
+
+    It is that of the load and a third of the ropes on their springs, 2π·√((M + m/3)/Σ(EA/L)).
+    """
+    mass_kg = sum(one.lower_mass_kg + float(one.mass_kg_per_m @ one.length_m) / 3.0 for one in bars)
+    stiffness = sum(1.0 / float((one.length_m / one.EA_n).sum()) for one in bars)
+    return 2.0 * np.pi * float(np.sqrt(mass_kg / stiffness))
 
 
 def _tangential(effects: tuple[Any, ...]) -> float:

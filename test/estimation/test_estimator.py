@@ -21,7 +21,7 @@ from rope_twin.estimation.figures import (
     Prior,
     prior_of,
 )
-from rope_twin.estimation.lift_model import STEP_S, LiftModel, elements_of
+from rope_twin.estimation.lift_model import LONGEST_STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
 from rope_twin.estimation.report import base_values, estimates, held_words, left_out_words
@@ -250,10 +250,10 @@ def test_shifts_are_those_of_other_delays() -> None:
 
 
 def test_short_ropes_have_few_elements() -> None:
-    """An element is as long as a fifth of the way of an axial wave in a step; 6 to 20 elements."""
+    """An element is as long as a fifth of the way of an axial wave in 50 ms; 6 to 20 elements."""
     bar = LiftModel(scene(), lift()).bars[0]
     speed = float(np.sqrt(bar.EA_n[0] / bar.mass_kg_per_m[0]))
-    assert elements_of(bar.at_length(speed * STEP_S * 0.2 * 10.5)) == 10
+    assert elements_of(bar.at_length(speed * LONGEST_STEP_S * 0.2 * 10.5)) == 10
     assert elements_of(bar.at_length(10.0)) == 6
     assert elements_of(bar.at_length(1e5)) == 20
 
