@@ -72,6 +72,7 @@ def read_lift(bag: str | Path, winch: str = "", scene: Scene | None = None) -> R
 
     Raises:
         BagError: there is no such bag, or it lacks tension, heave or line out.
+        InputError: the winch is not the main one.
         SceneError: its scene is not valid here.
     """
     found, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch, scene))
@@ -107,6 +108,9 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
         scene = session.scene()
     first, *others = [(line.from_, line.name) for line in _hung(scene)] or [("", "")]
     taken = [name for pair in others for name in pair]
+    if winch in taken:
+        what, right = "it carries the load with the main one", f"name the winch of '{first[1]}'"
+        raise InputError(f"winch '{winch}'", what, right)
     winch = winch or next((name for name in measured if name not in taken), first[0])
     lift = MeasuredLift(np.nan)
     lift.tension, lift.line_out = _series((winch,), first[1], measured, lengths)
@@ -152,13 +156,14 @@ def _series(
 ) -> tuple[Series, Series]:  # fmt: skip
     """Return tension and line out of a winch by one of its names, as far as they are there.
 
-    Line out that is not measured is that of its rope, or of the first.
+    Line out that is not measured is that of its rope, or of the only one: another rope's would pass
+    for it.
     """
     found = next((measured[name] for name in names if name in measured), (Series(1), Series(1)))
     if len(found[1].table):
         return found
-    twin = lengths.get(rope) or next(iter(lengths.values()), Series(1))
-    return found[0], twin
+    only = next(iter(lengths.values())) if len(lengths) == 1 else Series(1)
+    return found[0], lengths.get(rope, only)
 
 
 def _applied(topic: str, data: bytes) -> dict[str, float]:

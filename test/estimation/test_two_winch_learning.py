@@ -14,6 +14,7 @@ import pytest
 from rope_twin import Twin
 from rope_twin.cli import main
 from rope_twin.core.state import Floats
+from rope_twin.errors import BagError, InputError
 from rope_twin.estimation import report
 from rope_twin.estimation.alarms import FaultWatch
 from rope_twin.estimation.estimator import Estimator, begin_at_rest
@@ -45,8 +46,10 @@ from rope_twin.estimation.noise import (
 )
 from rope_twin.estimation.recorded_lift import read_lift
 from rope_twin.estimation.worker import Begin, Motion, Reading
-from rope_twin.messages import encode_heave
+from rope_twin.messages import encode_heave, templates
+from rope_twin.messages.cdr import serialise
 from rope_twin.messages.inputs import encode_measurement
+from rope_twin.messages.templates import joint_state
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.lift import alone, lift_figures
@@ -400,6 +403,35 @@ def test_a_bag_has_both_winches(tmp_path: Path) -> None:
     lift = read_lift(tmp_path / "bag", scene=two_lines()).lift
     assert lift.tension.table[0].tolist() == [0.0, 1e5]
     assert lift.others[AFT].tension.table[0].tolist() == [0.0, 2e5]
+
+
+def test_line_out_that_is_not_measured_is_that_of_the_winch_s_own_rope(tmp_path: Path) -> None:
+    """By name, whatever the order in ropes/length; of a rope of another name it is unknown."""
+    line = joint_state(("aft_line", "fore_line"), ("position",))
+    line.position = np.array([610.0, 600.0])
+    bags = {name: tmp_path / name for name in ("own", "other")}
+    topics = [BY_NAME[name] for name in (WINCH_MEASURED, "ship/heave", "ropes/length")]
+    for kind, path in bags.items():
+        if kind == "own":
+            line.name = [one.name for one in reversed(two_lines().ropes[:2])]
+        else:
+            line.name = ["hoist", "tugger"]
+        with BagWriter(path, topics) as bag:
+            for k in range(200):
+                ns = START_NS + k * 100_000_000
+                rows = ("winch", None, None, 1e5), (AFT, None, None, 2e5)
+                name, data = encode_measurement(ns, Measurement(WINCH_SENSORS, ns, rows))
+                bag.write(name, ns, data)
+                bag.write("ship/heave", ns, encode_heave(ns, 0.1 * k, 0.0))
+                line.header.stamp = templates.time(ns)
+                bag.write("ropes/length", ns, serialise(line))
+    lift = read_lift(bags["own"], scene=two_lines()).lift
+    assert lift.line_out.table[0, 1] == 600.0
+    assert lift.others[AFT].line_out.table[0, 1] == 610.0
+    with pytest.raises(BagError, match="0 samples of line out"):
+        read_lift(bags["other"], scene=two_lines())
+    with pytest.raises(InputError, match=f"winch '{AFT}': it carries the load with the main one"):
+        read_lift(bags["own"], AFT, two_lines())
 
 
 @pytest.mark.long
