@@ -45,6 +45,7 @@ from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import RAMP_S
+from rope_twin.twin.health import AHEAD_NS
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.readings import MOTOR, WINCH_SENSORS, Measurement
 from rope_twin.twin.snapshot import Snapshot
@@ -342,6 +343,7 @@ class LiveLearning:
         self._winches |= {name: one for one, rope in further.items() for name in (one, rope)}
         self._taken: Estimate | None = None
         self._reminded_s = 0.0
+        self._seen_ns: int | None = None  # twin time of the newest snapshot
         self._twin: Twin | None = None
 
     def start(self, twin: Twin) -> None:
@@ -368,14 +370,22 @@ class LiveLearning:
 
     def see(self, shot: Snapshot) -> None:
         """Pass the motion of the hang-off and the line on."""
+        self._seen_ns = shot.stamp_ns
         rate = float(shot.hang_off_velocity_m_per_s[2])
         lines = {one.name: one.line_out_m for one in shot.ropes} if self._further else {}
         lines_m = tuple(lines[name] for name in self._further)
         self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m, lines_m))
 
     def hear(self, measurement: Measurement) -> None:
-        """Pass measured tension and line out of the winches that carry the load on."""
+        """Pass measured tension and line out of the winches that carry the load on.
+
+        A stamp of another clock is left out, as by the twin: all that comes after one far ahead
+        would be forgotten with it at a tare.
+        """
         if measurement.source not in (self._source, WINCH_SENSORS):
+            return
+        seen_ns = self._seen_ns
+        if seen_ns is not None and abs(measurement.stamp_ns - seen_ns) > AHEAD_NS:
             return
         for name, line_out, _, tension in measurement.rows:
             tension_n = tension if measurement.source == self._source else None

@@ -179,9 +179,12 @@ def test_a_twin_without_a_state_to_begin_from_steps_on(
 
 def test_tension_before_a_tare_is_forgotten(tmp_path: Path) -> None:
     """Its zero was another; the raw line out and the motion stay."""
-    _, _, learning = new_learning(tmp_path)
+    twin, _, learning = new_learning(tmp_path)
+    learning.see(twin.snapshot())
     for k in range(10):
         learning.hear(Measurement.of_winch(k * 50_000_000, 200.0 + k, 0.0, 1e5 + k))
+    for another_clock_ns in (10**15, -(10**15)):  # later readings would be forgotten too
+        learning.hear(Measurement.of_winch(another_clock_ns, 210.0, 0.0, 1e5))
     learning.worker.work()
     lift = learning.learner._lift
     assert lift.counter.table[:, 1].tolist() == [200.0 + k for k in range(10)]
