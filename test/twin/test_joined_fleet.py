@@ -199,6 +199,26 @@ def test_figures_apply_to_members_that_have_stepped(two_lines: Scene, uneven: Dr
     assert not np.array_equal(tops[0][:, 1], plain[:, 1])
 
 
+def test_members_at_speeds_of_their_own(two_lines: Scene) -> None:
+    """Elements are added to each at other steps: as to a member that is alone in its fleet."""
+    times = STEP_S * np.arange(STEPS + 1)[:, None]
+    rate = np.minimum(0.2 * times, np.linspace(0.3, 1.5, 5))
+    out = 600.0 + STEP_S * (np.cumsum(rate, axis=0) - rate)
+    together = Fleet(two_lines, 5, elements=4 * ELEMENTS, step_s=STEP_S)
+    zero = np.zeros_like(out)
+    inputs = FleetInputs(zero, zero, out, rate)
+    record = together.advance(inputs, LOOK)
+    counts = []
+    for k in range(5):
+        lone = Fleet(two_lines, 1, elements=4 * ELEMENTS, step_s=STEP_S)
+        own = lone.advance(mapped(inputs, lambda one, k=k: one[:, k : k + 1]), LOOK)
+        for name in ("top_tension_n", "least_tension_n", "payload_depth_m", "payload_tension_n"):
+            assert np.array_equal(getattr(record, name)[:, k], getattr(own, name)[:, 0]), name
+        assert np.array_equal(together.state(k).rope.health, lone.state(0).rope.health)
+        counts.append(int(lone.state(0).rope.counts[rows.ELEMENTS]))
+    assert len(set(counts)) > 1
+
+
 @pytest.mark.parametrize("elements_", [7, 40])
 def test_another_mesh_keeps_connections_and_tension(
     two_lines: Scene, lowered: Driven, elements_: int

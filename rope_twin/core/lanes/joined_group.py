@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from operator import is_
+from collections.abc import Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -217,7 +216,7 @@ class JoinedGroup(Lanes):
         by_lane = any_by_lane(own[0] for own in one.effects)
         self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
         self._place = np.zeros((count, columns), np.int64)
-        self._held: list[System] = []  # the lanes have their properties
+        self._held: list[System | None] = [None] * LANES  # whose properties lanes have
         self.fit(kind)
 
     def fit(self, kind: JoinedKind) -> None:
@@ -246,18 +245,20 @@ class JoinedGroup(Lanes):
         effects, law = _part(stack.effects, r), _part(stack.law, r)
         return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
 
-    def load(self, members: Sequence[System]) -> None:
+    def load(self, members: Sequence[System], used: Collection[int] = range(LANES)) -> None:
         """Copy in systems of the group's kind, and clear counters and folds.
 
-        Of the very systems that the lanes hold, with other elements, states are copied alone.
+        Of the very system that a lane holds, and in lanes that are not used, states are copied
+        alone.
         """
-        if len(members) == len(self._held) and all(map(is_, members, self._held)):
-            self._clear()
-            for lane in range(LANES):
-                self.put(lane, members[lane if lane < len(members) else 0])
-        else:
-            super().load(members)
-            self._held = list(members)
+        self._clear()
+        for lane in range(LANES):
+            system, held = members[lane if lane < len(members) else 0], self._held[lane]
+            if held is system or (held is not None and lane not in used):
+                self.put(lane, system)
+            else:
+                self._put(lane, system)
+                self._held[lane] = system
 
     def _put(self, lane: int, system: System) -> None:
         effects = stacked_effects(system.ropes, system.stack.s.shape[1])

@@ -82,9 +82,10 @@ class Stretch:
 
     Members of one kind share the lanes, where their states stay for the whole stretch; the compiled
     code is called for a millisecond or two at a time, without the interpreter's lock. A step that a
-    lane cannot do (core/lanes/step) is done by the member alone. When elements are added or removed
-    the member leaves its group and goes on in one of its new kind; members with the same line out
-    do so at the same step. A member that needs many steps alone steps alone to the end.
+    lane cannot do (core/lanes/step) is done by the member alone. When elements of a member are
+    added or removed its group stops, and all go on with those that then have as many; members with
+    the same line out get them at the same step. A member that needs many steps alone steps alone to
+    the end.
     """
 
     def __init__(
@@ -119,34 +120,46 @@ class Stretch:
         return list(self._members.alike(members))
 
     def run(self, members: Ints, own: Scratch) -> None:
-        """Do all steps of members of one kind."""
-        waiting = [(members, 0)]
-        while waiting:
-            some, done = waiting.pop()
-            kind = self._members.kind_of(int(some[0]))
-            if kind is None:
-                self._alone(int(some[0]), done, own)
-                continue
-            for left, at in self._in_lanes(some, kind, done, own):
-                waiting += [(part, at) for part in self._members.alike(left)]
+        """Do all steps of members of one kind; each has its lane."""
+        done = dict.fromkeys(members.tolist(), 0)
+        while done:
+            first = min(done.values())
+            end = min((at for at in done.values() if at > first), default=self._steps)
+            behind = np.array([k for k, at in done.items() if at == first], dtype=np.int64)
+            for some in sorted(self._members.alike(behind), key=len, reverse=True):
+                kind = self._members.kind_of(int(some[0]))
+                if kind is None:
+                    self._alone(int(some[0]), first, own)
+                    del done[int(some[0])]
+                    continue
+                lanes = np.isin(members, some)
+                of = np.where(lanes, members, some[0])  # lanes that are not in use get a copy
+                going = {k: int(members[k]) for k in np.flatnonzero(lanes).tolist()}
+                end, left = self._in_lanes(of, going, kind, (first, end), own)
+                for member in some.tolist():
+                    if member in left and end < self._steps:
+                        done[member] = end
+                    else:
+                        del done[member]
 
     def _in_lanes(
-        self, members: Ints, kind: Any, done: int, own: Scratch
-    ) -> list[tuple[Ints, int]]:
-        """Step members in lanes after `done` steps.
+        self, members: Ints, going: dict[int, int], kind: Any, span: tuple[int, int], own: Scratch
+    ) -> tuple[int, set[int]]:
+        """Step members in lanes, up to a step by which elements of one change.
 
-        Returns members whose elements changed, and after how many steps.
+        members: of all lanes; going: by lane, those to be stepped; span: steps done before and at
+        the end, at most. Returns the steps done, and the members that go on after them.
         """
-        all_, look, began = self._members, self._look_steps, done
-        group = self._loaded(members, kind, done, own)
-        going = dict(enumerate(members.tolist()))
+        all_, look, (began, upto) = self._members, self._look_steps, span
+        lanes, done = list(going), began
+        group = self._loaded(members, lanes, kind, span, own)
         alone = dict.fromkeys(going, 0)
-        changed: dict[int, list[int]] = {}
+        changed: set[int] = set()
         often: list[tuple[int, int]] = []
         some = max(1, CALL_NODES // (all_.nodes_of(kind) * LANES))
-        while going and done < self._steps:
+        while going and done < upto and not changed:
             wanted = sum(1 << lane for lane in going)
-            end = min(done + some, self._steps)
+            end = min(done + some, upto)
             late = group.late(self._steps_before + done)
             run = Run(self._time_s, done, end, wanted, self._first, look, late)
             done, left = group.advance(run)
@@ -157,7 +170,7 @@ class Stretch:
                 if self._step_lane(group, lane, member, done - 1, own):
                     alone[lane] += 1
                     if all_.has_changed(member, kind):
-                        changed.setdefault(done, []).append(member)
+                        changed.add(member)
                     elif alone[lane] > OFTEN_LEAST + OFTEN * (done - began):
                         often.append((member, done))
                     else:
@@ -165,19 +178,22 @@ class Stretch:
                         continue
                 group.account(lane, all_.health_of(member))
                 del going[lane]
-        self._harvest(group, members, began)
+        self._harvest(group, members[lanes], lanes, (began, done))
         if going:
             all_.take(group, members, list(going))
         for member, at in often:
             self._alone(member, at, own)
-        return [(np.array(left, dtype=np.int64), at) for at, left in changed.items()]
+        return done, changed.union(going.values())
 
-    def _loaded(self, members: Ints, kind: Any, done: int, own: Scratch) -> Any:
-        """Return the arrays of a group with its members, and their motion after `done` steps."""
+    def _loaded(
+        self, members: Ints, lanes: list[int], kind: Any, span: tuple[int, int], own: Scratch
+    ) -> Any:
+        """Return the arrays of a group with its members, and their motion over these steps."""
+        done, end = span
         looks = (self._first + self._steps - 1) // self._look_steps - self._first_look + 1
         group = own.group(self._members, kind, self._steps, looks)
-        self._members.load(group, members)
-        ahead = Boundary(*(table[..., done : self._steps + 1, :, :] for table in group.boundary))
+        self._members.load(group, members, lanes)
+        ahead = Boundary(*(table[..., done : end + 1, :, :] for table in group.boundary))
         self._course.fill(ahead, members, self._first + done)
         self._members.place(ahead, members, kind)
         return group
@@ -193,16 +209,16 @@ class Stretch:
         group.folds[..., look, :, lane] = now
         return True
 
-    def _harvest(self, group: Any, members: Ints, began: int) -> None:
-        """Record the results of the lanes, after `began` steps of the stretch.
+    def _harvest(self, group: Any, members: Ints, lanes: list[int], span: tuple[int, int]) -> None:
+        """Record the results of members in these lanes over these steps of the stretch.
 
         Those of lanes that left are overwritten later.
         """
-        record, look, count = self._record, self._look_steps, len(members)
-        first, end = self._first + began, self._first + self._steps
+        record, look = self._record, self._look_steps
+        first, end = self._first + span[0], self._first + span[1]
         low, high = first // look, (end - 1) // look + 1
-        own = group.folds[..., low - self._first_look : high - self._first_look, :, :count]
-        pulls = group.pulls[..., began : self._steps, rows.PULL, :count]
+        own = group.folds[..., low - self._first_look : high - self._first_look, :, lanes]
+        pulls = group.pulls[..., slice(*span), rows.PULL, lanes]
         record.top[..., first:end, members] = pulls
         least = np.minimum(record.folds[..., low:high, LEAST, members], own[..., LEAST, :])
         record.folds[..., low:high, :, members] = own

@@ -171,8 +171,8 @@ class RopeMembers(Members):
         """Return the number of nodes that members of this kind step."""
         return kind.elements
 
-    def load(self, group: Group, members: Ints) -> None:
-        """Copy members into a group, and clear its counters and folds."""
+    def load(self, group: Group, members: Ints, lanes: list[int]) -> None:
+        """Copy members into a group, and clear its counters and folds; lanes: those in use."""
         if group.kind.plain:
             group.begin_stacked(self._stack, members)
         else:

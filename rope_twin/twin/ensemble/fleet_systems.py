@@ -231,9 +231,9 @@ class SystemMembers(Members):
         """Return the number of nodes that members of this kind step."""
         return sum(own.elements for own in kind.ropes)
 
-    def load(self, group: JoinedGroup, members: Ints) -> None:
-        """Copy members into a group, and clear its counters and folds."""
-        group.load([self._systems[k] for k in members.tolist()])
+    def load(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
+        """Copy members into a group, and clear its counters and folds; lanes: those in use."""
+        group.load([self._systems[k] for k in members.tolist()], lanes)
 
     def place(self, borders: Boundary, members: Ints, kind: JoinedKind) -> None:
         """Keep the hang-offs of lanes where they are, (ropes, borders, MOTIONS, lanes)."""
