@@ -69,32 +69,20 @@ _NONE = (0.0, 0.0, 0.0)
 
 
 @jit
-def begin_sums(plan: Any, work: Any) -> None:
-    """Clear the sums; add what ends leave that no chain begins at."""
+def begin_sums(plan: Any, work: Any, into: int, part: int, count: int) -> None:
+    """Clear `count` rows of the sums; add those of scratch at ends that no chain begins at.
+
+    into: first row of the sums; part: that of scratch.
+    """
     sums = plan.sums
-    for k in range(LEFT, LEFT + 6):
+    for k in range(into, into + count):
         for slot in range(sums.shape[1]):
             sums[k, slot] = 0.0
     for m in range(plan.sizes[ENDS]):
         if plan.ends[m, SUMMED] == 1:
             j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(6):
-                sums[LEFT + k, j] += work[BLOCK + k, i]
-    begin_tree_forces(plan, work)
-
-
-@jit
-def begin_tree_forces(plan: Any, work: Any) -> None:
-    """Clear the forces of the sums; add those of ends that no chain begins at."""
-    sums = plan.sums
-    for k in range(FORCE, FORCE + 3):
-        for slot in range(sums.shape[1]):
-            sums[k, slot] = 0.0
-    for m in range(plan.sizes[ENDS]):
-        if plan.ends[m, SUMMED] == 1:
-            j, i = plan.ends[m, JOINT], plan.ends[m, COLUMN]
-            for k in range(3):
-                sums[FORCE + k, j] += work[RESIDUAL + k, i]
+            for k in range(count):
+                sums[into + k, j] += work[part + k, i]
 
 
 @jit_ordered
@@ -164,7 +152,8 @@ def spread(work: Any, plan: Any, joints: Any, joint: int, i: int) -> None:
 @jit_ordered
 def eliminate_trees(work: Any, plan: Any) -> None:
     """Eliminate all chains; work: the scratch of all ropes, end to end."""
-    begin_sums(plan, work)
+    begin_sums(plan, work, LEFT, BLOCK, 6)
+    begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
     one, other, at = (_NONE + _NONE, _NONE), (_NONE + _NONE, _NONE), 0
     for s in range(plan.sizes[SPANS]):
@@ -193,7 +182,7 @@ def eliminate_trees(work: Any, plan: Any) -> None:
 @jit_ordered
 def push_trees(work: Any, plan: Any) -> None:
     """Push the residuals through the factors of all chains; work: the scratch of all ropes."""
-    begin_tree_forces(plan, work)
+    begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
     one, other, at = _NONE, _NONE, 0
     for s in range(plan.sizes[SPANS]):
@@ -246,7 +235,8 @@ def substitute_trees(work: Any, plan: Any, joints: Any) -> None:
 @jit_ordered
 def eliminate_trees_wide(work: Any, plan: Any, moved: Any) -> None:
     """Eliminate all chains; lanes that are not in `moved` keep their factors."""
-    begin_sums(plan, work)
+    begin_sums(plan, work, LEFT, BLOCK, 6)
+    begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans = plan.sums, plan.spans
     none = nothing_at(work, ZERO)
     one = other = (none + none, none)
@@ -276,7 +266,7 @@ def eliminate_trees_wide(work: Any, plan: Any, moved: Any) -> None:
 @jit_ordered
 def push_trees_wide(work: Any, plan: Any) -> None:
     """Push the residuals through the factors of all chains."""
-    begin_tree_forces(plan, work)
+    begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans = plan.sums, plan.spans
     one = other = none = nothing_at(work, ZERO)
     for s in range(plan.sizes[SPANS]):
