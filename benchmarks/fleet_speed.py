@@ -1,31 +1,37 @@
 """Cost of a fleet on short horizons, with the error of its coarse mesh and step.
 
-Members run through parts of the scene's sea, each one of its own, while the winch follows the
-scene's schedule or one of four orders. Errors are of the top tension, against a fine mesh and step
-in the same seas. Times are the processor's own; best and median of the repetitions of one run.
+Members run through parts of a recorded sea, each one of its own, while the winch follows the
+scene's schedule or one of four orders. Where ropes meet, all winches follow their schedules, once
+at the same speed in all members and once at one of its own in each. Errors are of the top tension,
+against a fine mesh and step in the same seas. Times are the processor's own; best and median of the
+repetitions of one run.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Floats
+from rope_twin.core.state import Boundary, Floats
 from rope_twin.scene.load import at_setting, load_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.rigging import winch_of
+from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.studies.accuracy_study import Machine, this_machine
 from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, live_state
 from rope_twin.twin.motion.boundary_conditions import SharedBoundary, WinchMotion
+from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.twin import Twin
 from validation.case import Listener
 
 SCENE = "deep_lift"
+MEETING = ("two_line_lift", "bridle_lift", "two_line_loop", "two_line_landing")
+SLOWEST = 0.5  # of the schedule's speed, in the member that is slowest
 RAMP_M_PER_S2 = 0.3  # of the winch in the four orders
 ORDERS_M_PER_S = (0.0, 0.5, -0.5, -1.0)  # hold, lower, haul, haul faster
 SEED = 1
@@ -46,17 +52,22 @@ class Plan:
     error_s: float
     live_elements: int
     copies: int  # number of states copied to time one
+    meeting: tuple[str, ...]  # scenes in which ropes meet
+    meeting_members: int
+    meeting_reference: tuple[int, float]  # over `seconds`: these take longer
 
 
 FULL = Plan(
     members=100, seas_per_order=48, seconds=60.0, repetitions=7,
     settings=((10, 0.05), (20, 0.05), (40, 0.025), (100, 0.05), (100, 0.02)), chosen=(20, 0.05),
     reference=(400, 0.005), error_members=4, error_s=180.0, live_elements=1000, copies=500,
+    meeting=MEETING, meeting_members=48, meeting_reference=(100, 0.01),
 )  # fmt: skip
 QUICK = Plan(
     members=8, seas_per_order=2, seconds=4.0, repetitions=2, settings=((10, 0.05),),
     chosen=(10, 0.05), reference=(40, 0.025), error_members=2, error_s=20.0, live_elements=40,
-    copies=5,
+    copies=5, meeting=("two_line_lift",), meeting_members=4,
+    meeting_reference=(40, 0.025),
 )  # fmt: skip
 
 
@@ -66,7 +77,7 @@ class FleetRow:
 
     work: str
     members: int
-    elements: int
+    elements: int  # of all ropes
     step_s: float
     cpu_s: float  # median
     cpu_best_s: float
@@ -97,24 +108,42 @@ class FleetSpeed:
 
 
 class _Seas:
-    """Parts of the scene's sea, and the winch by the scene's schedule."""
+    """Parts of the sea of SCENE, and winches by the schedules of a scene."""
 
     def __init__(self, scene: Scene, members: int, seconds: float) -> None:
         plan = make_plan([Axis(SEA_OFFSET, 0.0, 600.0)], members, SEED)
         self._scene, self._seconds = scene, seconds
-        self._series = [own.heave for own in variations(scene, plan, seconds)]
+        self._heave = [own.heave for own in variations(load_scene(SCENE), plan, seconds)]
 
     def inputs(self, step_s: float, count: int) -> FleetInputs:
         """Return the motion of the first `count` members at the borders of such steps."""
         scene, steps = self._scene, round(self._seconds / step_s)
-        winch = WinchMotion(scene.winch, scene.ropes[0].length_m, None, step_s)
-        borders = [SharedBoundary(scene.ship, winch, own, step_s) for own in self._series[:count]]
-        value, rate = np.empty((2, steps + 1, rows.MOTIONS, count))
-        for k, own in enumerate(borders):
-            value[..., k], rate[..., k] = own.through(0, steps)
-        heave = value[:, rows.Z] - scene.ship.hang_off_m[2]
-        line, speed = (table[:, rows.LINE, 0].copy() for table in (value, rate))
-        return FleetInputs(heave, rate[:, rows.Z].copy(), line, speed)
+
+        def through(line: RopeLine, heave: HeaveSeries | None) -> Boundary:
+            winch = WinchMotion(winch_of(scene, line), line.length_m, None, step_s)
+            return SharedBoundary(scene.ship, winch, heave, step_s).through(0, steps)
+
+        lines = {}
+        for line in scene.ropes:
+            if winch_of(scene, line):
+                out, speed = (table[:, rows.LINE].copy() for table in through(line, self._heave[0]))
+                lines[line.from_] = out, speed
+        value, rate = np.empty((2, steps + 1, count))
+        for k, heave in enumerate(self._heave[:count]):
+            value[:, k], rate[:, k] = (table[:, rows.Z] for table in through(scene.ropes[0], heave))
+        return FleetInputs(value - scene.ship.hang_off_m[2], rate, *lines.pop(WINCH), lines)
+
+
+def at_own_speeds(inputs: FleetInputs, members: int) -> FleetInputs:
+    """Return members whose winches run at SLOWEST to 1 times the speed given for all."""
+    factors = np.linspace(SLOWEST, 1.0, members)
+
+    def scaled(line: Floats, speed: Floats) -> tuple[Floats, Floats]:
+        return line[0] + np.outer(line - line[0], factors), np.outer(speed, factors)
+
+    line, speed = scaled(inputs.line_out_m, inputs.line_speed_m_per_s)
+    others = {name: scaled(*both) for name, both in inputs.lines.items()}
+    return replace(inputs, line_out_m=line, line_speed_m_per_s=speed, lines=others)
 
 
 def ordered(inputs: FleetInputs, step_s: float, seas: int) -> FleetInputs:
@@ -144,7 +173,7 @@ def measure_fleet(
     Raises:
         RopeTwinError: the scene is not there, or cannot be run.
     """
-    scene, total = load_scene(SCENE), len(plan.settings) + 3
+    scene, total = load_scene(SCENE), len(plan.settings) + len(plan.meeting) + 3
     report(0, total, "the reference")
     seas = _Seas(scene, plan.error_members, plan.error_s)
     truth = _tension(scene, plan.reference, seas, plan.error_members)
@@ -152,16 +181,12 @@ def measure_fleet(
     found, errors = [], {}
     for done, (elements, step_s) in enumerate(plan.settings, start=1):
         report(done, total, f"{elements} elements at {step_s:g} s")
-        own = _tension(scene, (elements, step_s), seas, plan.error_members)
-        every = round(step_s / plan.reference[1])
-        there = truth[every - 1 :: every]
-        away = np.sqrt(np.mean((own - there) ** 2)) / np.std(there)
-        errors[elements, step_s] = 100.0 * float(away)
+        errors[elements, step_s] = _error_pct(scene, (elements, step_s), seas, truth)
         fleet = Fleet(scene, plan.members, elements=elements, step_s=step_s)
         inputs = timed.inputs(step_s, plan.members)
         error = errors[elements, step_s]
         found.append(_timed(f"{plan.seconds:g} s", fleet, inputs, plan, error))
-    report(total - 2, total, "orders")
+    report(len(plan.settings) + 1, total, "orders")
     elements, step_s = plan.chosen
     fleet = Fleet(
         scene, len(ORDERS_M_PER_S) * plan.seas_per_order, elements=elements, step_s=step_s
@@ -169,10 +194,37 @@ def measure_fleet(
     inputs = ordered(timed.inputs(step_s, plan.seas_per_order), step_s, plan.seas_per_order)
     work = f"{len(ORDERS_M_PER_S)} orders × {plan.seas_per_order}, {plan.seconds:g} s"
     found.append(_timed(work, fleet, inputs, plan, errors[plan.chosen]))
+    for done, name in enumerate(plan.meeting, start=len(plan.settings) + 2):
+        report(done, total, name)
+        found += _where_ropes_meet(load_scene(name), plan)
     report(total - 1, total, "states")
     states = _states(scene, fleet, plan)
     report(total, total, "done")
     return FleetSpeed(this_machine(), SCENE, plan.seconds, plan.reference, tuple(found), states)
+
+
+def _where_ropes_meet(scene: Scene, plan: Plan) -> list[FleetRow]:
+    elements, step_s = plan.chosen
+    seas, reference = _Seas(scene, plan.error_members, plan.seconds), plan.meeting_reference
+    truth = _tension(scene, reference, seas, plan.error_members)
+    error = _error_pct(scene, plan.chosen, seas, truth)
+    members = plan.meeting_members
+    inputs = _Seas(scene, members, plan.seconds).inputs(step_s, members)
+    works = {f"{plan.seconds:g} s": inputs, "own speeds": at_own_speeds(inputs, members)}
+    found = []
+    for work, given in works.items():
+        fleet = Fleet(scene, members, elements=elements, step_s=step_s)
+        found.append(_timed(f"{scene.name}, {work}", fleet, given, plan, error))
+    return found
+
+
+def _error_pct(scene: Scene, setting: tuple[int, float], seas: _Seas, truth: Floats) -> float:
+    """Return the rms error of the top tension in per cent of its standard deviation."""
+    steps, members = truth.shape
+    own = _tension(scene, setting, seas, members)
+    every = steps // len(own)
+    there = truth[every - 1 :: every]
+    return 100.0 * float(np.sqrt(np.mean((own - there) ** 2)) / np.std(there))
 
 
 def _tension(scene: Scene, setting: tuple[int, float], seas: _Seas, members: int) -> Floats:
@@ -190,7 +242,7 @@ def _timed(work: str, fleet: Fleet, inputs: FleetInputs, plan: Plan, error_pct: 
         record = fleet.advance(inputs)
         took.append(time.process_time() - began)
     took = took[1:]
-    elements, step_s = fleet.scene.ropes[0].elements, fleet.scene.time.step_s
+    elements, step_s = sum(line.elements for line in fleet.scene.ropes), fleet.scene.time.step_s
     node_steps = elements * len(fleet) * len(record.top_tension_n)
     best = min(took)
     return FleetRow(

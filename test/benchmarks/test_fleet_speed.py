@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.__main__ import main
-from benchmarks.fleet_speed import ORDERS_M_PER_S, QUICK, ordered
+from benchmarks.fleet_speed import ORDERS_M_PER_S, QUICK, SLOWEST, at_own_speeds, ordered
 from rope_twin.twin.ensemble.fleet import FleetInputs
 
 
@@ -16,10 +16,12 @@ def test_a_cost_has_its_error(capsys: pytest.CaptureFixture[str]) -> None:
     """The JSON has the settings, then the orders; and the copies of states."""
     assert main(["fleet", "--quick", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    *settings, orders = found["rows"]
+    *settings, orders, meeting, own_speeds = found["rows"]
     given = [(row["elements"], row["step_s"]) for row in settings]
     assert given == list(QUICK.settings)
     assert orders["members"] == len(ORDERS_M_PER_S) * QUICK.seas_per_order
+    assert meeting["work"] == "two_line_lift, 4 s"
+    assert meeting["elements"] == own_speeds["elements"] > QUICK.chosen[0]
     for row in found["rows"]:
         assert row["failed"] == 0
         assert 0.0 < row["error_pct"] < 5.0
@@ -38,3 +40,15 @@ def test_orders_are_lines_of_their_own_speed() -> None:
     speed = 0.5 * (made.line_speed_m_per_s[1:] + made.line_speed_m_per_s[:-1])
     assert np.allclose(np.diff(made.line_out_m, axis=0), 0.05 * speed, atol=1e-3)
     assert np.array_equal(made.line_speed_m_per_s[-1, ::3], ORDERS_M_PER_S)
+
+
+def test_own_speeds_are_shares_of_the_schedule() -> None:
+    """Of every winch; the lines begin at the same length."""
+    line, speed = np.linspace(100.0, 106.0, 61), np.full(61, 0.1)
+    given = FleetInputs(np.zeros((61, 3)), np.zeros((61, 3)), line, speed, {"aft": (line, speed)})
+    made = at_own_speeds(given, 3)
+    assert np.allclose(made.line_out_m[-1], 100.0 + 6.0 * np.array([SLOWEST, 0.75, 1.0]))
+    assert np.allclose(made.line_speed_m_per_s[7], 0.1 * np.array([SLOWEST, 0.75, 1.0]))
+    line, speed = made.lines["aft"]
+    assert np.array_equal(line, made.line_out_m)
+    assert np.array_equal(speed, made.line_speed_m_per_s)
