@@ -43,7 +43,7 @@ def test_orders_are_lines_of_their_own_speed() -> None:
 
 
 def test_own_speeds_are_shares_of_the_schedule() -> None:
-    """Of every winch; the lines begin at the same length."""
+    """The speed of every winch is scaled; the lines begin at the same length."""
     line, speed = np.linspace(100.0, 106.0, 61), np.full(61, 0.1)
     given = FleetInputs(np.zeros((61, 3)), np.zeros((61, 3)), line, speed, {"aft": (line, speed)})
     made = at_own_speeds(given, 3)

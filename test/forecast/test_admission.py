@@ -1,4 +1,4 @@
-"""What a live forecast hears of sensors: judged by the twin's rules, whatever their clocks do."""
+"""Measured values for a live forecast are judged by the rules of the twin."""
 
 from __future__ import annotations
 

@@ -123,7 +123,7 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     node = bench.make("forecast", scene=str(small_scene(tmp_path).path), members=19)
     names = ("ship/heave", "winch/measured", "diagnostics", "estimate/figures")
     publishers = {name: bench.publisher(name) for name in names}
-    told = bench.listen("diagnostics")
+    rows = bench.listen("diagnostics")
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
@@ -148,9 +148,9 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
         publishers["estimate/figures"].publish(serialise(new("sensor_msgs/msg/PointCloud2")))
         publishers["diagnostics"].publish(encode_diagnostics(ns, [row]))
         bench.until(lambda on=doubted: bool(heard.doubt) == on, "the simulation's doubt is heard")
-        told.clear()
-        bench.until(lambda: any(one.status[0].name == "forecast: worker" for one in told), "rows")
-        own = next(one.status[0] for one in told if one.status[0].name == "forecast: worker")
+        rows.clear()
+        bench.until(lambda: any(one.status[0].name == "forecast: worker" for one in rows), "rows")
+        own = next(one.status[0] for one in rows if one.status[0].name == "forecast: worker")
         assert own.level == (Level.WARN if doubted else Level.OK)
         counts = {pair.key: pair.value for pair in own.values}
         assert counts["ship/heave: refused"] == "1"

@@ -89,7 +89,7 @@ def test_steel_wire_of_any_diameter_is_near_the_standard(mm: int) -> None:
 
 
 def test_a_size_that_is_a_preset_is_that_preset() -> None:
-    """Of 76.2 mm, 3 in."""
+    """It has 76.2 mm, 3 in."""
     assert rope_preset("steel_wire_76mm").diameter_m == 0.0762
     assert rope_preset("steel_wire_76.2mm") == rope_preset("steel_wire_76mm")
 
