@@ -85,7 +85,7 @@ class Kind(NamedTuple):
 
     @property
     def layout(self) -> Kind:
-        """What arrays of a batch are made for."""
+        """Kind that arrays of a batch are made for."""
         return self
 
     @property

@@ -91,7 +91,7 @@ class JoinedKind(NamedTuple):
 
     @property
     def layout(self) -> JoinedKind:
-        """What arrays of a batch are made for: the kind, whatever the elements."""
+        """Kind that arrays of a batch are made for: this one, whatever its elements."""
         ropes = tuple(own._replace(elements=0, place=()) for own in self.ropes)
         return self._replace(ropes=ropes)
 
