@@ -12,6 +12,7 @@ import hashlib
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -129,6 +130,11 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
 
 def _rope_book(path: Path | None = None) -> tuple[RopeBook, Item, Path]:
     path = path or share_dir() / "config" / "ropes.yaml"
+    return _rope_book_of(path, path.stat().st_mtime_ns if path.is_file() else 0)
+
+
+@cache  # each rope of each scene asks for it
+def _rope_book_of(path: Path, _written_ns: int) -> tuple[RopeBook, Item, Path]:
     tree, _ = read_document(path)
     book: RopeBook = read_object(RopeBook, tree, Place(path))
     return book, tree, path

@@ -17,6 +17,7 @@ import re
 import types
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
@@ -305,7 +306,7 @@ def read_object(
     """
     fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
     mapping, errors = _mapping(item, place, fields), SceneErrors()
-    hints = get_type_hints(cls)
+    hints = _hints_of(cls)
     unknown = _refuse_unknown(mapping, place, fields, hints, errors)
     missing = [field for name, field in fields.items() if _needed(field) and name not in mapping]
     missing = [field for field in missing if f"did you mean '{key_of(field)}'?" not in unknown]
@@ -331,6 +332,9 @@ def read_object(
         what, _, right = complaint.partition("; ")
         raise place.refuse(what, right.rstrip(".") or "see the scenes in config/scenes")
     return made
+
+
+_hints_of = cache(get_type_hints)  # evaluating annotations takes longer than reading their values
 
 
 def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
