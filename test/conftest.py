@@ -21,8 +21,8 @@ ROS = Path(__file__).parent / "ros"
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 sys.path.append(str(Path(__file__).resolve().parent / "support"))  # fixtures of several folders
 # Files whose entries reach the same kernels: of a step read as assembly or in lanes, of ropes that
-# meet, of water that changes, of every scene. Side by side two of them would compile the same code
-# at the same moment.
+# meet, of imported models, of water that changes, of every scene. Side by side two of them would
+# compile the same code at the same moment.
 ALIKE = {
     "test_compiled_effects.py": "assembly",
     "test_bench_command.py": "assembly",
@@ -34,6 +34,8 @@ ALIKE = {
     "test_fluid_ramp.py": "profiles",
     "test_current_and_drag.py": "profiles",
     "test_payload_shedding.py": "profiles",
+    "test_moordyn.py": "imported",
+    "test_orcaflex.py": "imported",
     "test_oscillating_drag.py": "oscillating",
     "test_payload_oscillation.py": "oscillating",
     "test_golden_states.py": "scenes",
