@@ -19,14 +19,15 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.estimation.figures import ROPE_FIGURES, hung_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.damaged_bag import Messages, read_undamaged
 from rope_twin.recording.input_log import decode_json
 from rope_twin.recording.lift_topics import (
     HANG_OFF,
     HEAVE,
     LENGTH,
+    Messages,
     contents,
     names_of,
+    read_undamaged,
     refusal_words,
     rope_values,
     vertical_motion,

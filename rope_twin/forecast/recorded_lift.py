@@ -29,14 +29,15 @@ from rope_twin.forecast.tension_forecast import ForecastSettings, Known
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.damaged_bag import Messages, read_undamaged
 from rope_twin.recording.lift_topics import (
     HANG_OFF,
     HEAVE,
     LENGTH,
     TENSION_TOP,
+    Messages,
     contents,
     names_of,
+    read_undamaged,
     refusal_words,
     rope_values,
     vertical_motion,
