@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from rope_twin.alerts.alert_list import Alert, State
 from rope_twin.errors import InputError
+from rope_twin.feeds.readings import nmea, xor_of
 
 TALKER = "II"  # integrated instrumentation
 MAKER = "RPT"
@@ -36,14 +37,6 @@ class AlertCommand:
         return f"{self.identifier}.{self.instance}"
 
 
-def framed(body: str) -> bytes:
-    """Return a sentence with $, checksum (XOR of all between $ and *) and line end."""
-    total = 0
-    for byte in body.encode("ascii"):
-        total ^= byte
-    return f"${body}*{total:02X}\r\n".encode("ascii")
-
-
 def clock(time_ns: int) -> str:
     """Return a UTC time of day as hhmmss.ss."""
     hundredths = time_ns // 10_000_000 % 8_640_000
@@ -63,11 +56,11 @@ def alf(alert: Alert, utc_ns: int, sequence: int) -> list[bytes]:
     state = f"{alert.category},{alert.priority.letter},{alert.state.value}"
     title = f"{sequence},{clock(utc_ns)},{state},{number},{_escaped(alert.name, TITLE_MOST)}"
     rest = f"{sequence},,,,,{number},"
-    room = SENTENCE_MOST - len(framed(f"{TALKER}ALF,2,2,{rest}"))
+    room = SENTENCE_MOST - len(nmea(f"{TALKER}ALF,2,2,{rest}"))
     text = _escaped(alert.text, room)
     if not text:
-        return [framed(f"{TALKER}ALF,1,1,{title}")]
-    return [framed(f"{TALKER}ALF,2,1,{title}"), framed(f"{TALKER}ALF,2,2,{rest}{text}")]
+        return [nmea(f"{TALKER}ALF,1,1,{title}")]
+    return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(f"{TALKER}ALF,2,2,{rest}{text}")]
 
 
 def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
@@ -84,13 +77,13 @@ def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
             f",{MAKER},{one.identifier},{one.instance},{one.revision}" for one in some
         )
         body = f"{TALKER}ALC,{len(groups):02d},{number:02d},{sequence:02d},{len(some)}{entries}"
-        yield framed(body)
+        yield nmea(body)
 
 
 def arc(command: AlertCommand, utc_ns: int) -> bytes:
     """Return the sentence that refuses a command."""
     where = f"{MAKER},{command.identifier},{command.instance}"
-    return framed(f"{TALKER}ARC,{clock(utc_ns)},{where},{command.letter}")
+    return nmea(f"{TALKER}ARC,{clock(utc_ns)},{where},{command.letter}")
 
 
 def read_acn(line: bytes) -> AlertCommand | None:
@@ -105,7 +98,7 @@ def read_acn(line: bytes) -> AlertCommand | None:
     body, star, given = text[1:].rpartition("*")
     body = body.encode("ascii", "replace").decode("ascii")
     right = "send $--ACN,hhmmss.ss,RPT,identifier,instance,A|Q|O|S,C*hh"
-    if not star or framed(body)[-4:-2].decode() != given.upper():
+    if not star or f"{xor_of(body):02X}" != given.upper():
         raise InputError("ACN sentence", "its checksum is wrong", right)
     fields = body.split(",")
     if len(fields) > 2 and fields[2] != MAKER:

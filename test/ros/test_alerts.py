@@ -11,8 +11,8 @@ import pytest
 from ros_bench import Bench
 from small_scene import SMALL_SCENE
 
-from rope_twin.alerts.sentences import framed
 from rope_twin.cli import ExitCode, main
+from rope_twin.feeds.readings import nmea
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.cdr import encode_text
 from rope_twin.ros.alert_output_node import AlertOutputNode
@@ -82,7 +82,7 @@ def test_an_alert_over_topics_and_sentences(
     commands.publish(encode_text("silence 10001.1"))
     bench.until(lambda: states(heard[-1])["10001"] == "silenced", "silence")
     bench.until(lambda: arrived(b",A,A,S,RPT,10001,1,2,"), "its sentence")
-    for sentence in (framed("BNACN,120000.00,RPT,10001,1,A,C"), framed("BNACN,,RPT,10999,1,A,C")):
+    for sentence in (nmea("BNACN,120000.00,RPT,10001,1,A,C"), nmea("BNACN,,RPT,10999,1,A,C")):
         bridge.sendto(sentence, ("127.0.0.1", replies))
     bench.until(lambda: states(heard[-1])["10001"] == "acknowledged", "acknowledgement")
     bench.until(lambda: arrived(b"IIARC,"), "a refusal of what there is not")
