@@ -20,7 +20,8 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.scene.load import change_scene, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
-from rope_twin.studies.ensemble import SEA_OFFSET, Axis, Plan, make_plan, variations
+from rope_twin.studies.ensemble import Plan, make_plan, variations
+from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -160,8 +161,8 @@ def _turn(
 
 def _plan(scene: Scene, members: int) -> Plan:
     """Return loads around the scene's, and starts anywhere in the first minute of its sea."""
-    load = Axis("payloads[0].mass_kg", 0.9, 1.1, multiply=True)
-    return make_plan([load, Axis(SEA_OFFSET, 0.0, 60.0)], members, SEED)
+    load = Variable(path="payloads[0].mass_kg", from_=0.9, to=1.1, multiply=True)
+    return make_plan([load, Variable(path=SEA_OFFSET_S, from_=0.0, to=60.0)], members, SEED)
 
 
 def _ns(ensemble: Ensemble, seconds: float) -> float:

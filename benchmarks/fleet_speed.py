@@ -22,7 +22,8 @@ from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.rigging import winch_of
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.studies.accuracy_study import Machine, this_machine
-from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
+from rope_twin.studies.ensemble import make_plan, variations
+from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, live_state
 from rope_twin.twin.motion.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.motion.heave_track import HeaveSeries
@@ -111,7 +112,7 @@ class _Seas:
     """Parts of the sea of SCENE, and winches by the schedules of a scene."""
 
     def __init__(self, scene: Scene, members: int, seconds: float) -> None:
-        plan = make_plan([Axis(SEA_OFFSET, 0.0, 600.0)], members, SEED)
+        plan = make_plan([Variable(path=SEA_OFFSET_S, from_=0.0, to=600.0)], members, SEED)
         self._scene, self._seconds = scene, seconds
         self._heave = [own.heave for own in variations(load_scene(SCENE), plan, seconds)]
 

@@ -17,7 +17,8 @@ import numpy as np
 from rope_twin.core.jit.wide import LANES
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import SEA_OFFSET, Axis, make_plan, variations
+from rope_twin.studies.ensemble import make_plan, variations
+from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
 from rope_twin.twin.ensemble.ensemble import Ensemble
 from validation.case import Listener, announced
 
@@ -99,11 +100,15 @@ def gain_rows(
 
 
 def _measure(scene: Scene, case: Case) -> GainRow:
-    axes = [Axis("effects.drag.normal", 0.95, 1.05, multiply=True)]
+    axes = [Variable(path="effects.drag.normal", from_=0.95, to=1.05, multiply=True)]
     if scene.sea_state.on_waves is not None:  # such a ship's motion begins with the scene's waves
-        axes.append(Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True))
+        axes.append(
+            Variable(
+                path="effects.waves.jonswap.significant_height_m", from_=0.9, to=1.0, multiply=True
+            )
+        )
     elif scene.sea_state.moves:
-        axes.append(Axis(SEA_OFFSET, 0.0, 60.0))
+        axes.append(Variable(path=SEA_OFFSET_S, from_=0.0, to=60.0))
     plan = make_plan(axes, case.members, SEED)
     own = variations(scene, plan, case.warm_s + case.turns * case.seconds)
     together = Ensemble(scene, own, threads=1)

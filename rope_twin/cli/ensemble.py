@@ -27,13 +27,13 @@ from rope_twin.studies.driven_twin import variant
 from rope_twin.studies.ensemble import (
     FIGURES,
     QUANTILES,
-    SEA_OFFSET,
     StudyResult,
     make_plan,
     read_axis,
     read_range,
     run_study,
 )
+from rope_twin.studies.study_design import SEA_OFFSET_S
 from rope_twin.twin.ensemble.ensemble import SAMPLING_S, Lanes, cores
 
 NAMES = {
@@ -96,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     axes = [read_axis("--vary", words) for words in args.vary]
     if args.sea_offset is not None:
-        axes.append(read_range("--sea-offset", SEA_OFFSET, _seconds(args.sea_offset)))
+        axes.append(read_range("--sea-offset", SEA_OFFSET_S, _seconds(args.sea_offset)))
     plan = make_plan(axes, args.members, args.seed)
     progress = FigureProgress()
 
@@ -159,15 +159,9 @@ def _rows(result: StudyResult) -> list[dict[str, Any]]:
     """Return a row for each member: its number, its own parameters and its results."""
     rows = []
     for number, (values, figures) in enumerate(zip(result.plan.rows, result.figures, strict=True)):
-        own = {_column(str(axis.path), axis.multiply): value
-               for axis, value in zip(result.plan.axes, values, strict=True)}  # fmt: skip
+        own = {axis.column: value for axis, value in zip(result.plan.axes, values, strict=True)}
         rows.append({"member": number, **own, **json_value(asdict(figures))})
     return rows
-
-
-def _column(path: str, multiply: bool) -> str:
-    """Return the name of an axis in tables."""
-    return "sea_offset_s" if path == SEA_OFFSET else f"{path}*" if multiply else path
 
 
 def _write_csv(path: Path, result: StudyResult) -> None:
@@ -248,7 +242,7 @@ def _grid(result: StudyResult) -> list[str]:
     grid = [k for k, axis in enumerate(result.plan.axes) if axis.values]
     if not grid:
         return []
-    paths = [_column(result.plan.axes[k].path, result.plan.axes[k].multiply) for k in grid]
+    paths = [result.plan.axes[k].column for k in grid]
     widths = [max(len(path), 10) for path in paths]
     low, middle, high = QUANTILES.index(0.05), QUANTILES.index(0.5), QUANTILES.index(0.95)
     heads = [f"{path:>{width}}" for path, width in zip(paths, widths, strict=True)]

@@ -18,6 +18,7 @@ from rope_twin.recording.track import check_start
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.motion.heave_track import HeaveSeries
@@ -28,38 +29,17 @@ RIGHT = "write PATH=LOW..HIGH, PATH=LOW..HIGH:COUNT or PATH=A,B,C (*= to multipl
 
 
 @dataclass(frozen=True)
-class Axis:
-    """One variable."""
-
-    path: str
-    low: float = 0.0
-    high: float = 0.0
-    values: tuple[float, ...] = ()  # of the grid; empty: drawn between low and high
-    multiply: bool = False
-
-    def __str__(self) -> str:
-        """Return the axis as it would be written."""
-        sign = "*=" if self.multiply else "="
-        numbers = ",".join(f"{value:g}" for value in self.values)
-        return f"{self.path}{sign}{numbers or f'{self.low:g}..{self.high:g}'}"
-
-    def change(self, value: float) -> Change:
-        """Return the change that gives a member its value."""
-        return Change(self.path, value, self.multiply)
-
-
-@dataclass(frozen=True)
 class Plan:
-    """Values of the axes for each member."""
+    """Values of the variables for each member."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[Variable, ...]
     seed: int
-    rows: tuple[tuple[float, ...], ...]  # a value of each axis; members of a grid point together
+    rows: tuple[tuple[float, ...], ...]  # a value of each; members of a grid point together
     per_point: int  # members at each point of the grid
 
 
-def read_axis(option: str, words: str) -> Axis:
-    """Return an axis as written on a command line.
+def read_axis(option: str, words: str) -> Variable:
+    """Return a variable as written on a command line.
 
     Raises:
         InputError: one sentence.
@@ -72,8 +52,8 @@ def read_axis(option: str, words: str) -> Axis:
     return read_range(option, path, numbers, multiply)
 
 
-def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> Axis:
-    """Return an axis from its path and `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`.
+def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> Variable:
+    """Return a variable from its path and `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`.
 
     Raises:
         InputError: one sentence.
@@ -81,21 +61,21 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
     where = f"{option} '{numbers}'"
     if ".." not in numbers:
         values = tuple(_read_number(where, word) for word in numbers.split(","))
-        return Axis(path, min(values), max(values), values, multiply)
+        return Variable(path=path, values=values, multiply=multiply)
     ends, colon, count = numbers.partition(":")
     low, high = (_read_number(where, word) for word in ends.split("..", 1))
     if low >= high:
         raise InputError(where, f"{low:g} is not below {high:g}", "give the lesser first")
     if not colon:
-        return Axis(path, low, high, (), multiply)
+        return Variable(path=path, from_=low, to=high, multiply=multiply)
     if not count.isdecimal() or not 2 <= int(count) <= MEMBERS_MOST:
         what = f"'{count}' is no number of values"
         raise InputError(where, what, f"give 2 to {MEMBERS_MOST} after the colon")
     values = tuple(np.linspace(low, high, int(count)).tolist())
-    return Axis(path, low, high, values, multiply)
+    return Variable(path=path, values=values, multiply=multiply)
 
 
-def make_plan(axes: Sequence[Axis], members: int | None, seed: int) -> Plan:
+def make_plan(axes: Sequence[Variable], members: int | None, seed: int) -> Plan:
     """Return each member's values. More members of the same seed begin with the same ones.
 
     Args:
@@ -126,12 +106,7 @@ def make_plan(axes: Sequence[Axis], members: int | None, seed: int) -> Plan:
     grid = itertools.product(*(axis.values for axis in axes if axis.values))
     for number, point in enumerate(point for point in grid for _ in range(each)):
         given, shares = iter(point), iter(random[number].tolist())
-        rows.append(
-            tuple(
-                next(given) if axis.values else axis.low + next(shares) * (axis.high - axis.low)
-                for axis in axes
-            )
-        )
+        rows.append(tuple(next(given) if axis.values else axis.at(next(shares)) for axis in axes))
     return Plan(tuple(axes), seed, tuple(rows), each)
 
 
@@ -145,7 +120,6 @@ def _read_number(where: str, word: str) -> float:
     return number
 
 
-SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 FIGURES = ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "slack_share")
 MINUTE_NS = 60_000_000_000
@@ -215,7 +189,7 @@ def run_study(
     began = time.perf_counter()
     whole_steps("--duration", seconds, scene.time.step_s)
     whole_steps("--slack-interval", look_s, scene.time.step_s)
-    if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
+    if not scene.sea_state.moves and any(axis.path == SEA_OFFSET_S for axis in plan.axes):
         raise InputError("--sea-offset", "the scene's ship lies still", "leave it out")
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
     lanes = ensemble.lanes()
@@ -252,8 +226,9 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
     seas = Seas(scene, seconds)
     for number, row in enumerate(plan.rows):
         pairs = list(zip(plan.axes, row, strict=True))
-        changes = tuple(axis.change(value) for axis, value in pairs if axis.path != SEA_OFFSET)
-        offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET)
+        own = [(axis, value) for axis, value in pairs if axis.path != SEA_OFFSET_S]
+        changes = tuple(change for axis, value in own for change in axis.changes(value))
+        offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET_S)
         where = f"--duration {seconds:g}"
         made.append(seas.variation(changes, offset_s, where, f"member {number}"))
     return made

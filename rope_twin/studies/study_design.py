@@ -41,6 +41,7 @@ from rope_twin.vortex.results import MaterialFatigue, RopeDamage
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
 RUNS_MOST = 100_000
 Row = dict[str, Any]
+Value = float | str
 Counts = dict[int, RopeDamage]  # by the number of the rope
 
 
@@ -72,10 +73,28 @@ class Variable:
         """Return the name of the variable in tables."""
         return self.name or self.path + ("*" if self.multiply else "")
 
+    def __str__(self) -> str:
+        """Return it as `rope_twin ensemble` takes it."""
+        numbers = ",".join(f"{value:g}" for value in self.values)
+        return f"{self.column}={numbers or f'{self.from_:g}..{self.to:g}'}"
+
+    def changes(self, value: Value) -> list[Change]:
+        """Return the changes that give a run one of its numbers, or a case by its name."""
+        if self.cases:
+            case = next(one for one in self.cases if one.name == value)
+            return [Change(path, number, self.multiply) for path, number in case.set_.items()]
+        return [Change(self.path, float(value), self.multiply)]
+
     @property
     def ranges(self) -> bool:
         """Return whether any number from lowest to highest may be drawn."""
         return self.from_ is not None
+
+    def at(self, share: float) -> float:
+        """Return the number at a fraction from 0 to 1 of the range."""
+        assert self.from_ is not None
+        assert self.to is not None
+        return self.from_ + share * (self.to - self.from_)
 
     def check(self) -> str | None:
         """Check that exactly one kind of values is given."""
@@ -170,9 +189,6 @@ def read_study(path: Path) -> tuple[Study, Scene]:
     return study, load_scene(beside if beside.suffix in (".yaml", ".yml") else study.scene)
 
 
-Value = float | str
-
-
 @dataclass(frozen=True)
 class StudyRun:
     """One run of a study."""
@@ -221,9 +237,7 @@ def _choices(variable: Variable) -> Sequence[Value]:
 def _drawn(variable: Variable, share: float) -> Value:
     """Return the value of a variable at a fraction from 0 to 1 of its range or list."""
     if variable.ranges:
-        assert variable.from_ is not None
-        assert variable.to is not None
-        return variable.from_ + share * (variable.to - variable.from_)
+        return variable.at(share)
     choices = _choices(variable)
     return choices[min(int(share * len(choices)), len(choices) - 1)]
 
@@ -253,7 +267,7 @@ def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
             with _at(f"{study.path}: vary[{number}]"):
                 offset_s += _offset_s(scene, float(value))
         else:
-            changes += _changes(variable, value)
+            changes += variable.changes(value)
     shared = [change for change in changes if change.path.startswith("time.")]
     own = tuple(change for change in changes if change not in shared)
     try:
@@ -285,7 +299,7 @@ def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
     for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
         if not variable.names and variable.path != SEA_OFFSET_S:
             with _at(f"{study.path}: vary[{number}]"):
-                change_scene(scene, _changes(variable, value))
+                change_scene(scene, variable.changes(value))
 
 
 @contextmanager
@@ -295,14 +309,6 @@ def _at(where: str) -> Iterator[None]:
         yield
     except RopeTwinError as error:
         raise InputError(f"{where}: {error}") from error
-
-
-def _changes(variable: Variable, value: Value) -> list[Change]:
-    """Return the change of a variable's value."""
-    if variable.cases:
-        case = next(one for one in variable.cases if one.name == value)
-        return [Change(path, number, variable.multiply) for path, number in case.set_.items()]
-    return [Change(variable.path, float(value), variable.multiply)]
 
 
 _preset = lru_cache(maxsize=64)(rope_preset)

@@ -30,7 +30,8 @@ from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.load import Change
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import Axis, make_plan, variations
+from rope_twin.studies.ensemble import make_plan, variations
+from rope_twin.studies.study_design import Variable
 from rope_twin.twin.ensemble.ensemble import MIN_GROUP, Ensemble, Variation
 from rope_twin.twin.ensemble.member import TwinMember
 from rope_twin.twin.motion.heave_track import HeaveSeries
@@ -263,8 +264,10 @@ def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
     assert "  - payload: {}\n" in text
     path.write_text(text.replace("  - payload: {}\n", f"{GROWING}  - payload: {{}}\n"))
     scene = load_scene(path)
-    height = Axis("effects.waves.jonswap.significant_height_m", 0.9, 1.0, multiply=True)
-    drag = Axis("effects.drag.normal", 0.95, 1.05, multiply=True)
+    height = Variable(
+        path="effects.waves.jonswap.significant_height_m", from_=0.9, to=1.0, multiply=True
+    )
+    drag = Variable(path="effects.drag.normal", from_=0.95, to=1.05, multiply=True)
     own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
     ensemble, _ = stepped_both_ways(scene, own, (14,))
     lanes = ensemble.lanes()

@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 
 from rope_twin.errors import InputError
-from rope_twin.studies.ensemble import Axis, make_plan, read_axis, read_range
+from rope_twin.studies.ensemble import make_plan, read_axis, read_range
+from rope_twin.studies.study_design import Variable
 
 MASS = read_axis("--vary", "payloads[0].mass_kg=18e3..22e3")
 
 
 def test_axes_are_read() -> None:
-    assert Axis("payloads[0].mass_kg", 18e3, 22e3) == MASS
+    assert Variable(path="payloads[0].mass_kg", from_=18e3, to=22e3) == MASS
     assert read_axis("--vary", "a.b*=0.5..2:4").values == (0.5, 1.0, 1.5, 2.0)
     assert read_axis("--vary", "a.b*=0.5..2:4").multiply
     assert read_axis("--vary", "a=3,1,2").values == (3.0, 1.0, 2.0)
-    assert read_range("--sea-offset", "sea", "-5..5") == Axis("sea", -5.0, 5.0)
+    assert read_range("--sea-offset", "sea", "-5..5") == Variable(path="sea", from_=-5.0, to=5.0)
     assert [str(read_axis("--vary", text)) for text in ("a=1..2", "a*=1,2")] == ["a=1..2", "a*=1,2"]
 
 
@@ -74,7 +75,7 @@ def test_grids_are_crossed_and_draws_repeated_at_each_point() -> None:
         ([MASS, MASS], 2, "--vary payloads[0].mass_kg: it is set twice; keep one of them"),
     ],
 )
-def test_what_is_no_plan(axes: list[Axis], members: int, said: str) -> None:
+def test_what_is_no_plan(axes: list[Variable], members: int, said: str) -> None:
     with pytest.raises(InputError) as refused:
         make_plan(axes, members, 1)
     assert said in str(refused.value)
