@@ -18,8 +18,8 @@ from rope_twin.recording.track import check_start
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
-from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
-from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Lanes, Variation, whole_steps
+from rope_twin.studies.study_design import SEA_OFFSET_S, Variable, stepped
+from rope_twin.twin.ensemble.ensemble import Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
@@ -196,9 +196,7 @@ def run_study(
     ensemble.make_ready()
     started = time.perf_counter()
     report(0.0, 0.0)
-    while ensemble.time_ns < round(seconds * 1e9):
-        left = round(seconds / ensemble.step_s) - ensemble.steps
-        ensemble.advance(min(left, BATCH_STEPS) * ensemble.step_s)
+    for _ in stepped(ensemble, seconds):
         report(ensemble.time_ns * 1e-9, time.perf_counter() - started)
     return StudyResult(
         plan=plan,

@@ -24,15 +24,18 @@ from rope_twin.core import state as rows
 from rope_twin.errors import InputError, RopeTwinError, SceneError, SolverError
 from rope_twin.quantity import json_value, quantity, text
 from rope_twin.scene.joined_model import over_sheaves
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import Change, change_scene, load_scene, rope_preset
 from rope_twin.scene.reader import Place, read_document, read_object
 from rope_twin.scene.relations import faults
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import feed
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults
-from rope_twin.twin.monitors import Monitors, TensionMonitor
+from rope_twin.twin.monitors import NO_MONITORS, Monitors, TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vortex_monitor import damage_of
 from rope_twin.vortex.fatigue import CURVES, OWN
@@ -372,37 +375,65 @@ def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: Fa
     return _row(own, twin, failure, counts)
 
 
-def run_systems(
+def stepped(ensemble: Ensemble, seconds: float, every: int = BATCH_STEPS) -> Iterator[None]:
+    """Advance all members by this time [s]; yield after each `every` steps, and at the end."""
+    left = whole_steps("seconds", seconds, ensemble.step_s)
+    while left:
+        some = min(left, every)
+        ensemble.advance(some * ensemble.step_s)
+        left -= some
+        yield
+
+
+def run_together(
     scene: Scene,
     own: Sequence[Variation],
     seconds: float,
     look_s: float,
     wish: FatigueWish | None,
 ) -> list[Row]:
-    """Run a multi-line scene once for each variation, together, and return their results.
+    """Run a scene once for each variation, together, and return their results.
+
+    seconds: whole samples of `wish`.
 
     Raises:
         RopeTwinError: the sea is too short, or the curve does not fit a rope.
     """
-    step_s = scene.time.step_s
-    checks = Monitors(slack_steps=whole_steps("look_s", look_s, step_s))
+    joined, step_s = is_joined(scene), scene.time.step_s
+    checks = Monitors(slack_steps=whole_steps("look_s", look_s, step_s)) if joined else NO_MONITORS
     ensemble = Ensemble(scene, own, look_s, threads=1, monitors=checks)
     scenes = [ensemble.scene_of(number) for number in range(len(own))]
     counts = [new_counts(one, wish) if wish is not None else {} for one in scenes]
-    left = whole_steps("seconds", seconds, step_s)
     every = round(wish.sample_s / step_s) if wish is not None else BATCH_STEPS
-    while left:
-        some = min(left, every)
-        ensemble.advance(some * step_s)
-        left -= some
+    for _ in stepped(ensemble, seconds, every):
         for number, member in enumerate(ensemble.figures()):
-            twin = ensemble.twin_of(number)
-            if counts[number] and some == every and twin is not None and not member.failure:
-                _sample(twin, counts[number])
+            if not counts[number] or member.failure:
+                continue
+            if joined:
+                _sample(ensemble.twin_of(number), counts[number])
+            else:
+                _sample_rope(ensemble.snapshot(number), counts[number])
     return [
-        _row(scenes[number], ensemble.twin_of(number), member.failure, counts[number])
-        for number, member in enumerate(ensemble.figures())
+        _row(one, ensemble.twin_of(number), member.failure, counts[number])
+        if joined
+        else _rope_row(one, member, counts[number])
+        for number, (one, member) in enumerate(zip(scenes, ensemble.figures(), strict=True))
     ]
+
+
+def _rope_row(own: Scene, member: MemberResults, counts: Counts) -> Row:
+    """Return the results of a run of a single-line scene."""
+    least = min(bar.rope.breaking_load_n for bar in lift_figures(own).bars)
+    found = _top(member)
+    most = found["tension_top_max_n"]
+    return {
+        "seconds": member.steps * own.time.step_s,
+        "elements": own.ropes[0].elements,
+        "step_s": own.time.step_s,
+        **found,
+        "highest_over_breaking_load": None if most is None else most / least,
+        **_damage(own, counts),
+    }
 
 
 def _row(own: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
@@ -435,7 +466,13 @@ def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) 
             _sample(twin, counts)
 
 
-def _sample(twin: Twin, counts: Counts) -> None:
+def _sample_rope(seen: Snapshot, counts: Counts) -> None:
+    from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
+    counts[0].take_tensions(from_lower_m, seen.element_tension_n[::-1], seen.tension_top_n)
+
+
+def _sample(twin: Twin | None, counts: Counts) -> None:
+    assert twin is not None
     system = twin.joined
     assert system is not None
     ropes, beyond = system.system(twin.rope).ropes, dict(over_sheaves(twin.scene))
@@ -474,20 +511,21 @@ def _damage(scene: Scene, counts: Counts) -> Row:
     all_found = {r: count.shot(0.0, 0.0) for r, count in counts.items()}
     worst = max(all_found, key=lambda r: float(all_found[r].used.max()))
     there = all_found[worst]
+    joined = is_joined(scene)
     row: Row = {
         "damage_worst": float(there.used[there.worst]),
-        "damage_worst_rope": scene.ropes[worst].name,
+        **({"damage_worst_rope": scene.ropes[worst].name} if joined else {}),
         "damage_worst_from_lower_end_m": float(there.from_lower_end_m[there.worst]),
     }
     for r, found in all_found.items():
-        name = scene.ropes[r].name
-        row[f"{name}.damage"] = found.used.tolist()
-        row[f"{name}.damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
-        row |= {f"{name}.{key}": value for key, value in most_bent(found).items()}
+        of = f"{scene.ropes[r].name}." if joined else ""
+        row[f"{of}damage"] = found.used.tolist()
+        row[f"{of}damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
+        row |= {f"{of}{key}": value for key, value in _most_bent(found).items()}
     return row
 
 
-def most_bent(found: MaterialFatigue) -> Row:
+def _most_bent(found: MaterialFatigue) -> Row:
     """Return what the most bent metre of a rope has had; empty: it runs over nothing."""
     if found.bent is None:
         return {}

@@ -10,7 +10,7 @@ import socket
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self, TypeVar
 
@@ -18,10 +18,9 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.joined_group import why_joined_alone
 from rope_twin.errors import InputError, RopeTwinError, require
 from rope_twin.files import write_whole
-from rope_twin.quantity import json_value, or_none
+from rope_twin.quantity import or_none
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.joined_model import build_joined
-from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import Seas
@@ -33,13 +32,10 @@ from rope_twin.studies.study_design import (
     StudyRun,
     design_runs,
     made_of,
-    most_bent,
-    new_counts,
     run_system,
-    run_systems,
+    run_together,
 )
-from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, cores, whole_steps
-from rope_twin.vortex.results import RopeDamage
+from rope_twin.twin.ensemble.ensemble import Variation, cores, whole_steps
 
 if TYPE_CHECKING:
     import pyarrow
@@ -86,7 +82,7 @@ def run_batch(batch: Batch) -> list[Row]:
         RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
     """
     began = time.perf_counter()
-    results = list(_systems(batch) if is_joined(batch.scene) else _ensemble(batch))
+    results = list(_results(batch))
     error = known_error(batch.scene)
     took_s = (time.perf_counter() - began) / len(batch.runs)
     return [
@@ -104,76 +100,21 @@ def run_batch(batch: Batch) -> list[Row]:
     ]
 
 
-def _systems(batch: Batch) -> Iterator[Row]:
-    """Yield the results of each run of a multi-line scene, stepped together if heave moves it."""
+def _results(batch: Batch) -> Iterator[Row]:
+    """Yield the results of each run, stepped together unless poses move a multi-line scene."""
     own = list(_variations(batch))  # rejects a sea that does not reach
-    if not any(one.heave is not None and one.heave.aside is not None for one in own):
-        yield from run_systems(batch.scene, own, batch.seconds, batch.look_s, batch.fatigue)
+    posed = any(one.heave is not None and one.heave.aside is not None for one in own)
+    if not (posed and is_joined(batch.scene)):
+        yield from run_together(batch.scene, own, batch.seconds, batch.look_s, batch.fatigue)
         return
     for made in batch.made:
         yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
-
-
-def _ensemble(batch: Batch) -> Iterator[Row]:
-    """Yield the results of each run of a single-line scene, all stepped together."""
-    ensemble = Ensemble(batch.scene, list(_variations(batch)), batch.look_s, threads=1)
-    followed = _follow(batch, ensemble)
-    for number in range(len(batch.runs)):
-        yield {
-            **_figures(ensemble, number),
-            **(_damage(followed[number]) if followed else {}),
-        }
 
 
 def _variations(batch: Batch) -> Iterator[Variation]:
     seas = Seas(batch.scene, batch.seconds)
     for run, made in zip(batch.runs, batch.made, strict=True):
         yield seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
-
-
-def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeDamage]:
-    """Step all runs to the end, with an eye on each piece of rope where that is wished."""
-    wish = batch.fatigue
-    if wish is None:
-        left = round(batch.seconds / ensemble.step_s)
-        while left:
-            some = min(left, BATCH_STEPS)
-            ensemble.advance(some * ensemble.step_s)
-            left -= some
-        return []
-    scenes = [ensemble.scene_of(number) for number in range(len(ensemble))]
-    counts = [new_counts(own, wish)[0] for own in scenes]
-    for _ in range(round(batch.seconds / wish.sample_s)):
-        ensemble.advance(wish.sample_s)
-        going = (k for k, one in enumerate(ensemble.figures()) if not one.failure)
-        for number in going:
-            seen = ensemble.snapshot(number)
-            from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-            tension_n = seen.element_tension_n[::-1]
-            counts[number].take_tensions(from_lower_m, tension_n, seen.tension_top_n)
-    return counts
-
-
-def _figures(ensemble: Ensemble, number: int) -> Row:
-    scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
-    least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
-    values = json_value(asdict(figures))
-    most = values["tension_top_max_n"]
-    share = None if most is None else most / least
-    whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
-             "step_s": scene.time.step_s}  # fmt: skip
-    return {**whole, **values, "highest_over_breaking_load": share}
-
-
-def _damage(counted: RopeDamage) -> Row:
-    found = counted.shot(0.0, 0.0)
-    return {
-        "damage_worst": float(found.used[found.worst]),
-        "damage_worst_from_lower_end_m": float(found.from_lower_end_m[found.worst]),
-        "damage": found.used.tolist(),
-        "damage_from_lower_end_m": found.from_lower_end_m.tolist(),
-        **most_bent(found),
-    }
 
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"

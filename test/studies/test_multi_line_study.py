@@ -17,7 +17,7 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.files import share_dir
 from rope_twin.scene.load import Change, load_scene
 from rope_twin.studies.ensemble import Seas
-from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system, run_systems
+from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system, run_together
 from rope_twin.twin.ensemble.ensemble import Variation
 
 Row = dict[str, Any]
@@ -139,7 +139,7 @@ def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueWish | None) -> N
     ]
     seas = Seas(scene, 5.0)
     own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in made]
-    together = run_systems(scene, own, 3.0, 0.5, wish)
+    together = run_together(scene, own, 3.0, 0.5, wish)
     assert together == [run_system(scene, one, 3.0, 0.5, wish) for one in made]
     assert len({row["tension_top_max_n"] for row in together}) == LANES
     assert all(row["steps"] == 300 for row in together)
