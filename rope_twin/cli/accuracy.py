@@ -106,7 +106,8 @@ def _check(args: argparse.Namespace) -> int:
 
 def _make(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """Make the study of one scene and write it as the options say."""
-    path = _place(args, scene)
+    own = study_path(scene)
+    path = own if args.out is None else Path(args.out) / own.name
     if not args.no_write:
         _check_place(path)
     plan = make_plan(scene, args.duration)
@@ -136,11 +137,6 @@ def write_study(study: accuracy.Study, content: dict[str, Any], path: Path) -> N
         path.with_suffix(".md").write_text(page, encoding="utf-8")
     except OSError as error:
         raise _unwritable(path, error) from error
-
-
-def _place(args: argparse.Namespace, scene: Scene) -> Path:
-    own = study_path(scene)
-    return own if args.out is None else Path(args.out) / own.name
 
 
 def _check_place(path: Path) -> None:

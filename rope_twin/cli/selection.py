@@ -340,7 +340,8 @@ def _cheapest(
         return level, said + "the study has none better"
     times = level.real_time_factor / better.real_time_factor
     much = f"{times:.2g} times as much" if times >= 1.05 else "little more"
-    return level, said + f"{_better(better, levels, quantity)} costs {much}"
+    bound_words = _bound_words(sure_bound(better, levels, quantity.name), quantity)
+    return level, f"{said}next better, {better.setting} (within {bound_words}), costs {much}"
 
 
 def _select(
@@ -398,11 +399,6 @@ def _budget_words(selection: Selection, budget: float, known: str) -> str:
         f"core and messages {cost.publishing_pct:.2g} % (measured now, without sending), "
         f"{known}; next better, {selection.better}, needs about {selection.better_pct:.2g} %"
     )
-
-
-def _better(level: StudyLevel, levels: list[StudyLevel], quantity: Quantity) -> str:
-    bound = _bound_words(sure_bound(level, levels, quantity.name), quantity)
-    return f"next better, {level.setting} (within {bound}),"
 
 
 def _bound_words(bound: float, quantity: Quantity) -> str:

@@ -141,7 +141,8 @@ class _Writer:
             if any(line.from_ == name for line in self._scene.ropes):
                 self._add_point(COUPLED, at, name)
         for number, line in enumerate(self._scene.ropes):
-            nodes = self._nodes(number)
+            ropes = self._shot.ropes
+            nodes = ropes[number].node_position_m if ropes else self._shot.node_position_m
             below = self._lower_end(line, nodes[-1])
             upper = self._numbers.get(line.from_)
             if upper is None:
@@ -173,11 +174,6 @@ class _Writer:
             ratio = -own.damping if own.damping < 0.0 else own.damping * omega / (2.0 * own.EA_n)
             steps.append(STABLE * 2.0 / omega * (math.sqrt(ratio**2 + 1.0) - ratio))
         return min(steps)
-
-    def _nodes(self, number: int) -> Any:
-        """Return positions along a rope from its upper end down, (nodes, 3)."""
-        ropes = self._shot.ropes
-        return ropes[number].node_position_m if ropes else self._shot.node_position_m
 
     def _lower_end(self, line: RopeLine, at: Any) -> int:
         if line.fixed_at_m is not None:

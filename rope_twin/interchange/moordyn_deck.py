@@ -174,7 +174,8 @@ def read_deck(path: Path) -> Deck:
     points = tuple(_points(path, found["points"], unread))
     lines = tuple(_read_lines(path, found["lines"]))
     options = tuple((words[0], words[1]) for _, words in found.get("options", []) if len(words) > 1)
-    current = tuple(_current(path.parent / CURRENT_FILE)) if _has_current(options) else ()
+    has_current = any(name.lower() == "currents" and value != "0" for value, name in options)
+    current = tuple(_current(path.parent / CURRENT_FILE)) if has_current else ()
     _check_names(path, types, points, lines)
     return Deck(title, types, points, lines, options, current, tuple(unread))
 
@@ -278,10 +279,6 @@ def _check_names(
             if end not in numbers:
                 known_points = ", ".join(map(str, sorted(numbers)))
                 raise InputError(where, f"there is no point {end}", f"known: {known_points}")
-
-
-def _has_current(options: Sequence[tuple[str, str]]) -> bool:
-    return any(name.lower() == "currents" and value not in ("0",) for value, name in options)
 
 
 def _current(path: Path) -> list[tuple[float, float, float, float]]:

@@ -136,7 +136,7 @@ def operability(
         InputError: the limits depend on a heading that is not given, the hindcast is shorter than
             T_R, or α is not known for the period or a limit.
     """
-    steps = _steps(operation.reference_s, hindcast.step_s)
+    steps = math.ceil(operation.reference_s / hindcast.step_s * (1.0 - WHOLE))
     if steps >= len(hindcast.hs_m):
         hours = operation.reference_s / SECONDS_PER_HOUR
         what = f"it is shorter than T_R = {hours:g} h"
@@ -177,11 +177,6 @@ def operability(
         Spread.of(_spells(calm, False) * hindcast.step_s),
         {name: _share(own, known) for name, own in alone.items()},
     )  # fmt: skip
-
-
-def _steps(reference_s: float, step_s: float) -> int:
-    """Return how many steps of the hindcast a period takes, rounded up."""
-    return math.ceil(reference_s / step_s * (1.0 - WHOLE))
 
 
 def _headings(hindcast: Hindcast, limits: LimitTable, operation: Operation) -> Vector:

@@ -229,7 +229,8 @@ class SimulationNode(SuiteNode, LifecycleNode):
             return
         for sentence in self.paced.notices():
             self.get_logger().warning(sentence)
-        if self._state == WAITING_FOR_CLOCK and self._has_time():
+        # with use_sim_time the time is 0 until the first /clock
+        if self._state == WAITING_FOR_CLOCK and self.get_clock().now().nanoseconds > 0:
             self._state = "waiting for inputs"
         if self._state == "waiting for inputs":
             missing = [name for name in self._params.wait_for.split() if not self._is_there(name)]
@@ -269,10 +270,6 @@ class SimulationNode(SuiteNode, LifecycleNode):
     @property
     def _uses_sim_time(self) -> bool:
         return bool(self.get_parameter("use_sim_time").value)
-
-    def _has_time(self) -> bool:
-        """Return whether ROS time is known: with use_sim_time it is 0 until the first /clock."""
-        return bool(self.get_clock().now().nanoseconds > 0)
 
     def _check_commanders(self) -> None:
         """Check twice a second whether the commanders of the winches are still present."""

@@ -126,7 +126,8 @@ def main(scene: str) -> int:
         with suppress(ImportError):  # the viewer needs an extra
             modules[node] = importlib.import_module(f"rope_twin.ros.{node}_node")
     if not select.select([sys.stdin], [], [], 0.0)[0]:  # else it is wanted already
-        _load_compiled_code(scene)
+        with suppress(RopeTwinError):  # the node itself reports what is wrong with the scene
+            Twin(load_scene(scene)).advance(1)
     line = sys.stdin.readline()
     if not line:  # the run's own process is gone
         return 0
@@ -137,13 +138,6 @@ def main(scene: str) -> int:
         _COMM.write_text(node)
     sys.argv = [f"rope_twin.ros.{node}_node", *arguments]
     return int(modules[node].main(sys.argv))
-
-
-def _load_compiled_code(scene: str) -> None:
-    """Build the scene's twin once and drop it; the node itself reports what is wrong with it."""
-    with suppress(RopeTwinError):
-        twin = Twin(load_scene(scene))
-        twin.advance(1)
 
 
 if __name__ == "__main__":

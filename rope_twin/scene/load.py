@@ -461,7 +461,8 @@ def _key(value: Any, step: Any, place: Place) -> str:
         raise place.refuse("it is not a list", f"name one of {', '.join(names)}")
     if step not in names:
         raise place.key(step, 0).refuse("unknown key", did_you_mean(step, names))
-    if getattr(value, step) is None and "quantity" not in _field(value, step).metadata:
+    field = next(own for own in dataclasses.fields(value) if own.name == step)
+    if getattr(value, step) is None and "quantity" not in field.metadata:
         raise place.key(step, 0).refuse(f"the scene has no {step}", "add it to the scene first")
     return step
 
@@ -509,10 +510,6 @@ def _names(value: Any) -> list[str]:
         kinds = [_KINDS[type(part)] for part in value if type(part) in _KINDS]
         return kinds or [f"[{number}]" for number in range(len(value))]
     return [field.name for field in dataclasses.fields(value)]
-
-
-def _field(value: Any, name: str) -> dataclasses.Field[Any]:
-    return next(field for field in dataclasses.fields(value) if field.name == name)
 
 
 def _item(value: Any) -> Item:

@@ -501,12 +501,11 @@ def _read_number(
     if not quantity.admits(number):
         unit = f" {quantity.unit}" if quantity.unit else ""
         fault = "is out of range" if math.isfinite(number) else "is not finite"
-        raise place.refuse(f"{number:g}{unit} {fault}", f"give {_range(quantity)}")
+        right = (
+            f"{quantity.range_text()} ({quantity.about})" if quantity.about else "a finite number"
+        )
+        raise place.refuse(f"{number:g}{unit} {fault}", f"give {right}")
     return hint(number)  # type: ignore[no-any-return]
-
-
-def _range(quantity: Quantity) -> str:
-    return f"{quantity.range_text()} ({quantity.about})" if quantity.about else "a finite number"
 
 
 def _numeric(words: str) -> bool:

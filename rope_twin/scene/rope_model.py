@@ -76,7 +76,9 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
         if isinstance(own, Plane | Grid):
             (params,) = (one for one in scene.effects if isinstance(one, SeabedParams))
             parts.append(_bed(own, params, body))
-            own = _below_hook(own, params, body) if body.here else own
+            if body.here:  # the rope's end carries only the hook
+                k = max(body.hook_weight, 0.0) / params.payload_penetration_m
+                own = own._replace(soil=own.soil._replace(k_payload=k))
         if isinstance(own, PayloadShedding):
             a, b, c = (float(side) for side in body.size)
             parts.append(Shedding(own.k, own.turns, b * c, a * c, a * b))
@@ -115,12 +117,6 @@ def _bed(own: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
     k = max(weight, LEAST_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
     kind: Any = GridBed if isinstance(own, Grid) else PlaneBed
     return kind(shape=own, k=float(k), chi=own.soil.chi, mu=own.soil.mu)
-
-
-def _below_hook(own: Any, params: SeabedParams, body: RigidBody) -> Any:
-    """Return the seabed below the rope, whose end carries only the hook."""
-    k = max(body.hook_weight, 0.0) / params.payload_penetration_m
-    return own._replace(soil=own.soil._replace(k_payload=k))
 
 
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
@@ -162,7 +158,8 @@ def build(scene: Scene) -> CoreRope:
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
     work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
-    return CoreRope(model, state, work, sections, effects, _law(line))
+    law = tables_of(line) if any(one.rope.axial_stiffness for one in line.made_of) else None
+    return CoreRope(model, state, work, sections, effects, law)
 
 
 def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
@@ -266,13 +263,6 @@ def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
     if works is None:
         return [*law, 0.0, 0.0, 0.0]
     return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
-
-
-def _law(line: RopeLine) -> Table | None:
-    """Return the table of all sections if one of them has one, else None."""
-    if not any(section.rope.axial_stiffness for section in line.made_of):
-        return None
-    return tables_of(line)
 
 
 def tables_of(line: RopeLine) -> Table:

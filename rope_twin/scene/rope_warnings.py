@@ -26,7 +26,7 @@ from rope_twin.scene.lift import (
 )
 from rope_twin.scene.rigging import NetPart, is_joined, places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
-from rope_twin.scene.schema import Rope, RopeLine, Scene
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.scene.shapes import Box
 from rope_twin.scene.vortex import (
     check_vortex_inputs,
@@ -60,7 +60,8 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         rope, tension = figures.weakest(length)
         if line.fixed_at_m or tension <= rope.breaking_load_n / SAFETY_FACTOR:
             continue
-        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
+        called = rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
+        top = "top tension" if len(figures.bars) == 1 else f"tension of {called}"
         words = f"static {top} {tension / 1e3:.0f} kN{when}"
         yield _weak(path, words, tension / rope.breaking_load_n, rope.breaking_load_n)
         return
@@ -94,10 +95,6 @@ def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
         what = f"{what}, a safety factor of {1.0 / utilisation:.2f}"
         right = f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load"
     return phrase(path, what, right)
-
-
-def _called(rope: Rope) -> str:
-    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
 
 
 ANOTHER_SIZE = 0.2  # relative difference of a length of shape and outline that is accepted

@@ -146,7 +146,8 @@ def row_table(study: Study) -> Table:
     for row in study.rows:
         setting = row.setting
         mark = " *" if setting == study.plan.own else ""
-        tolerance = f", tol. {_short(setting.tolerance_n)} N" if setting.tolerance_n else ""
+        newtons = setting.tolerance_n
+        tolerance = f", tol. {float(f'{newtons:.3g}'):g} N" if newtons else ""
         table.append(
             [
                 f"{setting.elements}{mark}",
@@ -205,10 +206,6 @@ def _spread(name: str, doubt: Doubt) -> str:
     if name == "slack_share":
         return f"{100.0 * low:.3g} to {100.0 * high:.3g} % of the time over the reference's grids"
     return f"{1e-3 * low:.4g} to {1e-3 * high:.4g} kN over the reference's grids"
-
-
-def _short(value: float) -> str:
-    return f"{float(f'{value:.3g}'):g}"
 
 
 def _order(order: float | None) -> str:

@@ -155,7 +155,9 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
         return _nothing(scene, quantity, within, known)
     plan = make_plan(scene, wanted.seconds or study.seconds)
     course = Course(scene, plan.seconds, plan.look_s)
-    finer = _finer(plan.reference)
+    elements, step_s, tolerance_n = plan.reference
+    times = 1 if elements > ENOUGH else 2
+    finer = Setting(times * elements, 0.5 * step_s, tolerance_n)
     seen = Trial(course, level.setting).look()
     error = differences(seen, Trial(course, finer).look())[quantity.name]
     return Selected(
@@ -163,11 +165,6 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
         level.real_time_factor, level.bound(quantity.name), error,
         f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
     )  # fmt: skip
-
-
-def _finer(reference: Setting) -> Setting:
-    times = 1 if reference.elements > ENOUGH else 2
-    return Setting(times * reference.elements, 0.5 * reference.step_s, reference.tolerance_n)
 
 
 def _nothing(

@@ -203,7 +203,8 @@ def _normal(rest: AtRest) -> Floats:
     axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
     if sizes[1] > STRAIGHT * sizes[0]:
         return np.asarray(axes[:, 2])
-    across = np.cross(axes[:, 0], _water(rest).sum(axis=1))
+    water = water_at(rest.scene, rest.place[2, rest.first : -1])
+    across = np.cross(axes[:, 0], water.sum(axis=1))
     if not across.any():
         across = np.cross(axes[:, 0], [1.0, 0.0, 0.0])
     if not across.any():  # along x
@@ -226,11 +227,6 @@ def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> F
         turned[:, start:end] = group @ turn
         start = end
     return turned
-
-
-def _water(rest: AtRest) -> Floats:
-    """Return the water properties at the free nodes."""
-    return water_at(rest.scene, rest.place[2, rest.first : -1])
 
 
 def _shedding_hz(rest: AtRest) -> Floats:

@@ -35,7 +35,6 @@ from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation, w
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.monitors import NO_MONITORS, Monitors, TensionMonitor
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vortex_monitor import damage_of
 from rope_twin.vortex.fatigue import CURVES, OWN
@@ -412,7 +411,10 @@ def run_together(
             if joined:
                 _sample(ensemble.twin_of(number), counts[number])
             else:
-                _sample_rope(ensemble.snapshot(number), counts[number])
+                seen = ensemble.snapshot(number)
+                from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
+                tension_n = seen.element_tension_n[::-1]
+                counts[number][0].take_tensions(from_lower_m, tension_n, seen.tension_top_n)
     return [
         _row(one, ensemble.twin_of(number), member.failure, counts[number])
         if joined
@@ -464,11 +466,6 @@ def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) 
     for _ in feed(twin, seconds, math.gcd(every, slot)):
         if counts and twin.steps % every == 0:
             _sample(twin, counts)
-
-
-def _sample_rope(seen: Snapshot, counts: Counts) -> None:
-    from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-    counts[0].take_tensions(from_lower_m, seen.element_tension_n[::-1], seen.tension_top_n)
 
 
 def _sample(twin: Twin | None, counts: Counts) -> None:
