@@ -215,6 +215,7 @@ def _words(point: Point) -> str:
 
 IMPORTS = (
     "scene import mooring.txt --breaking-load 5MN --out mooring.yaml",
+    "scene import lift.txt --breaking-load wire=2.3MN --breaking-load sling=1.1MN --out lift.yaml",
     "scene import lowering.yml --breaking-load 1.2MN --out lowering.yaml --json",
 )
 EXPORTS = (
@@ -233,12 +234,19 @@ def add_import(actions: argparse._SubParsersAction[Any]) -> None:
     )
     parser = add_command(actions, "import", about, IMPORTS, more)
     parser.add_argument("file", metavar="FILE", help="deck of MoorDyn 2, or .yml of OrcaFlex")
-    words = "minimum breaking load (MBL) of the lines"
+    words = "minimum breaking load (MBL) of the lines, or of one line type; may be repeated"
     parser.add_argument(
-        "--breaking-load", type=measure("N"), required=True, metavar="FORCE", help=words
-    )
+        "--breaking-load", type=_load, required=True, action="append", metavar="[TYPE=]FORCE",
+        help=words,
+    )  # fmt: skip
     add_out(parser, "YAML", "scene file to write", required=True)
     add_json(parser)
+
+
+def _load(words: str) -> tuple[str, float]:
+    """Return the line type, "" for all others, and its breaking load [N]."""
+    kind, _, force = words.rpartition("=")
+    return kind, measure("N")(force)
 
 
 def add_export(actions: argparse._SubParsersAction[Any]) -> None:
@@ -260,18 +268,24 @@ def add_export(actions: argparse._SubParsersAction[Any]) -> None:
 def run_import(args: argparse.Namespace) -> int:
     """Write a scene and return the exit code. Raises RopeTwinError."""
     low, high = 1e2, 1e9
-    if not low <= args.breaking_load <= high:
-        what = f"it is {args.breaking_load:g} N"
-        raise InputError("--breaking-load", what, f"right is {low:g} to {high:g} N")
+    loads = dict[str, float]()
+    for kind, load_n in args.breaking_load:
+        if kind in loads:
+            what = f"line type '{kind}' has two" if kind else "two have no line type"
+            raise InputError("--breaking-load", what, "give one")
+        loads[kind] = load_n
+        if not low <= load_n <= high:
+            right = f"right is {low:g} to {high:g} N"
+            raise InputError("--breaking-load", f"it is {load_n:g} N", right)
     if args.out.suffix not in (".yaml", ".yml"):
         raise InputError("--out", f"'{args.out}' is no scene", "end it in .yaml")
     if Path(args.file).resolve() == args.out.resolve():
         raise InputError("--out", "it is the file to import", "give another name")
-    file, breaking_load_n = Path(args.file), args.breaking_load
+    file = Path(args.file)
     if file.suffix.lower() in (".yml", ".yaml"):
-        found = scene_of_model(file, breaking_load_n, args.out.parent)
+        found = scene_of_model(file, loads, args.out.parent)
     else:
-        found = scene_of(read_deck(file), file, breaking_load_n)
+        found = scene_of(read_deck(file), file, loads)
     scene = write_scene(found, args.out)
     warnings = sense_checks(scene)
     if args.json:

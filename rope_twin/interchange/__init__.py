@@ -7,18 +7,57 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from rope_twin.errors import InputError, SceneError
+from rope_twin.errors import InputError, SceneError, did_you_mean
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 
 Keys = dict[str, Any]
 STEP_S = 0.01  # of imported scenes: an implicit step, unlike those of the other programs
+
+
+class BreakingLoads:
+    """MBL of the line types of a model, which it does not state [N]."""
+
+    def __init__(self, given: float | Mapping[str, float]) -> None:
+        """Take one for all lines, or one by line type; "" is that of all others."""
+        self._given = dict(given) if isinstance(given, Mapping) else {"": given}
+        self._alike: dict[str, float] = {}  # axial stiffness of types that share that of all others
+
+    def check(self, kinds: Iterable[str]) -> None:
+        """Check the names that were given. Raises InputError for one that the model lacks."""
+        known = set(kinds)
+        for name in self._given.keys() - {"", *known}:
+            raise InputError("--breaking-load", f"no line type '{name}'", did_you_mean(name, known))
+
+    def of(self, kind: str, stiffness_n: float, stated_n: float | None = None) -> float:
+        """Return the MBL of a line type: given for it, stated by the model, or of all others.
+
+        Raises InputError if there is none.
+        """
+        if kind in self._given:
+            return self._given[kind]
+        if stated_n is not None:
+            return stated_n
+        if "" not in self._given:
+            right = f"give it by --breaking-load {kind}=FORCE"
+            raise InputError(f"line type '{kind}'", "its breaking load is not known", right)
+        self._alike[kind] = stiffness_n
+        return self._given[""]
+
+    def remarks(self) -> list[str]:
+        """Return a remark if types of several stiffnesses share one MBL."""
+        if len(set(self._alike.values())) < 2:
+            return []
+        named = ", ".join(self._alike)
+        right = "give each its own by --breaking-load TYPE=FORCE"
+        return [f"breaking load by line type: {named} all have {self._given['']:g} N; {right}"]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +23,7 @@ from rope_twin.effects.rope_mass import AddedMassParams, WeightParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import InputError
-from rope_twin.interchange import STEP_S, Imported, Keys
+from rope_twin.interchange import STEP_S, BreakingLoads, Imported, Keys
 from rope_twin.interchange.moordyn_deck import COUPLED, FIXED, FREE, Deck, Line, LineType, Point
 from rope_twin.scene.environment import MIN_ROW_SPACING_M, SHEAR_LIMIT_PER_S
 from rope_twin.scene.grid import find_payload, section_damping
@@ -266,15 +266,15 @@ class _Writer:
         return kind.name
 
 
-def scene_of(deck: Deck, where: Path, breaking_load_n: float) -> Imported:
+def scene_of(deck: Deck, where: Path, breaking_load_n: float | Mapping[str, float]) -> Imported:
     """Return the scene of a deck.
 
-    breaking_load_n: MBL of its lines, which a deck does not state. Coupled points become hang-offs,
+    breaking_load_n: MBL of its lines, as BreakingLoads takes it. Coupled points become hang-offs,
     the first the ship's own; free points with mass or volume payloads, others joints; a free point
     without mass between two lines joins sections of one rope.
 
     Raises:
-        InputError: no line can be taken over.
+        InputError: no line can be taken over, or the breaking load of a type is not known.
     """
     return _Reader(deck, where, breaking_load_n).imported()
 
@@ -282,8 +282,11 @@ def scene_of(deck: Deck, where: Path, breaking_load_n: float) -> Imported:
 class _Reader:
     """A deck as keys of a scene."""
 
-    def __init__(self, deck: Deck, where: Path, breaking_load_n: float) -> None:
-        self._deck, self._where, self._breaking_load_n = deck, where, breaking_load_n
+    def __init__(
+        self, deck: Deck, where: Path, breaking_load_n: float | Mapping[str, float]
+    ) -> None:
+        self._deck, self._where, self._loads = deck, where, BreakingLoads(breaking_load_n)
+        self._loads.check(own.name for own in deck.types)
         self._left_out = list(deck.unread)
         self._types = {own.name: own for own in deck.types}
         self._points = {own.number: own for own in deck.points}
@@ -312,6 +315,7 @@ class _Reader:
         }
         scene["effects"] = self._effects(bool({"payloads", "joints"} & set(scene)))
         scene["time"] = {"step_s": STEP_S}
+        self._left_out += self._loads.remarks()
         self._left_out.append(f"time step: the scene has an implicit one of {STEP_S:g} s")
         return Imported(scene, tuple(dict.fromkeys(self._left_out)))
 
@@ -442,7 +446,7 @@ class _Reader:
         keys: Keys = {
             "diameter_m": own.diameter_m, "mass_kg_per_m": own.mass_kg_per_m,
             "hydrodynamic_diameter_m": own.diameter_m, "axial_stiffness_n": own.EA_n,
-            "breaking_load_n": self._breaking_load_n,
+            "breaking_load_n": self._loads.of(own.name, own.EA_n),
         }  # fmt: skip
         if not math.isclose(own.Cd, self._usual.Cd, rel_tol=SAME):
             keys["drag_normal"] = own.Cd

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError
-from rope_twin.interchange import STEP_S, Imported, Keys
+from rope_twin.interchange import STEP_S, BreakingLoads, Imported, Keys
 from rope_twin.scene.schema import WINCH
 from rope_twin.sea.orcaflex_raos import load_model
 from rope_twin.sea.rao_files import read_responses
@@ -33,11 +33,13 @@ _AIRY = ("airy", "single airy")
 _NONLINEAR = ("dean stream", "stokes' 5th", "cnoidal")
 
 
-def scene_of_model(path: Path, breaking_load_n: float, folder: Path) -> Imported:
+def scene_of_model(
+    path: Path, breaking_load_n: float | Mapping[str, float], folder: Path
+) -> Imported:
     """Return the scene of a model.
 
-    breaking_load_n: MBL of line types without AllowableTension. folder: that of the scene, relative
-    to which it names the model for its RAOs.
+    breaking_load_n: MBL of line types without AllowableTension, as BreakingLoads takes it.
+    folder: that of the scene, relative to which it names the model for its RAOs.
 
     Raises:
         InputError: the file is no such model, has other units, or no line hangs from the vessel.
@@ -95,14 +97,17 @@ class _Object:
 class _Model:
     """A model as keys of a scene."""
 
-    def __init__(self, path: Path, breaking_load_n: float, folder: Path) -> None:
-        self._path, self._breaking_load_n, self._folder = path, breaking_load_n, folder
+    def __init__(
+        self, path: Path, breaking_load_n: float | Mapping[str, float], folder: Path
+    ) -> None:
+        self._path, self._loads, self._folder = path, BreakingLoads(breaking_load_n), folder
         self._model = load_model(path)
         self._left_out = list[str]()
         self._environment = self._one("Environment")
         self._general = self._one("General")
         self._check_units()
         self._types = {one.name: one for one in self._many("LineTypes")}
+        self._loads.check(self._types)
         self._vessels = {one.name: one for one in self._many("Vessels")}
         self._buoys = {one.name: one for key in ("3DBuoys", "6DBuoys") for one in self._many(key)}
         self._lines = self._many("Lines")
@@ -143,6 +148,7 @@ class _Model:
         scene["effects"] = self._effects(waves, ropes, "payloads" in scene)
         scene["time"] = {"step_s": STEP_S}
         self._list_rest(used)
+        self._left_out += self._loads.remarks()
         return Imported(scene, tuple(dict.fromkeys(self._left_out)))
 
     # the model's objects
@@ -292,13 +298,15 @@ class _Model:
         )
         if own.get("SeabedLateralFrictionCoefficient") is not None:
             self._frictions.append(own.number("SeabedLateralFrictionCoefficient"))
-        load = KN * own.number("AllowableTension", self._breaking_load_n / KN)
+        EA_n = KN * own.number("EA")
+        has_load = own.get("AllowableTension") is not None
+        stated_n = KN * own.number("AllowableTension") if has_load else None
         rope: Keys = {
             "diameter_m": OD,
             "mass_kg_per_m": TE * own.number("MassPerUnitLength") + contents,
             "hydrodynamic_diameter_m": OD,
-            "axial_stiffness_n": KN * own.number("EA"),
-            "breaking_load_n": load,
+            "axial_stiffness_n": EA_n,
+            "breaking_load_n": self._loads.of(kind, EA_n, stated_n),
             "drag_normal": Cd[0] * normal,
             "drag_tangential": Cd[2] * axial,
         }

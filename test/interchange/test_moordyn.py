@@ -230,6 +230,48 @@ def test_a_deck_by_another_hand_is_read(tmp_path: Path) -> None:
     assert Twin(scene).snapshot().tension_top_n == pytest.approx(weight, rel=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("words", "loads_n", "remarks"),
+    [
+        ("wire=2MN leg=900kN", (2e6, 9e5, 9e5), 0),
+        ("leg=900kN 2MN", (2e6, 9e5, 9e5), 0),
+        ("2MN", (2e6, 2e6, 2e6), 1),
+    ],
+)
+def test_each_line_type_has_its_own_breaking_load(
+    words: str, loads_n: tuple[float, ...], remarks: int, tmp_path: Path
+) -> None:
+    """One for types of several stiffnesses is right for one of them at most: it is remarked."""
+    path, out = tmp_path / "legs.txt", tmp_path / "legs.yaml"
+    path.write_text(TWO_LINES)
+    given = [word for load in words.split() for word in ("--breaking-load", load)]
+    assert main(["scene", "import", str(path), *given, "--out", str(out)]) == 0
+    ropes = [line.rope for line in load_scene(str(out)).ropes]
+    assert tuple(rope.breaking_load_n for rope in ropes if rope is not None) == loads_n
+    assert out.read_text().count("wire, leg all have 2e+06 N") == remarks
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("wire=2MN", "line type 'leg': its breaking load is not known"),
+        ("wire=2MN legs=1MN", "no line type 'legs'; did you mean 'leg'?"),
+        ("wire=2MN wire=1MN 3MN", "line type 'wire' has two; give one"),
+        ("1MN 3MN", "two have no line type; give one"),
+        ("wire=2", "is 2 N"),
+    ],
+)
+def test_wrong_breaking_loads_are_refused_in_one_sentence(
+    words: str, said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, out = tmp_path / "legs.txt", tmp_path / "legs.yaml"
+    path.write_text(TWO_LINES)
+    given = [word for load in words.split() for word in ("--breaking-load", load)]
+    assert main(["scene", "import", str(path), *given, "--out", str(out)]) != 0
+    assert said in capsys.readouterr().err
+    assert not out.exists()
+
+
 WRONG: dict[str, tuple[Callable[[str], str], str]] = {
     "no lines": (lambda t: t.replace("--- LINES ---", "--- CABLES ---"), "no section LINES"),
     "no types": (lambda t: t.replace("--- LINE TYPES ---", "--- CABLES ---"), "section LINE TYPES"),

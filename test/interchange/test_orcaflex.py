@@ -127,6 +127,14 @@ def test_a_model_becomes_a_scene_in_si_units(tmp_path: Path) -> None:
     assert math.isfinite(twin.snapshot().tension_top_n)
 
 
+def test_a_line_type_has_the_breaking_load_given_for_it(tmp_path: Path) -> None:
+    """It goes before AllowableTension; that of all others does not."""
+    loads = {"Wire": 2e6, "": 3e5}
+    found = scene_of_model(write(tmp_path, model()), loads, tmp_path)
+    scene = write_scene(found, tmp_path / "scene.yaml")
+    assert [part.rope.breaking_load_n for part in scene.ropes[1].made_of] == [3e5, 2e6]
+
+
 def test_the_vessel_rides_on_the_raos_of_the_same_file(tmp_path: Path) -> None:
     """The reference point is the phase origin: hang-off less the turned arm to it."""
     content = model()
