@@ -1,7 +1,7 @@
-"""The rope solver: nodes, elements and hooks. It knows no effect, no YAML and no ROS."""
+"""Rope solver: nodes, elements and hooks for effects, independent of effects, YAML and ROS."""
 
-# Raised with every change of the results beyond rounding: convergence studies then are outdated.
+# Increased with every change of the results beyond rounding, which invalidates convergence studies.
 SOLVER_VERSION = 1
-# Raised likewise where only results of scenes with several ropes change: only their studies are
-# outdated. Their version reads "1, connections 2"; while it was 1 it was left out.
+# Increased where only results of multi-line scenes change; invalidates their studies only, whose
+# version reads "1, connections 2".
 CONNECTIONS_VERSION = 2

@@ -1,26 +1,26 @@
 """Axial laws of an element: the elastic tension as a function of its extension.
 
-Three laws, chosen by type while numba compiles, so that a rope contains the code of its own alone:
+Three laws, selected by type at compile time:
 
 - stiffness: T = EA·strain (a rope without a table);
-- table: a monotone cubic between points of strain and tension (Fritsch and Butland 1984, SIAM J.
-  Sci. Stat. Comput. 5, 300), whose tangents are continuous, so that the only kink for Newton's
-  method is that at zero tension;
-- fibre: a static curve S and a dynamic stiffness E_d beside it,
+- table: a monotone cubic through points of strain and tension (Fritsch and Butland 1984, SIAM J.
+  Sci. Stat. Comput. 5, 300), with a continuous tangent, so that the only kink for Newton's method
+  is that at zero tension;
+- fibre: a static curve S and a dynamic stiffness E_d,
 
       T = S(ε_m) + E_d·(ε - ε_m),        dε_m/dt = (T - S(ε_m))/(E_d·τ),
 
-  a standard linear solid whose spring in parallel is the table (Zener 1948). Slow changes of length
-  follow S; motion much faster than τ meets E_d, as ropes of polyester, nylon or HMPE do in tests
-  (DNVGL-RP-E305, 2015). ε_m is the strain that the rope would have after waiting. Where the rope
-  is slack T is 0, and ε_m recovers towards the strain without tension. S may be a working curve
-  below the highest mean tension so far (core/fibre).
+  a standard linear solid (Zener 1948) with the table as equilibrium spring. Slow changes of length
+  follow S; motion much faster than τ follows E_d, as in tests of polyester, nylon and HMPE ropes
+  (DNVGL-RP-E305, 2015). ε_m is the relaxed strain. In a slack rope T is 0, and ε_m recovers towards
+  the strain without tension. Below the maximum mean tension in the rope's history S may be a
+  working curve (core/fibre).
 
 The lowest element may have the law of an effect instead (hook `axial`, a heave compensator).
 
 The strain ε_m of a stage is HELD·HAT + (1 - HELD)·ε, with HELD = 1/(1 + q/τ) and HAT the explicit
-part of the integrator. Memory of zeros means HELD = 0, the static curve, which is what a static
-solution needs.
+part of the integrator. Zeroed internal variables mean HELD = 0, the static curve, as required by
+the static solution.
 """
 
 from __future__ import annotations
@@ -40,8 +40,8 @@ from rope_twin.core.loads.hooks import axial_place, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
 
 # Internal variables of a fibre rope, of the element above each node (core/loads/memory):
-# ε_m, S(ε_m) [N], ε - ε_m of the material, the running mean of its square, and the highest ε_m and
-# S(ε_m) so far.
+# ε_m, S(ε_m) [N], ε - ε_m of the material, the running mean of its square, and the maximum ε_m and
+# S(ε_m) in the history.
 CARRIED = 6
 MEAN, TENSION_MEAN, OVER, SQUARE, TOP, TENSION_TOP = range(CARRIED)
 # Further rows: ε_m at the start and at the middle of a step; HAT and HELD of the stage, E_d [N];
@@ -82,14 +82,14 @@ class Lowest(NamedTuple):
     """Law of a rope whose lowest element has one of its own."""
 
     law: Any  # of the other elements
-    own: Any  # effect with the kernel `axial`
+    effect: Any  # effect with the kernel `axial`
 
 
 class Bound(NamedTuple):
     """Law of the elements from `low` on, the lowest of which may have one of its own."""
 
     law: Any  # of the other elements
-    own: Any  # effect with the kernel `axial`
+    effect: Any  # effect with the kernel `axial`
     low: int
     depth: float  # of the middle of the lowest element below the mean water level [m]
 
@@ -118,7 +118,7 @@ def _choose_sections_law(rope: Any) -> Any:
 
 
 def law_of(rope: Any) -> Any:
-    """Return the law of a rope's elements: its sections', with an effect's for the lowest one."""
+    """Return the law of a rope's elements: that of its sections, or of an effect for the lowest."""
     i = axial_place(map(type, rope.effects))
     return sections_law(rope) if i is None else Lowest(sections_law(rope), rope.effects[i])
 
@@ -132,7 +132,7 @@ def _choose_law(rope: Any) -> Any:
 
 
 def law_from(law: Any, work: Any, low: Any) -> Any:
-    """Return a law as the loop over the elements from `low` on takes it."""
+    """Return a law for a loop over the elements from `low` on."""
     if isinstance(law, Lowest):
         return _bound(law, work, low)
     return _part(law, low) if isinstance(law, FibreLaw) else law
@@ -151,7 +151,7 @@ def _choose_part(law: Any, work: Any, low: Any) -> Any:
 @jit_within
 def _bound(law: Any, work: Any, low: Any) -> Any:
     depth = -0.5 * (work[POSITION + 2, 0] + work[POSITION + 2, 1])
-    return Bound(law_from(law.law, work, low), law.own, low, depth)
+    return Bound(law_from(law.law, work, low), law.effect, low, depth)
 
 
 @jit_within
@@ -170,9 +170,9 @@ def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, w
     [m/s], which only the law of an effect depends on; weights: p and q of the stage.
     """
     if isinstance(law, Bound):
-        if e + law.low == 0 and law.own.here != 0.0:
-            kernel = kernel_of("axial", type(law.own))
-            return kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+        if e + law.low == 0 and law.effect.here != 0.0:
+            kernel = kernel_of("axial", type(law.effect))
+            return kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
         law = law.law
     if law is None:
         return _by_stiffness(law, rows[0], rows[1], e, extension, rest)
@@ -185,19 +185,19 @@ def _choose_pull(
     law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
 ) -> Any:
     bound = getattr(law, "instance_class", None) is Bound
-    others = field_type(law, "law") if bound else law
-    chosen = _by_stiffness if isinstance(others, types.NoneType) else _by_table
-    if getattr(others, "instance_class", None) is FibrePart:
+    base = field_type(law, "law") if bound else law
+    chosen = _by_stiffness if isinstance(base, types.NoneType) else _by_table
+    if getattr(base, "instance_class", None) is FibrePart:
         chosen = _by_fibre
     if not bound:
         return lambda law, rows, e, extension, rest, rate, weights: chosen(
             law, rows[0], rows[1], e, extension, rest
         )
-    own = field_type(law, "own")
-    kernel = kernel_of("axial", own.instance_class)
-    if isinstance(field_type(own, "here"), WideType):  # in lanes it is always there
+    effect = field_type(law, "effect")
+    kernel = kernel_of("axial", effect.instance_class)
+    if isinstance(field_type(effect, "here"), WideType):  # in lanes the effect is always present
         return lambda law, rows, e, extension, rest, rate, weights: (
-            kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+            kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
             if e + law.low == 0
             else chosen(law.law, rows[0], rows[1], e, extension, rest)
         )
@@ -205,8 +205,8 @@ def _choose_pull(
     def lowest(
         law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
     ) -> Any:
-        if e + law.low == 0 and law.own.here != 0.0:
-            return kernel(law.own, extension, rate, weights, rows[1][e], law.depth)
+        if e + law.low == 0 and law.effect.here != 0.0:
+            return kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
         return chosen(law.law, rows[0], rows[1], e, extension, rest)
 
     return lowest
@@ -289,14 +289,14 @@ def _piece_of_one(law: Any, section: int, strain: float) -> Any:
 def _piece_of_lanes(law: Any, section: int, strain: Any) -> Any:
     knot, tension, slope, curve, bend = _piece(law, section, 0)
     for j in range(1, law.knot.shape[1]):
-        beyond, own = strain >= law.knot[section, j], _piece(law, section, j)
-        knot, tension = choose(beyond, own[0], knot), choose(beyond, own[1], tension)
-        slope, curve = choose(beyond, own[2], slope), choose(beyond, own[3], curve)
-        bend = choose(beyond, own[4], bend)
+        beyond, piece = strain >= law.knot[section, j], _piece(law, section, j)
+        knot, tension = choose(beyond, piece[0], knot), choose(beyond, piece[1], tension)
+        slope, curve = choose(beyond, piece[2], slope), choose(beyond, piece[3], curve)
+        bend = choose(beyond, piece[4], bend)
     return knot, tension, slope, curve, bend
 
 
-# Knot, tension, slope, curve and bend of the piece of a table that has a strain.
+# Knot, tension, slope, curve and bend of the piece of a table that contains a strain.
 _piece_at = by_width(_piece_of_one, _piece_of_lanes)
 
 
@@ -326,15 +326,15 @@ def _relaxed_of_lanes(law: Any, section: int, working: Any, strain: Any) -> Any:
 
 
 # S and dS/dstrain [N]: on the working curve below its upper end, else the table. working: upper
-# end, lower end, slope there, and curvature; slope 0: there is none.
+# end, lower end, slope there, and curvature; a slope of 0 means no working curve.
 relaxed_at = by_width(_relaxed_of_one, _relaxed_of_lanes)
 
 
 def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
     """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
 
-    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, where
-    there is no table.
+    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, used
+    without a table.
     """
     strain = np.maximum(strain, 0.0)
     if law is None:
@@ -343,10 +343,10 @@ def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> 
     for j in range(law.knot.shape[1]):
         low, t, slope, curve, bend = (row[section, j] for row in law)
         end = law.knot[section, j + 1] if j + 1 < law.knot.shape[1] else np.inf
-        here = strain >= low
-        u = np.where(here, np.minimum(strain, end) - np.where(here, low, 0.0), 0.0)
+        beyond = strain >= low
+        u = np.where(beyond, np.minimum(strain, end) - np.where(beyond, low, 0.0), 0.0)
         inside = t + u * (slope + u * (curve + u * bend))
-        tension = np.where(here, inside, tension)
+        tension = np.where(beyond, inside, tension)
         stored += u * (t + u * (slope / 2.0 + u * (curve / 3.0 + u * bend / 4.0)))
     return tension, stored
 
@@ -354,28 +354,30 @@ def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> 
 def held_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
     """Return the elastic tension [N] of a fibre rope at these strains, and its stored energy [J/m].
 
-    ε_m is that of the last step: the answer to a sudden change of length, not clipped where slack.
+    ε_m is that of the last step: the instantaneous response, not clipped where slack.
     """
     n = len(strain)
     mean, stiff = law.memory[MEAN, :n], law.memory[STIFF, :n]
     upper, lower, initial, bend = law.memory[[UPPER, LOWER, INITIAL, BEND], :n]
     static, stored = hold(law.table, np.zeros(n), section, mean)
-    has, u = initial > 0.0, np.maximum(mean - lower, 0.0)
-    static = np.where(has & (mean < upper), u * (initial + u * bend), static)
-    # on the original curve: what the working curve from here down would give back
+    has_curve, u = initial > 0.0, np.maximum(mean - lower, 0.0)
+    static = np.where(has_curve & (mean < upper), u * (initial + u * bend), static)
+    # energy on the original curve: that which unloading along the working curve would recover
     span = upper - lower
-    top = np.where(has, span * (initial + bend * span), 1.0)
-    whole = np.where(mean < upper, upper, mean) * np.where(has, span / np.where(has, upper, 1.0), 0)
+    top = np.where(has_curve, span * (initial + bend * span), 1.0)
+    loaded = np.where(mean < upper, upper, mean) * np.where(
+        has_curve, span / np.where(has_curve, upper, 1.0), 0
+    )
     curvature = bend * span * span / top
-    back = np.where(
+    recovered = np.where(
         mean < upper,
         u * u * (initial / 2.0 + u * bend / 3.0),
-        static * whole * (0.5 - curvature / 6.0),
+        static * loaded * (0.5 - curvature / 6.0),
     )
-    stored = np.where(has, back, stored)
+    stored = np.where(has_curve, recovered, stored)
     over = strain - mean
-    own = np.maximum(over, -static / np.maximum(stiff, 1e-300))  # of the material, slack or not
-    return static + stiff * over, stored + static * own + 0.5 * stiff * own * own
+    elastic = np.maximum(over, -static / np.maximum(stiff, 1e-300))  # of the material, slack or not
+    return static + stiff * over, stored + static * elastic + 0.5 * stiff * elastic * elastic
 
 
 def held_strain(law: FibreLaw, section: Any, tension: Floats) -> Floats:

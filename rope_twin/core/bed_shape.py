@@ -1,4 +1,4 @@
-"""Height and slopes of a seabed: of a plane, or of soundings, bilinear inside and level outside."""
+"""Height and slopes of a seabed: a plane, or soundings, bilinear inside and constant outside."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def _cell_of_lanes(axis: Any, at: Any) -> Any:
     return i, pick(axis, (i,)), pick(axis, (i + 1.0,))
 
 
-# The index of the cell of an axis that contains a place, and both ends of the cell.
+# The index of the cell of an axis that contains a coordinate, and both ends of the cell.
 _cell = by_width(_cell_of_one, _cell_of_lanes)
 
 
@@ -85,19 +85,19 @@ def grid_bed(bed: Any, x: Any, y: Any) -> Any:
 
 def beds_at(bed: Plane | Grid, x: Floats, y: Floats) -> Floats:
     """Return height [m] and slopes of the seabed at x, y (n,), as (3, n); for Python callers."""
-    found = np.zeros((3, len(x)))
+    surface = np.zeros((3, len(x)))
     if isinstance(bed, Plane):
-        found[0] = bed.height + bed.east * x + bed.north * y
-        found[1:] = [[bed.east], [bed.north]]
+        surface[0] = bed.height + bed.east * x + bed.north * y
+        surface[1:] = [[bed.east], [bed.north]]
     else:
-        _find_grid_bed(bed, x, y, found)
-    return found
+        _find_grid_bed(bed, x, y, surface)
+    return surface
 
 
 @jit_entry
-def _find_grid_bed(bed: Any, x: Any, y: Any, found: Any) -> None:
+def _find_grid_bed(bed: Any, x: Any, y: Any, surface: Any) -> None:
     for i in range(x.shape[0]):
-        found[0, i], found[1, i], found[2, i] = grid_bed(bed, x[i], y[i])
+        surface[0, i], surface[1, i], surface[2, i] = grid_bed(bed, x[i], y[i])
 
 
 def clearance(bed: Plane | Grid, position: Floats) -> Floats:

@@ -1,7 +1,7 @@
-"""Boxes: where a line or a point is inside one, and how deep; of one rope and of lanes.
+"""Intersection of lines and points with boxes, for a single rope and for lanes.
 
-A box is centre and half sizes along its axes, a row of `boxes` (boxes, 6); points are given along
-the same axes, in metre.
+A box is centre and half sizes along its axes, a row of `boxes` (boxes, 6); points are given in the
+same axes [m].
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rope_twin.core.jit.wide import choose
 
 @jit_within
 def is_near(bounds: Any, a: Any, b: Any) -> Any:
-    """Return whether the box around two points meets the one around all boxes."""
+    """Return whether the bounding box of two points intersects that of all boxes."""
     return (
         (min(a[2], b[2]) < bounds[5]) & (max(a[2], b[2]) > bounds[2])
         & (min(a[0], b[0]) < bounds[3]) & (max(a[0], b[0]) > bounds[0])
@@ -26,21 +26,21 @@ def is_near(bounds: Any, a: Any, b: Any) -> Any:
 
 @jit_within
 def _slab(start: Any, end: Any, a: Any, b: Any, half: Any) -> Any:
-    """Return the part of start <= t <= end in which |a + t·(b - a)| < half."""
+    """Return the interval of start <= t <= end in which |a + t·(b - a)| < half."""
     step = b - a
-    one, two = (-half - a) / step, (half - a) / step
-    first, last = max(start, min(one, two)), min(end, max(one, two))
+    enter, leave = (-half - a) / step, (half - a) / step
+    first, last = max(start, min(enter, leave)), min(end, max(enter, leave))
     along = abs(step) <= 1e-12 * half
     if anywhere(along):
-        within = abs(a) < half
-        first = choose(along, choose(within, start, 1.0), first)
-        last = choose(along, choose(within, end, 0.0), last)
+        inside = abs(a) < half
+        first = choose(along, choose(inside, start, 1.0), first)
+        last = choose(along, choose(inside, end, 0.0), last)
     return first, last
 
 
 @jit_within
 def part_inside(boxes: Any, j: int, a: Any, b: Any) -> Any:
-    """Return the range of t of the element from a to b that is inside box j; empty: end < start."""
+    """Return the range of t of the element from a to b inside box j; end < start if empty."""
     start, end = _slab(0.0, 1.0, a[0] - boxes[j, 0], b[0] - boxes[j, 0], boxes[j, 3])
     start, end = _slab(start, end, a[1] - boxes[j, 1], b[1] - boxes[j, 1], boxes[j, 4])
     return _slab(start, end, a[2] - boxes[j, 2], b[2] - boxes[j, 2], boxes[j, 5])
@@ -48,23 +48,23 @@ def part_inside(boxes: Any, j: int, a: Any, b: Any) -> Any:
 
 @jit_within
 def depth_inside(x: Any, y: Any, z: Any, a: Any, b: Any, c: Any) -> Any:
-    """Return how deep a point is in a box about the origin, d, and -∇d; outside: zeros.
+    """Return the depth d of a point in a box about the origin, and -∇d; zeros outside.
 
     a, b, c: half sizes; d = (Σ 1/g²)^-½, g the distances to the six faces (effects/hull_contact).
     """
     near = min(min(a - abs(x), b - abs(y)), c - abs(z))
-    inside, none = near > 0.0, 0.0 * near
+    inside, zero = near > 0.0, 0.0 * near
     if not anywhere(inside):
-        return none, none, none, none
+        return zero, zero, zero, zero
     x1, x2, y1, y2 = near / (a - x), near / (a + x), near / (b - y), near / (b + y)
     z1, z2 = near / (c - z), near / (c + z)
-    share = 1.0 / sqrt(x1 * x1 + x2 * x2 + y1 * y1 + y2 * y2 + z1 * z1 + z2 * z2)
-    cube = share * share * share
+    scale = 1.0 / sqrt(x1 * x1 + x2 * x2 + y1 * y1 + y2 * y2 + z1 * z1 + z2 * z2)
+    cube = scale * scale * scale
     return (
-        choose(inside, near * share, none),
-        choose(inside, cube * (x1 * x1 * x1 - x2 * x2 * x2), none),
-        choose(inside, cube * (y1 * y1 * y1 - y2 * y2 * y2), none),
-        choose(inside, cube * (z1 * z1 * z1 - z2 * z2 * z2), none),
+        choose(inside, near * scale, zero),
+        choose(inside, cube * (x1 * x1 * x1 - x2 * x2 * x2), zero),
+        choose(inside, cube * (y1 * y1 * y1 - y2 * y2 * y2), zero),
+        choose(inside, cube * (z1 * z1 * z1 - z2 * z2 * z2), zero),
     )
 
 

@@ -1,8 +1,8 @@
-"""Elements of a rope: sections, axial law, direction, tension and stiffness blocks.
+"""Tension-only elements of a rope: sections, tension, direction and tangent stiffness.
 
-An element pulls only: T = max(0, E + c·strain rate), with the elastic part E of core/axial_law. One
-max() over the sum keeps the law continuous: a damper never pushes and there is no jump c·rate at
-first contact.
+T = max(0, E + c·strain rate), with the elastic part E of core/axial_law. One max() over the sum
+keeps the law continuous: the damper cannot push, and there is no jump c·rate when an element
+becomes taut.
 
 Masses are lumped; an element's direction is t = Δx/l, with l² regularised by (1e-8·l_0)² for nodes
 that coincide. A boundary between sections is always a node, so an element belongs to one section.
@@ -93,18 +93,18 @@ def set_lengths(work: Floats, s: Any, sections: Any, n: int, L: float) -> None:
 
 @jit
 def set_top_length(work: Floats, s: Any, sections: Any, n: int, L: float, V: float) -> None:
-    """Set what depends on the paid-out length L and its rate V: the top element and its nodes."""
+    """Update the top element and its nodes for the paid-out length L [m] and its rate V [m/s]."""
     top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
     set_top_of(work, s, sections, n, (L, V), (top, below))
 
 
 @jit_within
-def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, places: Any) -> None:
+def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, indices: Any) -> None:
     """Set the top element and its nodes.
 
-    line: paid-out length and its rate; places: sections of the top element and of the one below.
+    line: paid-out length and its rate; indices: sections of the top element and of the one below.
     """
-    (L, V), (top, below) = line, places
+    (L, V), (top, below) = line, indices
     rest = L - s[n - 1]
     set_element(work, sections, top, n - 1, rest)
     for k in range(MASS, LENGTH + 1):
@@ -116,7 +116,7 @@ def set_top_of(work: Floats, s: Any, sections: Any, n: int, line: Any, places: A
 
 
 @jit_within
-def _apart(motion: Any, e: int) -> Any:
+def _relative_motion(motion: Any, e: int) -> Any:
     """Return position and velocity of an element's upper node relative to its lower one."""
     px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
     return (
@@ -126,8 +126,8 @@ def _apart(motion: Any, e: int) -> Any:
 
 
 @jit_within
-def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
-    """Return the relative position and velocity with a pending correction of the nodes included."""
+def _corrected_motion(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
+    """Return relative position and velocity including a pending correction of the nodes."""
     px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
     dx, dy, dz, ex, ey, ez = deltas
     p, q = weights
@@ -142,30 +142,30 @@ def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
 
 
 @jit_within
-def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
+def _evaluate_element(properties: Any, relative: Any, weights: Any, e: int) -> Any:
     """Return direction, tension, AXIAL and GEOMETRIC of element e, as defined in `stretch`."""
-    law, rest, slack, section, stiffness, damping, growths = part
-    dx, dy, dz, wx, wy, wz = apart
+    law, rest, offset, section, stiffness, damping, growth_rates = properties
+    dx, dy, dz, wx, wy, wz = relative
     p, q = weights
-    l0, growth = rest[e], growths[e]
+    l0, growth = rest[e], growth_rates[e]
     length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
     dy *= inverse
     dz *= inverse
-    closing = dx * wx + dy * wy + dz * wz
+    rate = dx * wx + dy * wy + dz * wz
     rows = section, stiffness
-    elastic, k = pull_of(law, rows, e, length + slack[e] - l0, l0, closing, weights)
-    pull = elastic + damping[e] * (closing - growth * length)
+    elastic, k = pull_of(law, rows, e, length + offset[e] - l0, l0, rate, weights)
+    pull = elastic + damping[e] * (rate - growth * length)
     taut = pull > 0.0
     pull = choose(taut, pull, 0.0)
-    across = p * pull * inverse
-    along = p * (k - growth * damping[e]) + q * damping[e] - across
-    return dx, dy, dz, pull, choose(taut, max(along, 0.0), 0.0), across
+    geometric = p * pull * inverse
+    axial = p * (k - growth * damping[e]) + q * damping[e] - geometric
+    return dx, dy, dz, pull, choose(taut, max(axial, 0.0), 0.0), geometric
 
 
 @jit_within
-def _part(law: Any, work: Floats, offset: Any, low: int) -> Any:
+def _properties(law: Any, work: Floats, offset: Any, low: int) -> Any:
     """Return the law and rows of the elements from `low` on."""
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
@@ -195,62 +195,64 @@ def stretch(law: Any, work: Floats, offset: Any, p: float, q: float, low: int, h
     is omitted, which keeps the block symmetric and costs no additional Newton iterations
     (measured).
     """
-    part, motion = _part(law, work, offset, low), _motion(work, low)
+    properties, motion = _properties(law, work, offset, low), _motion(work, low)
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
     for e in range(high - low):
-        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), (p, q), e)
+        x, y, z, pull, axial_e, geometric_e = _evaluate_element(
+            properties, _relative_motion(motion, e), (p, q), e
+        )
         tx[e] = x
         ty[e] = y
         tz[e] = z
         T[e] = pull
-        axial[e] = along
-        geometric[e] = across
+        axial[e] = axial_e
+        geometric[e] = geometric_e
 
 
 @jit
 def count_unexpected(rope: Rope, stage: Stage, low: int, high: int) -> int:
-    """Return the number of tensions that will deviate once motion is corrected.
+    """Return the number of tensions that deviate from their linearisation after the correction.
 
-    Direction and tension are set as if the motion were corrected.
+    Directions and tensions are set to those of the corrected motion.
     """
     work, tolerance = rope.work, rope.model.tolerance
-    part = _part(law_of(rope), work, rope.state.offset, low)
+    properties = _properties(law_of(rope), work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
-    wrong = 0
+    count = 0
     for e in range(high - low):
         dx, dy, dz, ex, ey, ez = deltas
-        more = tx[e] * (ex[e] - dx[e]) + ty[e] * (ey[e] - dy[e]) + tz[e] * (ez[e] - dz[e])
-        expected = T[e] + (axial[e] + geometric[e]) * more
-        apart = _corrected(motion, deltas, weights, e)
-        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
-        wrong = count_beyond(wrong, pull, expected, tolerance)
+        elongation = tx[e] * (ex[e] - dx[e]) + ty[e] * (ey[e] - dy[e]) + tz[e] * (ez[e] - dz[e])
+        expected = T[e] + (axial[e] + geometric[e]) * elongation
+        relative = _corrected_motion(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _evaluate_element(properties, relative, weights, e)
+        count = count_beyond(count, pull, expected, tolerance)
         tx[e] = x
         ty[e] = y
         tz[e] = z
         T[e] = pull
-    return wrong
+    return count
 
 
 @jit
 def find_change(rope: Rope, stage: Stage, low: int, high: int, column: int) -> None:
-    """Set direction and tension as if motion were corrected; store the change of element forces.
+    """Set directions and tensions of the corrected motion; store the change of element forces.
 
-    The change is stored from `column` on.
+    The change is stored in CHANGE, from `column` on.
     """
     work = rope.work
-    part = _part(law_of(rope), work, rope.state.offset, low)
+    properties = _properties(law_of(rope), work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q)
     deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
     tx, ty, tz = rows(work, DIRECTION, low)
     T = row(work, TENSION, low)
     cx, cy, cz = rows(work, CHANGE, column)
     for e in range(high - low):
-        apart = _corrected(motion, deltas, weights, e)
-        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
+        relative = _corrected_motion(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _evaluate_element(properties, relative, weights, e)
         cx[e] = pull * x - T[e] * tx[e]
         cy[e] = pull * y - T[e] * ty[e]
         cz[e] = pull * z - T[e] * tz[e]
@@ -269,7 +271,7 @@ def stretch_all(rope: Rope, stage: Stage) -> None:
 
 @jit
 def end_rope(work: Floats, n: int) -> None:
-    """Close a rope that carries loads at its upper end, node n: only the element below it acts."""
+    """Set an element of zero length and tension above node n, where a joint carries the end."""
     for k in range(DIRECTION, DIRECTION + 3):
         work[k, n] = work[k, n - 1]
     work[REST, n] = 0.0

@@ -1,12 +1,12 @@
-"""Elimination of nodes of a chain of 3×3 blocks: the algebra that every sweep shares.
+"""Elimination of nodes in a chain of 3×3 blocks: algebra shared by all sweeps.
 
 A chain is (A + K)·delta = R: A_i are the symmetric node blocks, K_e = a·t·tᵀ + b·I the element
 blocks (a = AXIAL, b = GEOMETRIC). Eliminating a node leaves a Schur complement on its neighbours.
 
 **Coupled to the next node only** (`eliminate_node`). The Schur complement S of an eliminated part
 becomes Z = K - K·(S + K)⁻¹·K on the next node, never formed as that difference: K over the mass
-reaches 1e6 for short stiff elements and would cancel. It is S and K in series, and K consists of
-two: b·I along which S acts, then a. With Ŝ = S + b·I, C = adj Ŝ, det = det Ŝ, u = C·t,
+reaches 1e6 for short stiff elements, so that the difference would cancel. Z is S and K in series,
+with K split into b·I and a·t·tᵀ. With Ŝ = S + b·I, C = adj Ŝ, det = det Ŝ, u = C·t,
 Δ = det + a·t·u, k = det·t - b·u and w = a/(det·Δ):
 
 Z = b·I - (b²/det)·C + w·k·kᵀ, (S + K)⁻¹ = C/det - w·u·uᵀ, (S + K)⁻¹·K = (b/det)·C + w·u·kᵀ.
@@ -18,12 +18,12 @@ LDLᵀ (Golub and Van Loan 2013, section 4.3) by nodes: backward stable for a po
 matrix, and half the work of pairing the nodes into 6×6 blocks. It subtracts multiples of K, so that
 the mass is resolved to 1e-16·K.
 
-The algebra holds for numbers and for pairs of numbers (core/jit/rows), which have no unary minus
-and accept a number only on their left.
+The functions accept scalars and pairs (core/jit/rows), which have no unary minus and accept a
+scalar as left operand only.
 
 **Two nodes at once** (`eliminate_pair`), one per SIMD lane. The factors of a pair are a record of
-RECORD numbers: pairs of the gain (S + K)⁻¹·K by rows, of the node's own part (S + K)⁻¹·f, and of
-the inverse.
+RECORD numbers: pairs of the gain (S + K)⁻¹·K by rows, of the condensed solution (S + K)⁻¹·f, and
+of the inverse (S + K)⁻¹.
 """
 
 from __future__ import annotations
@@ -63,31 +63,31 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
     cyz = sxy * sxz - sxx * syz
     czz = sxx * syy - sxy * sxy
     det = (sxx * cxx + sxy * cxy) + sxz * cxz
-    # a·t·C·t from the products of t, which are ready before u: the division depends on it
+    # a·t·C·t from products of t and not from u, which shortens the dependency chain to the division
     ax, ay, az, xx, yy = a * x, a * y, a * z, x + x, y + y
     diagonal = (ax * x * cxx + ay * y * cyy) + az * z * czz
-    whole = det + (diagonal + ((ax * yy * cxy + az * xx * cxz) + az * yy * cyz))
-    over_det, over_whole = 1.0 / det, 1.0 / whole
+    total = det + (diagonal + ((ax * yy * cxy + az * xx * cxz) + az * yy * cyz))
+    over_det, over_total = 1.0 / det, 1.0 / total
     ux = (cxx * x + cxy * y) + cxz * z
     uy = (cxy * x + cyy * y) + cyz * z
     uz = (cxz * x + cyz * y) + czz * z
     kx, ky, kz = det * x - b * ux, det * y - b * uy, det * z - b * uz
-    w, g, h = (a * over_det) * over_whole, b * over_det, (b * b) * over_det
+    w, g, h = (a * over_det) * over_total, b * over_det, (b * b) * over_det
     # Schur complement on the next node: the matrix Z ...
-    left = (
+    schur = (
         (b - h * cxx) + w * (kx * kx), w * (kx * ky) - h * cxy, w * (kx * kz) - h * cxz,
         (b - h * cyy) + w * (ky * ky), w * (ky * kz) - h * cyz, (b - h * czz) + w * (kz * kz),
     )  # fmt: skip
-    # ... and the force K·own = t·(a·t·own) + b·own, where a·t·own = (a/Δ)·u·f
+    # ... and the force K·y = t·(a·t·y) + b·y of the solution y, where a·t·y = (a/Δ)·u·f
     along = (ux * fx + uy * fy) + uz * fz
-    s = (a * over_whole) * along
+    s = (a * over_total) * along
     vx, vy, vz, gxy, gxz, gyz = w * ux, w * uy, w * uz, g * cxy, g * cxz, g * cyz
-    own = (
+    solution = (
         over_det * (cxx * fx + cxy * fy + cxz * fz) - along * vx,
         over_det * (cxy * fx + cyy * fy + cyz * fz) - along * vy,
         over_det * (cxz * fx + cyz * fy + czz * fz) - along * vz,
     )
-    force = (s * x + b * own[0], s * y + b * own[1], s * z + b * own[2])
+    force = (s * x + b * solution[0], s * y + b * solution[1], s * z + b * solution[2])
     gain = (
         vx * kx + g * cxx, vx * ky + gxy, vx * kz + gxz,
         vy * kx + gxy, vy * ky + g * cyy, vy * kz + gyz,
@@ -97,22 +97,22 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
         over_det * cxx - vx * ux, over_det * cxy - vx * uy, over_det * cxz - vx * uz,
         over_det * cyy - vy * uy, over_det * cyz - vy * uz, over_det * czz - vz * uz,
     )  # fmt: skip
-    return gain, own, left, force, inverse
+    return gain, solution, schur, force, inverse
 
 
 @jit_ordered_within
 def push_node(gain: Any, inverse: Any, f: Any) -> Any:
-    """Return (S + K)⁻¹·f and the force K·(S + K)⁻¹·f on the neighbour, of an eliminated node."""
+    """Return (S + K)⁻¹·f of an eliminated node, and the force K·(S + K)⁻¹·f on its neighbour."""
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz = gain
     xx, xy, xz, yy, yz, zz = inverse
     x, y, z = f
-    own = (
+    solution = (
         (xx * x + xy * y) + xz * z, (xy * x + yy * y) + yz * z, (xz * x + yz * y) + zz * z,
     )  # fmt: skip
     force = (
         (gxx * x + gyx * y) + gzx * z, (gxy * x + gyy * y) + gzy * z, (gxz * x + gyz * y) + gzz * z,
     )  # fmt: skip
-    return own, force
+    return solution, force
 
 
 @jit_within
@@ -284,10 +284,10 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
     S: its pivot (xx, xy, xz, yy, yz, zz); f: its force; B: the block to the next node by rows; d:
     the coupling to the second next. Returns
 
-    - for the back-substitution, own, G and I of delta = own - G·next - I·(d·second): S⁻¹·f, S⁻¹·B
-      and S⁻¹;
-    - the Schur complement: V and D⁻¹·V, which add -Vᵀ·D⁻¹·V to the next node; then -Bᵀ·own, -d·own,
-      -d²·S⁻¹ and, between the two, -d·Bᵀ·S⁻¹ by rows.
+    - for the back-substitution, y, G and I of delta = y - G·next - I·(d·second): S⁻¹·f, S⁻¹·B and
+      S⁻¹;
+    - the Schur complement: V and D⁻¹·V, which add -Vᵀ·D⁻¹·V to the next node; then -Bᵀ·y, -d·y,
+      -d²·S⁻¹ and, coupling the two nodes, -d·Bᵀ·S⁻¹ by rows.
     """
     L = factor(S)
     l10, l20, l21, w0, w1, w2 = L
@@ -301,60 +301,60 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
     g2 = f[2] - l20 * f[0] - l21 * g1
     h0, h1, h2 = w0 * f[0], w1 * g1, w2 * g2
     oy = h1 - l21 * h2
-    own = (h0 - l10 * oy - l20 * h2, oy, h2)
+    solution = (h0 - l10 * oy - l20 * h2, oy, h2)
     pushed = (
         0.0 - (h0 * a[0] + h1 * b[0] + h2 * c[0]), 0.0 - (h0 * a[1] + h1 * b[1] + h2 * c[1]),
         0.0 - (h0 * a[2] + h1 * b[2] + h2 * c[2]),
     )  # fmt: skip
     minus = 0.0 - d
-    between = (
+    cross = (
         (minus * gx[0], minus * gy[0], minus * z[0]), (minus * gx[1], minus * gy[1], minus * z[1]),
         (minus * gx[2], minus * gy[2], minus * z[2]),
     )  # fmt: skip
     far = times_six(minus, times_six(d, I))
-    left = ((a, b, c), (x, y, z)), pushed, scaled(minus, own), far, between
-    return (own, (gx, gy, z), I), left
+    schur = ((a, b, c), (x, y, z)), pushed, scaled(minus, solution), far, cross
+    return (solution, (gx, gy, z), I), schur
 
 
 @jit_ordered_within
 def push_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
-    """Return `own` for another force on an eliminated node, and forces on the next two nodes."""
-    own = apply(I, f)
+    """Return S⁻¹·f of an eliminated node for another force f, and forces on the next two nodes."""
+    solution = apply(I, f)
     x, y, z = G
     pushed = (
         0.0 - (x[0] * f[0] + y[0] * f[1] + z[0] * f[2]),
         0.0 - (x[1] * f[0] + y[1] * f[1] + z[1] * f[2]),
         0.0 - (x[2] * f[0] + y[2] * f[1] + z[2] * f[2]),
     )
-    return own, pushed, scaled(0.0 - d, own)
+    return solution, pushed, scaled(0.0 - d, solution)
 
 
 @jit_ordered_within
-def onto_next(left: Any, carried: Any, K: Any) -> Any:
-    """Return the Schur complement on the next node, on the second next and between them.
+def onto_next(schur: Any, carried: Any, K: Any) -> Any:
+    """Return the Schur complement on the next node, on the second next, and their coupling.
 
-    left: contribution of the node; carried: matrix and force of earlier nodes on the next.
+    schur: contribution of the node; carried: matrix and force of earlier nodes on the next.
     """
-    (V, W), pushed, far, second, between = left
+    (V, W), pushed, far, second, cross = schur
     S, f = carried
-    return lessen(add_six(S, K), V, W), add(f, pushed), (second, far), between
+    return lessen(add_six(S, K), V, W), add(f, pushed), (second, far), cross
 
 
 @jit_ordered_within
-def substituted(kept: Any, near: Any, far: Any) -> Any:
+def substituted(factors: Any, near: Any, far: Any) -> Any:
     """Return delta of a node from that of the next, and d times that of the second next."""
-    own, G, I = kept
+    solution, G, I = factors
     x, y, z = apply(I, far)
     px, py, pz = near
     gx, gy, gz = G
     return (
-        (own[0] - x) - gx[0] * px - gx[1] * py - gx[2] * pz,
-        (own[1] - y) - gy[0] * px - gy[1] * py - gy[2] * pz,
-        (own[2] - z) - gz[0] * px - gz[1] * py - gz[2] * pz,
+        (solution[0] - x) - gx[0] * px - gx[1] * py - gx[2] * pz,
+        (solution[1] - y) - gy[0] * px - gy[1] * py - gy[2] * pz,
+        (solution[2] - z) - gz[0] * px - gz[1] * py - gz[2] * pz,
     )
 
 
-RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of the inverse
+RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of the solution, of the inverse
 
 
 @jit_within
@@ -374,9 +374,9 @@ def two_of_six(a: Any, b: Any) -> Any:
 
 @jit_within
 def pair_of_nodes(work: Any, nodes: Any, elements: Any, Z: Any) -> Any:
-    """Return Ŝ of two nodes, and direction, AXIAL and GEOMETRIC of the elements they pass.
+    """Return Ŝ of two nodes, and direction, AXIAL and GEOMETRIC of their next elements.
 
-    Z: the Schur complement of the eliminated part on either of them.
+    Z: Schur complements of the eliminated nodes on them.
     """
     (i, j), (d, e) = nodes, elements
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
@@ -391,22 +391,22 @@ def pair_of_nodes(work: Any, nodes: Any, elements: Any, Z: Any) -> Any:
 
 @jit_within
 def pushed_on(work: Any, i: int, j: int, f: Any) -> Any:
-    """Return the force on two nodes, including that of the eliminated part, f."""
+    """Return the force on two nodes, including the condensed force f of eliminated nodes."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     return f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j)
 
 
 @jit_within
 def eliminate_pair(work: Any, record: Any, at: int, nodes: Any, elements: Any, state: Any) -> Any:
-    """Eliminate two nodes through two elements; return Schur complement and force behind them.
+    """Eliminate two nodes; return Schur complement and condensed force on their neighbours.
 
-    record, at: the row of records and where this pair's begins; state: Z and f before them.
+    record, at: row of records and start of this pair's record; state: Z and f on the two nodes.
     """
     S, t, a, b = pair_of_nodes(work, nodes, elements, state[0])
     force = pushed_on(work, nodes[0], nodes[1], state[1])
-    gain, own, left, pushed, inverse = eliminate_node(S, force, t, a, b)
-    keep_pair(record, at, gain, own, inverse)
-    return left, pushed
+    gain, solution, schur, pushed, inverse = eliminate_node(S, force, t, a, b)
+    keep_pair(record, at, gain, solution, inverse)
+    return schur, pushed
 
 
 @jit_within
@@ -424,29 +424,29 @@ def load_three(record: Any, at: int) -> Any:
 
 
 @jit_within
-def keep_pair(record: Any, at: int, gain: Any, own: Any, inverse: Any) -> None:
+def keep_pair(record: Any, at: int, gain: Any, solution: Any, inverse: Any) -> None:
     """Store the factors of a pair."""
     store_three(record, at, gain[:3])
     store_three(record, at + 6, gain[3:6])
     store_three(record, at + 12, gain[6:])
-    store_three(record, at + 18, own)
+    store_three(record, at + 18, solution)
     store_three(record, at + 24, inverse[:3])
     store_three(record, at + 30, inverse[3:])
 
 
 @jit_within
 def push_pair(record: Any, at: int, f: Any) -> Any:
-    """Return the force behind two eliminated nodes, given that on them; store their own part."""
+    """Store the solution of two nodes for force f; return the condensed force on the neighbours."""
     gain = load_three(record, at) + load_three(record, at + 6) + load_three(record, at + 12)
     inverse = load_three(record, at + 24) + load_three(record, at + 30)
-    own, pushed = push_node(gain, inverse, f)
-    store_three(record, at + 18, own)
+    solution, pushed = push_node(gain, inverse, f)
+    store_three(record, at + 18, solution)
     return pushed
 
 
 @jit_within
 def substitute_pair(record: Any, at: int, p: Any) -> Any:
-    """Return delta of a pair of nodes from that of the nodes behind them."""
+    """Return delta of a pair of nodes from that of their neighbours nearer the middle."""
     px, py, pz = p
     return (
         (load(record, at + 18) + load(record, at) * px)
@@ -458,13 +458,13 @@ def substitute_pair(record: Any, at: int, p: Any) -> Any:
     )
 
 
-# A batch of ropes, one in each lane; the factors of node i are in its column.
+# A batch of ropes, one per lane; the factors of node i are in its column.
 INVERSE = ELIMINATED + 12
 
 
 @jit_ordered_within
 def force_on(work: Any, i: int, f: Any) -> Any:
-    """Return the force on node i, including that of the eliminated part, f."""
+    """Return the force on node i, including the condensed force f of eliminated nodes."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     return f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]
 
@@ -505,10 +505,10 @@ def nine(work: Any, first: int, i: int) -> Any:
 
 
 @jit_within
-def keep_factors(work: Any, i: int, gain: Any, own: Any, inverse: Any, moved: Any) -> None:
-    """Store the factors of node i in the lanes of `moved`, its own part in all; gain by rows."""
+def keep_factors(work: Any, i: int, gain: Any, solution: Any, inverse: Any, moved: Any) -> None:
+    """Store the factors of node i in the lanes of `moved`, its solution in all; gain by rows."""
     keep_nine(work, ELIMINATED, i, gain, moved)
-    set_column(work, ELIMINATED + 9, i, own)
+    set_column(work, ELIMINATED + 9, i, solution)
     keep_six(work, INVERSE, i, inverse, moved)
 
 

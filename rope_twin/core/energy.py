@@ -1,27 +1,26 @@
-"""Energy balance of one rope, or of a multi-line system, from the state at a step boundary.
+"""Energy balance of a rope or a multi-line system, from the states at step boundaries.
 
-It is computed in numpy, apart from the step, so it costs nothing unless requested. An effect
-registers its stored energy and its power by functions beside its kernels, `@account(kind, Type)`
-(core/loads/accounts); nothing here refers to an effect by name.
+It is evaluated in numpy, outside the compiled step, and only on request. An effect registers its
+stored energy and its power by `@account(kind, Type)` (core/loads/accounts).
 
-The sums are those of the lumped-mass rope itself, so that only the time-stepping error remains:
+The balance is that of the lumped-mass model, so that only the time integration error remains:
 with w the material velocity at the hang-off and F the force there, M·a = T_i·t_i - T_{i-1}·t_{i-1}
 + f times v, summed, gives d(energy)/dt = F·w + V·(energy per metre there) + water - damper, where
-the top element may grow at V. Three terms are neglected, all small and of the order of the mesh:
+the top element may grow at V. Three terms of the order of the mesh size are neglected:
 mass·V·|w - v_{n-1}|²/4, the work of decaying length corrections, and the change at a split or
 merge.
 
-**Multi-line systems.** Each rope is measured like a single one, with its own payout speed; the
-forces of connections on the ropes' ends cancel, as a connection has one motion. So do those of a
-sheave on the rope that runs over it at V: F·V·q of both sides (F the tensions, q the last elements'
-vectors over their unstretched lengths), the energy that V takes from one and gives to the other,
-the work on the wheel and that of the material stream's m·V²·(q + q') sum up to V/2·(difference of
-both strains)·(F + F' - T - T'), with T the last elements' tensions: that of half an element. Left
-over for a sheave are its kinetic energy, that of its wheel, its potential energy, and the friction
-of the rope on it.
+**Multi-line systems.** Each rope is evaluated like a single one, with its own payout speed. The
+forces of a connection on the ropes' ends cancel, as it has one motion. So do those of a sheave on
+the rope that runs over it at V: the power F·V·q of both sides (F the tensions, q the last elements'
+vectors over their unstretched lengths), the energy transported by V from one side to the other, the
+power on the wheel and that of the momentum flux m·V²·(q + q') sum up to V/2·(difference of both
+strains)·(F + F' - T - T'), with T the last elements' tensions: the contribution of half an element,
+which is neglected. A sheave adds its kinetic energy, that of its wheel, its potential energy, and
+the friction of the rope.
 
-A link stores the work of its force without damping, and none where it is slack. So does a contact
-between ropes or payloads, whose damping and friction dissipate.
+A link or a contact between ropes or payloads stores the work of its elastic force; its damping and
+friction dissipate.
 """
 
 from __future__ import annotations
@@ -83,7 +82,7 @@ from rope_twin.core.state import (
 
 
 class Elements(NamedTuple):
-    """Elements from the lower end up; vectors (3, n), scalars (n,)."""
+    """Element quantities from the lower end up; vectors (3, n), scalars (n,)."""
 
     direction: Floats
     turning: Floats  # rate of the direction [1/s]
@@ -136,13 +135,16 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
     store = Store(
-        kinetic=_motion(rope.effects, place) + account_sum("kinetic_end", rope.effects, end),
+        kinetic=_kinetic_energy(rope.effects, place)
+        + account_sum("kinetic_end", rope.effects, end),
         elastic=float(elements.stored.sum()),
         potential=account_sum("potential", rope.effects, place)
         + account_sum("potential_end", rope.effects, end),
     )
     per_metre = elements.stored[-1] / elements.rest[-1]
-    per_metre += _motion(rope.effects, sheave) + account_sum("potential", rope.effects, sheave)
+    per_metre += _kinetic_energy(rope.effects, sheave) + account_sum(
+        "potential", rope.effects, sheave
+    )
     pulled = 0.0
     if rope.model.first_free and has_moved_end(rope.effects):
         pulled = float(lower_end_force(rope, rope.effects, time) @ place.velocity[:, 0])
@@ -159,25 +161,25 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
 def damped(before: Elements, after: Elements, step: float) -> float:
     """Return the energy that the axial damper dissipates over a step [J].
 
-    It is the damping force times the elongation: a stiff damper stops a motion within less than a
-    step, and force times rate at the step boundaries would overestimate that many times. Where a
-    split or merge has just changed the elements only force times rate is available.
+    It is the mean damping force times the elongation: a stiff damper stops a motion within a
+    fraction of a step, and force times rate at the step boundaries would overestimate its work. For
+    an element that has just been split or merged only force times rate is available.
     """
     n = min(len(before.rest), len(after.rest))
-    same = n if len(before.rest) == len(after.rest) else n - 1
-    moved = 0.5 * (before.rest[:same] + after.rest[:same])
-    moved *= after.stretch[:same] - before.stretch[:same]
-    work = 0.5 * (before.damping[:same] + after.damping[:same]) @ moved
-    for some in (before, after):
-        work += 0.5 * step * (some.damping[same:] @ some.rate[same:])
-    rest = 0.5 * (before.rest[:same] + after.rest[:same])
-    return float(work - rest @ (after.held[:same] - before.held[:same]))
+    common = n if len(before.rest) == len(after.rest) else n - 1
+    moved = 0.5 * (before.rest[:common] + after.rest[:common])
+    moved *= after.stretch[:common] - before.stretch[:common]
+    work = 0.5 * (before.damping[:common] + after.damping[:common]) @ moved
+    for elements in (before, after):
+        work += 0.5 * step * (elements.damping[common:] @ elements.rate[common:])
+    rest = 0.5 * (before.rest[:common] + after.rest[:common])
+    return float(work - rest @ (after.held[:common] - before.held[:common]))
 
 
-def _motion(effects: tuple[Any, ...], place: Place) -> float:
+def _kinetic_energy(effects: tuple[Any, ...], place: Place) -> float:
     """Return the kinetic energy of the rope including the effects' contributions [J]."""
-    own = 0.5 * float(place.mass @ (place.velocity**2).sum(axis=0))
-    return own + account_sum("kinetic", effects, place)
+    energy = 0.5 * float(place.mass @ (place.velocity**2).sum(axis=0))
+    return energy + account_sum("kinetic", effects, place)
 
 
 def _elements(rope: Rope, V: float) -> Elements:
@@ -206,12 +208,14 @@ def _elements(rope: Rope, V: float) -> Elements:
         slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
         pull, held = np.maximum(spring + slack + damper, 0.0), np.zeros(n)
     stored, damping, water = stored * rest, pull - spring, 0.0
-    own = law_of_lowest(rope.effects)
-    if own is not None:
+    effect_law = law_of_lowest(rope.effects)
+    if effect_law is not None:
         k, depth = sections[EA, section[0]] / rest[0], -0.5 * float(x[2, 0] + x[2, 1])
         rate_0 = float(closing[0])
-        tension, back, rod, work = own(float(length[0] + offset[0] - rest[0]), rate_0, k, depth)
-        damping[0], stored[0], water = tension - back - rod, work, -rod * rate_0
+        tension, restoring, rod, work = effect_law(
+            float(length[0] + offset[0] - rest[0]), rate_0, k, depth
+        )
+        damping[0], stored[0], water = tension - restoring - rod, work, -rod * rate_0
         held[0] = 0.0
     return Elements(
         direction=direction,
@@ -296,7 +300,7 @@ class SystemBorder(NamedTuple):
     store: Store
     power: Power
     elements: tuple[Elements, ...]  # of each rope, and of the links as one more
-    rubbed: float  # what friction on sheaves and contact of ropes and payloads dissipate [W]
+    rubbed: float  # dissipation by sheave friction and by contact of ropes and payloads [W]
 
 
 def of_one(border: Border) -> SystemBorder:
@@ -307,8 +311,8 @@ def of_one(border: Border) -> SystemBorder:
 def lost(before: SystemBorder, after: SystemBorder, step: float) -> float:
     """Return the energy dissipated over a step by dampers and sheave friction [J]."""
     pairs = zip(before.elements, after.elements, strict=True)
-    own = sum(damped(one, other, step) for one, other in pairs)
-    return own + 0.5 * step * (before.rubbed + after.rubbed)
+    dissipated = sum(damped(earlier, later, step) for earlier, later in pairs)
+    return dissipated + 0.5 * step * (before.rubbed + after.rubbed)
 
 
 def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -> SystemBorder:
@@ -326,31 +330,39 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
         if not at_ship:
             border = border._replace(power=border.power._replace(hang_off=0.0, passing=0.0))
         borders.append(border)
-    held, stored = _tied(joints)
+    links, stored = _link_elements(joints)
     elements = tuple(border.elements for border in borders)
-    touches = [one for one in (touch_of(system.stack), payload_touch_of(system)) if one is not None]
-    stored += sum(one.stored for one in touches)
-    still = _of_sheaves(joints, sheaves) + np.array([0.0, stored, 0.0])
-    store = np.sum([border.store for border in borders], axis=0) + still
+    touches = [
+        contact
+        for contact in (touch_of(system.stack), payload_touch_of(system))
+        if contact is not None
+    ]
+    stored += sum(contact.stored for contact in touches)
+    extra = _sheave_energy(joints, sheaves) + np.array([0.0, stored, 0.0])
+    store = np.sum([border.store for border in borders], axis=0) + extra
     power = np.sum([border.power for border in borders], axis=0)
     return SystemBorder(
         Store(*store.tolist()),
         Power(*power.tolist()),
-        (*elements, held),
-        _rubbed(joints, sheaves, elements, pulls[:, PULL]) + sum(one.lost for one in touches),
+        (*elements, links),
+        _friction_power(joints, sheaves, elements, pulls[:, PULL])
+        + sum(contact.lost for contact in touches),
     )
 
 
 def _with_shared(system: System, rope: Rope) -> Rope:
-    """Return a rope whose shared effects are those of the first rope now.
+    """Return a rope with the present shared effects, which are those of the first rope.
 
-    Shared effects are stored once in the stack (core/joined/stack.py), such as a current that has
-    changed since the start.
+    Shared effects, such as a current that changes in time, are stored once in the stack
+    (core/joined/stack.py).
     """
     kinds = (type(effect) for effect in system.stack.effects)
-    now = zip(kinds, rope.effects, system.ropes[0].effects, strict=True)
+    pairs = zip(kinds, rope.effects, system.ropes[0].effects, strict=True)
     return rope._replace(
-        effects=tuple(first if kind is type(own) else own for kind, own, first in now)
+        effects=tuple(
+            first if kind is type(rope_effect) else rope_effect
+            for kind, rope_effect, first in pairs
+        )
     )
 
 
@@ -362,21 +374,21 @@ def _sheave_speed(joints: Joints, sheaves: Sheaves | None, r: int) -> float:
     return float(sheaves.side[r] * joints.nodes[VELOCITY, column])
 
 
-def _of_sheaves(joints: Joints, sheaves: Sheaves | None) -> Floats:
+def _sheave_energy(joints: Joints, sheaves: Sheaves | None) -> Floats:
     """Return kinetic, elastic and potential energy of sheaves and wheels [J], (3,)."""
-    found = np.zeros(3)
+    energy = np.zeros(3)
     if sheaves is None:
-        return found
+        return energy
     for column in sheaves.figures.T:
         point, flow = int(column[POINT]), int(column[FLOW_COLUMN])
         v = joints.nodes[VELOCITY : VELOCITY + 3, point]
         V = joints.nodes[VELOCITY, flow]
-        found[0] += 0.5 * (column[SHEAVE_MASS] * float(v @ v) + column[WHEEL] * V * V)
-        found[2] += column[SHEAVE_WEIGHT] * joints.nodes[POSITION + 2, point]
-    return found
+        energy[0] += 0.5 * (column[SHEAVE_MASS] * float(v @ v) + column[WHEEL] * V * V)
+        energy[2] += column[SHEAVE_WEIGHT] * joints.nodes[POSITION + 2, point]
+    return energy
 
 
-def _rubbed(
+def _friction_power(
     joints: Joints, sheaves: Sheaves | None, elements: tuple[Elements, ...], pulls: Floats
 ) -> float:
     """Return the power of friction between ropes and sheaves, as in `core.joined.sheaves` [W]."""
@@ -385,9 +397,9 @@ def _rubbed(
     total = 0.0
     for column in sheaves.figures.T:
         a, b = int(column[INTO]), int(column[FROM])
-        one, other = elements[a], elements[b]
-        mean = 0.5 * float(one.stretch[-1] + other.stretch[-1])
-        cosine = -float(one.direction[:, -1] @ other.direction[:, -1])
+        upper, lower = elements[a], elements[b]
+        mean = 0.5 * float(upper.stretch[-1] + lower.stretch[-1])
+        cosine = -float(upper.direction[:, -1] @ lower.direction[:, -1])
         wrap = acos(max(-1.0, min(1.0, cosine)))
         V = float(joints.nodes[VELOCITY, int(column[FLOW_COLUMN])])
         grip = mean * tanh(0.5 * column[FRICTION] * wrap) * max(float(pulls[a] + pulls[b]), 0.0)
@@ -395,28 +407,28 @@ def _rubbed(
     return total
 
 
-def _tied(joints: Joints) -> tuple[Elements, float]:
+def _link_elements(joints: Joints) -> tuple[Elements, float]:
     """Return the links as elements of unit length, for their damping, and their energy [J]."""
-    held, count = joints.ties, joints.ties.shape[1]
-    ends = _ends(joints, POSITION, held[ties.AT : ties.AT + 3])
+    links, count = joints.ties, joints.ties.shape[1]
+    ends = _ends(joints, POSITION, links[ties.AT : ties.AT + 3])
     closing = _ends(joints, VELOCITY, np.zeros((3, count)))
     length = np.sqrt((ends * ends).sum(axis=0) + LINK2_MIN)
     rate = (ends * closing).sum(axis=0) / length
-    force, stiffness, least = (held[row] for row in (ties.FORCE, ties.STIFFNESS, ties.LEAST))
-    stretched = length - held[ties.LENGTH]
-    spring = np.maximum(force + stiffness * stretched, least)
-    pull = np.maximum(force + stiffness * stretched + held[ties.DAMPING] * rate, least)
+    force, stiffness, minimum = (links[row] for row in (ties.FORCE, ties.STIFFNESS, ties.LEAST))
+    stretched = length - links[ties.LENGTH]
+    spring = np.maximum(force + stiffness * stretched, minimum)
+    pull = np.maximum(force + stiffness * stretched + links[ties.DAMPING] * rate, minimum)
     # below the minimum force the spring is clamped: its elongation is at least this
-    slack = np.where(stiffness > 0.0, (least - force) / np.where(stiffness > 0.0, stiffness, 1.0),
+    slack = np.where(stiffness > 0.0, (minimum - force) / np.where(stiffness > 0.0, stiffness, 1.0),
                      -np.inf)  # fmt: skip
     acting = np.maximum(stretched, slack)
     stored = force * acting + 0.5 * stiffness * acting**2
     below = stretched < acting
-    stored[below] += least[below] * (stretched - acting)[below]
-    still = np.zeros((3, count))
+    stored[below] += minimum[below] * (stretched - acting)[below]
+    zeros = np.zeros((3, count))
     elements = Elements(
-        direction=still,
-        turning=still,
+        direction=zeros,
+        turning=zeros,
         stored=stored,
         damping=pull - spring,
         held=np.zeros(count),
@@ -430,7 +442,7 @@ def _tied(joints: Joints) -> tuple[Elements, float]:
 
 def _ends(joints: Joints, first: int, fixed: Floats) -> Floats:
     """Return a vector at the second end of each link relative to the first, (3, ties)."""
-    held, rows = joints.ties, joints.nodes[first : first + 3]
-    seconds = held[ties.SECOND].astype(int)
+    links, rows = joints.ties, joints.nodes[first : first + 3]
+    seconds = links[ties.SECOND].astype(int)
     second = np.where(seconds == ties.ANCHORED, fixed, rows[:, seconds])
-    return second - rows[:, held[ties.FIRST].astype(int)]
+    return second - rows[:, links[ties.FIRST].astype(int)]

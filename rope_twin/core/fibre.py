@@ -1,24 +1,25 @@
-"""Internal variables of a fibre rope: the strain ε_m behind its dynamic stiffness, and its history.
+"""Internal variables of a fibre rope: the relaxed strain ε_m, and its history.
 
 Each element follows core/axial_law: T = S(ε_m) + E_d·(ε - ε_m), dε_m/dt = (T - S(ε_m))/(E_d·τ).
 
 **Dynamic stiffness.** Tests give E_d as a linear function of the mean tension M = S(ε_m), and for
 polyester of the amplitude too (Del Vecchio 1992; Francois and Davies 2008): E_d = a + b·M - c·A.
 The tension amplitude A is E_d times √2 of the running root mean square of ε - ε_m over τ (exact for
-a harmonic motion), so that E_d = (a + b·M)/(1 + c·√2·rms); never below the tangent of S, for else
-the solid would create energy. E_d changes from step to step, not within one.
+a harmonic motion), so that E_d = (a + b·M)/(1 + c·√2·rms). It is at least the tangent of S, since
+the solid would create energy otherwise, and constant within a step.
 
 **Working curves** (Syrope: Falkenberg, Åhjem and Yang 2017, OTC-27761). The table is the original
-curve, which a rope follows while its mean tension is the highest so far. Below that it follows a
-working curve: from the point (ε_h, T_h) of the highest mean tension down to the permanent strain
-ε_p = k·ε_h, T = T_h·ξ·(1 - m + m·ξ), ξ = (ε_m - ε_p)/(ε_h - ε_p). T_h rises with M, from the
-tension at installation.
+curve, which a rope follows while its mean tension is the maximum in its history. Below that it
+follows a working curve from the point (ε_h, T_h) of the maximum mean tension to the permanent
+strain ε_p = k·ε_h: T = T_h·ξ·(1 - m + m·ξ), ξ = (ε_m - ε_p)/(ε_h - ε_p). T_h rises with M, from
+the tension at installation.
 
-**Energy.** W(ε_m) + S·e + E_d·e²/2 with e = ε - ε_m is stored; the rest of T·dε is heat, at the
-rate (E_d - S')·e²/τ, and on the original curve what the working curve does not give back.
+**Energy.** W(ε_m) + S·e + E_d·e²/2 with e = ε - ε_m is stored; the rest of T·dε is dissipated, at
+the rate (E_d - S')·e²/τ, plus on the original curve the part that the working curve does not
+recover.
 
-Elements carry their values where the top element splits or merges; the rope that comes from the
-drum has those of the element at the sheave, and where its section begins, the same mean tension.
+Where the top element splits or merges, the elements inherit its values. Rope from the drum starts
+with those of the element at the sheave, or, where a section begins, with the same mean tension.
 """
 
 from __future__ import annotations
@@ -78,14 +79,14 @@ NEWTON_STEPS, HALVINGS = 50, 60
 TRIALS = 4  # ghost columns at the end of the arrays (core/payout)
 
 
-def new_fibre(room: int) -> Fibre:
+def new_fibre(capacity: int) -> Fibre:
     """Return the internal variables of a fibre rope with space for `room` nodes, all zero."""
-    return Fibre(new_memory(CARRIED, OWN_ROWS, room))
+    return Fibre(new_memory(CARRIED, OWN_ROWS, capacity))
 
 
 @jit
 def strain_on_table(table: Any, section: int, tension: float) -> float:
-    """Return the strain at which a section's table holds this tension [N]; it rises everywhere."""
+    """Return the strain at which a section's table has this tension [N]; the table is monotone."""
     j = 0
     while (
         j + 1 < table.knot.shape[1]
@@ -116,13 +117,13 @@ def strain_on_table(table: Any, section: int, tension: float) -> float:
 @jit
 def _set_working(law: Any, sections: Any, k: int, e: int, highest: Any, top: Any) -> None:
     """Set the working curve of element e of section k: from the mean tension `highest` at `top`."""
-    m, share = law.memory, sections[PERMANENT, k]
+    m, permanent = law.memory, sections[PERMANENT, k]
     m[INITIAL, e] = 0.0
-    works = (share > 0.0) & (highest > 0.0)
+    works = (permanent > 0.0) & (highest > 0.0)
     if not anywhere(works):
         return
-    span, curvature = (1.0 - share) * top, sections[CURVATURE, k]
-    m[UPPER, e], m[LOWER, e] = top, share * top
+    span, curvature = (1.0 - permanent) * top, sections[CURVATURE, k]
+    m[UPPER, e], m[LOWER, e] = top, permanent * top
     m[INITIAL, e] = choose(works, highest * (1.0 - curvature) / span, 0.0)
     m[BEND, e] = highest * curvature / (span * span)
 
@@ -167,13 +168,13 @@ def _adopt_one(m: Any, law: Any, sections: Any, k: int, e: int, others: Any, hel
 
 
 @jit
-def _leave_lanes(m: Any, law: Any, sections: Any, k: int, e: int, others: Any, held: Any) -> Any:
+def _reject_lanes(m: Any, law: Any, sections: Any, k: int, e: int, others: Any, held: Any) -> Any:
     return choose(others, nan, held)
 
 
-# Make the carried values of element e those of section k, at the same mean tension; return HELD. It
-# is NaN in lanes where they are of another section (mask `others`), which thus give up the step.
-_adopt = by_width(_adopt_one, _leave_lanes)
+# Convert the values of element e to section k at the same mean tension; return HELD. In lanes whose
+# values are of another section (mask `others`) it is NaN, which rejects the step there.
+_adopt = by_width(_adopt_one, _reject_lanes)
 
 
 @jit
@@ -183,9 +184,9 @@ def _begin(law: Any, sections: Any, k: int, e: int, held: Any) -> None:
     _set_working(law, sections, k, e, m[TENSION_TOP, e], m[TOP, e])
     S, slope = relaxed_at(law.table, k, _working(m, e), m[MEAN, e])
     M = m[TENSION_MEAN, e]
-    others = abs(S - M) > SAME_TENSION * (abs(S) + abs(M) + 1.0)
-    if anywhere(others):
-        held = _adopt(m, law, sections, k, e, others, held)
+    other_section = abs(S - M) > SAME_TENSION * (abs(S) + abs(M) + 1.0)
+    if anywhere(other_section):
+        held = _adopt(m, law, sections, k, e, other_section, held)
         S, slope = relaxed_at(law.table, k, _working(m, e), m[MEAN, e])
     m[START, e], m[HELD, e] = m[MEAN, e], held
     m[STIFF, e] = _dynamic(sections, k, max(S, 0.0), m[SQUARE, e], slope)
@@ -206,13 +207,13 @@ def _relax_lanes(m: Any, law: Any, rope: Any, k: int, e: int) -> None:
     m[HELD, e] = m[HAT, e] = m[TOP, e] = m[TENSION_TOP, e] = m[INITIAL, e] = 0.0
 
 
-# Let element e follow S alone: in a section without relaxation, which has no working curve, and of
-# one rope in a static solution.
+# Make element e follow the static curve S: in a section without relaxation, and in a static
+# solution.
 _relax = by_width(_relax_one, _relax_lanes)
 
 
 @jit
-def _leave_at_border(m: Any, rope: Any) -> None:
+def _reject_at_border(m: Any, rope: Any) -> None:
     n = rope.state.counts[ELEMENTS]
     k = whole(rope.work[SECTION, n - 1])
     if k + 1 < rope.sections.shape[1]:
@@ -221,12 +222,12 @@ def _leave_at_border(m: Any, rope: Any) -> None:
 
 
 @jit
-def _stay(m: Any, rope: Any) -> None:
+def _reject_none(m: Any, rope: Any) -> None:
     """Do nothing: one rope begins the next section (`_hold_next`)."""
 
 
-# Let lanes give up a step where the next section has come over the sheave.
-_leave_where_sections_meet = by_width(_stay, _leave_at_border)
+# Reject the step in lanes where the next section has come over the sheave.
+_reject_at_section_end = by_width(_reject_none, _reject_at_border)
 
 
 @jit
@@ -239,13 +240,13 @@ def _predict(law: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         if not anywhere(moves) or stage.time <= 0.0:
             _relax(m, law, rope, k, e)
             continue
-        held = choose(moves, 1.0 / (1.0 + stage.q * rate), nan)  # NaN: a lane unlike its neighbours
+        held = choose(moves, 1.0 / (1.0 + stage.q * rate), nan)  # NaN rejects the lane's step
         if kind == TRAPEZOID:
             _begin(law, sections, k, e, held)
             m[HAT, e] = m[START, e] + stage.q * rate * m[OVER, e]
         else:
             m[HAT, e], m[HELD, e] = K1 * m[MIDDLE, e] - K2 * m[START, e], held
-    _leave_where_sections_meet(m, rope)
+    _reject_at_section_end(m, rope)
 
 
 # Predict the internal variables of the elements low <= e < high; other laws have none.
@@ -264,7 +265,7 @@ def _hold(law: Any, rope: Any) -> None:
             m[HAT, e], m[HELD, e] = m[MEAN, e], 1.0
 
 
-# Let a fibre rope answer as at the start of the step, at once; other laws always do.
+# Freeze ε_m at its value at the start of the step; other laws have no ε_m.
 hold_law = by_type(FibreLaw, lambda law, rope: _hold(law, rope), lambda law, rope: None)
 
 
@@ -274,14 +275,14 @@ def _strain(rope: Any, e: int) -> Any:
     work, rest = rope.work, rope.work[REST, e]
     square = STRETCH2_MIN * rest * rest
     for k in range(POSITION, POSITION + 3):
-        apart = work[k, e + 1] - work[k, e]
-        square += apart * apart
+        difference = work[k, e + 1] - work[k, e]
+        square += difference * difference
     return (sqrt(square) + rope.state.offset[e] - rest) / rest
 
 
 @kernel("start", Fibre)
 def start(fibre: Any, rope: Any, upto: int) -> None:
-    """Begin at rest: ε_m is the strain of the static equilibrium, where slack that without load."""
+    """Initialise ε_m to the strain of the static equilibrium, or of zero tension where slack."""
     law, m, sections = sections_law(rope), fibre.memory, rope.sections
     for e in range(rope.state.counts[ELEMENTS]):
         k = int(rope.work[SECTION, e])
@@ -303,21 +304,21 @@ def start(fibre: Any, rope: Any, upto: int) -> None:
 
 @kernel("predict", Fibre, wide=True)
 def predict(fibre: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """Do nothing: an element's tension is evaluated before the nodes are (`predict_law`)."""
+    """Do nothing: the prediction precedes the evaluation of tensions (`predict_law`)."""
 
 
 @kernel("settle", Fibre, wide=True)
 def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
-    """Store ε_m and what follows from it; then hold it, for splits and merges of elements."""
+    """Store the internal variables of a converged stage; then freeze ε_m for splits and merges."""
     law, m, work, sections = sections_law(rope), fibre.memory, rope.work, rope.sections
     n, last = rope.state.counts[ELEMENTS], -1
-    share = 0.0 * sections[RELAXATION, 0]
+    smoothing = 0.0 * sections[RELAXATION, 0]
     if stage.time <= 0.0:
         return
     for e in range(n):
         k = whole(work[SECTION, e])
         rate = sections[RELAXATION, k]
-        if not anywhere(rate > 0.0):  # what a fibre section above would begin with
+        if not anywhere(rate > 0.0):  # initial values for a fibre section above
             strain = _strain(rope, e)
             S, m[STIFF, e] = relaxed_at(law.table, k, _working(m, e), strain)
             m[CARRIED + MEAN, e], m[CARRIED + TENSION_MEAN, e] = strain, max(S, 0.0)
@@ -330,8 +331,8 @@ def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         m[CARRIED + TOP, e] = choose(rises, mean, m[TOP, e])
         m[CARRIED + TENSION_TOP, e] = choose(rises, S, m[TENSION_TOP, e])
         if kind == BDF2 and k != last:
-            share, last = 1.0 - exp(-2.0 * stage.q * rate / GAMMA), k
-        m[CARRIED + SQUARE, e] = m[SQUARE, e] + share * (over * over - m[SQUARE, e])
+            smoothing, last = 1.0 - exp(-2.0 * stage.q * rate / GAMMA), k
+        m[CARRIED + SQUARE, e] = m[SQUARE, e] + smoothing * (over * over - m[SQUARE, e])
         m[HAT, e], m[HELD, e] = mean, 1.0
     _hold_ghosts(m, law, rope, stage, n)
 
@@ -349,24 +350,24 @@ def _settled(law: Any, rope: Any, stage: Any, k: int, e: int) -> Any:
         return mean, over
     # slack: ε_m + (q/(E_d·τ))·S(ε_m) = HAT; S is smooth and rises, below HAT where S(HAT) > 0
     g = stage.q * rope.sections[RELAXATION, k] / stiff
-    found, going = hat, slack
+    root, active = hat, slack
     for _ in range(NEWTON_STEPS):
-        S, slope = relaxed_at(law.table, k, _working(m, e), found)
-        step = (found + g * S - hat) / (1.0 + g * slope)
-        found = choose(going, found - step, found)
-        going = going & (abs(step) > 1e-16 + 1e-15 * abs(found))
-        if not anywhere(going):
+        S, slope = relaxed_at(law.table, k, _working(m, e), root)
+        step = (root + g * S - hat) / (1.0 + g * slope)
+        root = choose(active, root - step, root)
+        active = active & (abs(step) > 1e-16 + 1e-15 * abs(root))
+        if not anywhere(active):
             break
-    S, slope = relaxed_at(law.table, k, _working(m, e), found)
-    return choose(slack, found, mean), choose(slack, -S / stiff, over)
+    S, slope = relaxed_at(law.table, k, _working(m, e), root)
+    return choose(slack, root, mean), choose(slack, -S / stiff, over)
 
 
 @jit
 def _hold_ghosts(m: Any, law: Any, rope: Any, stage: Any, n: int) -> None:
-    """Give the ghost elements of a split or merge, and a new top element, the top one's values.
+    """Copy the top element's values to the ghost elements of a split or merge and to a new element.
 
-    The lower ghost is the merged element while rope is hauled in. The upper one is in the next
-    section, at the same mean tension, where that has come over the sheave.
+    During haul-in the lower ghost is the merged element. If the next section has come over the
+    sheave, the upper ghost belongs to it, at the same mean tension.
     """
     slots, top = rope.state.s.shape[0], n - 1
     for slot in range(slots - TRIALS, slots):
@@ -399,7 +400,7 @@ def _hold_none(m: Any, law: Any, rope: Any, n: int) -> None:
     """Do nothing: lanes give such steps up (`_leave_at_border`)."""
 
 
-# Begin the section that has come over the sheave.
+# Initialise the section that has come over the sheave.
 _hold_next_section = by_width(_hold_next, _hold_none)
 
 

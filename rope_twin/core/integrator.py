@@ -1,10 +1,10 @@
-"""TR-BDF2: the motion of its two stages.
+"""TR-BDF2: prediction and correction of the motion in its two stages.
 
 TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h,
 then BDF2 to t + h, both with the same weight c = γ·h/2, so that x = x_hat + p·a and v = v_hat + q·a
 with q = c, p = c². It is second order, needs no history (so elements may be added and removed), and
-damps frequencies that the mesh cannot resolve. The initial guess of a is the last one known; x_hat
-and v_hat are not stored, since a correction of a changes x by p and v by q times it.
+damps frequencies that the mesh cannot resolve. The initial guess of a is its last value; x_hat and
+v_hat are not stored, since a correction of a changes x by p and v by q times it.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from rope_twin.core.state import ACCELERATION, CORRECTION, POSITION, VELOCITY, F
 GAMMA = 2.0 - sqrt(2.0)
 K1 = 1.0 / (GAMMA * (2.0 - GAMMA))  # weight of the middle in the BDF2 stage
 K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
-# Kinds of evaluation: the stages, predicted, and a correction of either. They are numpy integers:
-# numba compiles again for each Python literal.
+# Kinds of evaluation: prediction of either stage, and a correction. They are numpy integers, since
+# numba compiles a separate specialisation for each Python literal.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # outcomes, from worst to best
 
@@ -31,7 +31,7 @@ NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # outcomes, from wors
 def step_start(time: float, row: int, step: float) -> float:
     """Return the time [s] at which step `row` from a call's time begins, to the nanosecond.
 
-    Otherwise the last bit, and with it the phase of a wave, would depend on how calls are divided.
+    The rounding makes the phase of a wave independent of how the steps are divided into calls.
     """
     return float(floor((time + row * step) * 1e9 + 0.5) * 1e-9)
 

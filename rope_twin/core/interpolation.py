@@ -1,7 +1,7 @@
 """Sampled motion of a hang-off at the boundaries of many steps, in one compiled call.
 
-Compiled without contraction of products and sums: a twin evaluates the same polynomial in Python a
-time at a time, and a member of an ensemble equals its twin to the bit.
+Compiled without contraction of products and sums, so that a member of an ensemble is bit-identical
+to a single twin, which evaluates the same polynomial in Python.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class Times(NamedTuple):
 
 @jit_entry_exact
 def _add_motion(samples: Samples, at: Times, value: Floats, rate: Floats) -> int:
-    """Entry point of the compiled code behind `add_motion`."""
+    """Compiled implementation of `add_motion`."""
     stamps, z, v = samples.stamp, samples.value, samples.rate
     axis = LINE - z.shape[0]
     k = 1
@@ -42,7 +42,7 @@ def _add_motion(samples: Samples, at: Times, value: Floats, rate: Floats) -> int
             k += 1
         span = stamps[k] - stamps[k - 1]
         h, u = span * 1e-9, (at.stamp[j] - stamps[k - 1]) / span
-        share, share_rate = at.factor[j], at.factor_rate[j]
+        fraction, share_rate = at.factor[j], at.factor_rate[j]
         for i in range(z.shape[0]):
             z0, z1 = z[i, k - 1], z[i, k]
             d0, d1 = v[i, k - 1] * h, v[i, k] * h
@@ -50,8 +50,8 @@ def _add_motion(samples: Samples, at: Times, value: Floats, rate: Floats) -> int
             # + 0.0: a track adds the remainder of a gap, which turns -0 into 0
             moved = z0 + u * (d0 + u * (c2 + u * c3)) + 0.0
             speed = (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h + 0.0
-            value[j + 1, axis + i] += share * moved
-            rate[j + 1, axis + i] = share * speed + share_rate * moved
+            value[j + 1, axis + i] += fraction * moved
+            rate[j + 1, axis + i] = fraction * speed + share_rate * moved
     return 0
 
 
@@ -61,8 +61,8 @@ _COMPILED: list[Any] = []
 def add_motion(samples: Samples, at: Times, boundary: Boundary) -> None:
     """Add cubic Hermite polynomials through the samples to the boundaries after each step.
 
-    at: rising times after the first sample and up to the last; boundary: (steps + 1, MOTIONS) each,
-    whose row 0 is left as it is. All arrays are contiguous.
+    at: ascending times after the first sample and up to the last; boundary: (steps + 1, MOTIONS)
+    each, whose row 0 is unchanged. All arrays are contiguous.
     """
     first, last = np.searchsorted(samples.stamp, at.stamp[[0, -1]], side="left")
     some = slice(max(int(first) - 1, 0), int(last) + 1)

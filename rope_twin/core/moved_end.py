@@ -1,17 +1,16 @@
-"""Lower end of a single rope whose motion is prescribed, instead of fixed.
+"""Prescribed motion of the lower end of a single rope.
 
 The solver holds node 0 (`first_free` 1); before each stage these kernels set its position, velocity
 and acceleration, at the stage's time. Two kinds:
 
 - `HarmonicEnd`: x = x_0 + r(t)·Σ A·sin(ω·t + φ) along each axis, with the build-up r of
   `twin.motion.heave_track.ramp`;
-- `LedEnd`: a twin writes position and velocity at the boundaries of the steps to come, from samples
-  that another simulator sends. Until one comes the end stays where it is.
+- `LedEnd`: position and velocity at the coming step boundaries are written from outside, from
+  samples of another simulator. The end is at rest until the first sample.
 
 Between step boundaries both are cubic Hermite polynomials, as the motion of the hang-off is
-(core/payout.prescribed).
-
-The part of a cut rope that hangs from the ship has a free end, and both do nothing there.
+(core/payout.prescribed). Both are inactive on the suspended part of a cut rope, which has a free
+end.
 """
 
 from __future__ import annotations
@@ -48,32 +47,32 @@ class LedEnd(NamedTuple):
     clock: Floats  # time of the first boundary, and between boundaries [s], (2,)
 
 
-def led_end(place: Sequence[float], boundaries: int) -> LedEnd:
-    """Return the data of an end at rest, with room for so many step boundaries."""
-    value = np.tile(np.array(place, dtype=float), (boundaries, 1))
+def led_end(position: Sequence[float], boundaries: int) -> LedEnd:
+    """Return the data of an end at rest, with capacity for this number of step boundaries."""
+    value = np.tile(np.array(position, dtype=float), (boundaries, 1))
     return LedEnd(value, np.zeros_like(value), np.array([0.0, 1.0]))
 
 
 def led_of(effects: Sequence[Any]) -> LedEnd | None:
-    """Return the end among a rope's effects that is led from outside, if there is one."""
-    return next((one for one in effects if isinstance(one, LedEnd)), None)
+    """Return the LedEnd among a rope's effects, or None."""
+    return next((effect for effect in effects if isinstance(effect, LedEnd)), None)
 
 
 def has_moved_end(effects: Sequence[Any]) -> bool:
     """Return whether a rope's lower end is moved."""
-    return any(isinstance(one, HarmonicEnd | LedEnd) for one in effects)
+    return any(isinstance(effect, HarmonicEnd | LedEnd) for effect in effects)
 
 
 def without_motion(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the effects of a rope whose lower end stays where it is."""
-    return tuple(one for one in effects if not isinstance(one, HarmonicEnd | LedEnd))
+    return tuple(effect for effect in effects if not isinstance(effect, HarmonicEnd | LedEnd))
 
 
 @jit_within
 def _span(time: float, begin: float, h: float) -> Any:
-    """Return the number of the step of h, from `begin`, that a time is in, and its part of it.
+    """Return the number of the step of h [s] since `begin` that contains a time, and its fraction.
 
-    The part is that from the step's own start: its last bit does not depend on how far `begin` is.
+    The fraction is computed from the step's own start: its rounding does not depend on `begin`.
     """
     row = max(ceil((time - begin) / h - SAME_TIME) - 1, 0)
     return row, min(max((time - step_start(begin, row, h)) / h, 0.0), 1.0)
@@ -85,43 +84,43 @@ def _set(work: Any, k: int, motion: Any) -> None:
 
 
 @jit_within
-def _harmonics(own: Any, k: int, time: float) -> Any:
+def _harmonics(end: Any, k: int, time: float) -> Any:
     """Return displacement [m] along axis k and its rate [m/s] at a time."""
-    u, T = min(max(time / own.ramp, 0.0), 1.0), own.ramp
-    share = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
+    u, T = min(max(time / end.ramp, 0.0), 1.0), end.ramp
+    ramp = u * u * u * (10.0 - 15.0 * u + 6.0 * u * u)
     slope = 30.0 * u * u * (1.0 - u) * (1.0 - u) / T
-    moved, rate = 0.0, 0.0
-    for j in range(own.waves.shape[0]):
-        A, omega = own.waves[j, k], own.waves[j, OMEGA]
-        angle = omega * time + own.waves[j, PHASE]
-        moved += A * share * sin(angle)
-        rate += A * (slope * sin(angle) + share * omega * cos(angle))
-    return moved, rate
+    displacement, rate = 0.0, 0.0
+    for j in range(end.waves.shape[0]):
+        A, omega = end.waves[j, k], end.waves[j, OMEGA]
+        angle = omega * time + end.waves[j, PHASE]
+        displacement += A * ramp * sin(angle)
+        rate += A * (slope * sin(angle) + ramp * omega * cos(angle))
+    return displacement, rate
 
 
 @kernel("prepare", HarmonicEnd)
-def move_by_harmonics(own: Any, rope: Any, stage: Any, kind: int) -> None:
+def move_by_harmonics(end: Any, rope: Any, stage: Any, kind: int) -> None:
     """Set the end to the harmonics around the stage's time."""
     if rope.model.first_free == 0:
         return
     h = rope.model.step
-    row, part = _span(stage.time, 0.0, h)
+    row, fraction = _span(stage.time, 0.0, h)
     for k in range(3):
-        x, u = _harmonics(own, k, row * h)
-        y, v = _harmonics(own, k, (row + 1) * h)
-        mean = own.mean[k]
-        _set(rope.work, k, hermite(mean + x, mean + y, u * h, v * h, part, h))
+        x, u = _harmonics(end, k, row * h)
+        y, v = _harmonics(end, k, (row + 1) * h)
+        mean = end.mean[k]
+        _set(rope.work, k, hermite(mean + x, mean + y, u * h, v * h, fraction, h))
 
 
 @kernel("prepare", LedEnd)
-def move_as_led(own: Any, rope: Any, stage: Any, kind: int) -> None:
+def move_as_led(end: Any, rope: Any, stage: Any, kind: int) -> None:
     """Set the end to the motion between the boundaries around the stage's time."""
     if rope.model.first_free == 0:
         return
-    h = own.clock[1]
-    row, part = _span(stage.time, own.clock[0], h)
-    border = Boundary(own.value, own.rate)
-    if row > own.value.shape[0] - 2:
-        row, part = own.value.shape[0] - 2, 1.0
+    h = end.clock[1]
+    row, fraction = _span(stage.time, end.clock[0], h)
+    border = Boundary(end.value, end.rate)
+    if row > end.value.shape[0] - 2:
+        row, fraction = end.value.shape[0] - 2, 1.0
     for k in range(3):
-        _set(rope.work, k, prescribed(border, row, k, part, h))
+        _set(rope.work, k, prescribed(border, row, k, fraction, h))

@@ -1,16 +1,16 @@
-"""One implicit stage, x = x_hat + p·a and v = v_hat + q·a, solved for a by semismooth Newton.
+"""Semismooth Newton method for one implicit stage, x = x_hat + p·a and v = v_hat + q·a.
 
-The unknowns are the accelerations of all nodes and connections of a system, be it one rope
-(core/joined/stage). The tension-only energy is convex in a, so there is one minimum. A stage is
-accepted when every tension agrees with its linearisation and, where an effect has an active set,
-every node and connection is balanced; from the fourth correction on a secant line search keeps
-Newton's method from overshooting between slack and taut (full steps suffice before).
+The unknowns a are the accelerations of all nodes and connections of a system or a single rope
+(core/joined/stage). The tension-only strain energy is convex in a, so the minimum is unique. A
+stage has converged when every tension agrees with its linearisation and, where an effect has an
+active set, every node and connection is in balance. From the fourth correction on, a secant line
+search prevents oscillation between slack and taut.
 
 **Factor reuse** (simplified Newton). Both stages of a step have the same weights p and q, and the
-rope changes little between them. Where the first needed one correction, the second tries the
-first's factors: that costs a third of an elimination. Its loads and blocks are still its own, and
-the residual after the correction is evaluated with them: the change of both element forces exactly,
-that of the loads by the block.
+rope changes little between them. If the first stage needed one correction, the second tries the
+factors of the first, at a third of the cost of an elimination. The second stage evaluates its own
+loads and blocks, and the residual after the correction is computed from them: the change of the
+element forces exactly, that of the loads by the node block.
 """
 
 from __future__ import annotations
@@ -82,23 +82,24 @@ from rope_twin.core.tridiagonal import eliminate, push
 
 SEARCH_FROM = 4  # the first correction with a line search
 SEARCH_EVALUATIONS = 8
-# Residual tolerance at a node over that of a tension: residuals of many nodes may add up.
+# Residual tolerance at a node over the tension tolerance: residuals of many nodes may add up.
 RESIDUAL_SHARE = 1e-3
 MAX_CORRECTIONS = 12  # corrections before the step is divided into substeps
-# A row of slack elements becomes taut one by one, one correction each: at the shortest substep more
-# corrections are allowed (the energy is convex, so they converge).
+# Slack elements in a row become taut one per correction, so the shortest substep allows more
+# corrections; they converge, since the energy is convex.
 MAX_CORRECTIONS_LAST = 200
-CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cache
+CHUNK = 64  # nodes per chunk of all passes: their rows fit into the L1 cache
 
 
 @jit
 def _push_links(work: Floats, first: int, n: int) -> None:
-    """Solve with the previous factors; subtract the effect of the couplings from the residual."""
+    """Solve with the existing factors; subtract the effect of the couplings from the residual."""
     push_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
 
-# Solve the chain of a rope, in which an effect may couple nodes; and with the existing factors.
+# Solve the block-tridiagonal equations of a rope, or block-pentadiagonal ones where an effect
+# couples second neighbours; `_push` does so with the existing factors.
 _eliminate = hooks.chosen_by(
     hooks.couples,
     lambda effects, work, first, n: eliminate_coupled(end_to_end(work), first, n),
@@ -126,45 +127,53 @@ def _solve(system: Any) -> Any:
         system.effects, system.work, system.model.first_free, system.state.counts[ELEMENTS]
     )
 )
-def _solve_again(system: Any) -> Any:
+def _solve_with_factors(system: Any) -> Any:
     """Solve with the existing factors."""
     push_system(system)
 
 
 @jit
-def solve_stage(system: Any, stage: Stage, kind: int, cap: int, pending: float, again: bool) -> int:
-    """Solve for the accelerations; tensions and motion are then the stage's.
+def solve_stage(
+    system: Any, stage: Stage, kind: int, max_corrections: int, pending: float, reuse: bool
+) -> int:
+    """Solve a stage for the accelerations, leaving its motion and tensions in the work arrays.
 
-    kind: TRAPEZOID or BDF2; cap: maximum number of corrections; pending: fraction of CORRECTION
-    still to be added to the previous motion; again: begin with the existing factors. Returns
-    PENDING if the last correction is still to be added to the motion of the nodes, CONVERGED,
-    UNCONVERGED, or NOT_FINITE if a force is not. Corrections are counted by the first rope.
+    kind: TRAPEZOID or BDF2; pending: fraction of CORRECTION still to be added to the previous
+    motion; reuse: try the existing factors first. Returns PENDING if the last correction is still
+    to be added to the motion of the nodes, CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    Corrections are counted in the health of the first rope.
     """
     health = health_of(system)[0]
     _evaluate(system, stage, kind, pending, 0.0)
-    if again and _is_solved_again(system, stage):
+    if reuse and _is_solved_by_reuse(system, stage):
         return PENDING
-    for correction in range(1, cap + 1):
+    for correction in range(1, max_corrections + 1):
         _solve(system)
         health[SOLVES] += 1
         health[SOLVES_MAX] = max(health[SOLVES_MAX], correction)
         unexpected = _look_ahead(system, stage)
-        if unexpected == 0 and _is_calm(system, stage, 1.0):
+        if unexpected == 0 and _keeps_active_sets(system, stage, 1.0):
             return PENDING
         before = _slope(system)
         if not isfinite(before):
             return NOT_FINITE
         _evaluate(system, stage, SEARCH, 1.0, 0.0)
-        if unexpected == 0 and _switches(rope_at(system, ZERO).effects) and _is_balanced(system):
+        if (
+            unexpected == 0
+            and _has_active_sets(rope_at(system, ZERO).effects)
+            and _is_balanced(system)
+        ):
             return CONVERGED
         if correction >= SEARCH_FROM:
-            _search(system, stage, before)
+            _line_search(system, stage, before)
     return UNCONVERGED
 
 
 @jit
-def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float, r: int) -> None:
-    """Evaluate rope r, in chunks of nodes; those at connections are in place."""
+def _evaluate_rope(
+    system: Any, rope: Any, stage: Stage, kind: int, fraction: float, r: int
+) -> None:
+    """Evaluate rope r in chunks of nodes; the motion of its end nodes is already set."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, upto = state.counts[ELEMENTS], count_loaded(system, r)
     law = law_of(rope)
@@ -175,9 +184,9 @@ def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float
         if kind == TRAPEZOID:
             predict_trapezoid(state.nodes, work, p, q, low, high)
         elif kind == BDF2:
-            predict_bdf2(state.nodes, work, p, q, share, low, high)
+            predict_bdf2(state.nodes, work, p, q, fraction, low, high)
         else:
-            correct(work, p, q, share, low, high)
+            correct(work, p, q, fraction, low, high)
         done, last = max(start - 1, 0), n if high == n else high - 1
         if high == n:
             pass_sheave(system, rope, r, 0.0, 0.0)
@@ -197,24 +206,26 @@ def _evaluate_rope(system: Any, rope: Any, stage: Stage, kind: int, share: float
 
 
 @jit
-def _evaluate(system: Any, stage: Stage, kind: int, share: float, at_joints: float) -> None:
+def _evaluate(
+    system: Any, stage: Stage, kind: int, fraction: float, fraction_at_joints: float
+) -> None:
     """Evaluate motion, tension, residual and blocks of the system.
 
-    Motion is predicted after a += share·delta, or (SEARCH) only that is applied; at_joints: the
-    share of the connections, which are corrected ahead of the nodes.
+    The stage is predicted after a += fraction·delta; for SEARCH only that correction is applied.
+    fraction_at_joints: that of the connections, which are corrected before the nodes.
     """
-    move_connections(system, stage, kind, at_joints)
+    move_connections(system, stage, kind, fraction_at_joints)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
-        _evaluate_rope(system, rope, stage_of(system, stage, r), kind, share, r)
+        _evaluate_rope(system, rope, stage_of(system, stage, r), kind, fraction, r)
     gather_connections(system, stage)
 
 
 @jit
 def _look_ahead(system: Any, stage: Stage) -> int:
-    """Correct the connections; set direction and tension as if the ropes were corrected too.
+    """Correct the connections; set directions and tensions of the corrected ropes.
 
-    Returns the number of deviating tensions.
+    Returns the number of tensions that deviate from their linearisation.
     """
     unexpected = correct_connections(system, stage, 1.0)
     for r in range(count_ropes(system)):
@@ -223,58 +234,58 @@ def _look_ahead(system: Any, stage: Stage) -> int:
     return int(unexpected)
 
 
-# Whether effects have active sets, so that tensions alone do not show convergence.
-_switches = hooks.chosen_by(hooks.switches, lambda effects: True, lambda effects: False)
+# Whether an effect has an active set, so that the tension criterion is not sufficient.
+_has_active_sets = hooks.chosen_by(hooks.switches, lambda effects: True, lambda effects: False)
 
 
 @jit
-def _is_calm(system: Any, stage: Stage, share: float) -> bool:
-    """Return whether no active set differs between the present motion and that with share·delta."""
-    calm = True
+def _keeps_active_sets(system: Any, stage: Stage, fraction: float) -> bool:
+    """Return whether fraction·delta leaves all active sets unchanged."""
+    unchanged = True
     for r in range(count_ropes(system)):
         rope, n = rope_at(system, r), count_loaded(system, r)
-        calm = calm and is_calm(rope.effects, rope.work, stage, n, share)
-    return calm
+        unchanged = unchanged and is_calm(rope.effects, rope.work, stage, n, fraction)
+    return unchanged
 
 
 @jit
 def _is_balanced(system: Any) -> bool:
     """Return whether all residuals of nodes and connections are below the tolerance, none NaN."""
-    left = count_unbalanced(system)
+    unbalanced = count_unbalanced(system)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-        most = rope.model.tolerance * rope.model.tolerance
+        limit2 = rope.model.tolerance * rope.model.tolerance
         for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-            left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
-    return bool(left == 0)
+            unbalanced += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= limit2
+    return bool(unbalanced == 0)
 
 
 @jit
 def _is_solved_by_factors(system: Any, stage: Stage) -> bool:
-    """Return whether one correction with the last elimination's factors solves the stage.
+    """Return whether one correction with the existing factors solves the stage.
 
-    If not, motion, tension and blocks are those of the prediction.
+    If not, motion, tensions and blocks are those of the prediction.
     """
-    if not _is_calm(system, stage, 0.0):
+    if not _keeps_active_sets(system, stage, 0.0):
         return False
-    _solve_again(system)
+    _solve_with_factors(system)
     health_of(system)[0][SOLVES] += 1
-    if _count_all_left(system, stage) == 0 and _is_calm(system, stage, 1.0):
+    if _count_residuals(system, stage) == 0 and _keeps_active_sets(system, stage, 1.0):
         return True
     _evaluate(system, stage, SEARCH, 0.0, -1.0)
     return False
 
 
-def _try_joined(sheaves: Any, effects: Any, system: Any, stage: Any) -> bool:
-    """Return whether factors solve the stage; they are not tried with sheaves or bent ropes."""
+def _reuse_joined(sheaves: Any, effects: Any, system: Any, stage: Any) -> bool:
+    """Return whether reused factors solve the stage; not tried with sheaves or coupled nodes."""
     if sheaves is None and not hooks.couples(map(type, effects)):
         return bool(_is_solved_by_factors(system, stage))
     return False
 
 
-@overload(_try_joined, jit_options=LINKED, strict=False)
-def _choose_trial(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
+@overload(_reuse_joined, jit_options=LINKED, strict=False)
+def _choose_reuse(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
     kinds = [effect.instance_class for effect in effects]
     if isinstance(sheaves, types.NoneType) and not hooks.couples(kinds):
         return lambda sheaves, effects, system, stage: _is_solved_by_factors(system, stage)
@@ -282,49 +293,49 @@ def _choose_trial(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
 
 
 @by_kind(lambda system, stage: _is_solved_by_factors(system, stage))
-def _is_solved_again(system: Any, stage: Any) -> Any:
-    """Return whether one correction with the last factors solves the stage, where it is tried."""
-    return _try_joined(system.sheaves, effects_at(system.stack.effects, ZERO), system, stage)
+def _is_solved_by_reuse(system: Any, stage: Any) -> Any:
+    """Return whether one correction with the existing factors solves the stage, if applicable."""
+    return _reuse_joined(system.sheaves, effects_at(system.stack.effects, ZERO), system, stage)
 
 
 @jit
-def _count_all_left(system: Any, stage: Stage) -> int:
+def _count_residuals(system: Any, stage: Stage) -> int:
     """Return nonzero if a node or connection has a residual after the correction.
 
-    Connections are then corrected; direction and tension are set as if nodes were too.
+    Connections are corrected; directions and tensions are those of corrected nodes.
     """
     begin_trial(system, stage, 1.0)
-    left = 0
+    count = 0
     for r in range(count_ropes(system)):
-        left |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
-    return int(left | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
+        count |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
+    return int(count | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
 
 
 @jit
 def count_left(rope: Rope, stage: Stage, chunk: int) -> int:
     """Return nonzero (for SIMD batches: lane bits) if a node has a residual after the correction.
 
-    Direction and tension are set as if motion were corrected. Nodes follow one behind the elements.
-    Column e - start + 2 of CHANGE belongs to element e; below the lowest there is none.
+    Directions and tensions are set to those of the corrected motion. The nodes lag the elements by
+    one. Column e - start + 2 of CHANGE belongs to element e; it is zero below the lowest element.
     """
     work, n, first = rope.work, rope.state.counts[ELEMENTS], rope.model.first_free
-    none, left = 0.0 * work[REST, 0], 0
+    zero, count = 0.0 * work[REST, 0], 0
     for k in range(CHANGE, CHANGE + 3):
-        work[k, 1] = none
+        work[k, 1] = zero
     for start in range(0, n, chunk):
         end = min(start + chunk, n)
         done, last = max(start - 1, 0), n if end == n else end - 1
         find_change(rope, stage, done, last, done - start + 2)
-        left |= _count(rope, max(start - 1, first), last, start)
+        count |= _count(rope, max(start - 1, first), last, start)
         for k in range(CHANGE, CHANGE + 3):
             work[k, 0] = work[k, last - start + 1]
-    return left
+    return count
 
 
 @jit
 def _count(rope: Rope, low: int, high: int, start: int) -> int:
     """Return nonzero if one of the nodes low <= i < high has a residual."""
-    work, least = rope.work, RESIDUAL_SHARE * rope.model.tolerance
+    work, tolerance = rope.work, RESIDUAL_SHARE * rope.model.tolerance
     fx, fy, fz = rows(work, CHANGE, low - start + 2)
     gx, gy, gz = rows(work, CHANGE, low - start + 1)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
@@ -335,33 +346,33 @@ def _count(rope: Rope, low: int, high: int, start: int) -> int:
         x = Rx[i] + (fx[i] - gx[i]) - (Axx[i] * dx[i] + Axy[i] * dy[i] + Axz[i] * dz[i])
         y = Ry[i] + (fy[i] - gy[i]) - (Axy[i] * dx[i] + Ayy[i] * dy[i] + Ayz[i] * dz[i])
         z = Rz[i] + (fz[i] - gz[i]) - (Axz[i] * dx[i] + Ayz[i] * dy[i] + Azz[i] * dz[i])
-        count = count_beyond(count, abs(x) + abs(y) + abs(z), 0.0, least)
+        count = count_beyond(count, abs(x) + abs(y) + abs(z), 0.0, tolerance)
     return count
 
 
 @jit
-def _search(system: Any, stage: Stage, before: float) -> None:
-    """Move along the correction until |R·delta| is at most half of `before`, its start value.
+def _line_search(system: Any, stage: Stage, before: float) -> None:
+    """Line search along the correction until |R·delta| is at most half its start value `before`.
 
-    Secant steps in a bracket that starts as (0, 1).
+    Secant steps with a bracket that starts as (0, 1).
     """
     low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
-    factor, here = 1.0, _slope(system)
+    factor, slope_here = 1.0, _slope(system)
     for evaluation in range(SEARCH_EVALUATIONS):
-        if here < -0.5 * before:
-            high, slope_high = factor, here
-        elif evaluation > 0 and here > 0.5 * before:
-            low, slope_low = factor, here
+        if slope_here < -0.5 * before:
+            high, slope_high = factor, slope_here
+        elif evaluation > 0 and slope_here > 0.5 * before:
+            low, slope_low = factor, slope_here
         else:
             return
         target = _secant(low, slope_low, high, slope_high)
         _evaluate(system, stage, SEARCH, target - factor, target - factor)
-        factor, here = target, _slope(system)
+        factor, slope_here = target, _slope(system)
 
 
 @jit
 def _secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
-    """Return the zero of the secant through the bracket's ends, inside 5 to 95 % of it."""
+    """Return the zero of the secant through the bracket's ends, clamped to 5 to 95 % of it."""
     span = high - low
     cross = low + span * slope_low / (slope_low - slope_high)
     return min(max(cross, low + 0.05 * span), high - 0.05 * span)

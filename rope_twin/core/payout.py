@@ -1,22 +1,22 @@
-"""Payout and hauling: prescribed motion, tension, and elements that split and merge at the sheave.
+"""Payout and haul-in: prescribed motion, hang-off tension, splitting and merging of elements.
 
-**Motion.** Hang-off and paid-out length are cubic Hermite polynomials over a step; values and rates
-are given at the step boundaries (a Boundary: rows are boundaries, columns x, y, z and paid-out
-length), so that every stage and substep sees the prescribed motion at its own time.
+**Motion.** Hang-off and paid-out length are cubic Hermite polynomials over a step, from values and
+rates at the step boundaries (a Boundary: rows are boundaries, columns x, y, z and paid-out length),
+so that every stage and substep has the prescribed motion at its own time.
 
-**Ghost nodes** at the end of the arrays are probes on the rope where the force per metre is
-evaluated, after every step, in one pass. LOW is the node below the top element, HIGH the rope that
-passes the hang-off, MIDDLE the node that a split would create between them. AFTER is the rope at
-the hang-off as the next event would leave it: of the section above a new node, or, without a split,
-with the node below removed. HIGH gives the tension at the hang-off, and the others let a split or a
-merge balance its forces without evaluating an effect again.
+**Ghost nodes** at the end of the arrays are points of the rope where the force per metre is
+evaluated after every step, in one pass. LOW is the node below the top element, HIGH the rope that
+passes the hang-off, MIDDLE the node that a split would insert between them. AFTER is the rope at
+the hang-off after the next event: of the section above a new node, or, without a split, with the
+node below removed. HIGH gives the hang-off tension; with the others a split or merge balances its
+forces without another evaluation of the effects.
 
-**Split and merge** of the top element happen without a transient. A new node gets the *material*
-velocity and acceleration of the rope at its position, is placed in local dynamic equilibrium, and
-each half gets a length correction that makes its tension what the balance of its ends demands; so
-neither the tension at the hang-off nor any acceleration changes at the event, and the corrections
-then decay (Model.absorb). Material coordinates are kept: an event changes only the end of the
-arrays. A boundary between sections becomes a node as soon as it has left the sheave.
+**Split and merge** of the top element cause no transient. A new node gets the *material* velocity
+and acceleration of the rope at its position and is placed in local dynamic equilibrium. Each half
+gets a length correction, so that its tension satisfies the balance of its ends: neither the
+hang-off tension nor any acceleration changes at the event, and the corrections then decay
+(Model.absorb). Material coordinates are preserved: an event changes only the end of the arrays. A
+boundary between sections becomes a node as soon as it has left the sheave.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ from rope_twin.core.state import (
 )
 
 TRIALS = 4
-FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
+FORCED_SPLIT = 4.0  # times split_above: a longer element splits even when slack
 SAG_LIMIT = 0.05  # of the chord: a new node farther off it is placed on the chord
 MAX_ITERATIONS = 10
 # Convergence of a new node's position: relative to the element that it splits, and [m]
@@ -95,9 +95,9 @@ def prescribed(boundary: Boundary, row: int, column: int, part: float, h: float)
 
 @jit
 def hermite(y0: float, y1: float, d0: float, d1: float, u: float, h: float) -> Any:
-    """Return value, rate and second derivative at the fraction u of a span of h between two values.
+    """Return value and two derivatives of a cubic Hermite polynomial at the fraction u of a span h.
 
-    d0, d1: their rates times h.
+    y0, y1: values at both ends; d0, d1: rates there times h.
     """
     c2 = 3.0 * (y1 - y0) - 2.0 * d0 - d1
     c3 = 2.0 * (y0 - y1) + d0 + d1
@@ -152,9 +152,9 @@ def _fade_offsets(model: Model, state: State, n: int) -> None:
 def report_tension(rope: Rope, pull: Any, row: int) -> None:
     """Write the rope's tension on the hang-off at the end of step `row`, from the ghost node there.
 
-    It is the force balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
-    the material velocity and acceleration of the rope that passes it. The element's tension alone
-    would be a saw-tooth of m·g·l/2 during payout.
+    The force balance of the half element at the hang-off is -T·t + (l/2)·(loads - m·a), with the
+    material velocity and acceleration of the rope that passes it. The tension of the top element
+    itself has a saw-tooth of m·g·l/2 during payout.
     """
     state, work = rope.state, rope.work
     n, slot = state.counts[ELEMENTS], state.s.shape[0] + HIGH
@@ -167,7 +167,7 @@ def report_tension(rope: Rope, pull: Any, row: int) -> None:
 
 @jit
 def report_at_connection(rope: Any, pull: Any, row: int, stage: Any) -> None:
-    """Write the rope's tension on its upper connection: the balance of the half element there."""
+    """Write the rope's tension on its upper connection, from the balance of its half element."""
     work, n = rope.work, rope.state.counts[ELEMENTS]
     end_rope(work, n)
     load_nodes(rope.effects, work, stage, n, n + 1)
@@ -177,18 +177,18 @@ def report_at_connection(rope: Any, pull: Any, row: int, stage: Any) -> None:
 
 @jit
 def change_elements(rope: Rope, stage: Stage, L: float, lower: float) -> None:
-    """Perform at most one split or merge after a step; tensions then belong to the new elements.
+    """Perform at most one split or merge after a step, and update element tensions.
 
-    stage: time and payout speed at the step's end; lower: of `split_length`. The ghost nodes must
-    have been loaded for this state.
+    stage: time and payout speed at the step's end; lower: result of `split_length`. The ghost nodes
+    must have been loaded for this state.
     """
     model, state, work = rope.model, rope.state, rope.work
     n = state.counts[ELEMENTS]
     rest = work[REST, n - 1]
     taut = work[TENSION, n - 1] > 0.0 and work[TENSION, n - 2] > 0.0
-    room = n + 1 < state.s.shape[0] - TRIALS
+    has_space = n + 1 < state.s.shape[0] - TRIALS
     if lower > 0.0:
-        if room and (taut or rest > FORCED_SPLIT * model.split_above):
+        if has_space and (taut or rest > FORCED_SPLIT * model.split_above):
             _split(rope, stage, lower)
     elif n > 2 and rest < _merge_length(rope, stage.V):
         _merge(rope, stage)
@@ -202,14 +202,14 @@ def change_elements(rope: Rope, stage: Stage, L: float, lower: float) -> None:
 
 @jit
 def split_length(rope: Rope, V: float) -> Any:
-    """Return the unstretched length of the lower part of a top element to be split; 0 if it is not.
+    """Return the unstretched length of the lower part of a top element to be split, 0 for no split.
 
-    A section's end that is paid out by twice the minimum length determines the new node's position.
+    If a section's end is paid out by twice the minimum length, the new node is placed there.
     """
     n = rope.state.counts[ELEMENTS]
     s, rest = rope.state.s[n - 1], rope.work[REST, n - 1]
     end = rope.sections[END, section_above(rope.sections, s)]
-    if s + rest - end > 2.0 * _least_length(rope, V):
+    if s + rest - end > 2.0 * _minimum_length(rope, V):
         return end - s
     return rope.model.element_length if rest > rope.model.split_above else 0.0
 
@@ -218,19 +218,19 @@ def split_length(rope: Rope, V: float) -> Any:
 def _merge_length(rope: Rope, V: float) -> Any:
     """Return the unstretched length below which the top element merges.
 
-    A section's end is kept as long as possible. Next to an element shorter than standard the limit
-    is reduced in proportion.
+    A node at a section's end is retained down to the minimum length. Next to an element shorter
+    than standard the limit is reduced in proportion.
     """
-    top, least = rope.state.counts[ELEMENTS] - 1, _least_length(rope, V)
+    top, minimum = rope.state.counts[ELEMENTS] - 1, _minimum_length(rope, V)
     s, below = rope.state.s[top], rope.work[REST, top - 1] / rope.model.element_length
     for k in range(rope.sections.shape[1]):
         if abs(rope.sections[END, k] - s) <= SAME_PLACE:
-            return least
-    return max(rope.model.merge_below * min(below, 1.0), least)
+            return minimum
+    return max(rope.model.merge_below * min(below, 1.0), minimum)
 
 
 @jit
-def _least_length(rope: Rope, V: float) -> Any:
+def _minimum_length(rope: Rope, V: float) -> Any:
     return max(SMALLEST_STEPS * abs(V) * rope.model.step, SMALLEST_REST)
 
 
@@ -241,15 +241,15 @@ def _split(rope: Rope, stage: Stage, lower: float) -> None:
     e = state.counts[ELEMENTS] - 1
     rest = work[REST, e]
     xi = lower / rest
-    shares = xi * state.offset[e], (1.0 - xi) * state.offset[e]
+    offsets = xi * state.offset[e], (1.0 - xi) * state.offset[e]
     if work[TENSION, e] > 0.0:
-        shares = _balance_parts(rope, stage.V, lower, shares)
-    _insert(rope, e, lower, shares)
+        offsets = _balance_parts(rope, stage.V, lower, offsets)
+    _insert(rope, e, lower, offsets)
 
 
 @jit
 def _merge(rope: Rope, stage: Stage) -> None:
-    """Remove the node below the hang-off; nothing else moves."""
+    """Remove the node below the hang-off, with a length correction that preserves the tension."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
@@ -279,17 +279,16 @@ def _merge(rope: Rope, stage: Stage) -> None:
 
 
 @jit
-def _balance_parts(rope: Rope, V: float, lower: float, shares: Any) -> Any:
+def _balance_parts(rope: Rope, V: float, lower: float, offsets: Any) -> Any:
     """Place the new node in equilibrium; return the length corrections of both parts.
 
-    They preserve the acceleration below and the tension at the hang-off; a section that begins at
-    the new node has its own weight for the rope above it. shares: fractions of the existing
-    correction.
+    They preserve the acceleration below and the tension at the hang-off, also where a new section
+    begins at the node. offsets: the existing correction, divided between both parts.
     """
     state, work, sections = rope.state, rope.work, rope.sections
     e, slots = state.counts[ELEMENTS] - 1, state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
-    (share_low, share_up), rest, T = shares, work[REST, e], work[TENSION, e]
+    (offset_low, offset_up), rest, T = offsets, work[REST, e], work[TENSION, e]
     upper = rest - lower
     T_low = T + 0.5 * upper * along(work, low, e)
     T_up = T - 0.5 * (rest * along(work, high, e) - upper * along(work, after, e))
@@ -297,7 +296,7 @@ def _balance_parts(rope: Rope, V: float, lower: float, shares: Any) -> Any:
     above = section_above(sections, state.s[e] + lower)
     set_element(work, sections, below, low, lower)
     set_element(work, sections, above, middle, upper)
-    state.offset[low], state.offset[middle] = share_low, share_up
+    state.offset[low], state.offset[middle] = offset_low, offset_up
     for k in range(3):  # the top element uses the geometric velocity of the hang-off
         work[VELOCITY + k, high] = state.nodes[VELOCITY + k, e + 1]
     work[GROWTH, middle] = V / upper
@@ -306,11 +305,11 @@ def _balance_parts(rope: Rope, V: float, lower: float, shares: Any) -> Any:
         _keep_strain_rate(rope, V, rest, upper)
     stretch(law_of(rope), work, state.offset, 1.0, 0.0, low, high)
     if work[TENSION, low] > 0.0 and T_low > 0.0:
-        share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
+        offset_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
     if work[TENSION, middle] > 0.0 and T_up > 0.0:
-        share_up += (T_up - work[TENSION, middle]) / work[STIFFNESS, middle]
+        offset_up += (T_up - work[TENSION, middle]) / work[STIFFNESS, middle]
     state.offset[low], state.offset[middle] = 0.0, 0.0
-    return share_low, share_up
+    return offset_low, offset_up
 
 
 @jit
@@ -318,10 +317,10 @@ def _place_middle(rope: Rope, rest: float, middle: int) -> None:
     """Move the new node from the chord into equilibrium, if that is found near the chord."""
     work = rope.work
     cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
-    found = _find_equilibrium(rope, middle)
+    converged = _find_equilibrium(rope, middle)
     x, y, z = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
     ox, oy, oz = x - cx, y - cy, z - cz
-    if not found or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
+    if not converged or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
         work[POSITION, middle], work[POSITION + 1, middle] = cx, cy
         work[POSITION + 2, middle] = cz
 
@@ -413,21 +412,23 @@ def _set_material(rope: Rope, below: int, rest: float, V: float, A: float, slot:
 
 @jit
 def load_trials(rope: Rope, stage: Stage, A: float, lower: float) -> None:
-    """Evaluate force less inertia per metre at the ghost nodes, into their RESIDUAL.
+    """Store the force less inertia per metre at the ghost nodes in their RESIDUAL.
 
-    For the state after a step: `work` holds its elements, stage its time and payout speed V, A is
-    the rate of V, `lower` the unstretched length below MIDDLE.
+    For the state after a step: `work` holds its elements, stage its time and payout speed V; A is
+    dV/dt, `lower` the unstretched length below MIDDLE.
     """
     s, sections = rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
-    here = section_above(sections, s[n - 1])
-    other = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
-    load_trials_of(rope, stage, A, lower, here, other)
+    section = section_above(sections, s[n - 1])
+    section_after = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
+    load_trials_of(rope, stage, A, lower, section, section_after)
 
 
 @jit
-def load_trials_of(rope: Rope, stage: Stage, A: float, lower: float, here: int, other: int) -> None:
-    """Evaluate the ghost nodes; here, other: sections at the hang-off and of AFTER."""
+def load_trials_of(
+    rope: Rope, stage: Stage, A: float, lower: float, section: int, section_after: int
+) -> None:
+    """Evaluate the ghost nodes; section, section_after: sections at the hang-off and of AFTER."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
@@ -444,12 +445,12 @@ def load_trials_of(rope: Rope, stage: Stage, A: float, lower: float, here: int, 
     for k in range(TANGENT, TANGENT + 3):
         work[k, low] = work[k, middle] = work[k, high]
     for row in range(MASS, LENGTH + 1):
-        own, others = (
-            sections[row - MASS + PER_METRE, here],
-            sections[row - MASS + PER_METRE, other],
+        per_metre, per_metre_after = (
+            sections[row - MASS + PER_METRE, section],
+            sections[row - MASS + PER_METRE, section_after],
         )
-        work[row, low], work[row, high], work[row, after] = own, own, others
-        work[row, middle] = xi * own + (1.0 - xi) * others
+        work[row, low], work[row, high], work[row, after] = per_metre, per_metre, per_metre_after
+        work[row, middle] = xi * per_metre + (1.0 - xi) * per_metre_after
     for slot in range(low, slots):
         for k in range(3):
             work[RESIDUAL + k, slot] = 0.0

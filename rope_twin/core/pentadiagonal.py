@@ -1,16 +1,14 @@
-"""Block-pentadiagonal solver of the node equations, O(n): a node is coupled to the next two.
+"""Block-pentadiagonal solver of the node equations, in O(n), for ropes with bending stiffness.
 
-The matrix is factorised from both ends at once, one side in each SIMD lane, as in
-`core/tridiagonal`: pair k is the nodes first + k and n - 1 - k; the two or three nodes left in the
-middle are eliminated one by one. The factors of a pair for the back-substitution are a record of 36
-numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end; the last record
-in ELIMINATED is followed by the Schur complements of both sides on the middle. A test compares it
-with a dense solver.
+The matrix is factorised from both ends at once, one side per SIMD lane, as in `core/tridiagonal`:
+pair k is the nodes first + k and n - 1 - k; the two or three middle nodes are eliminated one by
+one. The factors of a pair are a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR;
+records are contiguous. In ELIMINATED the Schur complements of both sides on the middle follow.
 
 `eliminate_coupled_wide` and `push_coupled_wide` do the same for a batch of ropes (core/lanes), one
-in each lane, in the order of operations of a single rope. A node's factors are then in its own
-column, as those of a tridiagonal system; what both sides leave on the middle is in the columns of
-the lowest and the highest node there.
+per lane, in the order of operations of a single rope. The factors of a node are then in its own
+column, as in a tridiagonal system; the Schur complements of both sides on the middle are in the
+columns of its lowest and highest node.
 """
 
 from __future__ import annotations
@@ -70,30 +68,30 @@ SECOND = LINK + 1  # coupling with the second next node
 def single_node(work: Floats, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i of one chain, with its next element K and its couplings c and d.
 
-    state: Schur complement on it, its force, Schur complement on the next node, and between the
-    two.
+    state: Schur complement and condensed force on node i, those on the next node, and their
+    coupling.
     """
-    S, f, carried, between = state
+    S, f, carried, cross = state
     S = add_six(add_six(S, six(work, BLOCK, i)), K)
     f = add(f, column(work, RESIDUAL, i))
-    kept, left = eliminate_coupled_node(S, f, add_nine(between, link_less(c, K)), d)
-    return kept, onto_next(left, carried, K)
+    factors, schur = eliminate_coupled_node(S, f, add_nine(cross, link_less(c, K)), d)
+    return factors, onto_next(schur, carried, K)
 
 
 @jit_within
-def keep_node(work: Any, i: int, kept: Any) -> None:
+def keep_node(work: Any, i: int, factors: Any) -> None:
     """Store the factors of node i for the back-substitution."""
-    own, G, inverse = kept
+    solution, G, inverse = factors
     for k in range(3):
         set_column(work, ELIMINATED + 3 * k, i, G[k])
-    set_column(work, ELIMINATED + 9, i, own)
+    set_column(work, ELIMINATED + 9, i, solution)
     for k in range(6):
         work[INVERSE + k, i] = inverse[k]
 
 
 @jit_within
 def kept_of(work: Any, i: int) -> Any:
-    """Load the factors of node i that `keep_node` or `_keep_chosen` stored."""
+    """Load the factors of node i."""
     return column(work, ELIMINATED + 9, i), nine(work, ELIMINATED, i), six(work, INVERSE, i)
 
 
@@ -139,22 +137,22 @@ def _springs(work: Floats, i: int, e: int) -> Any:
 @jit_ordered_within
 def _paired_node(work: Floats, i: int, j: int, k: int, state: Any) -> Any:
     """Eliminate node i onto those above it and node j onto those below; store record k."""
-    S, f, carried, between = state
+    S, f, carried, cross = state
     K = _springs(work, i, j - 1)
     S = add_six(add_six(S, _gathered_six(work, i, j)), K)
     f = pushed_on(work, i, j, f)
-    B = add_nine(between, link_less(gather(row(work, LINK, 0), i, j - 1), K))
-    kept, left = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
-    _store(work, k, kept)
-    return onto_next(left, carried, K)
+    B = add_nine(cross, link_less(gather(row(work, LINK, 0), i, j - 1), K))
+    factors, schur = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
+    _store(work, k, factors)
+    return onto_next(schur, carried, K)
 
 
 @jit_within
-def _store(work: Floats, k: int, kept: Any) -> None:
+def _store(work: Floats, k: int, factors: Any) -> None:
     """Store record k."""
-    own, G, I = kept
+    solution, G, I = factors
     record, more = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
-    store_three(record, 0, own)
+    store_three(record, 0, solution)
     store_three(record, 6, G[0])
     store_three(record, 12, G[1])
     store_three(record, 18, G[2])
@@ -172,7 +170,7 @@ def _stored(work: Floats, k: int) -> Any:
 
 @jit_within
 def _lanes_of(state: Any, k: int) -> Any:
-    """Return lane k of the remaining state; see `single_node`."""
+    """Return lane k of the elimination state; see `single_node`."""
     S, f, (second, far), (x, y, z) = state
     carried = (six_lanes(second, k), lanes(far, k))
     return six_lanes(S, k), lanes(f, k), carried, (lanes(x, k), lanes(y, k), lanes(z, k))
@@ -185,42 +183,42 @@ def _solve_middle(work: Floats, middle: int, rest: int, below: Any, above: Any) 
     The highest two are ordered inwards. below, above: Schur complements of both sides on the lowest
     and the highest of them.
     """
-    nothing = nothing_at(work, middle)
-    nil = nothing + nothing
+    zero = nothing_at(work, middle)
+    zeros = zero + zero
     high, low = middle + rest - 1, middle + rest - 2
-    kept = nothing, (nothing, nothing, nothing), nil
+    factors = zero, (zero, zero, zero), zeros
     if rest == 3:
         c, d = work[LINK, middle], work[LINK + 1, middle]
-        kept, below = single_node(work, middle, below, spring(work, middle), c, d)
-    S, f, (S_next, f_next), between = below
+        factors, below = single_node(work, middle, below, spring(work, middle), c, d)
+    S, f, (S_next, f_next), cross = below
     S_high, f_high, (S_low, f_low), (x, y, z) = above
-    turned = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+    transposed = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
     after = add_six(S_next, S_high), add(f_next, f_high)
-    state = add_six(S, S_low), add(f, f_low), after, add_nine(between, turned)
+    state = add_six(S, S_low), add(f, f_low), after, add_nine(cross, transposed)
     kept_low, state = single_node(work, low, state, spring(work, low), work[LINK, low], 0.0)
-    (delta_high, _, _), _ = single_node(work, high, state, nil, 0.0, 0.0)
-    delta_low = substituted(kept_low, delta_high, nothing)
+    (delta_high, _, _), _ = single_node(work, high, state, zeros, 0.0, 0.0)
+    delta_low = substituted(kept_low, delta_high, zero)
     set_column(work, CORRECTION, high, delta_high)
     set_column(work, CORRECTION, low, delta_low)
     near, far = delta_low, delta_high
     if rest == 3:
         d = work[SECOND, middle]
-        near, far = substituted(kept, delta_low, scaled(d, delta_high)), delta_low
+        near, far = substituted(factors, delta_low, scaled(d, delta_high)), delta_low
         set_column(work, CORRECTION, middle, near)
     return near, far, delta_high, delta_low
 
 
 @jit_ordered
 def eliminate_coupled(work: Floats, first: int, n: int) -> None:
-    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    """Factorise and solve for the corrections of the nodes first <= i < n; others get 0."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
     pairs = (n - first - 2) // 2
     zero = pair(0.0, 0.0)
-    none = (zero, zero, zero)
+    zeros = (zero, zero, zero)
     S = two_of_six(ground(work, first), spring(work, n - 1))
-    state = S, none, ((zero, zero, zero, zero, zero, zero), none), (none, none, none)
+    state = S, zeros, ((zero, zero, zero, zero, zero, zero), zeros), (zeros, zeros, zeros)
     for k in range(pairs):
         state = _paired_node(work, first + k, n - 1 - k, k, state)
     _store_middle(work, pairs, state)
@@ -270,9 +268,9 @@ def push_coupled(work: Floats, first: int, n: int) -> None:
         _, G, I = _stored(work, k)
         force = pushed_on(work, i, j, f)
         d = gather(row(work, SECOND, 0), i, j - 2)
-        own, pushed, far = push_coupled_node(force, G, I, d)
+        solution, pushed, far = push_coupled_node(force, G, I, d)
         f, carried = add(carried, pushed), far
-        store_three(row(work, ELIMINATED, RECORD * k), 0, own)
+        store_three(row(work, ELIMINATED, RECORD * k), 0, solution)
     _substitute_folded(work, first, n, _stored_middle(work, pairs, f, carried))
 
 
@@ -298,48 +296,48 @@ def _substitute_folded(work: Floats, first: int, n: int, state: Any) -> None:
 
 @jit_ordered
 def eliminate_coupled_wide(work: Any, first: int, n: int, moved: Any) -> None:
-    """Solve for the corrections of the nodes first <= i < n, as `eliminate_coupled`, in all lanes.
+    """Factorise and solve, as `eliminate_coupled`, in all lanes.
 
-    moved: lanes whose factors are updated; the others keep theirs.
+    moved: mask of the lanes whose factors are updated.
     """
     if n - first == 1:
         _solve_one(work, first, n)
         return
-    pairs, none = (n - first - 2) // 2, nothing_at(work, first)
-    low = ground(work, first), none, (none + none, none), (none, none, none)
-    high = spring(work, n - 1), none, (none + none, none), (none, none, none)
+    pairs, zeros = (n - first - 2) // 2, nothing_at(work, first)
+    low = ground(work, first), zeros, (zeros + zeros, zeros), (zeros, zeros, zeros)
+    high = spring(work, n - 1), zeros, (zeros + zeros, zeros), (zeros, zeros, zeros)
     for k in range(pairs):
         i, j = first + k, n - 1 - k
-        kept, low = single_node(work, i, low, spring(work, i), work[LINK, i], work[SECOND, i])
-        _keep_chosen(work, i, kept, moved)
+        factors, low = single_node(work, i, low, spring(work, i), work[LINK, i], work[SECOND, i])
+        _keep_chosen(work, i, factors, moved)
         K, c, d = spring(work, j - 1), work[LINK, j - 1], work[SECOND, j - 2]
-        kept, high = single_node(work, j, high, K, c, d)
-        _keep_chosen(work, j, kept, moved)
+        factors, high = single_node(work, j, high, K, c, d)
+        _keep_chosen(work, j, factors, moved)
     _keep_side(work, first + pairs, low, moved)
     _keep_side(work, n - 1 - pairs, high, moved)
     _substitute_wide(work, first, n, low, high)
 
 
 @jit_within
-def _keep_chosen(work: Any, i: int, kept: Any, moved: Any) -> None:
-    """Store the factors of node i in the lanes of `moved`, its own part in all."""
-    own, G, inverse = kept
-    keep_factors(work, i, G, own, inverse, moved)
+def _keep_chosen(work: Any, i: int, factors: Any, moved: Any) -> None:
+    """Store the factors of node i in the lanes of `moved`, its solution in all lanes."""
+    solution, G, inverse = factors
+    keep_factors(work, i, G, solution, inverse, moved)
 
 
 @jit_within
 def _keep_side(work: Any, i: int, state: Any, moved: Any) -> None:
     """Store the Schur complements of one side on the middle in column i, in the lanes `moved`."""
-    S, f, (second, _), between = state
-    _keep_chosen(work, i, (f, between, second), moved)
+    S, f, (second, _), cross = state
+    _keep_chosen(work, i, (f, cross, second), moved)
     keep_six(work, FACTOR, i, S, moved)
 
 
 @jit_within
 def _kept_side(work: Any, i: int, f: Any, far: Any) -> Any:
     """Load what `_keep_side` stored; f, far: forces on the middle's outer node and the next."""
-    _, between, second = kept_of(work, i)
-    return six(work, FACTOR, i), f, (second, far), between
+    _, cross, second = kept_of(work, i)
+    return six(work, FACTOR, i), f, (second, far), cross
 
 
 @jit_ordered
@@ -360,10 +358,10 @@ def push_coupled_wide(work: Any, first: int, n: int) -> None:
 
 @jit_ordered_within
 def _push_node(work: Any, i: int, d: Any, f: Any, carried: Any) -> Any:
-    """Store the own part of node i; return the forces on the next node and the second next."""
+    """Store the solution of node i; return the forces on the next node and the second next."""
     _, G, I = kept_of(work, i)
-    own, pushed, far = push_coupled_node(force_on(work, i, f), G, I, d)
-    set_column(work, ELIMINATED + 9, i, own)
+    solution, pushed, far = push_coupled_node(force_on(work, i, f), G, I, d)
+    set_column(work, ELIMINATED + 9, i, solution)
     return add(carried, pushed), far
 
 

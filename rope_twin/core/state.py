@@ -1,12 +1,12 @@
-"""Data of a rope in three parts: constants, state, and scratch; and regularisation constants.
+"""Data layout of a rope: constants, state and work arrays; regularisation constants.
 
 Nodes are numbered from the lower end (0: payload or fixed point) to the hang-off (n), so that
 payout changes only the end of the arrays; element e joins nodes e and e + 1. Columns are nodes (or
 elements), `capacity` of them, of which `counts[ELEMENTS]` are in use: a growing rope allocates no
 memory. Quantities are rows with the names below; a vector takes three rows, x, y, z.
 
-Scratch is one matrix instead of a struct of thirty arrays because every kernel call passes each
-array of a struct: as a matrix the step compiles in three quarters of the time.
+The work array is one matrix and not a struct of thirty arrays, because a kernel call passes each
+array of a struct separately: the step compiles in three quarters of the time.
 """
 
 from __future__ import annotations
@@ -18,24 +18,23 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-# Regularisation constants keep a quotient from 0/0: they are added to a divisor, or below its root.
-# In a physical law they are added, never compared with, so that the law stays smooth where its
-# divisor goes through zero; they are far below any value that a scene can resolve. A name that ends
-# with 2 denotes a square.
+# Regularisation constants prevent 0/0: they are added to a divisor, or under its square root. They
+# are added and not used as thresholds, so that a physical law stays smooth where its divisor
+# vanishes; they are far below any value that a scene can resolve. A suffix 2 denotes a square.
 
-# For divisors of any unit whose dividend vanishes with them: zero areas and volumes, a build-up of
-# zero duration.
+# For divisors of any unit whose dividend vanishes too: zero areas and volumes, a build-up of zero
+# duration.
 DIVISOR_MIN = 1e-300
-FORCE_MIN = sys.float_info.min  # likewise for forces in numpy arrays
+FORCE_MIN = sys.float_info.min  # N: for forces in numpy arrays
 
 SPEED2_MIN = 1e-20  # (m/s)²: a body that drifts with the water keeps a speed of 1e-10 m/s
-TURN2 = 0.05**2  # (m/s)²: the figures of a payload blend over 5 cm/s from descent to ascent
+TURN2 = 0.05**2  # (m/s)²: payload coefficients blend over 5 cm/s from descent to ascent
 RATE_MIN = 1e-9  # m/s, rad/s or N: still water, a wake at rest, a rope without tension
 WAVE_MIN = 1e-30  # any unit: no wave component reaches this depth, so none has an error there
 SHEDDING_MIN = 1e-12  # rad/s: a node without shedding has zero amplitude, whatever its history
 
-TANGENT2_MIN = 1e-12  # of the sum of two unit tangents: none where the rope folds back on itself
-STRETCH2_MIN = 1e-16  # of the unstretched length: an element whose nodes coincide has no direction
+TANGENT2_MIN = 1e-12  # of the sum of two unit tangents, 0 where the rope folds back on itself
+STRETCH2_MIN = 1e-16  # of the unstretched length: an element whose nodes coincide
 SLING2_MIN = 1e-20  # m²: a sling whose ends coincide
 LINK2_MIN = 1e-16  # m²: a link whose ends coincide
 ANGLE2_MIN = 1e-40  # rad²: a body without rotation has no rotation axis
@@ -68,7 +67,7 @@ MASS, VOLUME = 55, 56  # [kg], [m³] of displaced water
 FRONTAL, SKIN = 57, 58  # reference areas of normal and tangential drag [m²]
 LENGTH = 59  # unstretched length [m]
 SECTION = 60  # of an element: index of its section
-KEPT = 61  # NODE_ROWS of the state at the start of the step, to restore it
+KEPT = 61  # NODE_ROWS of the state at the start of the step, to restore after a rejected step
 CHANGE = KEPT  # change of element forces [N], three rows; in full steps, where KEPT is unused
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; set only by some effects
 SURFACE = FLOW_RATE + 3  # elevation of the water surface above the node [m]; likewise
@@ -78,7 +77,7 @@ LINK = WORK_ROWS  # c of the blocks c·I added between nodes i and i + 1, and i 
 FACTOR = LINK + 2  # of the factorisation: 6 entries of a symmetric matrix
 COUPLED_ROWS = FACTOR + 6
 
-# or in a rope between two connections of a dense system (core/joined/chains):
+# or in a rope between two connections of a loop (core/joined/chains):
 FAR = WORK_ROWS  # 9 rows: H of the nodes
 CHAIN_ROWS = FAR + 9
 COUPLED_FAR = LINK + 2  # 9 rows: F of a node, by columns
@@ -90,12 +89,12 @@ LINE_DOUBLES = 8  # per cache line
 # Rows of `sections`; one column per section of the rope, from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
 EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]; with a table EA is unused
-# of a fibre rope (core/axial_law), 0 otherwise:
+# for a fibre rope (core/axial_law), 0 otherwise:
 RELAXATION = 3  # 1/τ of the tension above the static curve [1/s]
 DYNAMIC, PER_TENSION = 4, 5  # dynamic stiffness: constant part [N], and per mean tension
 PER_AMPLITUDE = 6  # its loss per tension amplitude
-PERMANENT, CURVATURE = 7, 8  # permanent share of the strain, and m of the working curve
-HIGHEST = 9  # highest mean tension that the rope has been under before [N]
+PERMANENT, CURVATURE = 7, 8  # permanent fraction of the strain, and m of the working curve
+HIGHEST = 9  # maximum mean tension in the rope's history [N]
 PER_METRE = 10  # MASS to LENGTH per unstretched metre
 SECTION_ROWS = 15
 
@@ -109,11 +108,11 @@ PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)
 # columns of the prescribed motion: hang-off x, y, z and the paid-out length L
 X, Y, Z, LINE, MOTIONS = range(5)
 STEPS_PER_CALL = 256  # number of steps for which a twin prescribes motion at most
-# For kernel arguments: numba compiles a kernel again for every literal that it is called with.
+# For kernel arguments: numba compiles a separate specialisation for each literal argument.
 ZERO, KEPT_ROWS, LINE_COLUMN = np.int64(0), np.int64(KEPT), np.int64(LINE)
 
-SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
-# Columns of what a split or merge needs, from the end of the arrays (core/payout):
+SAME_PLACE = 1e-6  # m: material coordinates closer than this are equal
+# Columns of the ghost nodes for a split or merge, from the end of the arrays (core/payout):
 LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1
 
 
@@ -160,14 +159,14 @@ class Table(NamedTuple):
 
 
 class Rope(NamedTuple):
-    """Argument of every kernel of the step: constants, state, scratch and effects of one rope."""
+    """Constants, state, work array and effects of one rope: the argument of the step's kernels."""
 
     model: Model
     state: State
-    work: Floats  # scratch, (WORK_ROWS or COUPLED_ROWS, capacity)
-    sections: Floats  # what the rope is made of, (SECTION_ROWS, sections)
-    effects: tuple[Any, ...]  # their types pick the compiled code
-    law: Table | None = None  # None: tension is EA·strain; its type picks the compiled code
+    work: Floats  # work array, (WORK_ROWS or COUPLED_ROWS, capacity)
+    sections: Floats  # properties of the sections, (SECTION_ROWS, sections)
+    effects: tuple[Any, ...]  # their types select the compiled code
+    law: Table | None = None  # None for T = EA·strain; its type selects the compiled code
 
 
 class Boundary(NamedTuple):
@@ -193,8 +192,8 @@ class LaneStage(NamedTuple):
     p: float  # [s²]
     q: float  # [s]
     V: Any  # payout speed of each lane [m/s]
-    lanes: int  # those that are evaluated, as bits; effects keep the internal variables of others
-    each: Any  # data of each lane alone (core/lanes/effects), or None
+    lanes: int  # bit mask of the lanes to evaluate; other lanes keep their internal variables
+    each: Any  # data of the individual lanes (core/lanes/effects), or None
 
 
 def new_state(capacity: int) -> State:

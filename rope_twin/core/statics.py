@@ -1,33 +1,32 @@
-"""Static equilibrium of a single rope with every effect, from any initial guess.
+"""Static equilibrium of a single rope with all its effects.
 
-The unknowns are the element forces S_e, not the node positions: for given loads f the balance S_i -
-S_{i-1} + f_i = 0 determines them (a fixed lower end leaves three numbers, which close the chain: a
-convex problem), and the shape follows by laying the elements along their forces, x_{e+1} - x_e =
-l(|S_e|)·S_e/|S_e|. That is the compliance form: a stiff element is no harder than a soft one, no
-intermediate shape is slack, and the guess only serves to evaluate the first loads. Two iterations
-lead to loads that belong to the shape: fixed-point iteration on the loads (fast where weight
-dominates), and Newton's method with the derivative of the loads to the shape, which is not
-symmetric (drag turns with the tangent). Where loads have an active set, as on a seabed, and where
-both fail, positions and forces are solved together (below). Where that fails too, dynamic
-relaxation with growing steps brings the rope nearer, and Newton's method is tried again.
+The unknowns are the element forces S_e, not the node positions. For given loads f the balance S_i -
+S_{i-1} + f_i = 0 determines them, except for the three components of the reaction at a fixed lower
+end, which follow from a convex problem (core/still_rope.py). The shape is the integral of the
+elements along their forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|. In this compliance form axial
+stiffness does not affect convergence, no intermediate shape is slack, and the initial guess only
+serves to evaluate the first loads. Loads and shape are made consistent by fixed-point iteration on
+the loads (fast where weight dominates), then by Newton's method with the derivative of the loads to
+the shape, which is not symmetric (drag turns with the tangent). Where loads have an active set, as
+on a seabed, and where both fail, positions and forces are solved together (below). The last
+fallback is dynamic relaxation with growing steps, followed by Newton's method.
 
-**Newton's method on positions and element forces at once**, for active sets (`solve_primal_dual`).
-A seabed that pushes only nodes below it leaves rope that carries no tension, and a shape laid along
-its forces (core/still_rope.py) then moves far with the least change of them. So both are unknown
-here, the node positions x and the element forces S_e:
+**Primal-dual Newton method**, for active sets (`solve_primal_dual`). Rope on a seabed may carry no
+tension, and the integral along the forces is then ill-conditioned. So the unknowns are both the
+node positions x and the element forces S_e:
 
     balance  S_i - S_{i-1} + f_i(x) = 0,    law  (Δx - S/k)·m = l0·S  with  m = √(|S|² + ε²).
 
 The law with ε = 0 is that of a tension-only element, with any length up to l0 at zero force; ε [N]
-rounds its corner, and equilibrium is followed from a large ε to a negligible one (continuation).
-Written as a product it is nearly linear in x and S, so that full Newton steps converge where the
-quotient Δx = S·(l0/m + 1/k) diverges: the primal-dual method of Chan, Golub and Mulet (1999, SIAM
-J. Sci. Comput. 20, 1964), with whose symmetric, definite element stiffness it also shares
+regularises its corner and is reduced by continuation. Written as a product the law is nearly linear
+in x and S, so that full Newton steps converge where the quotient Δx = S·(l0/m + 1/k) diverges. This
+is the primal-dual method of Chan, Golub and Mulet (1999, SIAM J. Sci. Comput. 20, 1964), including
+the symmetric, positive definite element stiffness
 
     K = m·C⁻¹,  C = (l0 + m/k)·I - (r·Sᵀ + S·rᵀ)/(2·m),  r = Δx - S/k, shortened to l0.
 
-Nothing depends on the guess. Where rope lies without tension any position balances; the solution is
-the one of the last ε: as evenly spread as the other conditions allow.
+The result does not depend on the initial guess. The position of rope without tension is not unique;
+the solution is that of the last ε, in which the rope is spread as evenly as possible.
 """
 
 from __future__ import annotations
@@ -68,17 +67,17 @@ from rope_twin.core.still_rope import (
     solve_blocks,
 )
 
-ROUNDS = 60  # of either iteration; observed: 1 to 4 under weight, up to 9 in strong currents
-MIN_REFRESHES = 2  # rounds that always refresh the tangent, for accuracy
-BALANCE_TOL = 1e-11  # of the largest tension: residual at the end; round-off leaves 1e-14
+ROUNDS = 60  # iterations of each method; typically 1 to 4 under weight, up to 9 in strong currents
+MIN_REFRESHES = 2  # first iterations, which always update the axial tangent
+BALANCE_TOL = 1e-11  # of the largest tension: final residual; round-off is 1e-14
 RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
-ATTEMPTS = 5  # of relaxation and Newton's method, alternating
+ATTEMPTS = 5  # alternating relaxation and Newton's method
 
 
 def find_equilibrium(rope: Rope, L: float) -> float:
     """Move the nodes to equilibrium at paid-out length L; return the estimated position error [m].
 
-    Infinite: no equilibrium was found; `solve_statics` returns details.
+    The error is infinite if no equilibrium was found; `solve_statics` returns details.
     """
     end = solve_statics(rope, L)
     return end.left_m if end.found else float("inf")
@@ -87,15 +86,15 @@ def find_equilibrium(rope: Rope, L: float) -> float:
 def solve_statics(rope: Rope, L: float) -> Equilibrium:
     """Solve the static equilibrium at paid-out length L [m] and move the nodes there.
 
-    The hang-off stays where it is. Without equilibrium the nodes end at the best shape found.
-    Afterwards the solver's counters start from zero and length corrections are removed.
+    The hang-off is fixed. If no equilibrium is found, the nodes end at the shape with the smallest
+    residual. Solver counters and length corrections are reset.
     """
     rope.state.offset[:] = 0.0
     still = StillRope(rope, L)
     with np.errstate(all="ignore"):  # a shape that overflows is rejected as not better
-        best, place = _rest_at(still, still.place.copy(), 0.0, 0), still.place.copy()
-        ways = (_settle_pair, _settle_forces) if still.switches else (_settle_forces, _settle_pair)
-        for settle_by in ways:
+        best, place = _residual_at(still, still.place.copy(), 0.0, 0), still.place.copy()
+        methods = (_solve_pair, _solve_forces) if still.switches else (_solve_forces, _solve_pair)
+        for settle_by in methods:
             if not best.found and np.isfinite(best.residual_n):
                 best, place = _better(still, settle_by(still), best, place)
                 still.rest_at(place)
@@ -106,7 +105,7 @@ def solve_statics(rope: Rope, L: float) -> Equilibrium:
             near = still.place.copy()
             best, place = _better(still, end, best, place)
             if not end.found:
-                best, place = _better(still, _settle_forces(still, near=True), best, place)
+                best, place = _better(still, _solve_forces(still, near=True), best, place)
                 still.rest_at(near)
         still.rest_at(place)
     return best
@@ -115,17 +114,16 @@ def solve_statics(rope: Rope, L: float) -> Equilibrium:
 def _better(
     still: StillRope, end: Equilibrium, best: Equilibrium, place: Floats
 ) -> tuple[Equilibrium, Floats]:
-    """Return the result that just ended, with its shape, or the best one before it."""
+    """Return the new result and its shape if it is better than the best one, else the best one."""
     if end.found or end.residual_n < best.residual_n:
         return end, still.place.copy()
     return best, place
 
 
-def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
-    """Solve for the element forces from the present shape; leave the nodes in the best shape.
+def _solve_forces(still: StillRope, near: bool = False) -> Equilibrium:
+    """Solve for the element forces from the present shape, and move the nodes to the best shape.
 
-    `near`: the elements already carry approximately their final tension, so Newton's method can
-    begin with their forces.
+    near: start Newton's method from the present element forces, which are close to the solution.
     """
     place, law = still.place.copy(), still.elastic()
     forces, round_off = still.forces(place), _round_off(still)
@@ -139,9 +137,9 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
         if rounds <= MIN_REFRESHES or is_off(shape.S, shape.forces.tension):
             law = refreshed(still, law, shape.place)
         change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
-        following, share = _search(still, law, hold, shape, change)
+        following, fraction = _line_search(still, law, hold, shape, change)
         better = following.size < shape.size
-        quick = following.size < MAX_RATIO * shape.size
+        fast = following.size < MAX_RATIO * shape.size
         moved = largest(following.place - shape.place)
         if better:
             move = moved * following.size / shape.size
@@ -150,16 +148,16 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
             move = moved
         tension = float(shape.forces.tension.max())
         found = shape.residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
-        if found and not (quick and shape.size > BALANCE_TOL * tension):
+        if found and not (fast and shape.size > BALANCE_TOL * tension):
             break
-        if newton and share < MIN_FRACTION:
+        if newton and fraction < MIN_FRACTION:
             break
-        newton = newton or not quick
+        newton = newton or not fast
     still.rest_at(shape.place)
     return Equilibrium(found, shape.residual, tension, move, rounds)
 
 
-def _settle_pair(still: StillRope) -> Equilibrium:
+def _solve_pair(still: StillRope) -> Equilibrium:
     return solve_primal_dual(still, (max(FORCE_TOL_N, _round_off(still)), TENSION_TOL))
 
 
@@ -169,24 +167,23 @@ def _round_off(still: StillRope) -> float:
     return ROUND_OFF * float(still.elastic().stiffness.max()) * reach
 
 
-def _search(
+def _line_search(
     still: StillRope, law: Elastic, hold: Floats | None, shape: Shape, change: Floats
 ) -> tuple[Shape, float]:
-    """Line search: return the shape after the largest reducing fraction of the change, and it."""
-    share = 1.0
+    """Return the shape found by backtracking along the change, and the fraction taken."""
+    fraction = 1.0
     while True:
-        following = shape_of(still, law, hold, shape.S + share * change)
-        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < MIN_FRACTION:
-            return following, share
-        share *= 0.5
+        following = shape_of(still, law, hold, shape.S + fraction * change)
+        if following.size <= (1.0 - 1e-4 * fraction) * shape.size or fraction < MIN_FRACTION:
+            return following, fraction
+        fraction *= 0.5
 
 
 def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
-    """Relax dynamically with steps that grow up to the longest [s], with zero velocity after each.
+    """Dynamic relaxation with steps that grow up to the longest [s], and zero velocity after each.
 
-    Each is a Newton solve of the convex energy with mass over step squared as a regulariser: slow,
-    but slack elements, which carry no force and so have no direction, are no harder for it than
-    taut ones.
+    A step minimises the convex energy, regularised by mass over step squared. Convergence is slow
+    but robust for slack elements, whose force and direction are undefined.
     """
     boundary, round_off = still.boundary, _round_off(still)
     model = rope.model._replace(
@@ -208,7 +205,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
                 break
             continue
         place = still.place.copy()
-        end = _rest_at(still, place, largest(place - before), rounds)
+        end = _residual_at(still, place, largest(place - before), rounds)
         if end.found and not end.left_m < MAX_RATIO * last:  # no progress: round-off
             break
         last = end.left_m if end.found else np.inf
@@ -216,7 +213,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
     return end
 
 
-def _rest_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equilibrium:
+def _residual_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equilibrium:
     """Return the residual of equilibrium at `place`, where the nodes are left."""
     forces, round_off = still.forces(place), _round_off(still)
     still.rest_at(place)
@@ -225,39 +222,39 @@ def _rest_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equil
     return Equilibrium(found, residual, tension, move, rounds)
 
 
-# The first ε as a fraction of the sum of all loads, and the largest move of a node, as a fraction
-# of the rope's length, at which ε shrinks: for 13 ropes on seabeds and two mesh sizes the first
-# pair needs 3 to 21 rounds; the second, slower one is used where the first diverges.
+# Initial ε as a fraction of the sum of all loads, and the largest displacement of a node, as a
+# fraction of the rope's length, at which ε is reduced. For 13 ropes on seabeds and two mesh sizes
+# the first pair converges in 3 to 21 iterations; the second is the fallback where it diverges.
 CONTINUATIONS = ((1e-3, 0.3), (1e-2, 0.03))
 PAIR_ROUNDS = 60
-EPS_FACTOR = 0.1  # factor on ε, each time
+EPS_FACTOR = 0.1  # reduction factor of ε
 MIN_EPS = 1e-14  # of the sum of all loads
 TANGENT_MOVE = 1e-2  # of the rope's length: exact tangents are used for smaller moves
 BUNCH_LENGTH = 1e-2  # of the rope's length: extent of the bunched rope that gives the first loads
-PAIR_MAX_RATIO = 0.3  # converged iterations go on while moves shrink by this factor
+PAIR_MAX_RATIO = 0.3  # after convergence, iteration continues while moves shrink by this factor
 MOVE_TOL = 1e-9  # of the rope's length: a negligible move
 
 
-def solve_primal_dual(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
+def solve_primal_dual(still: StillRope, tolerances: tuple[float, float]) -> Equilibrium:
     """Solve the static equilibrium for positions and forces, and move the nodes there.
 
-    enough: tolerance of the residual force at a node [N], and the same as a fraction of the largest
-    tension. Without equilibrium the nodes end in the last shape.
+    tolerances: of the residual force at a node, in N and as a fraction of the largest tension.
+    Without equilibrium the nodes end in the last shape.
     """
-    for share, within in CONTINUATIONS:
-        end = _follow(still, enough, share, within)
+    for fraction, max_move in CONTINUATIONS:
+        end = _continue(still, tolerances, fraction, max_move)
         if end.found:
             break
     return end
 
 
-def _follow(
-    still: StillRope, enough: tuple[float, float], share: float, within: float
+def _continue(
+    still: StillRope, tolerances: tuple[float, float], fraction: float, max_move: float
 ) -> Equilibrium:
-    """Follow equilibrium for a decreasing ε from one starting value."""
+    """Solve for decreasing ε (continuation), from the fraction `fraction` of the loads."""
     law, length = still.elastic(), float(still.rest.sum())
     x, S, forces, weight = _start(still, law)
-    eps, least = share * weight, MIN_EPS * weight
+    eps, eps_min = fraction * weight, MIN_EPS * weight
     end, last, move, slow = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf, np.inf, False
     for rounds in range(1, PAIR_ROUNDS + 1):
         if move < TANGENT_MOVE * length and is_off(S, forces.tension):
@@ -274,15 +271,15 @@ def _follow(
         before, move, forces = move, largest(dx), still.forces(x)
         slow = PAIR_MAX_RATIO * before < move < TANGENT_MOVE * length
         residual, tension = largest(forces.total), float(forces.tension.max())
-        found = residual <= max(enough[0], enough[1] * tension)
+        found = residual <= max(tolerances[0], tolerances[1] * tension)
         end = Equilibrium(found, residual, tension, move, rounds)
         if not np.isfinite(residual) or (
             found and (not move < PAIR_MAX_RATIO * last or move < MOVE_TOL * length)
         ):
             break
         last = move if found else np.inf
-        if not found and move < within * length:
-            eps = max(EPS_FACTOR * eps, least)
+        if not found and move < max_move * length:
+            eps = max(EPS_FACTOR * eps, eps_min)
     still.rest_at(x)
     return end
 
@@ -297,8 +294,8 @@ def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, floa
     hold = still.place[:, 0].copy() if still.first else None
     length = float(still.rest.sum())
     low = top - [[0.0], [0.0], [length]] if hold is None else hold[:, None]
-    share = np.concatenate([[0.0], np.cumsum(still.rest)]) / length
-    bunched = top + BUNCH_LENGTH * (1.0 - share) * (low - top)
+    fraction = np.concatenate([[0.0], np.cumsum(still.rest)]) / length
+    bunched = top + BUNCH_LENGTH * (1.0 - fraction) * (low - top)
     if hold is not None:
         bunched[:, 0] = hold
     load = still.forces(bunched).load
@@ -328,10 +325,9 @@ def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats
 
 
 def _local_change(still: StillRope, shape: Shape) -> Floats:
-    """Return `load_change` without the loads' dependence on the rope's direction.
+    """Return the node-diagonal part of `load_change`, from a common displacement of all nodes.
 
-    All nodes move by the same. It is exact in still water and with effects that do not depend on
-    neighbours.
+    It is exact in still water, for effects that do not depend on neighbouring nodes.
     """
     if still.reach > 1:
         return load_change(still, shape)

@@ -1,10 +1,10 @@
-"""One time step of a system of ropes: TR-BDF2 with substepping where Newton's method fails.
+"""Time integration of a system of ropes: TR-BDF2, with substepping where Newton's method fails.
 
 A system is one rope, or several with connections (core/joined/stage). TR-BDF2 (Bank et al. 1985;
 Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h, then BDF2 to t + h, both
 with the same weight c = γ·h/2. It is second order, needs no history (so elements may be added and
-removed), and damps frequencies that the mesh cannot resolve. Where Newton's method does not
-converge the step is divided by two, repeatedly.
+removed), and damps frequencies that the mesh cannot resolve. A step in which Newton's method does
+not converge is halved, recursively.
 """
 
 from __future__ import annotations
@@ -98,14 +98,14 @@ def _stage_at(system: Any, boundary: Any, row: Any, part: Any, time: Any, c: Any
     """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
     for r in range(count_ropes(system)):
         if system.joints.upper[r] == LOOSE:
-            own = boundary_of(system, boundary, r)
-            system.joints.speed[r] = stage_at(rope_at(system, r), own, row, part, time, c).V
+            prescribed = boundary_of(system, boundary, r)
+            system.joints.speed[r] = stage_at(rope_at(system, r), prescribed, row, part, time, c).V
     return Stage(time + part * step_of(system), c * c, c, 0.0)
 
 
 @jit_sum
-def _size(rope: Rope) -> Any:
-    """Return the sum of absolute values of a stage's motion; not finite if one is not."""
+def _sum_of_motion(rope: Rope) -> Any:
+    """Return the sum of absolute values of a stage's motion; not finite if any entry is not."""
     total = 0.0
     for k in range(min(NODE_ROWS, rope.work.shape[0])):
         row = rope.work[k]
@@ -118,11 +118,11 @@ def _size(rope: Rope) -> Any:
 def _is_finite(system: Any) -> bool:
     """Return whether the stage's motion is finite.
 
-    A converged stage always is, because NaN fails the tension criterion.
+    Only needed for an unconverged stage: NaN fails the convergence criterion.
     """
     total = size_of_connections(system)
     for r in range(count_ropes(system)):
-        total += _size(rope_at(system, r))
+        total += _sum_of_motion(rope_at(system, r))
     return isfinite(total)
 
 
@@ -130,36 +130,40 @@ def _is_finite(system: Any) -> bool:
 def _settle(system: Any, stage: Stage, kind: int, pending: float) -> Any:
     """Update internal variables after a converged stage; return the correction still pending."""
     settle_ends(system, stage, pending)
-    left = pending
+    remaining = pending
     for r in range(count_ropes(system)):
-        rope, own, upto = rope_at(system, r), stage_of(system, stage, r), count_loaded(system, r)
-        left = settle_memories(rope.effects, rope, own, kind, pending, upto)
-    return left
+        rope, rope_stage, upto = (
+            rope_at(system, r),
+            stage_of(system, stage, r),
+            count_loaded(system, r),
+        )
+        remaining = settle_memories(rope.effects, rope, rope_stage, kind, pending, upto)
+    return remaining
 
 
 @jit
 def _substep(system: Any, at: Any, level: int, done: int) -> Any:
-    """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
+    """Solve both stages of a substep: 1/2^level of the step, from done/2^HALVINGS on.
 
     Returns the worse outcome of the two stages, their weight q, and the fraction of the nodes'
     CORRECTION that is still pending.
     """
     boundary, row, time = at
-    start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
-    c = 0.5 * GAMMA * share * step_of(system)
+    start, fraction = done / (1 << HALVINGS), 1.0 / (1 << level)
+    max_corrections = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
+    c = 0.5 * GAMMA * fraction * step_of(system)
     worst, pending, solves = PENDING, 0.0, health_of(system)[0][SOLVES]
-    again = level < 0  # False; a literal False has its own type and compiles everything twice
+    reuse = level < 0  # False; a literal False has its own type and compiles everything twice
     for kind in (TRAPEZOID, BDF2):
-        part = GAMMA if kind == TRAPEZOID else 1.0
-        stage = _stage_at(system, boundary, row, start + part * share, time, c)
-        outcome = solve_stage(system, stage, kind, cap, pending, again)
+        stage_fraction = GAMMA if kind == TRAPEZOID else 1.0
+        stage = _stage_at(system, boundary, row, start + stage_fraction * fraction, time, c)
+        outcome = solve_stage(system, stage, kind, max_corrections, pending, reuse)
         worst = min(worst, outcome)
         if outcome < CONVERGED and level < HALVINGS:
             break  # the substep will be halved
         pending = 1.0 if outcome == PENDING else 0.0
         pending = _settle(system, stage, kind, pending)
-        again = level == 0 and health_of(system)[0][SOLVES] == solves + 1
+        reuse = level == 0 and health_of(system)[0][SOLVES] == solves + 1
     if worst == UNCONVERGED and level == HALVINGS and not _is_finite(system):
         worst = NOT_FINITE
     return int(worst), c, pending
@@ -167,7 +171,7 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
 
 @jit
 def _accept(system: Any, q: float, pending: float) -> None:
-    """Copy the converged substep's motion to the state; that of the ends as it is prescribed."""
+    """Copy the motion of a converged substep to the state, with the prescribed motion of ends."""
     place_all_ends(system)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
@@ -208,7 +212,7 @@ def _advance_substeps(system: Any, at: Any) -> bool:
     health, full = health_of(system)[0], 1 << HALVINGS
     done, level, substeps = ZERO, ZERO, 0
     while done < full:
-        part = full >> level
+        size = full >> level
         outcome, q, pending = _substep(system, at, level, done)
         if outcome < CONVERGED and level < HALVINGS:
             level += 1
@@ -220,10 +224,10 @@ def _advance_substeps(system: Any, at: Any) -> bool:
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
-        if done == 0 and part < full:  # the step's start, in case a later part fails
+        if done == 0 and size < full:  # the step's start, in case a later part fails
             _copy_start(system, OUT)
         _accept(system, q, pending)
-        done += part
+        done += size
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:
             level -= 1
@@ -235,7 +239,7 @@ def _advance_substeps(system: Any, at: Any) -> bool:
 
 @jit
 def _load_start(system: Any, boundary: Boundary, row: int) -> None:
-    """Load scratch from the state before step `row`."""
+    """Load the work arrays from the state before step `row`."""
     copy_connections(system, ZERO, OUT)
     for r in range(count_ropes(system)):
         rope, L = rope_at(system, r), length_at(system, boundary, row, r)
@@ -246,20 +250,20 @@ def _load_start(system: Any, boundary: Boundary, row: int) -> None:
 
 
 @jit
-def _recall_tension(system: Any, boundary: Boundary, row: int, time: float) -> None:
+def _recompute_tension(system: Any, boundary: Boundary, row: int, time: float) -> None:
     """Recompute element tensions at the start of step `row`, after a failed attempt at it."""
     _load_start(system, boundary, row)
     stage = _stage_at(system, boundary, row, 0.0, time, 1.0)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         pass_sheave(system, rope, r, 0.0, 0.0)
-        own = stage_of(system, stage, r)
+        rope_stage = stage_of(system, stage, r)
         hold_law(sections_law(rope), rope)
-        prepare_axial(rope.effects, rope, own, TRAPEZOID)
-        stretch_all(rope, own)
+        prepare_axial(rope.effects, rope, rope_stage, TRAPEZOID)
+        stretch_all(rope, rope_stage)
 
 
-# One rope goes by value, as all of this is inlined here; `held` is the same system by its address.
+# A single rope is passed by value, since this is inlined; `held` is the same system by reference.
 @jit
 def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
     """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""
@@ -270,8 +274,8 @@ def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) 
     for k in range(NODE_ROWS):
         nodes[k, n] = joints.nodes[k, int(sheaves.figures[POINT, sheaves.of[r]])]
     set_border(sheaves, joints.nodes, rope.model.step, r)
-    own = slice(2 * r, 2 * r + 2)
-    border = Boundary(sheaves.borders.value[own], sheaves.borders.rate[own])
+    span = slice(2 * r, 2 * r + 2)
+    border = Boundary(sheaves.borders.value[span], sheaves.borders.rate[span])
     finish(rope, border, pull, ZERO, time)
 
 
@@ -290,12 +294,12 @@ def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: An
 
 @by_kind(lambda system: False)
 def _needs_plan(system: Any) -> Any:
-    """Return whether elements were added or removed since elimination was planned."""
-    counts, known = system.stack.counts, system.joints.plan.counts
-    other = 0
+    """Return whether elements were added or removed since the elimination plan was made."""
+    counts, planned = system.stack.counts, system.joints.plan.counts
+    changed = 0
     for r in range(counts.shape[0]):
-        other += counts[r, ELEMENTS] != known[r]
-    return other > 0
+        changed += counts[r, ELEMENTS] != planned[r]
+    return changed > 0
 
 
 @jit_entry
@@ -303,9 +307,9 @@ def advance_steps(
     system: Any, boundary: Boundary, pull: Any, time: float, first: int, steps: int
 ) -> int:
     """Entry point of the compiled code behind `advance` and `advance_joined`."""
-    was = flush()
+    mode = flush()
     done = _advance(system, boundary, pull, time, first, steps)
-    restore(was)
+    restore(mode)
     return int(done)
 
 
@@ -313,21 +317,21 @@ def advance_steps(
 def _advance(
     system: Any, boundary: Boundary, pull: Any, time: float, first: int, steps: int
 ) -> int:
-    """Advance from step `first` to `steps`, or until elements change that a plan depends on."""
+    """Advance from step `first` to `steps`, or until the elimination plan becomes invalid."""
     held, held_boundary = hold(system), hold(boundary)
     _load_start(held, held_boundary, first)
     h = step_of(held)
     for row in range(first, steps):
-        now = step_start(time, row, h)
+        start = step_start(time, row, h)
         for r in range(count_ropes(held)):
             rope = rope_at(held, r)
-            begin_step(rope.effects, rope, now, count_loaded(held, r))
+            begin_step(rope.effects, rope, start, count_loaded(held, r))
         for r in range(count_ropes(held)):
             face_others(held, rope_at(held, r))
-        if not _advance_substeps(held, (held_boundary, row, now)):
-            _recall_tension(held, held_boundary, row, now)
+        if not _advance_substeps(held, (held_boundary, row, start)):
+            _recompute_tension(held, held_boundary, row, start)
             return row
-        _finish(system, held, boundary, pull, row, now + h)
+        _finish(system, held, boundary, pull, row, start + h)
         if _needs_plan(held):
             return row + 1
     return steps
@@ -337,37 +341,37 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
 def advance(rope: Rope, boundary: Boundary, pull: Floats, time: float, steps: int) -> int:
-    """Advance by `steps` time steps from `time` and return how many were done.
+    """Advance by `steps` time steps from `time` [s] and return the number of completed steps.
 
-    boundary: the prescribed motion at the step boundaries; pull: (steps, PULL_COLUMNS), the rope's
-    force on the hang-off after each step [N], an output. A result below `steps` means that the next
-    state would not be finite; the state is then the one before that step.
+    boundary: prescribed motion at the step boundaries, (steps + 1, MOTIONS); pull: output, the
+    rope's force on the hang-off after each step [N], (steps, PULL_COLUMNS). A result below `steps`
+    means that the next state would not be finite; the state is the one before that step.
 
-    The compiled code is looked up by the types of the rope's parts: numba's own dispatch inspects
-    every array and takes as long as the step of a hundred elements.
+    The compiled code is looked up by the types of the rope's fields: numba's own dispatch inspects
+    every array and takes as long as a step of a hundred elements.
 
     Raises:
         ValueError: a table is not contiguous in memory.
     """
-    kinds = (*map(type, rope), *map(type, rope.effects))
-    found = _COMPILED.get(kinds)
-    if found is None:
-        found = _COMPILED[kinds] = compiled(advance_steps, (rope, boundary, pull, time, 0, steps))
+    types = (*map(type, rope), *map(type, rope.effects))
+    code = _COMPILED.get(types)
+    if code is None:
+        code = _COMPILED[types] = compiled(advance_steps, (rope, boundary, pull, time, 0, steps))
     if not all(table.flags.c_contiguous for table in (*boundary, pull)):
         raise ValueError("advance: boundary and pull must be contiguous; pass copies")
-    return int(found(rope, boundary, pull, time, 0, steps))
+    return int(code(rope, boundary, pull, time, 0, steps))
 
 
 def advance_joined(
     system: System, boundary: Boundary, pull: Floats, time: float, steps: int
 ) -> int:
-    """Advance a multi-line system by `steps` time steps from `time` and return how many were done.
+    """Advance a multi-line system by `steps` steps from `time` [s]; return the completed steps.
 
-    boundary: (ropes, steps + 1, MOTIONS), the motion of hang-offs and their paid-out length at the
-    step boundaries; rows of ropes whose upper end is connected are not read. pull: (ropes, steps,
-    PULL_COLUMNS), each rope's force on its hang-off or upper connection after each step [N], a
-    result. A result below `steps` means that the next state would not be finite; the state is then
-    the one before that step.
+    boundary: motion and paid-out length of the hang-offs at the step boundaries, (ropes, steps + 1,
+    MOTIONS); rows of ropes whose upper end is connected are not read. pull: output, each rope's
+    force on its hang-off or upper connection after each step [N], (ropes, steps, PULL_COLUMNS). A
+    result below `steps` means that the next state would not be finite; the state is the one before
+    that step.
 
     Raises:
         ValueError: a table is not contiguous in memory.
@@ -378,16 +382,16 @@ def advance_joined(
     for r, rope in enumerate(system.ropes):
         load(system.stack, r, rope)
     joined = Joined(system.stack._replace(effects=effects), system.joints, system.sheaves)
-    own = map(type, system.ropes[0].effects)
-    kinds = (type(system.sheaves), type(system.stack.law), *map(type, effects), *own)
+    rope_kinds = map(type, system.ropes[0].effects)
+    kinds = (type(system.sheaves), type(system.stack.law), *map(type, effects), *rope_kinds)
     renew_plan(system)
-    found = _COMPILED.get(kinds)
-    if found is None:
+    code = _COMPILED.get(kinds)
+    if code is None:
         arguments = (joined, boundary, pull, time, 0, steps)
-        found = _COMPILED[kinds] = compiled(advance_steps, arguments)
-    done = int(found(joined, boundary, pull, time, 0, steps))
+        code = _COMPILED[kinds] = compiled(advance_steps, arguments)
+    done = int(code(joined, boundary, pull, time, 0, steps))
     while done < steps and renew_plan(system):
-        done = int(found(joined, boundary, pull, time, done, steps))
+        done = int(code(joined, boundary, pull, time, done, steps))
     for r, rope in enumerate(system.ropes):
         store(system.stack, r, rope)
     store_memories(effects, system.ropes)

@@ -1,14 +1,14 @@
-"""Shape and forces of a motionless rope, and Newton's method for its element forces.
+"""Shape and forces of a rope at rest, and Newton's method for its element forces.
 
-**Forces and masses** are evaluated by the dynamic step itself. One step of a femtosecond from zero
-velocity moves nothing: it yields the acceleration a = A⁻¹·F of every node, with A the mass that
-acts there, including added mass. So F = A·a is the out-of-balance force of the shape, for any
-effects, through the one compiled entry that the twin needs anyway. Damping and stiffness enter A
-with the step and its square: at 1e-15 s they vanish.
+**Forces and masses** are evaluated by the dynamic step itself. A step of 1e-15 s from zero velocity
+leaves the positions unchanged and yields the acceleration a = A⁻¹·F of every node, with A its mass
+including added mass. So F = A·a is the out-of-balance force of the shape for any effects, from the
+compiled entry that the simulation uses too. Damping and stiffness enter A with the step and its
+square, and are negligible.
 
-**Shape.** For given loads f the balance S_i - S_{i-1} + f_i = 0 determines the element forces S_e;
-a fixed lower end leaves three numbers, which close the chain (a convex problem). The shape follows
-by laying the elements along their forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|.
+**Shape.** For given loads f the balance S_i - S_{i-1} + f_i = 0 determines the element forces S_e,
+except for the constant reaction at a fixed lower end, which follows from a convex problem. The
+shape is the integral of the elements along their forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Forces(NamedTuple):
 
 
 class Elastic(NamedTuple):
-    """Linearised length of each element over its tension: l = slack + T/stiffness."""
+    """Linearised length of each element as a function of its tension: l = slack + T/stiffness."""
 
     slack: Floats  # [m]
     stiffness: Floats  # [N/m]
@@ -90,10 +90,10 @@ def _couple(effects: Any, work: Any, stage: Any, n: int) -> None:
 
 
 class StillRope:
-    """A motionless rope whose nodes can be placed anywhere, to evaluate the forces there."""
+    """A rope at rest, for the evaluation of forces at given node positions."""
 
     def __init__(self, rope: Rope, L: float) -> None:
-        """Copy a rope; its hang-off stays where it is; L is the paid-out length [m]."""
+        """Prepare a copy of a rope with a fixed hang-off at paid-out length L [m]."""
         # one solve per stage, and no element splits or merges
         model = rope.model._replace(
             step=INSTANT, tolerance=np.inf, split_above=np.inf, merge_below=0.0
@@ -133,7 +133,7 @@ class StillRope:
         self._rope.state.health[:] = 0
 
     def forces(self, place: Floats) -> Forces:
-        """Return the forces at `place` [m], (3, n + 1); all NaN if one is not finite."""
+        """Return the forces at `place` [m], (3, n + 1); all NaN if any is not finite."""
         self.rest_at(place)
         nodes, work = self._rope.state.nodes, self._rope.work
         finite = advance(self._rope, self.boundary, self._pull, 0.0, 1) == 1
@@ -217,7 +217,7 @@ class Shape(NamedTuple):
 
 
 def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
-    """Return forces that balance the loads; two fixed ends share them, along the chord."""
+    """Return element forces that balance the loads; with two fixed ends, half of them at each."""
     below = np.cumsum(load, axis=1)
     if hold is None:
         return -below
@@ -242,7 +242,7 @@ def is_off(S: Floats, tension: Floats) -> bool:
 
 
 def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
-    """Return the elements' tangent at their lengths there; the old one where slack."""
+    """Return the elements' tangent law at `place`; slack elements keep the previous one."""
     length = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
     new = still.elastic(np.maximum(length, still.rest))
     taut = new.stiffness > 0.0
@@ -252,7 +252,7 @@ def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
 
 
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
-    """Return the node positions where the elements lie along their forces."""
+    """Return the node positions by integration of the elements along their forces."""
     size = np.sqrt((S * S).sum(axis=0)) + FORCE_MIN
     span = (law.slack / size + 1.0 / law.stiffness) * S
     top = still.place[:, -1:]
@@ -274,11 +274,10 @@ def shape_of(still: StillRope, law: Elastic, hold: Floats | None, S: Floats) -> 
 
 
 def _closed(still: StillRope, law: Elastic, hold: Floats, S: Floats) -> Floats:
-    """Return S plus the one constant force that brings the lowest node to `hold`.
+    """Return S plus the constant force that brings the lowest node to `hold`.
 
     Where the rope turns back sharply a force nearly vanishes and its direction jumps; the problem
-    is then regularised by a force that blunts the corner, and the regularisation reduced step by
-    step.
+    is then regularised by a force `blunt`, which is reduced by continuation.
     """
     chord = still.place[:, -1] - hold
     pull, closed = _pull(law, chord, S, np.zeros(3), 0.0)
@@ -297,28 +296,28 @@ def _pull(
 ) -> tuple[Floats, bool]:
     """Return the force that makes the elements span the chord: Newton's method on a convex problem.
 
-    Its gradient is the gap, its Hessian the compliance; `blunt` [N] rounds the corners. Returns the
-    force and whether the gap is closed to round-off.
+    The gradient is the gap, the Hessian the compliance; `blunt` [N] regularises. Returns the force
+    and whether the gap is closed to round-off.
     """
-    small = CLOSURE_TOL * float(law.slack.sum() + np.abs(chord).max())
+    tolerance = CLOSURE_TOL * float(law.slack.sum() + np.abs(chord).max())
     gap, compliance = _gap(law, chord, S + pull[:, None], blunt)
     for _ in range(CLOSING):
-        if np.sqrt(gap @ gap) <= small:
+        if np.sqrt(gap @ gap) <= tolerance:
             return pull, True
         if not np.isfinite(compliance).all():
             return pull, False
         change = np.linalg.lstsq(compliance, gap, rcond=None)[0]  # singular where all are collinear
-        slope, share = float(gap @ change), 1.0
+        slope, fraction = float(gap @ change), 1.0
         while True:
-            trial = pull + share * change
+            trial = pull + fraction * change
             miss, softness = _gap(law, chord, S + trial[:, None], blunt)
-            if float(miss @ change) >= -0.5 * slope:  # not far beyond the minimum along it
+            if float(miss @ change) >= -0.5 * slope:  # close to the minimum along the change
                 break
-            share *= 0.5
-            if share < 1e-6:
+            fraction *= 0.5
+            if fraction < 1e-6:
                 return pull, False
         pull, gap, compliance = trial, miss, softness
-    return pull, bool(np.sqrt(gap @ gap) <= 1e3 * small)
+    return pull, bool(np.sqrt(gap @ gap) <= 1e3 * tolerance)
 
 
 def _gap(law: Elastic, chord: Floats, S: Floats, blunt: float) -> tuple[Floats, Floats]:
@@ -348,19 +347,19 @@ def solve_blocks(still: StillRope, K: Floats, blocks: Floats, miss: Floats) -> F
     """Solve for the displacements that remove the residual, (3, n + 1); 0 at the hang-off.
 
     K: stiffness of each element, (3, 3, n); blocks: derivatives of the loads, from `load_change`,
-    to which K is added. Not finite: the equations have no solution.
+    to which K is added. The result is NaN if the matrix is singular.
     """
     from scipy.linalg import LinAlgError, solve_banded  # import is slower than a solution
 
-    own = still.reach
-    blocks[own] += K
-    blocks[own, :, :, 1:] += K[:, :, :-1]
-    blocks[own + 1] -= K
-    blocks[own - 1, :, :, 1:] -= K[:, :, :-1]
+    diagonal = still.reach
+    blocks[diagonal] += K
+    blocks[diagonal, :, :, 1:] += K[:, :, :-1]
+    blocks[diagonal + 1] -= K
+    blocks[diagonal - 1, :, :, 1:] -= K[:, :, :-1]
     if still.first:  # node 0 is fixed, whatever its column holds
         blocks[:, :, :, 0] = 0.0
-        blocks[own, range(3), range(3), 0] = 1.0
-    band = 3 * own + 2
+        blocks[diagonal, range(3), range(3), 0] = 1.0
+    band = 3 * diagonal + 2
     move = np.zeros((3, still.n + 1))
     try:
         solved = solve_banded(
@@ -376,7 +375,7 @@ def banded(blocks: Floats) -> Floats:
     """Return a matrix of 3×3 blocks in LAPACK's banded storage.
 
     blocks[d, k, c, i]: row 3·i + k, column 3·(i + d - reach) + c; (2·reach + 1, 3, 3, n). Blocks
-    beyond either end are left out. Returns (2·band + 1, 3·n) with band = 3·reach + 2.
+    beyond either end are ignored. Returns (2·band + 1, 3·n) with band = 3·reach + 2.
     """
     reach, n = len(blocks) // 2, blocks.shape[3]
     band = 3 * reach + 2

@@ -1,15 +1,14 @@
-"""Block-tridiagonal solver of the node equations, O(n): a node is coupled to the next one only.
+"""Block-tridiagonal solver of the node equations, in O(n).
 
-A recursion from the lower end to the hang-off is bound by its own latency, so the matrix is
-factorised from both ends at once (twisted factorisation), one side in each SIMD lane: pair k is the
-nodes first + k and n - 1 - k, and the two sides meet in the middle. The factors of a pair are a
-record (core/elimination); records lie end to end in the rows ELIMINATED. A test compares it with a
-dense solver.
+The elimination from one end is limited by the latency of its recursion, so the matrix is factorised
+from both ends at once (twisted factorisation), one side per SIMD lane: pair k is the nodes
+first + k and n - 1 - k, and both sides meet in the middle. The factors of a pair form a record
+(core/elimination); records are contiguous in the rows ELIMINATED.
 
 `push` solves for another residual with the factors of the last elimination.
 
-`eliminate_wide` and `push_wide` factorise from both ends too, for a batch of ropes (core/lanes),
-one in each lane, in the order of operations of a single rope.
+`eliminate_wide` and `push_wide` do the same for a batch of ropes (core/lanes), one per lane, in the
+order of operations of a single rope.
 """
 
 from __future__ import annotations
@@ -59,11 +58,10 @@ from rope_twin.core.state import (
 
 @jit_ordered
 def eliminate(work: Floats, first: int, n: int) -> None:
-    """Solve for the corrections of the nodes first <= i < n, from both ends at once.
+    """Factorise and solve for the corrections of the nodes first <= i < n.
 
-    Pair k is the nodes first + k and n - 1 - k. The sides meet in the middle; with an even number
-    of nodes the upper of the two there is eliminated onto the lower, in an extra round whose first
-    lane is not used.
+    With an even number of nodes the upper one of the middle pair is eliminated onto the lower one,
+    in an extra round whose first lane is unused.
     """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
@@ -77,9 +75,9 @@ def eliminate(work: Floats, first: int, n: int) -> None:
     if rounds > pairs:
         Z, f = eliminate_pair(work, records, at, (middle, middle + 1), (middle, middle), (Z, f))
     S = add_six(add_six(six_lanes(Z_below, 0), six_lanes(Z, 1)), six(work, BLOCK, middle))
-    kept = row(work, ELIMINATED, RECORD * rounds)
+    record = row(work, ELIMINATED, RECORD * rounds)
     for k in range(6):
-        kept[k] = S[k]
+        record[k] = S[k]
     _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
@@ -100,12 +98,12 @@ def push(work: Floats, first: int, n: int) -> None:
 
 @jit_ordered
 def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> None:
-    """Back-substitute from the middle outward; low and high: force from either side."""
+    """Back-substitute from the middle outward; low, high: condensed force of either side."""
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
-    kept = row(work, ELIMINATED, RECORD * rounds)
-    S = (kept[0], kept[1], kept[2], kept[3], kept[4], kept[5])
+    record = row(work, ELIMINATED, RECORD * rounds)
+    S = (record[0], record[1], record[2], record[3], record[4], record[5])
     force = (
         low[0] + high[0] + work[RESIDUAL, middle],
         low[1] + high[1] + work[RESIDUAL + 1, middle],
@@ -131,14 +129,14 @@ def _substitute_all(work: Floats, first: int, n: int, low: Any, high: Any) -> No
 
 @jit_ordered_within
 def eliminate_wide_node(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
-    """Eliminate node i through element e; return Z and force on the neighbour.
+    """Eliminate node i through element e; return Z and condensed force on the neighbour.
 
-    Lanes that are not in `moved` keep their factors.
+    Only lanes in the mask `moved` update their factors.
     """
     S, t, a, b = pivot_of(work, i, e, Z)
-    gain, own, left, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
-    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), own, inverse, moved)
-    return left, pushed
+    gain, solution, schur, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
+    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), solution, inverse, moved)
+    return schur, pushed
 
 
 @jit_ordered_within
@@ -157,10 +155,10 @@ def pivot_of(work: Any, i: int, e: int, Z: Any) -> Any:
 
 @jit_ordered_within
 def push_wide_node(work: Any, i: int, f: Any) -> Any:
-    """Return the force on the neighbour of a node that is already eliminated."""
+    """Return the condensed force on the neighbour of node i, with its existing factors."""
     gain = six(work, ELIMINATED, i) + column(work, ELIMINATED + 6, i)
-    own, pushed = push_node(gain, six(work, INVERSE, i), force_on(work, i, f))
-    set_column(work, ELIMINATED + 9, i, own)
+    solution, pushed = push_node(gain, six(work, INVERSE, i), force_on(work, i, f))
+    set_column(work, ELIMINATED + 9, i, solution)
     return pushed
 
 
@@ -168,13 +166,13 @@ def push_wide_node(work: Any, i: int, f: Any) -> Any:
 def substitute_wide_node(work: Any, i: int, d: Any) -> Any:
     """Store and return delta of node i, given that of its neighbour nearer the middle."""
     (x, y, z), (a, b, c) = column(work, ELIMINATED + 9, i), nine(work, ELIMINATED, i)
-    own = (
+    delta = (
         (x + a[0] * d[0]) + (a[1] * d[1] + a[2] * d[2]),
         (y + b[0] * d[0]) + (b[1] * d[1] + b[2] * d[2]),
         (z + c[0] * d[0]) + (c[1] * d[1] + c[2] * d[2]),
     )
-    set_column(work, CORRECTION, i, own)
-    return own
+    set_column(work, CORRECTION, i, delta)
+    return delta
 
 
 @jit_ordered

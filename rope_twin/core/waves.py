@@ -1,22 +1,22 @@
-"""Wave kinematics along a rope: table of components, their sums, truncation, interpolation.
+"""Wave kinematics along a rope: linear superposition of components, truncation, interpolation.
 
-**Table**: properties of the components, and scratch for their cosines and sines. Like the rows of
-core/jit/rows they are pointers that LLVM knows not to alias. All properties are in one table, since
-a kernel passes ten words for each array. The scratch is on the stack of the calling kernel: ropes
-that step on several threads may share their sea. Components come in whole blocks, the last one
-padded with components of zero amplitude, so that a sum over blocks has no remainder.
+**Table**: properties of the components, and work arrays for their cosines and sines. Like the rows
+of core/jit/rows they are pointers that LLVM knows not to alias. All properties are in one table,
+since a kernel passes ten words for each array. The work arrays are on the stack of the calling
+kernel: ropes that step on several threads may share their sea. Components are padded to whole
+blocks with zero amplitude, so that a sum over blocks has no remainder.
 
 **Sums** over the components at one position, vectorised over components. `refer` evaluates cosine
-and sine of each component's angle, and the surface, at a base position. Near it they are rotated:
+and sine of each component's phase, and the surface, at a base position. Near it they are rotated:
 the angle differs by d = k·(distance along the heading), and with cos d to d⁴ and sin d to d⁵ the
 relative error of a component is at most d⁶/720. The admissible distance is given by `asides`.
 
-**Truncation**: component depth, node spacing, range of rotated angles. All three neglect a part of
-the water's velocity; the total stays below `neglected` [m/s]. Here k are wave numbers [1/m] from
-long to short and speed is a·ω of each at the surface [m/s], (n,), where ω is at least 1/s, so that
-the bound holds for the acceleration too.
+**Truncation**: depth of components, node spacing, range of rotated angles. Each neglects part of
+the water velocity; the total error is below `neglected` [m/s]. Here k are wave numbers [1/m] in
+ascending order and speed is a·ω of each component at the surface [m/s], (n,), where ω is at least
+1/s, so that the bound holds for the acceleration too.
 
-**Interpolation.** Where the water moves alike at neighbouring nodes it is evaluated at four nodes
+**Interpolation.** Where the water motion varies little along the rope it is evaluated at four nodes
 of a stretch and interpolated by a cubic. In any direction the fourth derivative of a component's
 velocity is at most a·ω·k⁴·e^{kz} (except for the surface's slope in Wheeler's z). With thirds s the
 error of the cubic is s⁴/24 of the sum of these at the stretch's highest position, s⁴/11 where a
@@ -52,16 +52,16 @@ LEVEL = 13  # z [m]
 THIRD = 14  # of the longest stretch [m] that a cubic can interpolate below it
 SEA_ROWS = 15
 
-# Rows of scratch.
+# Rows of the work arrays.
 COS, SIN = 0, 1  # of each component's angle at the present position
 COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
-FADED = 4  # e^{kz} of each component at the z that was last computed
+FADED = 4  # e^{kz} of each component at LAST_Z
 BASE = 5  # base position: x, y and surface [m]; row of LEVEL at the end of the last stretch;
-LAST_Z, LAST_BLOCKS = 4, 5  # and of FADED its z, and for how many blocks
+LAST_Z, LAST_BLOCKS = 4, 5  # z of FADED, and the number of its blocks
 SCRATCH_ROWS = 6
 
 
-# The rows of a sea's table; rows of scratch, with anything in them.
+# Rows of a sea's table; uninitialised work arrays.
 figures = table_rows("sea", SEA_ROWS)
 scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), LAST_BLOCKS + 1))
 
@@ -109,9 +109,9 @@ def decay(x: float) -> float:
 
 
 @jit_sum
-def refer(sea: Any, kept: Any, x: float, y: float, time: float) -> float:
+def refer(sea: Any, buffer: Any, x: float, y: float, time: float) -> float:
     """Return η of the full sea at a position [m]; store its cosines and sines for `turn`."""
-    c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
+    c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
     rows = figures(sea.table)
     kx, ky, omega, phase, a = rows[KX], rows[KY], rows[OMEGA], rows[PHASE], rows[AMPLITUDE]
     eta = 0.0
@@ -126,9 +126,9 @@ def refer(sea: Any, kept: Any, x: float, y: float, time: float) -> float:
 
 
 @jit_sum
-def turn(sea: Any, kept: Any, x: float, y: float) -> float:
+def turn(sea: Any, buffer: Any, x: float, y: float) -> float:
     """Return η near the base position [m], with the angles rotated from there."""
-    c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
+    c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
     rows = figures(sea.table)
     kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
     eta = 0.0
@@ -145,9 +145,9 @@ def turn(sea: Any, kept: Any, x: float, y: float) -> float:
 
 
 @jit
-def fade(sea: Any, kept: Any, blocks: int, z: float) -> None:
-    """Set e^{kz} of the longest blocks, unless it is there: nodes above the surface have one z."""
-    base, faded, k = kept[BASE], kept[FADED], figures(sea.table)[K]
+def fade(sea: Any, buffer: Any, blocks: int, z: float) -> None:
+    """Set e^{kz} of the longest blocks, if not set already: nodes above the surface share one z."""
+    base, faded, k = buffer[BASE], buffer[FADED], figures(sea.table)[K]
     if z == base[LAST_Z] and blocks <= base[LAST_BLOCKS]:
         return
     base[LAST_Z], base[LAST_BLOCKS] = z, blocks
@@ -156,17 +156,17 @@ def fade(sea: Any, kept: Any, blocks: int, z: float) -> None:
 
 
 @jit_sum
-def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
+def water(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> Any:
     """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
 
-    The `echoing` longest ones are reflected at the bottom: cosh and sinh profiles then differ
-    slightly. All factors are read before the sums: by the numbers in use at once LLVM decides how
-    many partial sums it makes, which the rounding depends on.
+    The `echoing` longest ones have cosh and sinh profiles, which include the reflection at the
+    bottom. All factors are read before the sums: register pressure decides how many partial sums
+    LLVM makes, on which the rounding depends.
     """
-    fade(sea, kept, max(echoing, reaching), z)
-    rows, c, s = figures(sea.table), kept[COS], kept[SIN]
+    fade(sea, buffer, max(echoing, reaching), z)
+    rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
     omega, east, north, up = rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom, faded = rows[BOTTOM], kept[FADED]
+    bottom, faded = rows[BOTTOM], buffer[FADED]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * echoing):
         o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
@@ -193,9 +193,9 @@ def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
 
 
 @jit_sum
-def slopes(sea: Any, kept: Any, echoing: int) -> Any:
+def slopes(sea: Any, buffer: Any, echoing: int) -> Any:
     """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
-    rows, c, s = figures(sea.table), kept[COS], kept[SIN]
+    rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
     k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
     bottom = rows[BOTTOM]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -215,7 +215,7 @@ def slopes(sea: Any, kept: Any, echoing: int) -> Any:
 # Fractions of the error budget. A cubic amplifies an error of its four values by up to 1.63.
 CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
 LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
-HALVINGS = 60  # that find how deep a component reaches
+HALVINGS = 60  # bisections for the depth that a component reaches
 FARTHEST = 1e4  # m: maximum range of rotated angles
 ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
 
@@ -242,8 +242,8 @@ def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
         low, high = bottom, 0.0
         for _ in range(HALVINGS):
             middle = 0.5 * (low + high)
-            both = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
-            if float(speed[j:] @ both) > error:
+            decay_sum = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
+            if float(speed[j:] @ decay_sum) > error:
                 high = middle
             else:
                 low = middle
@@ -272,7 +272,9 @@ def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: fl
     (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
     """
     error, size = BETWEEN * neglected, speed * k**4
-    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, WAVE_MIN)) ** 0.25)
+    return np.asarray(
+        (11.0 * error / np.maximum(_decay_sum(levels, k, depth) @ size, WAVE_MIN)) ** 0.25
+    )
 
 
 def asides(
@@ -284,15 +286,17 @@ def asides(
     a·ω·k⁶·e^{kz}, and in the surface that of Σ a·k⁶, which shifts Wheeler's z and changes the
     velocity by Σ a·ω·k·e^{kz} a metre, in shallow water by h/(h - Σ a) times as much.
     """
-    room = 1.0 - float(a.sum()) / depth
-    if room <= 0.0:
+    margin = 1.0 - float(a.sum()) / depth
+    if margin <= 0.0:
         return np.zeros(len(levels))
-    both = _both(np.maximum(levels, deepest(k, depth)), k, depth)
-    wrong = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / room
-    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, WAVE_MIN)) ** (1 / 6), FARTHEST)
+    both = _decay_sum(np.maximum(levels, deepest(k, depth)), k, depth)
+    error_sum = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / margin
+    return np.minimum(
+        (720.0 * TURN * neglected / np.maximum(error_sum, WAVE_MIN)) ** (1 / 6), FARTHEST
+    )
 
 
-def _both(levels: Floats, k: Floats, depth: float) -> Floats:
+def _decay_sum(levels: Floats, k: Floats, depth: float) -> Floats:
     """Return e^{kz} + e^{-k(z+2h)} of components at levels, (levels, n)."""
     return np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * depth, k))
 
@@ -327,43 +331,43 @@ def _level(sea: Any, z: float, eta: float) -> float:
 
 
 @jit
-def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
-    """Return surface, velocity and acceleration at a position; share: build-up factor, rate."""
-    x, y, z = place
-    part, rate = share
-    base = kept[BASE]
+def _find(sea: Any, build_up: Any, buffer: Any, position: Any, time: float) -> Any:
+    """Return surface, velocity and acceleration at a position; build_up: factor and its rate."""
+    x, y, z = position
+    factor, rate = build_up
+    base = buffer[BASE]
     dx, dy = x - base[0], y - base[1]
-    away = math.sqrt(dx * dx + dy * dy)
-    highest = _level(sea, z, part * (base[2] - sea.steepest * away))
-    if away <= figures(sea.table)[ASIDE][_reaching(sea, highest)]:
-        full = turn(sea, kept, dx, dy)
+    distance = math.sqrt(dx * dx + dy * dy)
+    highest = _level(sea, z, factor * (base[2] - sea.steepest * distance))
+    if distance <= figures(sea.table)[ASIDE][_reaching(sea, highest)]:
+        full = turn(sea, buffer, dx, dy)
     else:
-        full = refer(sea, kept, x, y, time)
+        full = refer(sea, buffer, x, y, time)
         base[0], base[1], base[2] = x, y, full
-    eta = part * full
+    eta = factor * full
     level = _level(sea, z, eta)
     echoing, reaching = _echoing(sea, level), _reaching(sea, level)
-    u, v, w, du, dv, dw = water(sea, kept, echoing, reaching, level)
-    beyond = sea.extends * min(z, eta)
-    if beyond > 0.0:
-        su, sv, sw, sdu, sdv, sdw = slopes(sea, kept, echoing)
-        u, v, w = u + beyond * su, v + beyond * sv, w + beyond * sw
-        du, dv, dw = du + beyond * sdu, dv + beyond * sdv, dw + beyond * sdw
+    u, v, w, du, dv, dw = water(sea, buffer, echoing, reaching, level)
+    height = sea.extends * min(z, eta)
+    if height > 0.0:
+        su, sv, sw, sdu, sdv, sdw = slopes(sea, buffer, echoing)
+        u, v, w = u + height * su, v + height * sv, w + height * sw
+        du, dv, dw = du + height * sdu, dv + height * sdv, dw + height * sdw
     return (
-        eta, part * u, part * v, part * w,
-        part * du + rate * u, part * dv + rate * v, part * dw + rate * w,
+        eta, factor * u, factor * v, factor * w,
+        factor * du + rate * u, factor * dv + rate * v, factor * dw + rate * w,
     )  # fmt: skip
 
 
 @jit
-def _stretch_end(sea: Any, kept: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
+def _stretch_end(sea: Any, buffer: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
     """Return the last node of a stretch from node i; arc length of its nodes is in arc [m].
 
     eta: the surface elevation above node i; from there it falls by the steepest slope at most.
     """
     x, y, z = nodes
     level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
-    end, length, top, row_of = i, 0.0, -sea.depth, int(kept[BASE][3])
+    end, length, top, row_of = i, 0.0, -sea.depth, int(buffer[BASE][3])
     shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
     for k in range(i + 1, last):
         dx, dy, dz = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
@@ -379,7 +383,7 @@ def _stretch_end(sea: Any, kept: Any, nodes: Any, arc: Any, i: int, last: int, e
             break
         arc[k] = length
         end = k
-    kept[BASE][3] = row_of
+    buffer[BASE][3] = row_of
     return end
 
 
@@ -441,10 +445,10 @@ def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
 
 
 @jit
-def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int) -> None:
+def add_water(sea: Any, build_up: Any, work: Any, time: float, low: int, high: int) -> None:
     """Add wave velocity to FLOW, and set FLOW_RATE and SURFACE, of the nodes low <= i < high.
 
-    They are 0 where no component reaches. share: build-up factor of the sea and its rate [1/s].
+    They are 0 where no component reaches. build_up: factor of the sea and its rate [1/s].
     """
     nodes = rows(work, POSITION, low)
     rates = rows(work, FLOW_RATE, low)
@@ -454,40 +458,40 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
         rates[1][i] = 0.0
         rates[2][i] = 0.0
         surface_at[i] = 0.0
-    if share[0] == 0.0:
+    if build_up[0] == 0.0:
         return
-    kept = scratch()
-    kept[BASE][0] = NOWHERE
-    kept[BASE][1] = kept[BASE][2] = kept[BASE][3] = 0.0
-    kept[BASE][LAST_Z] = NOWHERE
+    buffer = scratch()
+    buffer[BASE][0] = NOWHERE
+    buffer[BASE][1] = buffer[BASE][2] = buffer[BASE][3] = 0.0
+    buffer[BASE][LAST_Z] = NOWHERE
     target = (*rows(work, FLOW, low), *rates, surface_at)
-    i, last = low - low, high - low  # 0; a literal has its own type and compiles everything twice
+    i, last = low - low, high - low  # a literal 0 has its own type: a second specialisation
     while i < last:
         if nodes[2][i] >= sea.lowest:
-            i = _go_along(sea, share, kept, nodes, target, time, (i, last))
+            i = _evaluate_stretches(sea, build_up, buffer, nodes, target, time, (i, last))
         i += 1
 
 
 @jit
-def _go_along(
-    sea: Any, share: Any, kept: Any, nodes: Any, target: Any, time: float, span: Any
+def _evaluate_stretches(
+    sea: Any, build_up: Any, buffer: Any, nodes: Any, target: Any, time: float, span: Any
 ) -> int:
     """Evaluate node i and as many stretches from it as possible; return the last node done."""
     i, last = span
     x, y, z = nodes
     arc = target[6]
-    first = _find(sea, share, kept, (x[i], y[i], z[i]), time)
+    first = _find(sea, build_up, buffer, (x[i], y[i], z[i]), time)
     _put(target, i, first)
     while True:
-        end = _stretch_end(sea, kept, nodes, arc, i, last, first[0])
+        end = _stretch_end(sea, buffer, nodes, arc, i, last, first[0])
         if end - i + 1 < FEWEST:
             break
         a, b = _thirds(arc, i, end)
         if not i < a < b < end or not 0.0 < arc[a] < arc[b] < arc[end]:
             break
-        second = _find(sea, share, kept, (x[a], y[a], z[a]), time)
-        third = _find(sea, share, kept, (x[b], y[b], z[b]), time)
-        fourth = _find(sea, share, kept, (x[end], y[end], z[end]), time)
+        second = _find(sea, build_up, buffer, (x[a], y[a], z[a]), time)
+        third = _find(sea, build_up, buffer, (x[b], y[b], z[b]), time)
+        fourth = _find(sea, build_up, buffer, (x[end], y[end], z[end]), time)
         _put_cubic(target, (i, end), (a, b), (first, second, third, fourth))
         first, i = fourth, end
     for k in range(i + 1, end + 1):
