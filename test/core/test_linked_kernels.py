@@ -6,7 +6,7 @@ from typing import Any
 
 import numba
 
-from rope_twin.core.jit.decorators import OPTIONS, jit, jit_apart, jit_ordered, jit_within
+from rope_twin.core.jit.decorators import OPTIONS, jit, jit_noinline, jit_ordered, jit_within
 
 
 @jit
@@ -61,7 +61,7 @@ def _called_below(x: float) -> float:
     return x + 3.0
 
 
-@jit_apart
+@jit_noinline
 def _apart(x: float) -> float:
     return 2.0 * _called_below(x)
 

@@ -1,21 +1,19 @@
-"""The short way through numba, for kernels that are linked into the entry that Python calls.
+"""Compiler pipeline for kernels that are linked into one entry point.
 
-A step is a hundred kernels. By numba's own way each is linked with all that it calls, optimised,
-and made machine code of, again and again on the way up; its syntax tree is walked anew after each
-of thirty passes; and what `a + b` is of two numbers is asked of all templates at each of a thousand
-places. Here a kernel is typed and translated to LLVM's language, and no more: the entry links all
-of them once and has them optimised together.
+A step consists of about a hundred kernels. With numba's default pipeline each is linked with all
+its callees, optimised and compiled to machine code, repeatedly along the call graph; its IR is
+traversed after each of thirty passes; and overloads of scalar operators are resolved at a thousand
+call sites. Here a kernel is only typed and lowered to LLVM IR; the entry links all kernels once and
+optimises them together.
 
-Measured in manifold_lift's first start: by numba's own way it takes 4.2 times as long on the
-processor and 2.5 times the memory; with the libraries below alone 1.8 times as long; with the short
-passes too, 1.3 times without `lowering`, and 1.2 times where only its whole records are left.
+CPU time of the cold start of manifold_lift, relative to this pipeline: 4.2 with numba's default
+pipeline (and 2.5 times the memory), 1.8 with the libraries below alone, 1.3 with the reduced list
+of passes too, 1.2 with the data models of records in addition.
 
-**Lowering.** From numba's typed statements to LLVM's language, with less around each.
-
-numba makes ready for counted references, debuggers and arrays of any layout: most of what it writes
-for a kernel is about values that nobody counts, and for one number of a table it writes forty
-lines. LLVM drops all that again, but it has to be written, read and dropped. What is left is the
-same: the same loads, the same arithmetic, the same order.
+**Lowering.** numba's lowering emits reference counting, debug information and indexing of arrays of
+any layout, about forty lines of IR for one array entry. LLVM removes most of it, but generating,
+parsing and removing it takes time. The lowering here emits the same loads and the same arithmetic
+in the same order.
 """
 
 from __future__ import annotations
@@ -50,7 +48,7 @@ from numba.core.types import containers
 _PACKAGE = "rope_twin"
 _UNIFORM = (containers.UniTuple, containers.NamedUniTuple)
 _TUPLES = (containers.Tuple, containers.NamedTuple, *_UNIFORM)
-# What numba writes for two numbers of double precision, and for two whole ones.
+# LLVM instructions for two doubles and for two integers.
 _ARITHMETIC = {
     operator.add: (IRBuilder.fadd, IRBuilder.add),
     operator.iadd: (IRBuilder.fadd, IRBuilder.add),
@@ -62,26 +60,26 @@ _ARITHMETIC = {
 _DOUBLES = (types.float64, types.float64)
 _WHOLES = (types.int64, types.int64)
 _ORDERS = {operator.lt: "<", operator.le: "<=", operator.gt: ">", operator.ge: ">="}
-_EQUALS = {operator.eq: "==", operator.ne: "!="}  # whole numbers only: NaN differs from itself
+_EQUALS = {operator.eq: "==", operator.ne: "!="}  # integers only: NaN differs from itself
 
 
-def _is_ours(kind: Any) -> bool:
-    """Whether a tuple is one of this package's records, or has one in it."""
+def _is_record(kind: Any) -> bool:
+    """Return whether a tuple type is a NamedTuple of this package, or contains one."""
     if not isinstance(kind, containers.BaseTuple):
         return False
     record = getattr(kind, "instance_class", None)
-    return getattr(record, "__module__", "").startswith(_PACKAGE) or any(map(_is_ours, kind))
+    return getattr(record, "__module__", "").startswith(_PACKAGE) or any(map(_is_record, kind))
 
 
 def _is_signed(kind: Any) -> bool:
     return bool(kind.signed)
 
 
-class _Whole:
-    """A record is handed from kernel to kernel as it is.
+class _UnflattenedModel:
+    """Data model that passes a record between kernels as one LLVM aggregate.
 
-    numba takes it apart into its numbers and pointers, some three hundred for a rope, and puts it
-    together again, at every call.
+    numba flattens it into scalars and pointers, about 300 for a rope, and reassembles it, at every
+    call.
     """
 
     def get_argument_type(self) -> Any:
@@ -94,19 +92,19 @@ class _Whole:
         return value
 
 
-class _WholeTuple(_Whole, TupleModel):  # type: ignore[misc]
-    """Of fields of any types."""
+class _TupleRecordModel(_UnflattenedModel, TupleModel):  # type: ignore[misc]
+    """Data model of a record with fields of different types."""
 
 
-class _WholeUniTuple(_Whole, UniTupleModel):  # type: ignore[misc]
-    """Of fields of one type."""
+class _UniTupleRecordModel(_UnflattenedModel, UniTupleModel):  # type: ignore[misc]
+    """Data model of a record with fields of one type."""
 
 
 def _model_of(manager: Any, kind: Any) -> Any:
-    """How values of a tuple's type are kept and handed on; others' tuples as numba does it."""
+    """Return the data model of a tuple type, unflattened for this package's records."""
     uniform = isinstance(kind, _UNIFORM)
-    if _is_ours(kind):
-        return (_WholeUniTuple if uniform else _WholeTuple)(manager, kind)
+    if _is_record(kind):
+        return (_UniTupleRecordModel if uniform else _TupleRecordModel)(manager, kind)
     return (UniTupleModel if uniform else TupleModel)(manager, kind)
 
 
@@ -115,16 +113,16 @@ for _kind in _TUPLES:
 
 
 class _Lower(lowering.Lower):  # type: ignore[misc]
-    """Translation of one kernel, in which no references are counted."""
+    """Lowering of one kernel to LLVM IR without reference counting."""
 
     def setup_function(self, fndesc: Any) -> None:
-        """Begin; a sum in any order stays apart: among other code LLVM could choose another."""
+        """Start a function; one with reassociated sums is not inlined, which fixes their order."""
         super().setup_function(fndesc)
         if "reassoc" in self.flags.fastmath.flags:
             self.function.attributes.add("noinline")
 
     def storevar(self, value: Any, name: str, argidx: Any = None) -> None:
-        """Set a variable; numba reads the old value first, to count a reference less."""
+        """Store a variable, without numba's release of the reference to the old value."""
         self._alloca_var(name, self.typeof(name))
         if name in self._singly_assigned_vars:
             self._blk_local_varmap[name] = value
@@ -132,12 +130,12 @@ class _Lower(lowering.Lower):  # type: ignore[misc]
             self.builder.store(value, self.getvar(name))
 
     def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
-        """Sum, product or order of two numbers; numba looks their code up among all operators'."""
-        asked = self.fndesc.calltypes[expr]
-        kinds = tuple(asked.args)
-        whole = kinds == _WHOLES
-        sign = _ORDERS.get(op) or (_EQUALS.get(op) if whole else None)
-        if not (whole or kinds == _DOUBLES) or not (sign or op in _ARITHMETIC):
+        """Lower arithmetic and comparisons of two doubles or integers, without overload lookup."""
+        signature = self.fndesc.calltypes[expr]
+        kinds = tuple(signature.args)
+        integers = kinds == _WHOLES
+        sign = _ORDERS.get(op) or (_EQUALS.get(op) if integers else None)
+        if not (integers or kinds == _DOUBLES) or not (sign or op in _ARITHMETIC):
             return super().lower_binop(resty, expr, op)
         builder, names = self.builder, (expr.lhs.name, expr.rhs.name)
         values = [self.loadvar(name) for name in names]
@@ -146,76 +144,87 @@ class _Lower(lowering.Lower):  # type: ignore[misc]
             for name, value, kind in zip(names, values, kinds, strict=True)
         ]
         if sign:
-            found = (builder.icmp_signed if whole else builder.fcmp_ordered)(sign, *values)
+            result = (builder.icmp_signed if integers else builder.fcmp_ordered)(sign, *values)
         else:
-            flags = ["nsw"] if whole else ()
-            found = _ARITHMETIC[op][whole](builder, *values, flags=flags)
-        return self.context.cast(builder, found, asked.return_type, resty)
+            flags = ["nsw"] if integers else ()
+            result = _ARITHMETIC[op][integers](builder, *values, flags=flags)
+        return self.context.cast(builder, result, signature.return_type, resty)
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
-        """A number of a table, or (numba) whatever else is asked for."""
+        """Lower the load of one entry of a contiguous array; leave other indexing to numba."""
         kind = self.typeof(value.name)
-        place = self._place_of(value, index)
-        if place is None:
+        pointer = self._element_pointer(value, index)
+        if pointer is None:
             return super().lower_getitem(resty, expr, value, index, signature)
-        found = self.context.unpack_value(self.builder, kind.dtype, place)
-        return self.context.cast(self.builder, found, signature.return_type, resty)
+        loaded = self.context.unpack_value(self.builder, kind.dtype, pointer)
+        return self.context.cast(self.builder, loaded, signature.return_type, resty)
 
     def lower_setitem(self, target_var: Any, index_var: Any, value_var: Any, signature: Any) -> Any:
-        """The same for setting one."""
-        place = self._place_of(target_var, index_var)
-        given = self.typeof(value_var.name)
-        if place is None or not isinstance(given, types.Number | types.Boolean):
+        """Lower the store of one entry of a contiguous array; leave other indexing to numba."""
+        pointer = self._element_pointer(target_var, index_var)
+        value_type = self.typeof(value_var.name)
+        if pointer is None or not isinstance(value_type, types.Number | types.Boolean):
             return super().lower_setitem(target_var, index_var, value_var, signature)
         kind = self.typeof(target_var.name).dtype
-        value = self.context.cast(self.builder, self.loadvar(value_var.name), given, kind)
-        self.context.pack_value(self.builder, kind, value, place)
+        value = self.context.cast(self.builder, self.loadvar(value_var.name), value_type, kind)
+        self.context.pack_value(self.builder, kind, value, pointer)
         return None
 
-    def _place_of(self, table: Any, index: Any) -> Any:
-        """Pointer to one number of a table that is contiguous in memory; None: it is not one."""
-        kind, asked = self.typeof(table.name), self.typeof(index.name)
-        kinds = tuple(asked) if isinstance(asked, containers.BaseTuple) else (asked,)
-        plain = isinstance(kind, types.Array) and kind.layout == "C" and kind.aligned
-        if not plain or len(kinds) != kind.ndim or not isinstance(kind.dtype, types.Number):
+    def _element_pointer(self, table: Any, index: Any) -> Any:
+        """Return the pointer to one entry of a C-contiguous array, or None for other indexing."""
+        kind, index_type = self.typeof(table.name), self.typeof(index.name)
+        axis_types = (
+            tuple(index_type) if isinstance(index_type, containers.BaseTuple) else (index_type,)
+        )
+        contiguous = isinstance(kind, types.Array) and kind.layout == "C" and kind.aligned
+        if (
+            not contiguous
+            or len(axis_types) != kind.ndim
+            or not isinstance(kind.dtype, types.Number)
+        ):
             return None
-        if not all(isinstance(one, types.Integer) and _is_signed(one) for one in kinds):
+        if not all(
+            isinstance(axis_type, types.Integer) and _is_signed(axis_type)
+            for axis_type in axis_types
+        ):
             return None
         builder, model = self.builder, self.context.data_model_manager[kind]
         value, number = self.loadvar(table.name), self.loadvar(index.name)
         shape = model.get_field_position("shape")
         offset = None
-        for axis, one in enumerate(kinds):
+        for axis, axis_type in enumerate(axis_types):
             size = builder.extract_value(value, [shape, axis])
-            inner = number if kinds[0] is asked else builder.extract_value(number, axis)
-            place = self._counted(inner, one, size)
-            offset = place if offset is None else builder.add(builder.mul(offset, size), place)
+            inner = number if axis_types[0] is index_type else builder.extract_value(number, axis)
+            position = self._normalised_index(inner, axis_type, size)
+            offset = (
+                position if offset is None else builder.add(builder.mul(offset, size), position)
+            )
         data = builder.extract_value(value, model.get_field_position("data"))
         return builder.gep(data, [offset])
 
-    def _counted(self, number: Any, kind: Any, size: Any) -> Any:
-        """An index from the start, of one that below 0 counts from the end."""
-        builder, whole = self.builder, types.intp
+    def _normalised_index(self, number: Any, kind: Any, size: Any) -> Any:
+        """Return an index with negative values wrapped around, as in Python."""
+        builder, intp = self.builder, types.intp
         if isinstance(kind, types.IntegerLiteral):
-            fixed = self.context.get_constant(whole, kind.literal_value)
-            return fixed if kind.literal_value >= 0 else builder.add(fixed, size)
-        place = self.context.cast(builder, number, kind, whole)
-        below = builder.icmp_signed("<", place, place.type(0))
-        return builder.select(below, builder.add(place, size), place)
+            constant = self.context.get_constant(intp, kind.literal_value)
+            return constant if kind.literal_value >= 0 else builder.add(constant, size)
+        position = self.context.cast(builder, number, kind, intp)
+        negative = builder.icmp_signed("<", position, position.type(0))
+        return builder.select(negative, builder.add(position, size), position)
 
 
-# Options of a kernel are compared at each call that it makes: numba lists all forty of them, twice.
+# numba compares the compile options at each call of a kernel, by building lists of all of them.
 _equal_options = TargetConfig.__eq__
 _HASHES: dict[Any, int] = {}
 
 
 def _have_equal_options(one: Any, other: Any) -> Any:
-    alike = isinstance(other, TargetConfig) and one._values == other._values
-    return alike or _equal_options(one, other)
+    equal = isinstance(other, TargetConfig) and one._values == other._values
+    return equal or _equal_options(one, other)
 
 
 def _hash_of_options(one: Any) -> int:
-    """numba's: that of the options' names."""
+    """Return numba's hash of the option names, cached by type."""
     kind = type(one)
     if kind not in _HASHES:
         _HASHES[kind] = hash(tuple(sorted(one.options)))
@@ -228,7 +237,7 @@ TargetConfig.__hash__ = _hash_of_options
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class Lowering(typed_passes.BaseNativeLowering):  # type: ignore[misc]
-    """numba's pass, by the translation above."""
+    """Lowering pass that uses `_Lower`."""
 
     _name = "rope_twin_lowering"
 
@@ -239,7 +248,7 @@ class Lowering(typed_passes.BaseNativeLowering):  # type: ignore[misc]
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class OneAssignment(untyped_passes.ReconstructSSA):  # type: ignore[misc]
-    """numba's pass, without the lives of variables."""
+    """SSA reconstruction without liveness analysis."""
 
     _name = "rope_twin_ssa"
 
@@ -251,7 +260,7 @@ class OneAssignment(untyped_passes.ReconstructSSA):  # type: ignore[misc]
 
 @register_pass(mutates_CFG=True, analysis_only=False)
 class NoPhis(typed_passes.PreLowerStripPhis):  # type: ignore[misc]
-    """numba's pass, without the lives of variables."""
+    """Removal of phi nodes without liveness analysis."""
 
     _name = "rope_twin_no_phis"
 
@@ -266,8 +275,8 @@ _PASSES = (
     untyped_passes.FixupArgs,
     untyped_passes.IRProcessing,
     untyped_passes.RewriteSemanticConstants,
-    untyped_passes.DeadBranchPrune,  # where a part of a struct is None
-    untyped_passes.GenericRewrites,  # a tuple's item by its number
+    untyped_passes.DeadBranchPrune,  # branches on fields that are None
+    untyped_passes.GenericRewrites,  # static indexing of tuples
     OneAssignment,
 )
 _TYPED_PASSES = (
@@ -277,12 +286,12 @@ _TYPED_PASSES = (
 )
 
 
-# The signatures of calls that were found, and what implements them: by typing context and options.
+# Cache of resolved call signatures and their implementations, by typing context and options.
 _KNOWN: WeakKeyDictionary[Any, dict[str, dict[Any, Any]]] = WeakKeyDictionary()
 
 
 class _LinkedCodegen:
-    """numba's code generator, for code that has no place in memory of its own."""
+    """numba's code generator, for libraries that are never loaded into the execution engine."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -291,11 +300,11 @@ class _LinkedCodegen:
         return getattr(self._codegen, name)
 
     def set_env(self, name: str, env: Any) -> None:
-        """Nothing: there is no variable to set."""
+        """Do nothing: the code has no environment variable."""
 
 
 class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Code that the entry links, optimises and translates together with all other."""
+    """Code library whose LLVM IR is linked, optimised and compiled by the entry's library."""
 
     _shared_module: Any
 
@@ -304,7 +313,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
         return _LinkedCodegen(self._codegen)
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """numba's passes over each function, less those that are only called here."""
+        """Run numba's function passes on each definition, but not on declarations."""
         ll_module.data_layout = self._codegen._data_layout
         for function in ll_module.functions:
             if not function.is_declaration:
@@ -312,7 +321,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
                 passes.run(function, builder)
 
     def finalize(self) -> None:
-        """Nothing to link or to optimise here."""
+        """Finalise without linking and optimisation."""
         self._finalize_dynamic_globals()
         self._finalized = True
 
@@ -320,7 +329,7 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
         return 0
 
     def _get_module_for_linking(self) -> Any:
-        """The module, whose functions the entry may leave out where nobody calls them."""
+        """Return the module with linkonce linkage, so that unused functions are discarded."""
         self._ensure_finalized()
         if self._shared_module is None:
             for function in self._final_module.functions:
@@ -331,20 +340,20 @@ class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 class _EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Code that Python calls: all kernels that it reaches are linked into it, once each."""
+    """Code library of an entry point; all kernels that it calls are linked into it, once each."""
 
     def finalize(self) -> None:
-        """Link, optimise and translate.
+        """Link, optimise and compile.
 
-        Who calls comes before what is called: LLVM leaves out what nobody has asked for so far.
+        Callers are linked before callees: LLVM discards linkonce functions without a reference.
         """
-        called_first: dict[Any, None] = {}
-        _visit(self, called_first)
-        self._linking_libraries = [one for one in reversed(called_first) if one is not self]
+        ordered: dict[Any, None] = {}
+        _visit(self, ordered)
+        self._linking_libraries = [library for library in reversed(ordered) if library is not self]
         super().finalize()
 
     def _optimize_final_module(self) -> None:
-        """Nobody else calls what was linked: what has one caller goes into it, the rest is gone."""
+        """Internalise the linked functions, so that LLVM can inline or remove them."""
         for function in self._final_module.functions:
             if function.linkage == llvm.Linkage.linkonce_odr and not function.is_declaration:
                 function.linkage = "internal"
@@ -352,7 +361,7 @@ class _EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
 
 
 def _visit(library: Any, visited: dict[Any, None]) -> None:
-    """Put a library after those that it calls."""
+    """Collect libraries in post-order: callees before callers."""
     if isinstance(library, _EntryLibrary | _LinkedLibrary):
         for called in library._linking_libraries:
             if called not in visited:
@@ -361,11 +370,11 @@ def _visit(library: Any, visited: dict[Any, None]) -> None:
 
 
 class _Typing:
-    """numba's typing context, which remembers what was found of a call.
+    """Typing context of numba with a cache of resolved calls.
 
-    A question comes back whenever another of the kernel's types is known. The answer may depend on
-    the options that the kernel is compiled with; where the callee is compiled for it, its function
-    is given to numba again, who keeps but the last one.
+    Type inference resolves a call again whenever another type of the kernel becomes known. The
+    result may depend on the compile options of the kernel. For overloads, whose implementation
+    numba stores per template, it is set again with each cached result.
     """
 
     def __init__(self, context: Any, options: str) -> None:
@@ -376,25 +385,25 @@ class _Typing:
         return getattr(self._context, name)
 
     def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
-        """The signature of a call."""
-        asked = self._context._lookup_global(function) or function
-        if kws or not isinstance(asked, types.Function | types.Dispatcher):
+        """Return the signature of a call."""
+        template = self._context._lookup_global(function) or function
+        if kws or not isinstance(template, types.Function | types.Dispatcher):
             return self._context.resolve_function_type(function, args, kws)
-        key, chosen = (asked, tuple(args)), getattr(asked, "_impl_keys", {})
+        key, chosen = (template, tuple(args)), getattr(template, "_impl_keys", {})
         if key not in self._known:
-            found = self._context.resolve_function_type(function, args, kws)
-            if found is None:
+            signature = self._context.resolve_function_type(function, args, kws)
+            if signature is None:
                 return None
-            self._known[key] = found, chosen.get(found.args)
-        found, implementation = self._known[key]
+            self._known[key] = signature, chosen.get(signature.args)
+        signature, implementation = self._known[key]
         if implementation is not None:
-            chosen[found.args] = implementation
-        return found
+            chosen[signature.args] = implementation
+        return signature
 
 
 @compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
 class _Inference(typed_passes.NopythonTypeInference):  # type: ignore[misc]
-    """numba's inference of types, which asks no question twice."""
+    """Type inference with cached call resolution."""
 
     _name = "rope_twin_inference"
 
@@ -408,49 +417,48 @@ class _Inference(typed_passes.NopythonTypeInference):  # type: ignore[misc]
 
 
 class _Passes(compiler_machinery.PassManager):  # type: ignore[misc]
-    """Passes without a look at the whole function after each: those that need it take it."""
+    """Pass manager without the analysis and timing of the function after each pass."""
 
-    def _runPass(self, index: int, one: Any, state: Any) -> None:
-        one.analysis = self._analysis
-        one.run_initialization(state)
-        one.run_pass(state)
-        one.run_finalizer(state)
+    def _runPass(self, index: int, compiler_pass: Any, state: Any) -> None:
+        compiler_pass.analysis = self._analysis
+        compiler_pass.run_initialization(state)
+        compiler_pass.run_pass(state)
+        compiler_pass.run_finalizer(state)
 
 
 class LinkedCompiler(Compiler):  # type: ignore[misc]
-    """Compile a kernel as far as its entry needs it."""
+    """Pipeline of a kernel that is linked into an entry: typing and lowering to LLVM IR."""
 
     def define_pipelines(self) -> Any:
         state = self.state
         state["library"] = _LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         passes = _Passes("rope_twin")
-        for one in (*_PASSES, _Inference, *_TYPED_PASSES):
-            passes.add_pass(one)
+        for compiler_pass in (*_PASSES, _Inference, *_TYPED_PASSES):
+            passes.add_pass(compiler_pass)
         passes.finalize()
         return [passes]
 
 
-def _take_in_news() -> None:
-    """Install what was registered since, all modules that register being loaded."""
+def _install_new_registrations() -> None:
+    """Install implementations registered since the last refresh, without importing modules."""
     target = cpu_target.target_context
     for registry in tuple(target._registries):
         target.install_registry(registry)
 
 
 @contextmanager
-def _in_one_go() -> Iterator[None]:
-    """Without three things that take over a tenth of the time and serve nobody until the end.
+def _faster_compilation() -> Iterator[None]:
+    """Suspend garbage collection, LLVM lock callbacks and repeated imports during compilation.
 
-    Garbage is collected afterwards: what is made of a kernel stays until then, and is looked
-    through again and again. Of each of thirty thousand calls of LLVM numba tells a stopwatch of
-    every kernel that waits for this one, a dozen. And for each kernel that it does not know yet it
-    imports once more all modules that may have code for it.
+    Together they take more than a tenth of the compile time. The collector traverses objects that
+    live until the end of compilation; numba times each of 30 000 LLVM calls once per nested
+    compilation; and before each new kernel it imports all modules that may register code.
     """
     collects, calls, target = gc.isenabled(), llvm.ffi.lib._lock, cpu_target.target_context
     target.refresh()
     callbacks, calls._cblist = calls._cblist, []
     gc.disable()
-    target.load_additional_registries = _take_in_news
+    target.load_additional_registries = _install_new_registrations
     try:
         yield
     finally:
@@ -461,10 +469,10 @@ def _in_one_go() -> Iterator[None]:
 
 
 class EntryCompiler(Compiler):  # type: ignore[misc]
-    """Compile a kernel that Python calls, and with it all that it reaches."""
+    """Compiler of an entry point that Python calls, with all kernels that it calls."""
 
     def compile_extra(self, func: Any) -> Any:
-        with _in_one_go():
+        with _faster_compilation():
             return super().compile_extra(func)
 
     def define_pipelines(self) -> Any:

@@ -1,27 +1,26 @@
-"""Functions of numbers in kernels: subnormal numbers as zero, cosine, exp, log, powers, fused sums.
+"""Scalar functions for kernels: flush-to-zero mode, elementary functions, fused multiply-add.
 
-**Subnormals.** Numbers below 2.2e-308 count as zero while a kernel steps. What moves a rope
-sideways fades along it to such numbers while a sea rises, and a processor takes a hundred cycles
-for each. `flush()` has the processor take them as 0, and what comes out so small too (bits 6 and 15
-of MXCSR: Intel, Software Developer's Manual, vol. 1, 10.2.3); `restore(was)` gives back what there
-was, for the caller's own arithmetic. Both are of the thread that calls. Plain Python, and
-processors that have no such register, keep them.
+**Subnormals.** Lateral motion decays along a rope to numbers below 2.2e-308 while the sea builds
+up, and each operation on a subnormal number takes about a hundred cycles. `flush()` sets the
+flush-to-zero and denormals-are-zero modes of the calling thread (bits 15 and 6 of MXCSR: Intel,
+Software Developer's Manual, vol. 1, 10.2.3); `restore(mode)` restores the caller's mode. Both do
+nothing in plain Python and on processors without this register.
 
-**Cosine.** The C library's is a call, which keeps its loop scalar. Here x is brought to r within
-±π/2 by k·π, π in two parts of which the first has 30 bits, so that its product with k is exact
-(Cody and Waite 1980); cos r is its series to r²⁰, whose rest is below 2e-17. The error is below
-5e-16 for |x| < 1e6.
+**Cosine.** A call of the C library would prevent vectorisation. Here x is reduced to r within ±π/2
+by k·π, with π in two parts of which the first has 30 bits, so that its product with k is exact
+(Cody and Waite 1980); cos r is its Taylor series to r²⁰, with a remainder below 2e-17. The error is
+below 5e-16 for |x| < 1e6.
 
-**Wide numbers** (core/jit/wide). `exp`, `log`, sine, arc cosine, tanh and powers are called for
-each lane in turn, so that a lane has the bits of the same call with one number.
+**Wide numbers** (core/jit/wide). `exp`, `log`, sine, arc cosine, tanh and powers are evaluated lane
+by lane, so that each lane is bit-identical to the scalar call.
 
-**Fused sums.** LLVM, where it may, fuses a product with a sum; which ones depends on the code
-around them: on the sign of a sum, on the block that negates, on a loop being unrolled. Kernels that
-branch for one rope and have masks in lanes then differ in the last bit. They are compiled to round
-after each operation (`jit_exact`), and say with `fused` where a product and a sum are one.
+**Fused multiply-add.** Which products LLVM contracts with sums depends on the surrounding code: the
+sign of a sum, the block of a negation, loop unrolling. Kernels that branch for a single rope and
+use masks in lanes would then differ in the last bit. They are compiled without contraction
+(`jit_exact`), and use `fused` for explicit multiply-adds.
 
-**CPU reference benchmark** (`chain`): multiply-adds, each of which depends on the one before. The
-solver's speed divided by this figure is comparable between machines.
+**CPU reference benchmark** (`chain`): a chain of dependent multiply-adds. The solver's speed over
+this figure is comparable between machines.
 """
 
 from __future__ import annotations
@@ -59,29 +58,29 @@ from rope_twin.core.jit.wide import (
 )
 
 HAS_REGISTER = platform.machine() in ("x86_64", "AMD64")
-# the processor multiplies and adds in one instruction
+# the processor has a fused multiply-add instruction
 FUSES = "+fma" in cpu_features() or platform.machine() in ("aarch64", "arm64")
 FLUSHED = 1 << 15 | 1 << 6
 _WORD = ir.IntType(32)
 
 
-def _exchange(context: Any, builder: Any, name: str, place: Any) -> None:
-    """Read the register into a place, or the other way."""
+def _exchange(context: Any, builder: Any, name: str, address: Any) -> None:
+    """Store MXCSR at an address, or load it from there; name: of the instruction."""
     if HAS_REGISTER:
         kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer()])
         call = cgutils.get_or_insert_function(builder.module, kind, f"llvm.x86.sse.{name}")
-        builder.call(call, [builder.bitcast(place, ir.IntType(8).as_pointer())])
+        builder.call(call, [builder.bitcast(address, ir.IntType(8).as_pointer())])
 
 
 @intrinsic
 def _flush(context: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        was = cgutils.alloca_once(builder, _WORD)
-        _exchange(context, builder, "stmxcsr", was)
-        before = builder.load(was)
-        now = cgutils.alloca_once(builder, _WORD)
-        builder.store(builder.or_(before, ir.Constant(_WORD, FLUSHED)), now)
-        _exchange(context, builder, "ldmxcsr", now)
+        old = cgutils.alloca_once(builder, _WORD)
+        _exchange(context, builder, "stmxcsr", old)
+        before = builder.load(old)
+        new = cgutils.alloca_once(builder, _WORD)
+        builder.store(builder.or_(before, ir.Constant(_WORD, FLUSHED)), new)
+        _exchange(context, builder, "ldmxcsr", new)
         return before
 
     return types.uint32(), generate
@@ -90,9 +89,9 @@ def _flush(context: Any) -> Any:
 @intrinsic
 def _restore(context: Any, was: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        place = cgutils.alloca_once(builder, _WORD)
-        builder.store(arguments[0], place)
-        _exchange(context, builder, "ldmxcsr", place)
+        address = cgutils.alloca_once(builder, _WORD)
+        builder.store(arguments[0], address)
+        _exchange(context, builder, "ldmxcsr", address)
         return context.get_dummy_value()
 
     return types.void(types.uint32), generate
@@ -101,11 +100,11 @@ def _restore(context: Any, was: Any) -> Any:
 if config.DISABLE_JIT:
 
     def flush() -> int:
-        """Return no mode: plain Python keeps the processor's."""
+        """Return 0: plain Python leaves the processor's mode unchanged."""
         return 0
 
     def restore(was: int) -> None:
-        """Keep the processor's mode."""
+        """Do nothing: plain Python leaves the processor's mode unchanged."""
 
 else:
     flush, restore = _flush, _restore
@@ -118,7 +117,7 @@ F, G, H, I = (1.0 / factorial(k) for k in (10, 8, 6, 4))
 
 @jit_within
 def cosine(x: Any) -> Any:
-    """cos x, x in radian."""
+    """Return cos x, x in radian."""
     k = np.floor(x / pi + 0.5)
     r = (x - k * PI_HIGH) - k * PI_LOW
     z = r * r
@@ -133,17 +132,17 @@ _DOUBLE = types.float64
 
 
 def _each_lane(function: Any, count: int) -> None:
-    """Register a function of `count` numbers, one of which is wide at least."""
+    """Register a scalar function of `count` arguments for wide arguments, lane by lane."""
 
     def generate(context: Any, builder: Any, *values: Any) -> Any:
-        one = signature(_DOUBLE, *([_DOUBLE] * count))
-        called = context.get_function(function, one)
-        made = values[0]
+        scalar = signature(_DOUBLE, *([_DOUBLE] * count))
+        called = context.get_function(function, scalar)
+        result = values[0]
         for lane in range(LANES):
             at = ir.Constant(_INDEX, lane)
-            found = called(builder, [builder.extract_element(value, at) for value in values])
-            made = builder.insert_element(made, found, at)
-        return made
+            lane_value = called(builder, [builder.extract_element(value, at) for value in values])
+            result = builder.insert_element(result, lane_value, at)
+        return result
 
     register(function, count, WIDE, generate)
 
@@ -159,12 +158,12 @@ _each_lane(operator.pow, 2)
 
 @jit_exact_within
 def rounded(a: Any, b: Any) -> Any:
-    """Return a·b, rounded by itself: never one with a sum, whatever stands around it."""
+    """Return a·b, rounded individually: never contracted with a sum."""
     return a * b
 
 
 def fused(a: Any, b: Any, c: Any) -> Any:
-    """Return a·b + c, rounded once if the processor has an instruction for it (Python: twice)."""
+    """Return a·b + c, rounded once where the processor has an FMA instruction; twice in Python."""
     return a * b + c
 
 
@@ -201,33 +200,33 @@ def _compose_fused(a: Any, b: Any, c: Any) -> Any:
 
 
 @jit_within
-def _interpolate(known: Any, values: Any, at: Any) -> Any:
-    last = known.shape[0] - 1
+def _interpolate(positions: Any, values: Any, at: Any) -> Any:
+    last = positions.shape[0] - 1
     i = 0
-    while i < last - 1 and known[i + 1] < at:
+    while i < last - 1 and positions[i + 1] < at:
         i += 1
     if last == 0:
         return values[0]
-    share = (at - known[i]) / (known[i + 1] - known[i])
-    return values[i] + min(max(share, 0.0), 1.0) * (values[i + 1] - values[i])
+    fraction = (at - positions[i]) / (positions[i + 1] - positions[i])
+    return values[i] + min(max(fraction, 0.0), 1.0) * (values[i + 1] - values[i])
 
 
 @jit_within
-def _interpolate_lanes(known: Any, values: Any, at: Any) -> Any:
-    last = known.shape[0] - 1
+def _interpolate_lanes(positions: Any, values: Any, at: Any) -> Any:
+    last = positions.shape[0] - 1
     if last == 0:
         return values[0]
-    low, high, here, then = known[0], known[1], values[0], values[1]
+    low, high, lower, upper = positions[0], positions[1], values[0], values[1]
     for i in range(1, last):
-        beyond = known[i] < at
-        low, high = choose(beyond, known[i], low), choose(beyond, known[i + 1], high)
-        here, then = choose(beyond, values[i], here), choose(beyond, values[i + 1], then)
-    share = (at - low) / (high - low)
-    return here + min(max(share, 0.0), 1.0) * (then - here)
+        beyond = positions[i] < at
+        low, high = choose(beyond, positions[i], low), choose(beyond, positions[i + 1], high)
+        lower, upper = choose(beyond, values[i], lower), choose(beyond, values[i + 1], upper)
+    fraction = (at - low) / (high - low)
+    return lower + min(max(fraction, 0.0), 1.0) * (upper - lower)
 
 
 def renewed(stage: Any, new: Any, old: Any) -> Any:
-    """Return the new value; of lanes that the stage does not evaluate (LaneStage), the old one."""
+    """Return the new value, or the old one in lanes that the stage does not evaluate."""
     return new
 
 
@@ -239,7 +238,7 @@ def _compose_renewed(stage: Any, new: Any, old: Any) -> Any:
 
 
 def anywhere(which: Any) -> Any:
-    """Return whether a condition holds, for wide numbers in one lane at least."""
+    """Return whether a condition holds, for wide numbers in any lane."""
     return which
 
 
@@ -250,32 +249,32 @@ def _compose_anywhere(which: Any) -> Any:
     return lambda which: which
 
 
-def by_width(lone: Any, lanes: Any) -> Any:
-    """Return the function `lone(...)`, or `lanes(...)` where an argument is wide, or such a table.
+def by_width(scalar: Any, lanes: Any) -> Any:
+    """Return a function that calls `scalar(...)`, or `lanes(...)` if an argument is wide.
 
     Both are kernels; plain Python calls the first.
     """
 
-    def call(*given: Any) -> Any:
-        return lone(*given)
+    def call(*arguments: Any) -> Any:
+        return scalar(*arguments)
 
     @overload(call, jit_options=INLINED, strict=False)
-    def compose(*given: Any) -> Any:
-        wide = any(isinstance(kind, TableType | WideType) for kind in given)
-        chosen = lanes if wide else lone
-        return lambda *given: chosen(*given)
+    def compose(*arguments: Any) -> Any:
+        wide = any(isinstance(kind, TableType | WideType) for kind in arguments)
+        chosen = lanes if wide else scalar
+        return lambda *arguments: chosen(*arguments)
 
     return call
 
 
-# The value at a place of a table whose places ascend; constant beyond its ends.
+# Linear interpolation in a table with ascending positions; constant beyond its ends.
 interpolate = by_width(_interpolate, _interpolate_lanes)
 
 
 def by_type(kind: type, yes: Any, no: Any, options: dict[str, Any] = LINKED) -> Any:
-    """Return the function `yes(first, ...)` where `first` is of this type of struct, else `no`.
+    """Return a function that calls `yes(first, ...)` if `first` is of this struct type, else `no`.
 
-    Both are plain functions with the same names of arguments; numba compiles the one it calls, with
+    Both are plain functions with the same argument names; numba compiles the selected one with
     these options.
     """
 
@@ -290,14 +289,14 @@ def by_type(kind: type, yes: Any, no: Any, options: dict[str, Any] = LINKED) -> 
 
 
 def lanes_only(options: dict[str, Any]) -> Callable[[Any], Any]:
-    """Decorate a function of numba types that gives the code for them, compiled with these options.
+    """Decorator for an overload of numba types without a plain Python version.
 
-    Only kernels can call it: it is about lanes, which plain Python has none of.
+    Only kernels can call it, since lanes exist in compiled code only.
     """
 
     def decorate(compose: Any) -> Any:
         @wraps(compose)
-        def call(*given: Any) -> Any:
+        def call(*arguments: Any) -> Any:
             raise TypeError(
                 "lanes exist in compiled code only; plain Python steps ropes one by one"
             )

@@ -1,26 +1,25 @@
-"""Arrays as kernels see them: rows without overlap, structs by address, SIMD pairs.
+"""Array access in kernels: rows without aliasing, structs by reference, SIMD pairs.
 
-**Rows** of a matrix, for loops over nodes or elements. `rows(work, POSITION, low)` gives the x, y
-and z rows from column `low` on, `row(work, MASS, low)` one of them, `span` several,
-`node_rows(nodes, POSITION, low)` rows of the state. The row's number is part of its compiled type:
-a row never overlaps another, and LLVM knows it (scoped no-alias metadata). Without that it
-compares every row that a loop writes with every one that it touches before it dares to vectorise,
-at each entry of the loop: for the loads of the effects some three hundred comparisons, more work
+**Rows** of a matrix, for loops over nodes or elements. `rows(work, POSITION, low)` returns the x, y
+and z rows from column `low` on, `row(work, MASS, low)` one row, `span` several, and
+`node_rows(nodes, POSITION, low)` rows of the state. The row number is part of its compiled type, so
+that LLVM gets scoped no-alias metadata. Without it LLVM guards a vectorised loop by run-time
+overlap checks of all rows, about 300 comparisons for the loads of the effects, which is more work
 than the 64 nodes of a chunk.
 
-Rows are not bounds-checked and take no negative index. Plain Python gets numpy views.
+Rows are not bounds-checked and accept no negative index. In plain Python they are numpy views.
 
-**Held structs.** In machine code a struct goes from kernel to kernel as one word for each number in
-it, and each of its arrays is ten: a rope is a hundred, a system of ropes two hundred, which every
-call copies. `hold(struct)` leaves it in one place, and is handed on as one pointer; a field is read
-where it is asked for. It lives as long as the kernel that holds it, and its fields are not written
-to (what its arrays hold is). Loops over nodes take arrays: a compiler that cannot see who else
-knows an address reads it again and again.
+**Held structs.** In machine code a struct is passed between kernels as one word per scalar and ten
+per array: a hundred words for a rope, two hundred for a system, which every call copies.
+`hold(struct)` stores it on the stack and passes one pointer; a field is loaded where it is used. It
+is valid within the kernel that holds it, and its fields are read-only (the contents of its arrays
+are not). Loops over nodes take arrays and not held structs, since the compiler must assume that
+memory behind a pointer may change.
 
-**Pairs**: two doubles in a SIMD register, for loops that a vectoriser cannot see through. `pair(a,
-b)` makes one, `+ - *` and `scalar / pair` work lane by lane, `lane(p, 0)` takes one out,
-`gather(row, i, j)` loads from two places, `load(row, i)` and `store(row, i, p)` two neighbours. In
-plain Python a pair is an array of two.
+**Pairs**: two doubles in a SIMD register, for loops that LLVM cannot vectorise. `pair(a, b)` makes
+one, `+ - *` and `scalar / pair` work lane by lane, `lane(p, 0)` extracts one, `gather(row, i, j)`
+loads two entries, `load(row, i)` and `store(row, i, p)` two adjacent ones. In plain Python a pair
+is an array of two.
 """
 
 from __future__ import annotations
@@ -42,14 +41,14 @@ from numba.core.typing.templates import (
 from numba.extending import intrinsic, lower_builtin, lower_getattr_generic, models, register_model
 
 from rope_twin.core.jit.decorators import jit, jit_within
-from rope_twin.core.jit.scopes import tell_apart
+from rope_twin.core.jit.scopes import set_alias_scope
 from rope_twin.core.state import NODE_ROWS, Rope
 
 _DOUBLE = ir.DoubleType()
 
 
 class RowType(types.Type):  # type: ignore[misc]
-    """numba's type of one row of one matrix."""
+    """numba type of one row of a matrix."""
 
     def __init__(self, scope: str) -> None:
         super().__init__(name=f"Row({scope})")
@@ -84,21 +83,23 @@ class _Set(AbstractTemplate):  # type: ignore[misc]
 def _get(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     pointer, index = arguments
     value = builder.load(builder.gep(pointer, [index]))
-    tell_apart(builder.module, value, sig.args[0])
+    set_alias_scope(builder.module, value, sig.args[0])
     return value
 
 
 @lower_builtin(operator.setitem, RowType, types.Integer, types.Float)
 def _set(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     pointer, index, value = arguments
-    tell_apart(builder.module, builder.store(value, builder.gep(pointer, [index])), sig.args[0])
+    set_alias_scope(
+        builder.module, builder.store(value, builder.gep(pointer, [index])), sig.args[0]
+    )
     return context.get_dummy_value()
 
 
 def _pointers(name: str, table: Any, first: Any, count: int, low: Any) -> Any:
-    """Typing and code of `count` rows from the literal `first`, beginning at column `low`."""
+    """Return typing and code generator of `count` rows from the literal `first` on."""
     number = first.literal_value
-    if not isinstance(table, types.Array):  # of wide numbers: it knows where its rows are
+    if not isinstance(table, types.Array):  # a table of wide numbers
         result, code = table.pointers(name, number, count)
         return result(table, first, types.intp), code
     kinds = [RowType(f"{name} {number + k}") for k in range(count)]
@@ -159,27 +160,27 @@ def _views(table: Any, first: int, low: int, count: int) -> Any:
 if config.DISABLE_JIT:
 
     def row(work: Any, first: int, low: int) -> Any:
-        """Row `first` of work from column `low` on."""
+        """Return row `first` of work from column `low` on."""
         return _views(work, first, low, 1)
 
     def rows(work: Any, first: int, low: int) -> Any:
-        """Three rows of work, x, y, z."""
+        """Return three rows of work, x, y, z."""
         return _views(work, first, low, 3)
 
     def span(work: Any, first: int, count: int, low: int) -> Any:
-        """Several rows of work."""
+        """Return `count` rows of work."""
         return _views(work, first, low, count)
 
     def node_rows(nodes: Any, first: int, low: int) -> Any:
-        """Three rows of state.nodes, x, y, z."""
+        """Return three rows of state.nodes, x, y, z."""
         return _views(nodes, first, low, 3)
 
     def offset_row(offset: Any, low: int) -> Any:
-        """State.offset."""
+        """Return State.offset from column `low` on."""
         return offset[low:]
 
     def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch, rows of which go on in the rows (or ropes) that follow."""
+        """Return a view of a work array whose rows extend over the rows (or ropes) that follow."""
         count = work.shape[0]
         return np.lib.stride_tricks.as_strided(work, (count, 2**40), work.strides)
 
@@ -189,12 +190,12 @@ else:
 
     @jit_within
     def end_to_end(work: Any) -> Any:
-        """Return a rope's scratch as it is: its rows are not bounds-checked."""
+        """Return the work array itself: its rows are not bounds-checked."""
         return work
 
 
 def table_rows(scope: str, count: int) -> Any:
-    """Return the kernel f(table) that gives all rows of a table (count, n), which are one scope."""
+    """Return the kernel f(table) that returns all rows of a table (count, n); one alias scope."""
     result = types.UniTuple(RowType(scope), count)
 
     @intrinsic
@@ -202,8 +203,8 @@ def table_rows(scope: str, count: int) -> Any:
         def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
             array = context.make_array(sig.args[0])(context, builder, arguments[0])
             columns = builder.extract_value(array.shape, 1)
-            places = [builder.mul(columns, ir.Constant(columns.type, k)) for k in range(count)]
-            pointers = [builder.gep(array.data, [place]) for place in places]
+            offsets = [builder.mul(columns, ir.Constant(columns.type, k)) for k in range(count)]
+            pointers = [builder.gep(array.data, [offset]) for offset in offsets]
             return context.make_tuple(builder, result, pointers)
 
         return result(table), generate
@@ -212,17 +213,17 @@ def table_rows(scope: str, count: int) -> Any:
 
 
 def stack_rows(scope: str, sizes: tuple[int, ...]) -> Any:
-    """Return the kernel f() that gives rows of these sizes, on the stack of the kernel it is in.
+    """Return the kernel f() that allocates rows of these sizes on the stack of its caller.
 
-    Row k is the scope `{scope} {k}`; what is in it first is undefined.
+    Row k has the alias scope `{scope} {k}` and is uninitialised.
     """
     result = types.Tuple([RowType(f"{scope} {k}") for k in range(len(sizes))])
 
     @intrinsic
     def rows_on_stack(context: Any) -> Any:
         def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-            kept = [cgutils.alloca_once(builder, _DOUBLE, size) for size in sizes]
-            return context.make_tuple(builder, result, kept)
+            pointers = [cgutils.alloca_once(builder, _DOUBLE, size) for size in sizes]
+            return context.make_tuple(builder, result, pointers)
 
         return result(), generate
 
@@ -235,7 +236,7 @@ def stack_rows(scope: str, sizes: tuple[int, ...]) -> Any:
 @jit
 def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> None:
     """Copy position, velocity and acceleration of the nodes 0 <= i < n."""
-    for k in range(min(NODE_ROWS, source.shape[0])):  # counted: unrolled, it compiles for longer
+    for k in range(min(NODE_ROWS, source.shape[0])):  # min(): not unrolled, for compile time
         a, b = source[first + k], target[first_target + k]
         for i in range(n):
             b[i] = a[i]
@@ -243,7 +244,7 @@ def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> Non
 
 @jit_within
 def column(work: Any, first: int, i: int) -> Any:
-    """Column i of three rows."""
+    """Return column i of three rows."""
     return work[first, i], work[first + 1, i], work[first + 2, i]
 
 
@@ -251,21 +252,21 @@ _NAMED = (types.NamedTuple, types.NamedUniTuple)
 
 
 class HeldType(types.Type):  # type: ignore[misc]
-    """numba's type of a struct that is handed on by its address."""
+    """numba type of a struct that is passed by reference."""
 
     def __init__(self, inner: Any) -> None:
         super().__init__(name=f"Held({inner})")
         self.inner = inner
 
     def field(self, name: str) -> tuple[int, Any]:
-        """Number and type of a field; structs within are held too."""
+        """Return number and type of a field; nested structs are held too."""
         number = self.inner.fields.index(name)
         kind = list(self.inner)[number]
         return number, HeldType(kind) if isinstance(kind, _NAMED) else kind
 
 
 def unheld(kind: Any) -> Any:
-    """Return a numba type of struct, of one that is held too."""
+    """Return the numba type of a struct, also of a held one."""
     return kind.inner if isinstance(kind, HeldType) else kind
 
 
@@ -291,14 +292,14 @@ class _Fields(AttributeTemplate):  # type: ignore[misc]
 
 @lower_getattr_generic(HeldType)
 def _read(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
-    number, of = kind.field(name)
+    number, field = kind.field(name)
     index = [ir.Constant(ir.IntType(32), k) for k in (0, number)]
     place = builder.gep(address, index, inbounds=True)
-    return place if isinstance(of, HeldType) else builder.load(place)
+    return place if isinstance(field, HeldType) else builder.load(place)
 
 
 def _held(struct: Any) -> Any:
-    """Return typing and code of a struct that is left in one place."""
+    """Return typing and code generator of a struct stored on the stack."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])
@@ -313,7 +314,7 @@ def _hold(context: Any, struct: Any) -> Any:
 
 @intrinsic
 def hold_system(context: Any, system: Any) -> Any:
-    """A system of ropes by its address; a rope by itself as it is. For SIMD lanes."""
+    """Return a reference to a system of ropes, but a single rope by value; for SIMD lanes."""
     if system.instance_class is Rope:
         return system(system), lambda context, builder, sig, arguments: arguments[0]
     return _held(system)
@@ -322,7 +323,7 @@ def hold_system(context: Any, system: Any) -> Any:
 if config.DISABLE_JIT:
 
     def hold(struct: Any) -> Any:
-        """The struct itself."""
+        """Return the struct itself."""
         return struct
 
 else:
@@ -335,7 +336,7 @@ _REGISTER = ir.VectorType(_DOUBLE, 2)
 
 
 class PairType(types.Type):  # type: ignore[misc]
-    """numba's type of a pair."""
+    """numba type of a pair."""
 
     def __init__(self) -> None:
         super().__init__(name="Pair")
@@ -357,7 +358,7 @@ def _join(builder: Any, first: Any, second: Any) -> Any:
 
 
 def _register_operator(function: Any, instruction: str) -> None:
-    """Typing and code of one operator on pair and pair, and on scalar and pair."""
+    """Register typing and code of an operator on two pairs, and on scalar and pair."""
 
     class Template(AbstractTemplate):  # type: ignore[misc]
         def generic(self, arguments: Any, keywords: Any) -> Any:
@@ -390,7 +391,7 @@ for _function, _instruction in (
 
 @intrinsic
 def pair(context: Any, a: Any, b: Any) -> Any:
-    """A pair of two numbers."""
+    """Return a pair of two numbers."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return _join(builder, *arguments)
@@ -400,7 +401,7 @@ def pair(context: Any, a: Any, b: Any) -> Any:
 
 @intrinsic(prefer_literal=True)
 def lane(context: Any, p: Any, index: Any) -> Any:
-    """Lane 0 or 1 of a pair; the index is a literal."""
+    """Return lane 0 or 1 of a pair; the index is a literal."""
     number = index.literal_value
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
@@ -411,13 +412,13 @@ def lane(context: Any, p: Any, index: Any) -> Any:
 
 @intrinsic
 def gather(context: Any, row: Any, i: Any, j: Any) -> Any:
-    """row[i] and row[j]."""
+    """Return row[i] and row[j] as a pair."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         source, first, second = arguments
         values = [builder.load(builder.gep(source, [index])) for index in (first, second)]
         for value in values:
-            tell_apart(builder.module, value, sig.args[0])
+            set_alias_scope(builder.module, value, sig.args[0])
         return _join(builder, *values)
 
     return PAIR(row, types.intp, types.intp), generate
@@ -425,13 +426,13 @@ def gather(context: Any, row: Any, i: Any, j: Any) -> Any:
 
 @intrinsic
 def load(context: Any, row: Any, i: Any) -> Any:
-    """row[i] and row[i + 1]."""
+    """Return row[i] and row[i + 1] as a pair."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         address = builder.gep(arguments[0], [arguments[1]])
         value = builder.load(builder.bitcast(address, _REGISTER.as_pointer()))
         value.align = 8
-        tell_apart(builder.module, value, sig.args[0])
+        set_alias_scope(builder.module, value, sig.args[0])
         return value
 
     return PAIR(row, types.intp), generate
@@ -439,14 +440,14 @@ def load(context: Any, row: Any, i: Any) -> Any:
 
 @intrinsic
 def store(context: Any, row: Any, i: Any, p: Any) -> Any:
-    """row[i], row[i + 1] = p."""
+    """Set row[i] and row[i + 1] to the lanes of p."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         target, index, value = arguments
         address = builder.bitcast(builder.gep(target, [index]), _REGISTER.as_pointer())
         access = builder.store(value, address)
         access.align = 8
-        tell_apart(builder.module, access, sig.args[0])
+        set_alias_scope(builder.module, access, sig.args[0])
         return context.get_dummy_value()
 
     return types.void(row, types.intp, PAIR), generate

@@ -1,4 +1,4 @@
-"""Scopes of rows: metadata by which LLVM knows that a row of a matrix never overlaps another."""
+"""Alias scopes of rows: LLVM metadata which declares that rows of a matrix never overlap."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ _DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
 
 
 def _scope(module: Any, name: str) -> Any:
-    """Metadata of a row's scope, made once per module."""
+    """Return the metadata of a row's alias scope, made once per module."""
     declared = _DECLARED.setdefault(module, {})
     if name not in declared:
         declared[name] = module.add_metadata([name, module.add_metadata(["rope_twin rows"])])
     return declared[name]
 
 
-def tell_apart(module: Any, access: Any, kind: Any) -> None:
-    """Mark a load or store as one of this type of row and of no other."""
-    known = _KNOWN.setdefault(module, {})
-    if kind.scope not in known:
-        others = [_scope(module, name) for name in _SCOPES if name != kind.scope]
-        own = module.add_metadata([_scope(module, kind.scope)])
-        known[kind.scope] = own, module.add_metadata(others)
-    mine, not_mine = known[kind.scope]
-    access.set_metadata("alias.scope", mine)
-    access.set_metadata("noalias", not_mine)
+def set_alias_scope(module: Any, access: Any, kind: Any) -> None:
+    """Attach alias.scope and noalias metadata of this row type to a load or store."""
+    metadata = _KNOWN.setdefault(module, {})
+    if kind.scope not in metadata:
+        other_scopes = [_scope(module, name) for name in _SCOPES if name != kind.scope]
+        scope = module.add_metadata([_scope(module, kind.scope)])
+        metadata[kind.scope] = scope, module.add_metadata(other_scopes)
+    alias_scope, noalias = metadata[kind.scope]
+    access.set_metadata("alias.scope", alias_scope)
+    access.set_metadata("noalias", noalias)

@@ -1,16 +1,15 @@
-"""Wide numbers: LANES doubles, one of each rope of a group, in one SIMD register.
+"""Wide numbers: SIMD vectors of LANES doubles, one lane per rope of a batch.
 
-The kernels of one rope run on them unchanged: `+ - * /`, sqrt, floor, abs, min and max work lane by
-lane, comparisons give a mask, a bit for each lane, and `choose(mask, a, b)` picks by it. A mask is
-neither true nor false: a kernel that branches on a wide number does not compile. Only compiled code
-can use them.
+The kernels of a single rope run on them unchanged: `+ - * /`, sqrt, floor, abs, min and max work
+lane by lane, comparisons return a mask with one bit per lane, and `choose(mask, a, b)` selects by
+it. A mask has no truth value: a kernel that branches on a wide number does not compile. Wide
+numbers exist in compiled code only.
 
-**Tables** of wide numbers are the counterpart of arrays and their rows for a batch of ropes.
-`tiles(array, rows)` makes a matrix of an array (columns, rows, LANES): the rows of a node are
-adjacent in memory, a few pages at a time for any number of rows. `table(array)` makes a matrix of
-an array (rows, columns, LANES) or a row of one (columns, LANES), `wide(array)` a vector of an array
-(LANES,). Entries are indexed as in an array; `rows` and the like (core/jit/rows) work on both.
-The arrays must be aligned to ALIGNMENT.
+**Tables** of wide numbers are the counterpart of arrays and rows for a batch of ropes.
+`tiles(array, rows)` is a matrix on an array (columns, rows, LANES): the rows of a node are adjacent
+in memory, which saves TLB misses. `table(array)` is a matrix on an array (rows, columns, LANES) or
+a row on one (columns, LANES), `wide(array)` the vector of an array (LANES,). Entries are indexed as
+in an array; `rows` etc. (core/jit/rows) work on both. The arrays must be aligned to ALIGNMENT.
 """
 
 from __future__ import annotations
@@ -44,7 +43,7 @@ from numba.extending import (
 )
 
 from rope_twin.core.jit.decorators import INLINED
-from rope_twin.core.jit.scopes import tell_apart
+from rope_twin.core.jit.scopes import set_alias_scope
 
 
 def cpu_features() -> list[str]:
@@ -58,8 +57,8 @@ def cpu_features() -> list[str]:
 def register_doubles() -> int:
     """Return how many doubles the widest SIMD register of the compiler's target holds.
 
-    Wider numbers would be split in two, and LLVM then fuses other multiplications and additions
-    than in a single rope's code, so that a member would differ from its lone twin in the last bit.
+    LLVM would split wider numbers and contract other products and sums than in the code of a single
+    rope, so that a member of a batch would not be bit-identical to a single rope.
     """
     return 8 if "+avx512f" in cpu_features() else 4
 
@@ -73,22 +72,22 @@ _BITS = ir.VectorType(ir.IntType(1), LANES)
 
 
 class WideType(types.Type):  # type: ignore[misc]
-    """numba's type of a wide number."""
+    """numba type of a wide number."""
 
     def __init__(self) -> None:
         super().__init__(name="Wide")
 
     def can_convert_from(self, context: Any, other: Any) -> Any:
-        """Return that a double becomes a wide number without loss."""
+        """Return the conversion of a double to a wide number: safe."""
         return Conversion.promote if isinstance(other, types.Float) else None
 
     def unify(self, context: Any, other: Any) -> Any:
-        """Return the type of a variable that is a double here and a wide number there."""
+        """Return the common type of a double and a wide number."""
         return self if isinstance(other, types.Float) else None
 
 
 class MaskType(types.Type):  # type: ignore[misc]
-    """numba's type of a bit for each lane; it is neither true nor false."""
+    """numba type of a mask with one bit per lane, without truth value."""
 
     def __init__(self) -> None:
         super().__init__(name="Mask")
@@ -110,20 +109,20 @@ class _MaskModel(models.PrimitiveModel):  # type: ignore[misc]
 
 
 def spread(builder: Any, value: Any) -> Any:
-    """A double in all lanes; what is wide stays as it is."""
+    """Broadcast a double to all lanes; return wide values unchanged."""
     if value.type == REGISTER:
         return value
-    one = builder.insert_element(
+    vector = builder.insert_element(
         ir.Constant(REGISTER, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
     )
     first = ir.Constant(ir.VectorType(_INDEX, LANES), [0] * LANES)
-    return builder.shuffle_vector(one, ir.Constant(REGISTER, ir.Undefined), first)
+    return builder.shuffle_vector(vector, ir.Constant(REGISTER, ir.Undefined), first)
 
 
 def register(function: Any, count: int, result: Any, generate: Any) -> None:
-    """Register typing and code of a function of `count` numbers, one of which is wide at least.
+    """Register typing and code of a function of `count` numbers, at least one of which is wide.
 
-    generate(context, builder, ...): the code for wide numbers.
+    generate(context, builder, ...): code generator for wide numbers.
     """
 
     class Template(AbstractTemplate):  # type: ignore[misc]
@@ -162,7 +161,7 @@ def _comparison(sign: str) -> Any:
 
 
 def _extreme(sign: str) -> Any:
-    """As numba does it for two doubles."""
+    """Return the code generator of min or max, as numba's for two doubles."""
 
     def generate(context: Any, builder: Any, a: Any, b: Any) -> Any:
         return builder.select(builder.fcmp_ordered(sign, b, a), b, a)
@@ -203,7 +202,7 @@ def _call(name: str) -> Any:
 
 
 def _negative(context: Any, builder: Any, a: Any) -> Any:
-    """As numba does it, so that sums are ordered alike."""
+    """Negate as numba does for doubles, so that LLVM orders sums equally."""
     return builder.fsub(ir.Constant(REGISTER, [-0.0] * LANES), a)
 
 
@@ -241,7 +240,7 @@ for _function in (operator.and_, operator.or_, operator.xor):
 
 @intrinsic
 def bits(context: Any, mask: Any) -> Any:
-    """A mask as an integer, lane 0 the lowest bit."""
+    """Return a mask as an integer, with lane 0 as lowest bit."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return builder.zext(arguments[0], ir.IntType(64))
@@ -251,7 +250,7 @@ def bits(context: Any, mask: Any) -> Any:
 
 @intrinsic
 def mask_of(context: Any, number: Any) -> Any:
-    """The mask of an integer."""
+    """Return the mask of an integer."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return builder.trunc(arguments[0], ir.IntType(LANES))
@@ -266,7 +265,7 @@ def _widen(context: Any, builder: Any, source: Any, target: Any, value: Any) -> 
 
 @intrinsic
 def widened(context: Any, number: Any) -> Any:
-    """A double in all lanes."""
+    """Return a wide number with a double in all lanes."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return spread(builder, arguments[0])
@@ -276,7 +275,7 @@ def widened(context: Any, number: Any) -> Any:
 
 @intrinsic
 def _select(context: Any, mask: Any, a: Any, b: Any) -> Any:
-    """a in the lanes of the mask, else b."""
+    """Return a in the lanes of the mask, else b."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         mask, left, right = arguments
@@ -287,7 +286,7 @@ def _select(context: Any, mask: Any, a: Any, b: Any) -> Any:
 
 
 def choose(which: Any, a: Any, b: Any) -> Any:
-    """a where `which` holds, else b: of two numbers, or lane by lane of wide ones."""
+    """Return a where the condition `which` holds, else b; lane by lane for wide numbers."""
     return a if which else b
 
 
@@ -299,9 +298,9 @@ def _compose_choice(which: Any, a: Any, b: Any) -> Any:
 
 
 def count_beyond(count: int, a: Any, b: Any, tolerance: Any) -> int:
-    """One more if a differs from b by more than the tolerance, or is NaN.
+    """Return count + 1 if a differs from b by more than the tolerance, or is NaN, else count.
 
-    Of wide numbers: a bit for each lane where one ever did.
+    For wide numbers count is a bit mask of the lanes with any such difference.
     """
     return count + (not abs(a - b) <= tolerance)
 
@@ -329,9 +328,9 @@ class TableType(types.Type):  # type: ignore[misc]
         def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
             data, low = builder.extract_value(arguments[0], 0), arguments[-1]
             at = builder.mul(low, ir.Constant(low.type, max(self.rows, 1)))
-            places = [builder.add(at, ir.Constant(low.type, first + k)) for k in range(count)]
-            made = [builder.gep(data, [place]) for place in places]
-            return made[0] if count == 1 else context.make_tuple(builder, result, made)
+            offsets = [builder.add(at, ir.Constant(low.type, first + k)) for k in range(count)]
+            addresses = [builder.gep(data, [offset]) for offset in offsets]
+            return addresses[0] if count == 1 else context.make_tuple(builder, result, addresses)
 
         return result, generate
 
@@ -375,7 +374,7 @@ def _aligned(access: Any) -> Any:
     return access
 
 
-def _place(context: Any, builder: Any, kind: TableType, table: Any, index: Any) -> Any:
+def _entry_address(context: Any, builder: Any, kind: TableType, table: Any, index: Any) -> Any:
     """Return the pointer to an entry of a table."""
     data = builder.extract_value(table, 0)
     if kind.ndim == 1:
@@ -405,17 +404,17 @@ def _shape(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _index_kind(kind: TableType, index: Any) -> Any:
-    """Return the type that an index is converted to; None if it does not fit."""
+    """Return the type that an index is converted to, or None if it is not supported."""
     if kind.ndim == 1:
         return types.intp if isinstance(index, types.Integer) else None
     if isinstance(index, types.BaseTuple) and len(index) == 2:
-        whole = all(isinstance(kind, types.Integer) for kind in index)
-        return types.UniTuple(types.intp, 2) if whole else None
+        integers = all(isinstance(kind, types.Integer) for kind in index)
+        return types.UniTuple(types.intp, 2) if integers else None
     return None
 
 
 def _row_kind(kind: TableType, index: Any) -> Any:
-    """Return the type that `k` or `k, low:` is converted to, for a row of a table; else None."""
+    """Return the type that an index `k` or `k, low:` of a row is converted to, else None."""
     if kind.ndim == 1 or kind.rows:
         return None
     if isinstance(index, types.Integer):
@@ -458,7 +457,7 @@ def _get_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     pointer, index = arguments
     at = builder.mul(index, ir.Constant(index.type, sig.args[0].stride))
     value = _aligned(builder.load(builder.gep(pointer, [at])))
-    tell_apart(builder.module, value, sig.args[0])
+    set_alias_scope(builder.module, value, sig.args[0])
     return value
 
 
@@ -473,7 +472,7 @@ def _set_of_row(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     pointer, index, value = arguments
     at = builder.mul(index, ir.Constant(index.type, sig.args[0].stride))
     access = _aligned(builder.store(spread(builder, value), builder.gep(pointer, [at])))
-    tell_apart(builder.module, access, sig.args[0])
+    set_alias_scope(builder.module, access, sig.args[0])
     return context.get_dummy_value()
 
 
@@ -483,19 +482,19 @@ def _get_of_table(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         table, row = arguments
         low = ir.Constant(ir.IntType(64), 0)
         if isinstance(sig.args[1], types.BaseTuple):
-            part = builder.extract_value(row, 1)
-            low = context.make_helper(builder, sig.args[1][1], part).start
+            columns = builder.extract_value(row, 1)
+            low = context.make_helper(builder, sig.args[1][1], columns).start
             row = builder.extract_value(row, 0)
         at = builder.add(builder.mul(row, builder.extract_value(table, 1)), low)
         return builder.gep(builder.extract_value(table, 0), [at])
-    return _aligned(builder.load(_place(context, builder, sig.args[0], *arguments)))
+    return _aligned(builder.load(_entry_address(context, builder, sig.args[0], *arguments)))
 
 
 @lower_builtin(operator.setitem, TableType, types.Any, types.Any)
 def _set_of_table(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
     table, index, value = arguments
-    place = _place(context, builder, sig.args[0], table, index)
-    _aligned(builder.store(spread(builder, value), place))
+    address = _entry_address(context, builder, sig.args[0], table, index)
+    _aligned(builder.store(spread(builder, value), address))
     return context.get_dummy_value()
 
 
@@ -506,10 +505,10 @@ def _table(array: Any, rows: int) -> Any:
         source = context.make_array(sig.args[0])(context, builder, arguments[0])
         data = builder.bitcast(source.data, REGISTER.as_pointer())
         columns = builder.extract_value(source.shape, max(array.ndim - 2, 0))
-        made = cgutils.create_struct_proxy(kind)(context, builder)
-        made.data, made.columns = data, columns
-        made.height = builder.extract_value(source.shape, 0)
-        return made._getvalue()
+        table = cgutils.create_struct_proxy(kind)(context, builder)
+        table.data, table.columns = data, columns
+        table.height = builder.extract_value(source.shape, 0)
+        return table._getvalue()
 
     return kind, generate
 
@@ -534,8 +533,8 @@ def wide(context: Any, array: Any) -> Any:
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         source = context.make_array(sig.args[0])(context, builder, arguments[0])
-        place = builder.bitcast(source.data, REGISTER.as_pointer())
-        value = builder.load(place)
+        address = builder.bitcast(source.data, REGISTER.as_pointer())
+        value = builder.load(address)
         value.align = 8
         return value
 
@@ -544,21 +543,23 @@ def wide(context: Any, array: Any) -> Any:
 
 @intrinsic
 def pick(context: Any, table: Any, indices: Any) -> Any:
-    """Return of each lane its own entry of a table; indices: a tuple of wide whole numbers."""
+    """Return each lane's entry of a table; indices: tuple of wide numbers with integer values."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        source, whole, found = arguments[0], ir.IntType(64), ir.Constant(REGISTER, ir.Undefined)
+        source, int64, result = arguments[0], ir.IntType(64), ir.Constant(REGISTER, ir.Undefined)
         data = builder.bitcast(builder.extract_value(source, 0), _DOUBLE.as_pointer())
         for lane in range(LANES):
-            number, place = ir.Constant(_INDEX, lane), ir.Constant(whole, 0)
+            number, offset = ir.Constant(_INDEX, lane), ir.Constant(int64, 0)
             for index in cgutils.unpack_tuple(builder, arguments[1]):
-                own = builder.fptosi(builder.extract_element(index, number), whole)
-                place = builder.mul(place, builder.extract_value(source, 1))
-                place = builder.add(place, own)
-            place = builder.mul(place, ir.Constant(whole, LANES))
-            place = builder.add(place, ir.Constant(whole, lane))
-            found = builder.insert_element(found, builder.load(builder.gep(data, [place])), number)
-        return found
+                position = builder.fptosi(builder.extract_element(index, number), int64)
+                offset = builder.mul(offset, builder.extract_value(source, 1))
+                offset = builder.add(offset, position)
+            offset = builder.mul(offset, ir.Constant(int64, LANES))
+            offset = builder.add(offset, ir.Constant(int64, lane))
+            result = builder.insert_element(
+                result, builder.load(builder.gep(data, [offset])), number
+            )
+        return result
 
     return WIDE(table, indices), generate
 
@@ -566,14 +567,14 @@ def pick(context: Any, table: Any, indices: Any) -> Any:
 @intrinsic
 def _first_lane(context: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        one = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))
-        return builder.fptosi(one, ir.IntType(64))
+        first = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))
+        return builder.fptosi(first, ir.IntType(64))
 
     return types.int64(value), generate
 
 
 def whole(value: Any) -> int:
-    """Return a whole number kept as a double; of wide numbers, which have it in common, too."""
+    """Convert a double to an integer; a wide number must have the same value in all lanes."""
     return int(value)
 
 

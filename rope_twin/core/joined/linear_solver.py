@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import six
-from rope_twin.core.jit.decorators import jit, jit_apart, jit_ordered
+from rope_twin.core.jit.decorators import jit, jit_noinline, jit_ordered
 from rope_twin.core.jit.functions import by_width
 from rope_twin.core.jit.rows import column, end_to_end
 from rope_twin.core.jit.wide import choose
@@ -225,7 +225,7 @@ def _push_condensed(system: Any) -> None:
         push_force(joints, joints.lower[r], g)
 
 
-@jit_apart
+@jit_noinline
 def push_system(system: Any) -> None:
     """Solve for all corrections from the residuals, with the factors of the last elimination."""
     joints = system.joints
@@ -285,19 +285,19 @@ _push = chosen_by(
 )
 
 
-@jit_apart
+@jit_noinline
 def solve_system(system: Any) -> None:
     """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
     _solve(effects_at(system.stack.effects, ZERO), system, True)
 
 
-@jit_apart
+@jit_noinline
 def solve_lanes(system: Any, moved: Any) -> None:
     """Solve for the corrections in all lanes; those of `moved` get new factors."""
     _solve(system.stack.effects, system, moved)
 
 
-@jit_apart
+@jit_noinline
 def push_lanes(system: Any) -> None:
     """Solve for all corrections from the residuals, with each lane's existing factors.
 
