@@ -1,11 +1,10 @@
 """A rigid body in SIMD lanes: its solution for all lanes together, and its kernels in the step.
 
-Loads, momenta and Newton's matrix are those of a single body (core/body/loads), on wide numbers;
-branches are masks here. A lane that is solved keeps its solution while Newton's method goes on in
-others: it is not corrected, and its hook stays where it was solved for, so that every evaluation
-gives the same bits again.
+Loads, momenta and Jacobian are those of a single body (core/body/loads), on wide numbers, with
+masks for branches. A converged lane keeps its solution and the motion of its hook while Newton's
+method continues in others, so that its evaluation is bit-identical.
 
-Lanes do not solve for static equilibrium: a step that begins with it is left to the single-rope
+Static equilibrium is not solved in lanes: a step that begins with it is taken by the single-rope
 solver (`Group.late`).
 """
 
@@ -66,7 +65,7 @@ def _halve(body: Any, worse: Any) -> None:
 def _solve(body: Any, q: Any, hook: Any, lanes: int) -> Any:
     """Solve in these lanes as `solve` does; return those that converged, as bits.
 
-    q is wide: LLVM joins the sign of -q with other terms than that of a number in all lanes.
+    q is wide: with a scalar, LLVM would contract the sign of -q with other terms.
     """
     miss = balance(body, q, hook)
     for _ in range(MAX_ITERATIONS):
@@ -135,7 +134,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     hook = column(work, POSITION, 0), column(work, VELOCITY, 0)
     q = widened(stage.q)
     found = _solve_for(body, q, hook, stage.lanes)
-    # finite in lanes that are not evaluated: they are eliminated too, and corrected by 0 times that
+    # must be finite in inactive lanes, which are eliminated too and corrected by zero times it
     fine = mask_of(found | (ALL - stage.lanes))
     f = chosen(fine, vector(body.stage, at.ON_HOOK), (inf, inf, inf))
     load_hook(body, work, f, left_on_hook(body, q))
@@ -166,7 +165,7 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
 
 @jit_exact
 def _write(body: Any, record: Any) -> None:
-    """Write a record to each lane's first free place, and note it as that of the stage's end."""
+    """Write a record to each lane's first free slot, and mark it as that of the stage's end."""
     now, start = body.memory[0, 0], body.memory[2, 0]
     free, rest = 0.0 * now, ALL
     for slot in range(at.RECORDS):

@@ -1,7 +1,7 @@
 """Loads on a rigid body, the momenta of body and added mass, and the Jacobian of both.
 
-**Components** are loads besides slings, weight and drag, compiled only where present. A component
-is a NamedTuple among a body's `parts`; its file registers kernels by `@part(hook, Type)`:
+**Components** are optional loads besides slings, weight and drag. A component is a NamedTuple in a
+body's `parts`; its file registers kernels by `@part(hook, Type)`:
 
 - `act(part, body, q, pose)`: force and moment about G in body axes and the sum of the magnitudes;
   it subtracts q times their derivatives from the matrix (core/body/state.py). pose: position, R,
@@ -11,8 +11,7 @@ is a NamedTuple among a body's `parts`; its file registers kernels by `@part(hoo
 - `floor(part, body, place)`: the height at which the body's corners there would touch it.
 - `power(part, body, pose)`, plain Python: power into the body [W]; pose: of core/body/step.py.
 
-The types select the code while numba compiles (like effects, core/loads/hooks.py): an absent
-component leaves no code.
+The types select the code at compile time, like effects (core/loads/hooks.py).
 
 **Momenta.** Kirchhoff's equations (Lamb 1932, Hydrodynamics, § 124) for the momenta of body and
 added mass about the centre of gravity G, in world axes:

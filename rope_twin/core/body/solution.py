@@ -9,9 +9,8 @@ for its skew part.
 **Static equilibrium** below a fixed hook, in the water that flows there. The six equations F = 0, M
 = 0 are followed in pseudo-time: implicit Euler steps of a massless body with drag, whose step size
 grows as the residual falls (pseudo-transient continuation, Kelley and Keyes 1998, SIAM J. Numer.
-Anal. 35, 508). The body therefore reaches the equilibrium that it would reach by itself, and
-convergence is finally quadratic. It turns freely about the vertical if nothing but the hook
-restrains it.
+Anal. 35, 508). The body therefore reaches a stable equilibrium, finally with quadratic convergence.
+Rotation about the vertical is free if the hook is the only restraint.
 
 Without friction a body on a slope, or on the seabed in a current, is in equilibrium only where its
 slings stop its slide. Where that is far from below the hook, friction is tried: in equilibrium the

@@ -1,4 +1,4 @@
-"""A rigid body in the steps of its rope, its pose and energy balance, and the types of bodies.
+"""Time integration of a rigid body with its rope, its pose and energy, and the types of bodies.
 
 The index of the valid record is an internal variable (core/loads/memory.py): a substep that is
 rejected, or a step that fails, leaves the body unchanged.
@@ -9,9 +9,9 @@ which the part that differs between ascent and descent is ΔM/2·(w·√(w² + �
 Slings and pin store ½·k·stretch². The dissipation of their dampers and of the components
 (core/body/loads.py) is charged to the water's account.
 
-**Types.** There is one for each set of components, which selects the compiled code: the step of a
-body without a deck contains no code for a deck (core/body/loads.py). All types are made on import,
-so that numba's cache finds them by name.
+**Types.** There is one type for each set of components, which selects the compiled code
+(core/body/loads.py). All types are made on import, so that unpickling of cached code finds them by
+name.
 """
 
 from __future__ import annotations

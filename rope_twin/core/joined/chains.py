@@ -1,23 +1,22 @@
 """Condensation of a rope to the connections at both of its ends, from both ends to its middle.
 
-Where ropes form a loop, a rope lies between two connections of the dense system. Lane 0 begins at
-its lower end, lane 1 at its upper end. Each carries the connection behind it along as three more
-columns: node i has (S + K)·delta_i = f + K·delta_next + P·delta_end, so that with H = (S + K)⁻¹·P
-delta_i = y + G·delta_next + H·delta_end, and K·H takes the place of P at the next node. That is
-what `eliminate_node` does with a force, for each column of P. The connection is left with D - Σ
-Pᵀ·H, a difference: its mass is resolved to 1e-16·K.
+Where ropes form a loop, a rope lies between two connections of the dense system. Lane 0 starts at
+its lower end, lane 1 at its upper end. Each has the connection at its end as three additional
+right-hand sides: node i has (S + K)·delta_i = f + K·delta_next + P·delta_end, so that with
+H = (S + K)⁻¹·P delta_i = y + G·delta_next + H·delta_end, and K·H replaces P at the next node, as
+`eliminate_node` does with a force. The Schur complement on the connection is the difference
+D - Σ Pᵀ·H: its mass is resolved to 1e-16·K.
 
-**With bending** the chain is block-pentadiagonal. The
-algebra is that of `core/elimination`: node i has the block B = c·I - K with the next node and d·I
-with the second next. A lower connection is carried along as three more columns P of forces, which a
-node passes on to the next two like its own force: delta_i = own - G·delta_{i+1} - S⁻¹·d·delta_{i+2}
-+ F·delta_0 with F = S⁻¹·P. The connection's own node begins with P_1 = K_0 - c_0·I and P_2 =
--d_0·I. A connection is a hinge: an effect that bends the rope has a moment at inner nodes only, so
-that chains connected there share its force and nothing else.
+**With bending** the chain is block-pentadiagonal. The algebra is that of `core/elimination`: node i
+has the block B = c·I - K with the next node and d·I with the second next. A lower connection is
+three additional right-hand sides P, which are condensed onto the next two nodes like a force:
+delta_i = y - G·delta_{i+1} - S⁻¹·d·delta_{i+2} + F·delta_0 with F = S⁻¹·P. They start with
+P_1 = K_0 - c_0·I and P_2 = -d_0·I. A connection is a hinge: bending effects have a moment at inner
+nodes only, so that chains connected there are coupled by the connection alone.
 
-**In SIMD lanes** (`..._wide`) algebra and order are the same, so that a lane has the numbers of the
-lone system to the bit. A node has its factors in its own rows: ELIMINATED as in `core/tridiagonal`,
-H by columns in FAR. The middle node has H of the lower end in the rows of the gain, H of the upper
+**In SIMD lanes** (`..._wide`) algebra and order are the same, so that a lane is bit-identical to a
+single system. The factors of a node are in its own column: ELIMINATED as in `core/tridiagonal`, H
+by columns in FAR. The middle node has H of the lower end in the rows of the gain, H of the upper
 end in FAR.
 """
 
@@ -130,8 +129,8 @@ def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
     """
     Z, f, (px, py, pz), D, g = state
     S, t, a, b = pair_of_nodes(work, (i, j), (i, j - 1), Z)
-    gain, own, left, pushed, inverse = eliminate_node(S, pushed_on(work, i, j, f), t, a, b)
-    keep_pair(row(work, ELIMINATED, 0), RECORD * k, gain, own, inverse)
+    gain, solution, schur, pushed, inverse = eliminate_node(S, pushed_on(work, i, j, f), t, a, b)
+    keep_pair(row(work, ELIMINATED, 0), RECORD * k, gain, solution, inverse)
     _, hx, _, to_x, _ = eliminate_node(S, px, t, a, b)
     _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
     _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
@@ -140,8 +139,8 @@ def _pair(work: Any, i: int, j: int, k: int, state: Any) -> Any:
     store_three(far, 6, (hx[1], hy[1], hz[1]))
     store_three(far, 12, (hx[2], hy[2], hz[2]))
     P = px, py, pz
-    D, g = less_product(D, P, (hx, hy, hz)), plus_product(g, P, own)
-    return left, pushed, (to_x, to_y, to_z), D, g
+    D, g = less_product(D, P, (hx, hy, hz)), plus_product(g, P, solution)
+    return schur, pushed, (to_x, to_y, to_z), D, g
 
 
 @jit_within
@@ -188,16 +187,16 @@ def eliminate_between(work: Any, n: int) -> Any:
     D = less_product(six_lanes(below[3], 0), P, H)
     E = less_product(six_lanes(state[3], 1), Q, G)
     sides = add(lanes(below[1], 0), lanes(state[1], 1))
-    own = solve_symmetric(S, add(sides, column(work, RESIDUAL, middle)))
-    _put(record, _OWN, own)
-    g = plus_product(lanes(below[4], 0), P, own)
-    h = plus_product(lanes(state[4], 1), Q, own)
+    solution = solve_symmetric(S, add(sides, column(work, RESIDUAL, middle)))
+    _put(record, _OWN, solution)
+    g = plus_product(lanes(below[4], 0), P, solution)
+    h = plus_product(lanes(state[4], 1), Q, solution)
     return E, h, D, g, _coupling(Q, H)
 
 
 @jit_ordered
 def push_between(work: Any, n: int) -> Any:
-    """Push the residuals through the factors: return the force at node n and that at node 0."""
+    """Condense the residuals with the existing factors: return the force at node n and node 0."""
     pairs, rounds, middle = ends_of(n)
     records, zero = row(work, ELIMINATED, 0), pair(0.0, 0.0)
     f = g = (zero, zero, zero)
@@ -291,30 +290,30 @@ def substitute_between(work: Any, n: int) -> None:
 
 
 @jit_within
-def _begun(Z: Any, nothing: Any) -> Any:
-    """Return the state (see `_node`) of a chain that begins with Schur complement Z."""
-    return Z, nothing, (nothing + nothing, nothing), (nothing, nothing, nothing)
+def _begun(Z: Any, zero: Any) -> Any:
+    """Return the initial state (see `_node`) of a chain with Schur complement Z."""
+    return Z, zero, (zero + zero, zero), (zero, zero, zero)
 
 
 @jit_within
 def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
     """Return pivot, force and block to the next node of node i, whose next element is K.
 
-    state: Schur complement on it, its force, Schur complement on the next node, and between the
-    two.
+    state: Schur complement and condensed force on node i, those on the next node, and their
+    coupling.
     """
-    S, f, _, between = state
+    S, f, _, cross = state
     pivot = add_six(add_six(S, six(work, BLOCK, i)), K)
-    return pivot, add(f, column(work, RESIDUAL, i)), add_nine(between, link_less(c, K))
+    return pivot, add(f, column(work, RESIDUAL, i)), add_nine(cross, link_less(c, K))
 
 
 @jit_ordered
 def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
-    """Eliminate node i onto the next two, through K, c and d; return the remaining state."""
+    """Eliminate node i onto the next two, through K, c and d; return the state there."""
     S, f, B = _node(work, i, state, K, c)
-    kept, left = eliminate_coupled_node(S, f, B, d)
-    keep_node(work, i, kept)
-    return onto_next(left, state[2], K)
+    factors, schur = eliminate_coupled_node(S, f, B, d)
+    keep_node(work, i, factors)
+    return onto_next(schur, state[2], K)
 
 
 @jit_ordered
@@ -352,7 +351,7 @@ def _pass_on(pivot: Any, P: Any, after: Any) -> Any:
 
 @jit_exact_within
 def _exact_dot(a: Any, b: Any) -> Any:
-    """Return the inner product of two vectors, rounded alike for one rope and in lanes."""
+    """Return the inner product of two vectors, rounded equally for a single rope and in lanes."""
     return fused(a[2], b[2], fused(a[0], b[0], a[1] * b[1]))
 
 
@@ -373,11 +372,13 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
         S, _, B = _node(work, i, state, K, c)
         F, following, after = _pass_on((S, B, d), P, after)
         state = _take(work, i, state, K, c, d)
-        own = column(work, ELIMINATED + 9, i)
+        solution = column(work, ELIMINATED + 9, i)
         for k in range(3):
             set_column(work, COUPLED_FAR + 3 * k, i, F[k])
         D = less_product(D, P, F)
-        g = add(g, (_exact_dot(P[0], own), _exact_dot(P[1], own), _exact_dot(P[2], own)))
+        g = add(
+            g, (_exact_dot(P[0], solution), _exact_dot(P[1], solution), _exact_dot(P[2], solution))
+        )
         P = following
     return state[0], state[1], D, g, P
 
@@ -409,16 +410,16 @@ def substitute_coupled_between(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, n), nothing_at(work, 0)
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):
-        own = substituted(kept_of(work, i), near, scaled(work[SECOND, i], far))
+        solution = substituted(kept_of(work, i), near, scaled(work[SECOND, i], far))
         for k, share in enumerate((x, y, z)):
-            own = add(own, scaled(share, column(work, COUPLED_FAR + 3 * k, i)))
-        near, far = own, near
+            solution = add(solution, scaled(share, column(work, COUPLED_FAR + 3 * k, i)))
+        near, far = solution, near
         set_column(work, CORRECTION, i, near)
 
 
 @jit
 def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
-    """Add the couplings and keep the loads of node n (present where upto > n), which they clear."""
+    """Add the couplings; preserve the loads of node n (if upto > n), which they clear."""
     R, S = column(work, RESIDUAL, n), (column(work, BLOCK, n), column(work, BLOCK + 3, n))
     balance.add_couplings(effects, work, stage, n)
     if upto > n:
@@ -428,8 +429,8 @@ def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
             work[BLOCK + 3 + k, n] += S[1][k]
 
 
-# Add every effect's forces between nodes that are not next neighbours, once loads are known; upto:
-# number of nodes that carry loads, n or (the upper end is at a connection) n + 1.
+# Add the forces of effects between nodes that are not adjacent, after the loads; upto: number of
+# nodes that carry loads, n, or n + 1 if the upper end is at a connection.
 add_couplings = chosen_by(
     couples,
     lambda effects, work, stage, n, upto: _couple(effects, work, stage, n, upto),
@@ -448,22 +449,22 @@ def _take_wide(work: Any, i: int, e: int, state: Any, moved: Any) -> Any:
     """
     Z, f, (px, py, pz), D, g = state
     S, t, a, b = pivot_of(work, i, e, Z)
-    gain, own, left, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
-    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), own, inverse, moved)
+    gain, solution, schur, pushed, inverse = eliminate_node(S, force_on(work, i, f), t, a, b)
+    keep_factors(work, i, (gain[:3], gain[3:6], gain[6:]), solution, inverse, moved)
     _, hx, _, to_x, _ = eliminate_node(S, px, t, a, b)
     _, hy, _, to_y, _ = eliminate_node(S, py, t, a, b)
     _, hz, _, to_z, _ = eliminate_node(S, pz, t, a, b)
     H, P = (hx, hy, hz), (px, py, pz)
     keep_nine(work, FAR, i, H, moved)
-    return left, pushed, (to_x, to_y, to_z), less_product(D, P, H), plus_product(g, P, own)
+    return schur, pushed, (to_x, to_y, to_z), less_product(D, P, H), plus_product(g, P, solution)
 
 
 @jit_ordered_within
 def _start_wide(work: Any, e: int) -> Any:
     """Return the state at the end of a rope whose outermost element is e."""
-    Z, none = spring(work, e), nothing_at(work, e)
+    Z, zero = spring(work, e), nothing_at(work, e)
     xx, xy, xz, yy, yz, zz = Z
-    return Z, none, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), Z, none
+    return Z, zero, ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), Z, zero
 
 
 @jit_ordered
@@ -483,9 +484,9 @@ def eliminate_between_wide(work: Any, n: int, moved: Any) -> Any:
     keep_nine(work, ELIMINATED, middle, H, moved)
     keep_nine(work, FAR, middle, G, moved)
     D, E = less_product(below[3], P, H), less_product(above[3], Q, G)
-    own = solve_symmetric(S, add(add(below[1], above[1]), column(work, RESIDUAL, middle)))
-    set_column(work, _WIDE_OWN, middle, own)
-    g, h = plus_product(below[4], P, own), plus_product(above[4], Q, own)
+    solution = solve_symmetric(S, add(add(below[1], above[1]), column(work, RESIDUAL, middle)))
+    set_column(work, _WIDE_OWN, middle, solution)
+    g, h = plus_product(below[4], P, solution), plus_product(above[4], Q, solution)
     return E, h, D, g, _coupling(Q, H)
 
 
@@ -515,20 +516,20 @@ def _substituted_wide(work: Any, i: int, near: Any, far: Any) -> Any:
     """Store and return delta of node i from that nearer the middle and that of its rope's end."""
     x, y, z = substitute_wide_node(work, i, near)
     hx, hy, hz = nine(work, FAR, i)
-    own = (
+    solution = (
         x + (hx[0] * far[0] + hy[0] * far[1] + hz[0] * far[2]),
         y + (hx[1] * far[0] + hy[1] * far[1] + hz[1] * far[2]),
         z + (hx[2] * far[0] + hy[2] * far[1] + hz[2] * far[2]),
     )
-    set_column(work, CORRECTION, i, own)
-    return own
+    set_column(work, CORRECTION, i, solution)
+    return solution
 
 
 @jit_ordered_within
-def _middle_of_wide(own: Any, H: Any, G: Any, low: Any, high: Any) -> Any:
+def _middle_of_wide(solution: Any, H: Any, G: Any, low: Any, high: Any) -> Any:
     """Return a component of the middle node's delta; H, G: its row."""
     return (
-        own
+        solution
         + (H[0] * low[0] + H[1] * low[1] + H[2] * low[2])
         + (G[0] * high[0] + G[1] * high[1] + G[2] * high[2])
     )
@@ -539,13 +540,13 @@ def substitute_between_wide(work: Any, n: int) -> None:
     """Back-substitute, given the corrections of both ends."""
     pairs, rounds, middle = ends_of(n)
     low, high = column(work, CORRECTION, ZERO), column(work, CORRECTION, n)
-    own = column(work, _WIDE_OWN, middle)
+    solution = column(work, _WIDE_OWN, middle)
     a, b, c = nine(work, ELIMINATED, middle)
     u, v, w = nine(work, FAR, middle)
     near = (
-        _middle_of_wide(own[0], (a[0], b[0], c[0]), (u[0], v[0], w[0]), low, high),
-        _middle_of_wide(own[1], (a[1], b[1], c[1]), (u[1], v[1], w[1]), low, high),
-        _middle_of_wide(own[2], (a[2], b[2], c[2]), (u[2], v[2], w[2]), low, high),
+        _middle_of_wide(solution[0], (a[0], b[0], c[0]), (u[0], v[0], w[0]), low, high),
+        _middle_of_wide(solution[1], (a[1], b[1], c[1]), (u[1], v[1], w[1]), low, high),
+        _middle_of_wide(solution[2], (a[2], b[2], c[2]), (u[2], v[2], w[2]), low, high),
     )
     set_column(work, CORRECTION, middle, near)
     further = near

@@ -1,11 +1,11 @@
-"""Initial guess of the static shape of a multi-line system, and coarser systems to begin with.
+"""Initial guess of the static shape of a multi-line system, and its coarsening.
 
-**Guess**: straight ropes or catenaries. Points under gravity, ropes not longer than their length,
-bars of fixed length: position-based dynamics (Müller et al. 2007, J. Vis. Commun. Image R. 18,
-109), in which a few rounds of moving points until each length is satisfied replace forces.
+**Guess**: straight ropes or catenaries between points from position-based dynamics (Müller et al.
+2007, J. Vis. Commun. Image R. 18, 109): points fall by gravity and are projected iteratively onto
+the constraints of rope length (inequality) and bar length (equality).
 
-**Coarse to fine**: equilibrium on few elements first. What makes the problem hard, arbitrary
-initial shapes, does not depend on the number of elements; the cost of a step does.
+**Coarse to fine**: equilibrium on few elements first. The number of iterations depends on the
+initial shape and not on the number of elements, but the cost of a step does.
 """
 
 from __future__ import annotations
@@ -51,31 +51,31 @@ def guess_positions(
     """Return the approximate positions of the ends of ropes and bars, (3,) each [m].
 
     known: fixed points with their positions; free: all others, spread in this order. Every rope
-    must be connected to a fixed point, if only through others.
+    must be connected to a fixed point, directly or through other ropes.
     """
-    found: dict[Hashable, Point] = {name: [float(x) for x in at] for name, at in known.items()}
-    _hang_straight(found, ropes, bars)
-    aside = SPREAD * min(length for *_, length in ropes)
+    positions: dict[Hashable, Point] = {name: [float(x) for x in at] for name, at in known.items()}
+    _hang_straight(positions, ropes, bars)
+    spread = SPREAD * min(length for *_, length in ropes)
     for k, name in enumerate(free):
-        found[name][0] += aside * cos(GOLDEN * k)
-        found[name][1] += aside * 0.3 * sin(GOLDEN * k)
+        positions[name][0] += spread * cos(GOLDEN * k)
+        positions[name][1] += spread * 0.3 * sin(GOLDEN * k)
     fall = FALL * max(length for *_, length in ropes)
-    held = set(known)
+    fixed = set(known)
     for drop in range(drops):
         for name in free:
-            found[name][2] -= fall * (1.0 - drop / drops)
+            positions[name][2] -= fall * (1.0 - drop / drops)
         for _ in range(ROUNDS):
             for link in ropes:
-                _move(found, held, link, only_shorter=True)
+                _move(positions, fixed, link, only_shorter=True)
             for link in bars:
-                _move(found, held, link, only_shorter=False)
-    return {name: np.array(place) for name, place in found.items()}
+                _move(positions, fixed, link, only_shorter=False)
+    return {name: np.array(position) for name, position in positions.items()}
 
 
 def _hang_straight(
-    found: dict[Hashable, Point], ropes: Sequence[Link], bars: Sequence[Link]
+    positions: dict[Hashable, Point], ropes: Sequence[Link], bars: Sequence[Link]
 ) -> None:
-    """Place each point straight below the first rope that leads there, or next to the first bar.
+    """Place each point vertically below its first rope, or beside its first bar.
 
     A sheave is the upper end of the ropes that meet at it; it is placed below their lower ends.
     """
@@ -83,38 +83,38 @@ def _hang_straight(
     while waiting:
         waiting = False
         for upper, lower, length in ropes:
-            if upper in found and lower not in found:
-                x, y, z = found[upper]
-                found[lower] = [x, y, z - length]
+            if upper in positions and lower not in positions:
+                x, y, z = positions[upper]
+                positions[lower] = [x, y, z - length]
                 waiting = True
-        for one, other, length in bars:
-            if (one in found) != (other in found):
-                there, missing = (one, other) if one in found else (other, one)
-                x, y, z = found[there]
-                found[missing] = [x + length, y, z]
+        for first, second, length in bars:
+            if (first in positions) != (second in positions):
+                placed, missing = (first, second) if first in positions else (second, first)
+                x, y, z = positions[placed]
+                positions[missing] = [x + length, y, z]
                 waiting = True
         if not waiting:
             for upper, lower, length in ropes:
-                if lower in found and upper not in found:
-                    x, y, z = found[lower]
-                    found[upper] = [x, y, z - length]
+                if lower in positions and upper not in positions:
+                    x, y, z = positions[lower]
+                    positions[upper] = [x, y, z - length]
                     waiting = True
                     break
 
 
 def _move(
-    found: dict[Hashable, Point], held: set[Hashable], link: Link, *, only_shorter: bool
+    positions: dict[Hashable, Point], fixed: set[Hashable], link: Link, *, only_shorter: bool
 ) -> None:
     """Move two points along the line between them until their distance satisfies the link."""
     a, b, length = link
-    one, other = found[a], found[b]
-    x, y, z = other[0] - one[0], other[1] - one[1], other[2] - one[2]
+    first, second = positions[a], positions[b]
+    x, y, z = second[0] - first[0], second[1] - first[1], second[2] - first[2]
     distance = sqrt(x * x + y * y + z * z) + LITTLE
-    if (a in held and b in held) or (only_shorter and distance <= length):
+    if (a in fixed and b in fixed) or (only_shorter and distance <= length):
         return
-    share = (distance - length) / distance * (0.5 if a not in held and b not in held else 1.0)
-    for point, names, sign in ((one, a, share), (other, b, -share)):
-        if names not in held:
+    fraction = (distance - length) / distance * (0.5 if a not in fixed and b not in fixed else 1.0)
+    for point, names, sign in ((first, a, fraction), (second, b, -fraction)):
+        if names not in fixed:
             point[0] += sign * x
             point[1] += sign * y
             point[2] += sign * z
@@ -128,14 +128,14 @@ def initial_shape(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
     sinh(b)/b = √(L² - v²)/h, and its lowest point follows from the two arms.
     """
     length, chord = float(s[-1]), high - low
-    share = s / length
-    straight: Floats = low[:, None] + chord[:, None] * share
+    fraction = s / length
+    straight: Floats = low[:, None] + chord[:, None] * fraction
     if float(np.sqrt(chord @ chord)) >= (1.0 - TAUT) * length:
         return straight
     span = max(float(np.hypot(chord[0], chord[1])), NARROW * length)
-    aside = np.array([chord[0], chord[1], 0.0])
-    size = float(np.sqrt(aside @ aside))
-    aside = aside / size if size > LITTLE else np.array([1.0, 0.0, 0.0])
+    horizontal = np.array([chord[0], chord[1], 0.0])
+    size = float(np.sqrt(horizontal @ horizontal))
+    horizontal = horizontal / size if size > LITTLE else np.array([1.0, 0.0, 0.0])
     rise = -float(chord[2]) if up else float(chord[2])
     ratio = float(np.sqrt(length**2 - rise**2)) / span
     if ratio <= 1.0 + TAUT:  # nearly vertical and nearly taut
@@ -147,8 +147,8 @@ def initial_shape(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
     arc = s - middle
     along = a * (np.arcsinh(arc / a) - np.arcsinh(-middle / a))
     height = np.hypot(a, arc) - np.hypot(a, middle)
-    along *= size / along[-1]  # a vertical loop was given a small span
-    nodes: Floats = low[:, None] + aside[:, None] * along
+    along *= size / along[-1]  # the span of a vertical loop was increased
+    nodes: Floats = low[:, None] + horizontal[:, None] * along
     nodes[2] += -height if up else height
     return nodes
 
@@ -166,45 +166,47 @@ SPARE_NODES = 4
 COARSE_DROPS = 25  # enough for an initial guess
 
 
-def coarsen(system: System, most: int) -> System:
-    """Return the system with at most `most` elements per rope, at a subset of its nodes."""
+def coarsen(system: System, max_elements: int) -> System:
+    """Return the system with at most `max_elements` per rope, on a subset of its nodes."""
     joints, sheaves = system.joints, system.sheaves
-    ropes = tuple(_coarser_rope(rope, most) for rope in system.ropes)
-    found = new_system(ropes, list(joints.lower), list(joints.upper), joints.ties.copy())
+    ropes = tuple(_coarser_rope(rope, max_elements) for rope in system.ropes)
+    coarse = new_system(ropes, list(joints.lower), list(joints.upper), joints.ties.copy())
     if sheaves is not None:
-        flows = with_flows(found.joints, sheaves.figures.shape[1])
-        found = found._replace(joints=flows, sheaves=sheaves)
-    found.joints.nodes[POSITION : POSITION + 3] = joints.nodes[POSITION : POSITION + 3]
-    return found
+        flows = with_flows(coarse.joints, sheaves.figures.shape[1])
+        coarse = coarse._replace(joints=flows, sheaves=sheaves)
+    coarse.joints.nodes[POSITION : POSITION + 3] = joints.nodes[POSITION : POSITION + 3]
+    return coarse
 
 
-def _coarser_rope(rope: Rope, most: int) -> Rope:
-    """Return a rope on evenly spaced ones of its nodes; nodes at section ends are kept."""
+def _coarser_rope(rope: Rope, max_elements: int) -> Rope:
+    """Return a rope on an evenly spaced subset of its nodes, including those at section ends."""
     n = int(rope.state.counts[ELEMENTS])
     s = rope.state.s[: n + 1]
     ends = [int(np.abs(s - end).argmin()) for end in rope.sections[END] if end < s[-1]]
-    kept = np.union1d(np.round(np.linspace(0, n, min(n, most) + 1)).astype(int), ends).astype(int)
-    state = new_state(len(kept) + SPARE_NODES + TRIALS)
-    state.s[: len(kept)] = s[kept]
-    places = rope.state.nodes[POSITION : POSITION + 3]
-    state.nodes[POSITION : POSITION + 3, : len(kept)] = places[:, kept]
-    state.counts[ELEMENTS] = len(kept) - 1
+    kept_nodes = np.union1d(
+        np.round(np.linspace(0, n, min(n, max_elements) + 1)).astype(int), ends
+    ).astype(int)
+    state = new_state(len(kept_nodes) + SPARE_NODES + TRIALS)
+    state.s[: len(kept_nodes)] = s[kept_nodes]
+    positions = rope.state.nodes[POSITION : POSITION + 3]
+    state.nodes[POSITION : POSITION + 3, : len(kept_nodes)] = positions[:, kept_nodes]
+    state.counts[ELEMENTS] = len(kept_nodes) - 1
     return rope._replace(state=state)
 
 
 def interpolate_from(fine: System, coarse: System) -> None:
     """Interpolate nodes and connections of the fine system linearly from the coarse one."""
-    for one, other in zip(fine.ropes, coarse.ropes, strict=True):
-        n, few = (int(rope.state.counts[ELEMENTS]) + 1 for rope in (one, other))
+    for fine_rope, coarse_rope in zip(fine.ropes, coarse.ropes, strict=True):
+        n, m = (int(rope.state.counts[ELEMENTS]) + 1 for rope in (fine_rope, coarse_rope))
         for k in range(POSITION, POSITION + 3):
-            one.state.nodes[k, :n] = np.interp(
-                one.state.s[:n], other.state.s[:few], other.state.nodes[k, :few]
+            fine_rope.state.nodes[k, :n] = np.interp(
+                fine_rope.state.s[:n], coarse_rope.state.s[:m], coarse_rope.state.nodes[k, :m]
             )
     fine.joints.nodes[POSITION : POSITION + 3] = coarse.joints.nodes[POSITION : POSITION + 3]
 
 
 def set_initial_guess(system: System) -> None:
-    """Replace the ropes' shapes by the initial guess that follows from their lengths."""
+    """Replace the ropes' shapes by the initial guess for their lengths."""
     joints, ropes = system.joints, system.ropes
     known: dict[Hashable, Floats] = {}
     links: list[Link] = []

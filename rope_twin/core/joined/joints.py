@@ -2,13 +2,13 @@
 
 A connection (joint) is a point with three unknowns. Its mass and loads are those of the half
 elements of the ropes that end there, of a payload (the `load_end` of the one rope that owns it) and
-of links. The code of a single rope does not contain it. The motion of a connection is stored once
-and copied to the end nodes of its ropes, so that they coincide bit for bit.
+of links. The motion of a connection is stored once and copied to the end nodes of its ropes, so
+that they are bit-identical.
 
 **Links** are spring-dampers from a connection to a fixed point (tether) or another one (strut). The
 tension of a link along the line between its ends is FORCE + STIFFNESS·(l - LENGTH) + DAMPING·dl/dt,
-never less than LEAST: 0 for a rope, minus infinity for a bar that also takes compression. A tether
-with FORCE alone is a constant-tension tugger.
+at least LEAST: 0 for a rope, minus infinity for a bar that also takes compression. A tether with
+FORCE alone is a constant-tension tugger.
 
 Its block is AXIAL·d·dᵀ + GEOMETRIC·I like that of an element. A bar in compression has no geometric
 part: it would be negative, p·T/l, which is negligible relative to the mass at its ends.
@@ -85,10 +85,10 @@ def _difference(ties: Any, work: Any, first: int, k: int, fixed: Any) -> Any:
 @jit
 def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
     """Set direction, tension and stiffness of all links from the motion of the connections."""
-    still = (0.0, 0.0, 0.0)
+    zero = (0.0, 0.0, 0.0)
     for k in range(ties.shape[1]):
         x, y, z = _difference(ties, work, POSITION, k, column(ties, AT, k))
-        vx, vy, vz = _difference(ties, work, VELOCITY, k, still)
+        vx, vy, vz = _difference(ties, work, VELOCITY, k, zero)
         length = sqrt(x * x + y * y + z * z + LINK2_MIN)
         x, y, z = x / length, y / length, z / length
         rate = x * vx + y * vy + z * vz
@@ -110,7 +110,7 @@ def add_ties(ties: Any, work: Any, matrix: Any) -> None:
     for k in range(ties.shape[1]):
         i, j = whole(ties[FIRST, k]), whole(ties[SECOND, k])
         for a in range(3):
-            # LLVM would fuse it with a sum where it has made a loop of its own for fixed points
+            # prevents contraction, which would depend on loop splitting by LLVM
             force = rounded(ties[PULL, k], ties[TOWARDS + a, k])
             work[RESIDUAL + a, i] += force
             if j != ANCHORED:
@@ -141,12 +141,12 @@ def expect_pulls(ties: Any, work: Any) -> None:
 def count_unexpected_ties(ties: Any, tolerance: Any) -> int:
     """Return the number of links whose tension deviates from the linearisation, or is NaN.
 
-    In lanes: those with such a link, as bits.
+    In lanes: a bit mask of the lanes with such a link.
     """
-    wrong = 0
+    count = 0
     for k in range(ties.shape[1]):
-        wrong = count_beyond(wrong, ties[PULL, k], ties[EXPECTED, k], tolerance)
-    return wrong
+        count = count_beyond(count, ties[PULL, k], ties[EXPECTED, k], tolerance)
+    return count
 
 
 # Columns of the stack's model:
@@ -241,7 +241,7 @@ def with_flows(joints: Joints, more: int) -> Joints:
 
 
 def renew_plan(system: System) -> bool:
-    """Make the plan that of the present numbers of elements; return whether it was another."""
+    """Update the plan for the present numbers of elements; return whether it changed."""
     joints, stack = system.joints, system.stack
     counts = stack.counts[:, ELEMENTS]
     if (joints.plan.counts == counts).all():
@@ -251,12 +251,10 @@ def renew_plan(system: System) -> bool:
 
 
 def topology_of(system: System, columns: int) -> Topology:
-    """Return what the plan depends on; columns: between a node of a rope and that of the next."""
+    """Return the topology for the plan; columns: offset between nodes of successive ropes."""
     joints, sheaves, stack = system.joints, system.sheaves, system.stack
     coupled = {*joints.ties[FIRST].astype(int), *joints.ties[SECOND].astype(int)} - {LOOSE}
-    if couples(
-        map(type, system.ropes[0].effects)
-    ):  # the plan is not used, all connections are dense
+    if couples(map(type, system.ropes[0].effects)):  # all connections are dense, without a plan
         coupled |= set(range(joints.nodes.shape[1]))
     for effect in stack.effects:
         coupled |= set(getattr(effect, "joints", ()))
@@ -309,7 +307,7 @@ def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
 
 @jit
 def add_block(matrix: Any, joint: int, S: Any) -> None:
-    """Add a symmetric block (xx, xy, xz, yy, yz, zz) to a connection's own."""
+    """Add a symmetric block (xx, xy, xz, yy, yz, zz) to the diagonal block of a connection."""
     i = 3 * joint
     matrix[i, i] += S[0]
     matrix[i + 1, i] += S[1]
@@ -364,7 +362,7 @@ def joint_slope(joints: Any) -> float:
 
 
 class Wheel(NamedTuple):
-    """A sheave and the two ropes that run as one over it; both have it at their upper end."""
+    """A sheave with the two ropes that form one line over it; both have it at their upper end."""
 
     point: int  # joint at its axis
     into: int  # the rope that a positive flow lengthens

@@ -1,4 +1,4 @@
-"""Contact between the ropes of a system: a penalty between their elements, with friction.
+"""Contact between the ropes of a system: penalty forces between elements, with friction.
 
 Two elements touch where their closest points P and Q (Ericson 2005, ch. 5.1.9) come nearer than
 `reach`, one distance for all ropes (default: the largest diameter). With n the unit vector from Q
@@ -7,14 +7,13 @@ to P and the penetration e = reach - n·(P - Q), at the relative speed v_n away 
     N = k·e·max(1 - χ·v_n, 0)    (Hunt and Crossley 1975),
 
 and friction μ·N against the sliding velocity v_t, regularised to μ·N·v_t/√(|v_t|² + v_0²) (Oden and
-Martins 1985). n keeps to the side on which the ropes were at the start of the step, so that ropes
-whose centre lines pass each other within a step are pushed back.
+Martins 1985). The sign of n is that of the start of the step, so that ropes whose centre lines pass
+each other within a step are pushed back.
 
-A contact at a node belongs to the element above it, and only if it is nearest for both elements
-there; of two contacts on both sides of a node within 2·reach the nearer one counts. The lowest and
-the uppermost element of each rope, whose ends are payloads, connections and hang-offs, do not
-touch: ropes that meet at a connection come together there by design. Nor does any in static
-equilibrium, which is that of ropes that do not feel each other.
+A contact at a node is assigned to the element above it, if it is the nearest for both elements
+there; of two contacts on both sides of a node within 2·reach only the nearer one is active. The
+lowest and the uppermost element of each rope have no contact, since ropes approach each other at a
+connection by design. Static equilibrium is solved without contact.
 
 The block of a node with the weight w (1 - t, t of one element, s of the other) in the relative
 displacement is 2·|w|·dF/d(P - Q), which bounds the coupled stiffness w·wᵀ of all four nodes from
@@ -35,8 +34,8 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import calls_of, kernel, switching
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
-BUNCH = 8  # elements per group whose surrounding boxes are compared first
-BEGIN_S = 1e-9  # time from which on ropes touch: static solutions are before
+BUNCH = 8  # elements per group, for a broad phase with bounding boxes
+BEGIN_S = 1e-9  # time from which on contact is active; static solutions are before
 CREEP = 0.01  # v_0 [m/s]
 PARALLEL = 1e-9  # sine² of the angle below which two elements are parallel
 
@@ -56,16 +55,16 @@ def less(a: Any, b: Any) -> Any:
 
 
 @jit_within
-def _mixed(a: Any, b: Any, t: float) -> Any:
+def _interpolated(a: Any, b: Any, t: float) -> Any:
     low = 1.0 - t
     return low * a[0] + t * b[0], low * a[1] + t * b[1], low * a[2] + t * b[2]
 
 
 @jit
-def _closest(one: Any, i: int, other: Any, j: int) -> Any:
-    """Return the shares s, t of the closest points of two elements, and the vector between them."""
-    a, b = column(one, POSITION, i), column(other, POSITION, j)
-    u, w = less(column(one, POSITION, i + 1), a), less(column(other, POSITION, j + 1), b)
+def _closest(nodes_a: Any, i: int, nodes_b: Any, j: int) -> Any:
+    """Return the fractions s, t of the closest points of two elements, and the vector between."""
+    a, b = column(nodes_a, POSITION, i), column(nodes_b, POSITION, j)
+    u, w = less(column(nodes_a, POSITION, i + 1), a), less(column(nodes_b, POSITION, j + 1), b)
     r = less(a, b)
     uu, ww, uw = dot(u, u) + DIVISOR_MIN, dot(w, w) + DIVISOR_MIN, dot(u, w)
     ur, wr = dot(u, r), dot(w, r)
@@ -84,29 +83,35 @@ def _closest(one: Any, i: int, other: Any, j: int) -> Any:
 
 @jit
 def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any) -> bool:
-    """Return whether a pair's closest points are those of the ropes there, counted once.
+    """Return whether a pair's closest points are the local minimum of the distance of the ropes.
 
-    On the hollow side of a bend the elements on either side of its node are both near: the nearer
-    one counts.
+    On the concave side of a bend the elements on either side of its node are both near: only the
+    nearer one is active.
     """
-    one, i, other, j = pair
+    nodes_a, i, nodes_b, j = pair
     if (s >= 1.0 and i < last[0]) or (t >= 1.0 and j < last[1]):
-        return False  # it belongs to the element above
-    if s <= 0.0 and i > 1 and _closest(one, i - 1, other, j)[0] < 1.0:
+        return False  # assigned to the element above
+    if s <= 0.0 and i > 1 and _closest(nodes_a, i - 1, nodes_b, j)[0] < 1.0:
         return False
-    if t <= 0.0 and j > 1 and _closest(one, i, other, j - 1)[1] < 1.0:
+    if t <= 0.0 and j > 1 and _closest(nodes_a, i, nodes_b, j - 1)[1] < 1.0:
         return False
-    here, own = _mixed(column(one, POSITION, i), column(one, POSITION, i + 1), s), dot(gap, gap)
+    point, distance2 = (
+        _interpolated(column(nodes_a, POSITION, i), column(nodes_a, POSITION, i + 1), s),
+        dot(gap, gap),
+    )
     for e in range(max(i - 1, 1), min(i + 1, last[0]) + 1):
         for f in range(max(j - 1, 1), min(j + 1, last[1]) + 1):
             if e == i and f == j:
                 continue
-            u, _, between = _closest(one, e, other, f)
-            there = _mixed(column(one, POSITION, e), column(one, POSITION, e + 1), u)
-            way, size = less(there, here), dot(between, between)
-            first = e < i or (e == i and f < j)
-            if dot(way, way) < 4.0 * contact.reach * contact.reach and (
-                size < own or (size == own and first and 0.0 < u < 1.0)
+            u, _, other_gap = _closest(nodes_a, e, nodes_b, f)
+            other_point = _interpolated(
+                column(nodes_a, POSITION, e), column(nodes_a, POSITION, e + 1), u
+            )
+            offset, other_distance2 = less(other_point, point), dot(other_gap, other_gap)
+            precedes = e < i or (e == i and f < j)
+            if dot(offset, offset) < 4.0 * contact.reach * contact.reach and (
+                other_distance2 < distance2
+                or (other_distance2 == distance2 and precedes and 0.0 < u < 1.0)
             ):
                 return False
     return True
@@ -115,23 +120,23 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
 @jit
 def side_of(gap: Any, before: Any) -> Any:
     """Return the unit vector n from the other rope, and n·(P - Q); before: P - Q at the start."""
-    size, was = sqrt(dot(gap, gap)), sqrt(dot(before, before))
-    apart = size > 1e-6 * was
+    size, size_before = sqrt(dot(gap, gap)), sqrt(dot(before, before))
+    separated = size > 1e-6 * size_before
     sign = choose(dot(gap, before) >= 0.0, 1.0, -1.0)
-    inverse = choose(apart, sign / (size + DIVISOR_MIN), 1.0 / (was + DIVISOR_MIN))
-    x, y = choose(apart, gap[0], before[0]), choose(apart, gap[1], before[1])
-    z = choose(apart, gap[2], before[2])
-    return (x * inverse, y * inverse, z * inverse), choose(apart, sign * size, 0.0)
+    inverse = choose(separated, sign / (size + DIVISOR_MIN), 1.0 / (size_before + DIVISOR_MIN))
+    x, y = choose(separated, gap[0], before[0]), choose(separated, gap[1], before[1])
+    z = choose(separated, gap[2], before[2])
+    return (x * inverse, y * inverse, z * inverse), choose(separated, sign * size, 0.0)
 
 
 @jit_within
-def press(contact: Any, deep: Any, n: Any, v: Any) -> Any:
+def press(contact: Any, penetration: Any, n: Any, v: Any) -> Any:
     """Return N, its gain 1 - χ·v_n, v_n, v_t, and friction per sliding velocity [N·s/m]."""
-    out = dot(v, n)
-    gain = max(1.0 - contact.chi * out, 0.0)
-    N = contact.k * deep * gain
-    slid = (v[0] - out * n[0], v[1] - out * n[1], v[2] - out * n[2])
-    return N, gain, out, slid, contact.mu * N / sqrt(dot(slid, slid) + CREEP * CREEP)
+    speed = dot(v, n)
+    gain = max(1.0 - contact.chi * speed, 0.0)
+    N = contact.k * penetration * gain
+    sliding = (v[0] - speed * n[0], v[1] - speed * n[1], v[2] - speed * n[2])
+    return N, gain, speed, sliding, contact.mu * N / sqrt(dot(sliding, sliding) + CREEP * CREEP)
 
 
 @jit_within
@@ -144,15 +149,17 @@ def contact_block(across: Any, along: Any, n: Any) -> Any:
 
 
 @jit_within
-def _relative(one: Any, i: int, s: float, other: Any, j: int, t: float) -> Any:
+def _relative(nodes_a: Any, i: int, s: float, nodes_b: Any, j: int, t: float) -> Any:
     """Return the velocity of P relative to Q."""
-    here = _mixed(column(one, VELOCITY, i), column(one, VELOCITY, i + 1), s)
-    return less(here, _mixed(column(other, VELOCITY, j), column(other, VELOCITY, j + 1), t))
+    velocity = _interpolated(column(nodes_a, VELOCITY, i), column(nodes_a, VELOCITY, i + 1), s)
+    return less(
+        velocity, _interpolated(column(nodes_b, VELOCITY, j), column(nodes_b, VELOCITY, j + 1), t)
+    )
 
 
 @jit
 def _add(work: Any, i: int, weight: float, force: Any, block: Any) -> None:
-    """Add a share of force and block to a node."""
+    """Add weighted force and block to a node."""
     for k in range(3):
         work[RESIDUAL + k, i] += weight * force[k]
     for k in range(6):
@@ -160,30 +167,36 @@ def _add(work: Any, i: int, weight: float, force: Any, block: Any) -> None:
 
 
 @jit
-def _touch(contact: Any, pair: Any, stage: Any) -> None:
-    """Add the forces of a pair of elements that is near."""
-    one, i, other, j, starts, last = pair
-    s, t, gap = _closest(one, i, other, j)
-    n, apart = side_of(gap, _closest(starts[0], i, starts[1], j)[2])
-    deep = contact.reach - apart
-    if deep <= 0.0 or not _is_nearest(contact, (one, i, other, j), s, t, gap, last):
+def _add_contact(contact: Any, pair: Any, stage: Any) -> None:
+    """Add the contact forces of a pair of elements."""
+    work_a, i, work_b, j, starts, last = pair
+    s, t, gap = _closest(work_a, i, work_b, j)
+    n, distance = side_of(gap, _closest(starts[0], i, starts[1], j)[2])
+    penetration = contact.reach - distance
+    if penetration <= 0.0 or not _is_nearest(contact, (work_a, i, work_b, j), s, t, gap, last):
         return
-    N, gain, _, slid, rub = press(contact, deep, n, _relative(one, i, s, other, j, t))
+    N, gain, _, sliding, friction = press(
+        contact, penetration, n, _relative(work_a, i, s, work_b, j, t)
+    )
     if N == 0.0:
         return
-    across = stage.q * rub
-    along = stage.p * contact.k * gain + stage.q * contact.chi * contact.k * deep - across
-    force = (N * n[0] - rub * slid[0], N * n[1] - rub * slid[1], N * n[2] - rub * slid[2])
+    across = stage.q * friction
+    along = stage.p * contact.k * gain + stage.q * contact.chi * contact.k * penetration - across
+    force = (
+        N * n[0] - friction * sliding[0],
+        N * n[1] - friction * sliding[1],
+        N * n[2] - friction * sliding[2],
+    )
     block = contact_block(across, along, n)
-    _add(one, i, 1.0 - s, force, block)
-    _add(one, i + 1, s, force, block)
-    _add(other, j, t - 1.0, force, block)
-    _add(other, j + 1, -t, force, block)
+    _add(work_a, i, 1.0 - s, force, block)
+    _add(work_a, i + 1, s, force, block)
+    _add(work_b, j, t - 1.0, force, block)
+    _add(work_b, j + 1, -t, force, block)
 
 
 @jit
-def _surround(table: Any, start: Any, low: int, high: int) -> Any:
-    """Return the corners of the box around the elements low <= e < high, now and at the start."""
+def _bounding_box(table: Any, start: Any, low: int, high: int) -> Any:
+    """Return the bounding box of the elements low <= e < high, now and at the start of the step."""
     ax, ay, az = column(table, POSITION, low)
     bx, by, bz = ax, ay, az
     for i in range(low, high + 1):
@@ -195,7 +208,7 @@ def _surround(table: Any, start: Any, low: int, high: int) -> Any:
 
 
 @jit_within
-def _apart(a: Any, b: Any, reach: float) -> bool:
+def _are_apart(a: Any, b: Any, reach: float) -> bool:
     """Return whether two boxes are farther apart than `reach`."""
     return bool(
         a[0] - reach > b[3] or b[0] - reach > a[3] or a[1] - reach > b[4] or b[1] - reach > a[4]
@@ -204,22 +217,24 @@ def _apart(a: Any, b: Any, reach: float) -> bool:
 
 
 @jit
-def _meet(contact: Any, works: Any, starts: Any, counts: Any, stage: Any) -> None:
+def _add_between_ropes(contact: Any, works: Any, starts: Any, counts: Any, stage: Any) -> None:
     """Add the forces between two ropes; counts: their elements."""
-    (one, other), (n, m), reach = works, counts, contact.reach
+    (work_a, work_b), (n, m), reach = works, counts, contact.reach
     last = (n - 2, m - 2)
     for low in range(1, n - 1, BUNCH):
         high = min(low + BUNCH, n - 1)
-        around = _surround(one, starts[0], low, high)
+        box_a = _bounding_box(work_a, starts[0], low, high)
         for under in range(1, m - 1, BUNCH):
             over = min(under + BUNCH, m - 1)
-            if _apart(around, _surround(other, starts[1], under, over), reach):
+            if _are_apart(box_a, _bounding_box(work_b, starts[1], under, over), reach):
                 continue
             for i in range(low, high):
-                own = _surround(one, starts[0], i, i + 1)
+                element_box = _bounding_box(work_a, starts[0], i, i + 1)
                 for j in range(under, over):
-                    if not _apart(own, _surround(other, starts[1], j, j + 1), reach):
-                        _touch(contact, (one, i, other, j, starts, last), stage)
+                    if not _are_apart(
+                        element_box, _bounding_box(work_b, starts[1], j, j + 1), reach
+                    ):
+                        _add_contact(contact, (work_a, i, work_b, j, starts, last), stage)
 
 
 @kernel("among", LineContact)
@@ -232,7 +247,7 @@ def among(contact: Any, system: Any, stage: Any) -> None:
         for o in range(r + 1, stack.counts.shape[0]):
             works, starts = (stack.work[r], stack.work[o]), (stack.nodes[r], stack.nodes[o])
             counts = (stack.counts[r, ELEMENTS], stack.counts[o, ELEMENTS])
-            _meet(contact, works, starts, counts, stage)
+            _add_between_ropes(contact, works, starts, counts, stage)
 
 
 switching(LineContact)
@@ -254,49 +269,55 @@ class Touch(NamedTuple):
 
 
 @jit_entry
-def _measure(contact: Any, nodes: Any, counts: Any, found: Any) -> None:
+def _measure(contact: Any, nodes: Any, counts: Any, result: Any) -> None:
     for r in range(counts.shape[0]):
         for o in range(r + 1, counts.shape[0]):
-            one, other, n, m = nodes[r], nodes[o], counts[r, ELEMENTS], counts[o, ELEMENTS]
+            nodes_a, nodes_b, n, m = nodes[r], nodes[o], counts[r, ELEMENTS], counts[o, ELEMENTS]
             for i in range(1, n - 1):
-                own, far = _surround(one, one, i, i + 1), False
+                element_box, far = _bounding_box(nodes_a, nodes_a, i, i + 1), False
                 for j in range(1, m - 1):
                     if (j - 1) % BUNCH == 0:
-                        bunch = _surround(other, other, j, min(j + BUNCH, m - 1))
-                        far = _apart(own, bunch, contact.reach)
-                    if far or _apart(own, _surround(other, other, j, j + 1), contact.reach):
-                        continue
-                    s, t, gap = _closest(one, i, other, j)
-                    n_vector, apart = side_of(gap, gap)
-                    deep = contact.reach - apart
-                    if deep <= 0.0 or not _is_nearest(
-                        contact, (one, i, other, j), s, t, gap, (n - 2, m - 2)
+                        bunch_box = _bounding_box(nodes_b, nodes_b, j, min(j + BUNCH, m - 1))
+                        far = _are_apart(element_box, bunch_box, contact.reach)
+                    if far or _are_apart(
+                        element_box, _bounding_box(nodes_b, nodes_b, j, j + 1), contact.reach
                     ):
                         continue
-                    v = _relative(one, i, s, other, j, t)
-                    N, _, out, slid, rub = press(contact, deep, n_vector, v)
-                    found[0] += 0.5 * contact.k * deep * deep
-                    found[1] += (contact.k * deep - N) * out + rub * dot(slid, slid)
-                    found[2] += N
-                    found[3] = max(found[3], deep)
-                    found[4] += 1.0
-                    if found[5] < N:
-                        found[5] = N
-                        place = _mixed(column(one, POSITION, i), column(one, POSITION, i + 1), s)
-                        found[6], found[7], found[8] = place
+                    s, t, gap = _closest(nodes_a, i, nodes_b, j)
+                    n_vector, distance = side_of(gap, gap)
+                    penetration = contact.reach - distance
+                    if penetration <= 0.0 or not _is_nearest(
+                        contact, (nodes_a, i, nodes_b, j), s, t, gap, (n - 2, m - 2)
+                    ):
+                        continue
+                    v = _relative(nodes_a, i, s, nodes_b, j, t)
+                    N, _, speed, sliding, friction = press(contact, penetration, n_vector, v)
+                    result[0] += 0.5 * contact.k * penetration * penetration
+                    result[1] += (contact.k * penetration - N) * speed + friction * dot(
+                        sliding, sliding
+                    )
+                    result[2] += N
+                    result[3] = max(result[3], penetration)
+                    result[4] += 1.0
+                    if result[5] < N:
+                        result[5] = N
+                        position = _interpolated(
+                            column(nodes_a, POSITION, i), column(nodes_a, POSITION, i + 1), s
+                        )
+                        result[6], result[7], result[8] = position
 
 
 def touch_of(stack: Any) -> Touch | None:
-    """Return the contact between the ropes of a stack now; None: the scene does not list it."""
+    """Return the present contact between the ropes of a stack, or None if not modelled."""
     return measured(stack, LineContact, _measure, stack.nodes, stack.counts)
 
 
 def measured(stack: Any, kind: type, measure: Any, *arrays: Any) -> Touch | None:
-    """Return what `measure` finds of the effect of this type of a stack; None: it has none."""
-    contact = next((own for own in stack.effects if isinstance(own, kind)), None)
+    """Return the contact that `measure` evaluates for an effect of this type, or None."""
+    contact = next((effect for effect in stack.effects if isinstance(effect, kind)), None)
     if contact is None:
         return None
-    found: Floats = np.zeros(9)
-    measure(contact, *arrays, found)
-    stored, lost, push, deepest, contacts, _, x, y, z = found.tolist()
+    result: Floats = np.zeros(9)
+    measure(contact, *arrays, result)
+    stored, lost, push, deepest, contacts, _, x, y, z = result.tolist()
     return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))

@@ -1,10 +1,10 @@
-"""Linear solve of a Newton iteration: trees of ropes, the dense system of connections, and back.
+"""Linear solver of a Newton iteration: elimination of trees, dense system of connections.
 
-A plan (core/joined/plan) says which ropes are eliminated as trees and which connections are left
-for a dense system, solved by LDLᵀ. All of it is O(nodes). Where an effect couples a node beyond its
-next neighbours (bending), every connection belongs to the dense system and ropes are condensed onto
-them one way. `push_system` solves for other forces with the factors of the last elimination; it is
-for plans without bending and sheaves.
+A plan (core/joined/plan) determines which ropes are eliminated as trees and which connections
+remain in a dense system, solved by LDLᵀ. The cost is O(nodes). Where an effect couples second
+neighbours (bending), every connection belongs to the dense system and ropes are condensed onto them
+in one direction. `push_system` solves for another residual with the factors of the last
+elimination, for plans without bending and sheaves.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def couple_by(matrix: Any, upper: int, lower: int, P: Any) -> None:
 
 @jit
 def begin_forces(joints: Any) -> None:
-    """Begin the right-hand side with the residuals of the connections."""
+    """Initialise the right-hand side with the residuals of the connections."""
     for k in range(3):
         for j in range(count_joints(joints)):
             joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
@@ -75,7 +75,7 @@ def begin_forces(joints: Any) -> None:
 
 @jit
 def leave_out_trees(joints: Any, matrix: Any) -> None:
-    """Replace the rows of connections that are eliminated in a tree by those of the identity."""
+    """Replace the rows of connections that are eliminated in a tree by rows of the identity."""
     dense = joints.plan.dense
     for j in range(dense.shape[0]):
         if dense[j] == 0:
@@ -111,8 +111,8 @@ def substitute_dense(M: Any, b: Any) -> None:
             b[first + i % 3, i // 3] -= M[k, i] * b[first + k % 3, k // 3]
 
 
-# Kernels of trees and of a rope between two connections, for one system and for its lanes; moved:
-# lanes that get new factors.
+# Kernels of trees and of a rope between two connections, for a single system and for lanes; moved:
+# mask of the lanes that get new factors.
 _eliminate_trees = by_width(
     jit(lambda work, plan, moved: eliminate_trees(end_to_end(work), plan)), eliminate_trees_wide
 )
@@ -131,11 +131,11 @@ _substitute_trees = by_width(
 
 
 @jit
-def _add_between(system: Any, r: int, left: Any) -> None:
-    """Add what a rope between two connections leaves there: block and force above, below, P."""
+def _add_between(system: Any, r: int, schur: Any) -> None:
+    """Add a rope's Schur complement to both connections: block and force above, below, P."""
     joints, sheaves, matrix = system.joints, system.sheaves, system.joints.matrix
     low, high = joints.lower[r], joints.upper[r]
-    Z, f, D, g, P = left
+    Z, f, D, g, P = schur
     add_block(matrix, high, Z)
     push_force(joints, high, f)
     add_block(matrix, low, D)
@@ -147,7 +147,7 @@ def _add_between(system: Any, r: int, left: Any) -> None:
 
 @jit
 def _condense(system: Any, moved: Any) -> None:
-    """Add what trees and ropes between dense connections leave to the dense system."""
+    """Add the Schur complements of trees and of ropes between dense connections."""
     stack, joints, plan, sheaves = system.stack, system.joints, system.joints.plan, system.sheaves
     chains, matrix = plan.dense.shape[0], joints.matrix
     for m in range(plan.sizes[ONTO]):
@@ -164,7 +164,7 @@ def _condense(system: Any, moved: Any) -> None:
 
 @jit
 def put_ends(system: Any) -> None:
-    """Set the corrections of rope ends: of their connections, 0 where motion is prescribed."""
+    """Set the corrections of rope ends to those of their connections, or 0 where prescribed."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
         work, n = work_of(stack, r)[0], stack.counts[r, ELEMENTS]
@@ -180,7 +180,7 @@ def put_ends(system: Any) -> None:
 
 @jit
 def _substitute(system: Any) -> None:
-    """Set all corrections from those of the dense connections and what was eliminated."""
+    """Back-substitute all corrections from those of the dense connections."""
     stack, plan = system.stack, system.joints.plan
     put_ends(system)
     for m in range(plan.sizes[BETWEEN]):
@@ -205,7 +205,7 @@ def _solve_by_plan(system: Any, moved: Any) -> None:
 
 @jit
 def _keep_factor(joints: Any, moved: Any) -> None:
-    """Store the factors of the dense system, which took the place of its matrix."""
+    """Store the factors of the dense system, which have overwritten its matrix."""
     for i in range(joints.matrix.shape[0]):
         for j in range(i + 1):
             joints.factor[i, j] = choose(moved, joints.matrix[i, j], joints.factor[i, j])
@@ -213,7 +213,7 @@ def _keep_factor(joints: Any, moved: Any) -> None:
 
 @jit
 def _push_condensed(system: Any) -> None:
-    """Add the forces that trees and ropes between dense connections leave to the dense system."""
+    """Add the condensed forces of trees and of ropes between dense connections."""
     stack, joints, plan = system.stack, system.joints, system.joints.plan
     chains = plan.dense.shape[0]
     for m in range(plan.sizes[ONTO]):
@@ -301,6 +301,6 @@ def solve_lanes(system: Any, moved: Any) -> None:
 def push_lanes(system: Any) -> None:
     """Solve for all corrections from the residuals, with each lane's existing factors.
 
-    With bending nothing is done: factors are not tried.
+    Does nothing with bending, where factors are not reused.
     """
     _push(system.stack.effects, system)

@@ -3,13 +3,12 @@
 Two bodies touch where their centres come nearer than the sum r of their radii. With n the unit
 vector from one centre to the other and the penetration e = r - n·(x - x'), normal force and
 friction are those between ropes (core/joined/line_contact), at the centres: a point has no
-rotation. n keeps to the side of the start of the step, so that bodies whose centres pass each other
-within a step are pushed back.
+rotation. The sign of n is that of the start of the step, so that bodies whose centres pass each
+other within a step are pushed back.
 
-The connections are solved in the dense system, where the block of a pair is coupled:
-p·∂f/∂x + q·∂f/∂v, without the curvature -N/|x - x'| across n and the change of friction with N,
-which would make it indefinite or unsymmetric. So bodies press in static equilibrium too, without
-friction, as nothing moves there.
+The connections belong to the dense system, with the coupled block p·∂f/∂x + q·∂f/∂v of a pair,
+without the curvature -N/|x - x'| across n and the change of friction with N, which would make it
+indefinite or unsymmetric. Contact is active in static equilibrium too, without friction.
 """
 
 from __future__ import annotations
@@ -42,28 +41,28 @@ def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
     gap = less(column(motion, POSITION, i), column(motion, POSITION, j))
     before = less(column(start, POSITION, i), column(start, POSITION, j))
-    n, apart = side_of(gap, before)
-    return n, contact.radii[a] + contact.radii[b] - apart
+    n, distance = side_of(gap, before)
+    return n, contact.radii[a] + contact.radii[b] - distance
 
 
 @jit
 def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     """Add force and block of two bodies."""
-    n, deep = _penetration(contact, joints.work, joints.nodes, a, b)
-    if not anywhere(deep > 0.0):
+    n, penetration = _penetration(contact, joints.work, joints.nodes, a, b)
+    if not anywhere(penetration > 0.0):
         return
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
     v = less(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
-    N, gain, _, slid, rub = press(contact, deep, n, v)
+    N, gain, _, sliding, friction = press(contact, penetration, n, v)
     presses = N > 0.0
     if not anywhere(presses):
         return
-    across = stage.q * rub
-    along = (stage.p * gain + stage.q * contact.chi * deep) * contact.k - across
+    across = stage.q * friction
+    along = (stage.p * gain + stage.q * contact.chi * penetration) * contact.k - across
     across, along = choose(presses, across, 0.0), choose(presses, along, 0.0)
     block = contact_block(across, along, n)
     for k in range(3):
-        force = choose(presses, N * n[k] - rub * slid[k], 0.0)
+        force = choose(presses, N * n[k] - friction * sliding[k], 0.0)
         joints.work[RESIDUAL + k, i] += force
         joints.work[RESIDUAL + k, j] -= force
     add_block(joints.matrix, i, block)
@@ -83,7 +82,7 @@ switching(PayloadContact)
 
 
 @jit_entry
-def _measure(contact: Any, nodes: Any, found: Any) -> None:
+def _measure(contact: Any, nodes: Any, result: Any) -> None:
     for a in range(contact.joints.shape[0]):
         for b in range(a):
             n, deep = _penetration(contact, nodes, nodes, a, b)
@@ -92,19 +91,19 @@ def _measure(contact: Any, nodes: Any, found: Any) -> None:
             i, j = contact.joints[a], contact.joints[b]
             v = less(column(nodes, VELOCITY, i), column(nodes, VELOCITY, j))
             N, _, out, slid, rub = press(contact, deep, n, v)
-            found[0] += 0.5 * contact.k * deep * deep
-            found[1] += (contact.k * deep - N) * out
-            found[1] += rub * (slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2])
-            found[2] += N
-            found[3] = max(found[3], deep)
-            found[4] += 1.0
-            if found[5] < N:
-                found[5] = N
+            result[0] += 0.5 * contact.k * deep * deep
+            result[1] += (contact.k * deep - N) * out
+            result[1] += rub * (slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2])
+            result[2] += N
+            result[3] = max(result[3], deep)
+            result[4] += 1.0
+            if result[5] < N:
+                result[5] = N
                 for k in range(3):
                     low = nodes[POSITION + k, j] + contact.radii[b] * n[k]
-                    found[6 + k] = low - 0.5 * deep * n[k]
+                    result[6 + k] = low - 0.5 * deep * n[k]
 
 
 def payload_touch_of(system: System) -> Touch | None:
-    """Return the contact between payloads now; None: the scene does not list it."""
+    """Return the present contact between payloads, or None if not modelled."""
     return measured(system.stack, PayloadContact, _measure, system.joints.nodes)

@@ -1,16 +1,16 @@
 """Order of elimination of a multi-line system: from the leaves of its trees to their roots.
 
-A *chain* is a span of a rope's nodes that is eliminated in one direction. Where ropes form a tree,
-every connection has one chain that leads on to the root, and the chains that reach it are done
-before: elimination leaves no fill. The root is a node of a rope, chosen so that the two lanes of a
-SIMD register end together; a single rope's plan is its two-sided (twisted) factorisation.
+A *chain* is a range of a rope's nodes that is eliminated in one direction. Where ropes form a tree,
+every connection has one outgoing chain towards the root, which is eliminated after the incoming
+ones: there is no fill-in. The root is a node of a rope, chosen to balance the two lanes of a SIMD
+register; the plan of a single rope is its twisted (two-sided) factorisation.
 
-Connections in a loop of ropes, with a link or at a sheave are *dense*: the trees that hang on them
-are eliminated onto them, ropes between two of them are condensed onto both (core/joined/chains),
-and what is left is one small dense system (core/joined/joints).
+Connections in a loop of ropes, with a link or at a sheave are *dense*: trees are eliminated onto
+them, ropes between two of them are condensed onto both (core/joined/chains), and a small dense
+system remains (core/joined/joints).
 
-The plan depends on the topology and the numbers of elements alone, so that a restart and any
-division of a run into calls give the same bits.
+The plan depends on the topology and the numbers of elements only, so that results are bit-identical
+after a restart and for any division of a run into calls.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ import numpy as np
 from rope_twin.core.elimination import RECORD
 from rope_twin.core.state import LINE_DOUBLES, Floats, Ints
 
-# Columns of `spans`: first node and direction of both lanes, number of pairs, what either lane
-# begins with (the slot of a connection, or one of the values below), and the slot where it leaves
-# its Schur complement, or NOWHERE.
+# Columns of `spans`: first node and direction of both lanes, number of pairs, the initial state of
+# either lane (slot of a connection, or one of the values below), and the slot to which its Schur
+# complement is added, or NOWHERE.
 A, A_WAY, B, B_WAY, COUNT, A_BEGIN, B_BEGIN, A_INTO, B_INTO, SPAN = range(10)
 CARRY, NOTHING, HELD, IDLE = -1, -2, -3, -4  # IDLE: the lane repeats the other one
 NOWHERE = -1
@@ -34,11 +34,11 @@ JOINT, COLUMN, SUMMED, END = range(4)  # columns of `ends`
 SPANS, ENDS, ROOTS, BETWEEN, ONTO, DENSE, SIZES = range(7)  # `sizes`
 # Rows of `sums`: Schur complement, force, matrix of a root
 LEFT, FORCE, KEPT, SUM_ROWS = 0, 6, 9, 15
-NEW_SPAN = 3  # pairs that take as long as the start of a span
+NEW_SPAN = 3  # cost of starting a span, in pairs
 
 
 class Plan(NamedTuple):
-    """Order of elimination; nodes are columns of all ropes' scratch, laid end to end."""
+    """Order of elimination; nodes are columns of the contiguous work arrays of all ropes."""
 
     spans: Ints  # (spans, SPAN)
     ends: Ints  # (ends at connections, END); SUMMED: added to the connection's sum
@@ -74,7 +74,7 @@ class Topology(NamedTuple):
 
 
 def new_plan(ropes: int, joints: int, nodes: int) -> Plan:
-    """Return an empty plan for systems of this size; nodes: those of all ropes at most."""
+    """Return an empty plan for systems of this size; nodes: maximum of all ropes together."""
     space = np.zeros(RECORD * (nodes + 1) + LINE_DOUBLES)
     start = -(space.ctypes.data // space.itemsize) % LINE_DOUBLES
     return Plan(
@@ -107,15 +107,15 @@ def write_plan(plan: Plan, topology: Topology, counts: Ints) -> None:
     order = _order(topology, tuple(int(count) for count in counts))
     plan.counts[:] = counts
     plan.dense[:] = [j in order.dense for j in range(topology.joints)]
-    plan.sizes[:] = [len(part) for part in order]
-    found: tuple[Sequence[Any], ...] = order[:-1]
+    plan.sizes[:] = [len(rows_of) for rows_of in order]
+    lists: tuple[Sequence[Any], ...] = order[:-1]
     tables = plan.spans, plan.ends, plan.roots, plan.between, plan.onto
-    for table, rows in zip(tables, found, strict=True):
+    for table, rows in zip(tables, lists, strict=True):
         for k, row in enumerate(rows):
             table[k] = row
 
 
-@lru_cache(maxsize=256)  # members of a fleet that are paid out alike need the same ones
+@lru_cache(maxsize=256)  # members of a fleet with equal payout share a plan
 def _order(topology: Topology, n: tuple[int, ...]) -> _Order:
     """Return the order of elimination for ropes with these numbers of elements."""
     layout = _Layout(topology, n)
@@ -132,8 +132,8 @@ def _order(topology: Topology, n: tuple[int, ...]) -> _Order:
     for r in range(len(n)):
         if r not in seen:
             slot = topology.joints + len(n) + len(roots)
-            own, root = layout.tree(r, slot, seen)
-            chains += own
+            tree, root = layout.tree(r, slot, seen)
+            chains += tree
             roots.append((root, slot))
     spans = _schedule(chains)
     starts = {chain.first for chain in chains if chain.begin >= 0}
@@ -147,19 +147,19 @@ def _order(topology: Topology, n: tuple[int, ...]) -> _Order:
 
 
 def _dense(topology: Topology) -> frozenset[int]:
-    """Return the connections that are left when leaves are removed from the trees."""
+    """Return the connections that remain after repeated removal of leaves."""
     links = [pair for pair in zip(topology.lower, topology.upper, strict=True) if min(pair) >= 0]
-    left = set(range(topology.joints))
+    remaining = set(range(topology.joints))
     while True:
-        degree = dict.fromkeys(left, 0)
+        degree = dict.fromkeys(remaining, 0)
         for pair in links:
-            if left.issuperset(pair):
+            if remaining.issuperset(pair):
                 for j in pair:
                     degree[j] += 1
-        leaves = {j for j in left if degree[j] < 2} - topology.coupled
+        leaves = {j for j in remaining if degree[j] < 2} - topology.coupled
         if not leaves:
-            return frozenset(left)
-        left.remove(min(leaves))
+            return frozenset(remaining)
+        remaining.remove(min(leaves))
 
 
 class _Layout:
@@ -194,12 +194,12 @@ class _Layout:
 
     def _before(self, chain: Chain, seen: set[int]) -> list[Chain]:
         """Return a chain and all chains that must be eliminated before it."""
-        found = [chain]
+        chains = [chain]
         if chain.begin >= 0:
             for r in self.ropes_at(chain.begin):
                 if r not in seen:
-                    found += self.towards(chain.begin, r, chain.begin, seen)
-        return found
+                    chains += self.towards(chain.begin, r, chain.begin, seen)
+        return chains
 
     def towards(self, j: int, r: int, into: int, seen: set[int]) -> list[Chain]:
         """Return the chain of rope r to a connection, and those before it."""
@@ -211,39 +211,41 @@ class _Layout:
     def _rooted(self, r: int, node: int, slot: int, seen: set[int]) -> list[Chain]:
         """Return the chains of a tree whose root is a node of rope r."""
         seen.add(r)
-        both = self._up(r, node, slot), self._down(r, node, slot)
-        found = [one for chain in both for one in self._before(chain, seen)]
-        return [chain for chain in found if chain.nodes > 0 or chain.begin == HELD]
+        halves = self._up(r, node, slot), self._down(r, node, slot)
+        chains = [part for chain in halves for part in self._before(chain, seen)]
+        return [chain for chain in chains if chain.nodes > 0 or chain.begin == HELD]
 
     def tree(self, r: int, slot: int, seen: set[int]) -> tuple[list[Chain], int]:
         """Return the chains of the tree with rope r, and its root; its ropes are added to `seen`.
 
-        Two roots are tried in each rope: one with as many nodes on either side, and, in case both
-        sides have been eliminated at the same time, the rope's middle.
+        Two roots are tried in each rope: the one with equal numbers of nodes on both sides, and the
+        rope's middle.
         """
-        known = set(seen)
-        ropes = {one.first // self._of.columns for one in self._rooted(r, self._low(r), slot, seen)}
+        seen_before = set(seen)
+        ropes = {
+            chain.first // self._of.columns for chain in self._rooted(r, self._low(r), slot, seen)
+        }
         best: tuple[int, list[Chain], int] | None = None
-        for own in sorted({*ropes, r}):
-            low, high = self._low(own), self._n[own] - 1
-            chains = self._rooted(own, low, slot, set(known))
-            below = self._of.lower[own]
-            under = 0
+        for rope in sorted({*ropes, r}):
+            low, high = self._low(rope), self._n[rope] - 1
+            chains = self._rooted(rope, low, slot, set(seen_before))
+            below = self._of.lower[rope]
+            nodes_below = 0
             if below >= 0:
-                own_seen = {*known, own}
-                under = sum(
-                    one.nodes
-                    for other in self.ropes_at(below)
-                    if other not in own_seen
-                    for one in self.towards(below, other, below, own_seen)
+                rope_seen = {*seen_before, rope}
+                nodes_below = sum(
+                    chain.nodes
+                    for neighbour in self.ropes_at(below)
+                    if neighbour not in rope_seen
+                    for chain in self.towards(below, neighbour, below, rope_seen)
                 )
-            whole = sum(chain.nodes for chain in chains)
-            for node in {(low + high) // 2, min(max(low + whole // 2 - under, low), high)}:
-                chains = self._rooted(own, node, slot, set(known))
+            total = sum(chain.nodes for chain in chains)
+            for node in {(low + high) // 2, min(max(low + total // 2 - nodes_below, low), high)}:
+                chains = self._rooted(rope, node, slot, set(seen_before))
                 spans = _schedule(chains)
                 cost = sum(span[COUNT] for span in spans) + NEW_SPAN * len(spans)
                 if best is None or cost < best[0]:
-                    best = cost, chains, own * self._of.columns + node
+                    best = cost, chains, rope * self._of.columns + node
         assert best is not None
         return best[1], best[2]
 
@@ -253,27 +255,27 @@ class _Layout:
 
 
 class _Lane:
-    """A lane of the schedule and what is left of its chain."""
+    """A lane of the schedule and the remainder of its chain."""
 
     def __init__(self) -> None:
         self.chain: Chain | None = None
 
     def part(self, count: int) -> tuple[tuple[int, int, int], int]:
-        """Take nodes off the chain; return first node, way and begin, and the slot at its end."""
+        """Remove nodes from the chain; return first node, direction and begin, and its end slot."""
         chain = self.chain
         assert chain is not None
         begun = chain.first, chain.way, chain.begin
-        left = chain.nodes - count
-        self.chain = Chain(chain.first + count * chain.way, chain.way, left, CARRY, chain.into)
-        if left == 0:
+        remaining = chain.nodes - count
+        self.chain = Chain(chain.first + count * chain.way, chain.way, remaining, CARRY, chain.into)
+        if remaining == 0:
             self.chain = None
-        return begun, NOWHERE if left else chain.into
+        return begun, NOWHERE if remaining else chain.into
 
 
 def _schedule(chains: list[Chain]) -> list[tuple[int, ...]]:
-    """Return the spans of two lanes; of the chains that can begin the farthest from the root does.
+    """Return the spans of two lanes, by list scheduling with the distance to the root as priority.
 
-    A chain can begin once all chains into its connection are done.
+    A chain is ready once all chains into its connection are complete.
     """
     after = {chain.begin: chain for chain in chains if chain.begin >= 0}
     missing: dict[int, int] = {}
@@ -284,27 +286,31 @@ def _schedule(chains: list[Chain]) -> list[tuple[int, ...]]:
         following = after.get(chain.into)
         return chain.nodes + (distance(following) if following else 0)
 
-    waiting = sorted(chains, key=distance, reverse=True)  # stable: as listed where equal
+    waiting = sorted(chains, key=distance, reverse=True)  # stable sort
     lanes = _Lane(), _Lane()
     spans: list[tuple[int, ...]] = []
     while True:
         for lane in lanes:
-            ready = [one for one in waiting if one.begin < 0 or not missing.get(one.begin)]
+            ready = [
+                lane_a for lane_a in waiting if lane_a.begin < 0 or not missing.get(lane_a.begin)
+            ]
             if lane.chain is None and ready:
                 lane.chain = ready[0]
                 waiting.remove(ready[0])
-        left = [lane.chain.nodes for lane in lanes if lane.chain is not None]
-        if not left:
+        remaining = [lane.chain.nodes for lane in lanes if lane.chain is not None]
+        if not remaining:
             return spans
-        count = min(left)
+        count = min(remaining)
         parts = [lane.part(count) if lane.chain else None for lane in lanes]
-        begun = [part[0] if part else None for part in parts]
+        starts = [part[0] if part else None for part in parts]
         into = [part[1] if part else NOWHERE for part in parts]
-        one, other = (
-            own or (*far[:2], IDLE)  # type: ignore[index]
-            for own, far in zip(begun, reversed(begun), strict=True)
+        lane_a, lane_b = (
+            start or (*other_start[:2], IDLE)  # type: ignore[index]
+            for start, other_start in zip(starts, reversed(starts), strict=True)
         )
         for slot in into:
             if slot != NOWHERE:
                 missing[slot] -= 1
-        spans.append((one[0], one[1], other[0], other[1], count, one[2], other[2], *into))
+        spans.append(
+            (lane_a[0], lane_a[1], lane_b[0], lane_b[1], count, lane_a[2], lane_b[2], *into)
+        )

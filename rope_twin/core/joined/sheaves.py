@@ -1,21 +1,20 @@
-"""Sheaves: connections at which two ropes end, and over which rope passes from one to the other.
+"""Sheaves: connections at which two ropes end, with rope passing from one to the other.
 
 A rope that ends at a sheave has its last node there, and its length depends on the flow u: L = base
-+ u on one side and base - u on the other. u is an unknown of the system like the position of a
-connection, with the same time stepping; it has a column of `joints` (u in the row x), so that
-restart, substepping and the connections' solver need no special case.
++ u on one side and base - u on the other. u is an unknown of the system with the same time
+integration as the position of a connection, and is stored in a column of `joints` (row x), so that
+restart, substepping and the linear solver need no special case.
 
 The rope that passes has x = x_sheave, v = v_sheave - V·q and a = a_sheave - A·q - 2·V·dq/dt, with q
 the last element's vector over its unstretched length and V, A the rates of L. These are the motion
-of the rope's last node in its kernels, so that an element needs no term for the rope that enters
-it. For a variation du the node moves by B·du, B = -q on one side and +q on the other: the flow has
-the balance ΣB·R of the half elements there, that is F = F' of the tensions next to the sheave less
-friction and inertia of the wheel, and no jump when an element splits or merges there, which keeps F
-(core/payout.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last term being the
-momentum flux of the turning rope, by the momentum balance of what is at the sheave.
+of the rope's last node in its kernels, so that the element needs no term for inflowing rope. For a
+variation du the node moves by B·du, B = -q on one side and +q on the other: the balance of the flow
+is ΣB·R of the half elements there, that is F = F' of the tensions next to the sheave less friction
+and inertia of the wheel, without a jump when an element splits or merges there, which preserves F
+(core/payout.py). The force on the sheave is -F·t - F'·t' + m·V²·(q + q'), with the momentum flux of
+the deflected rope as last term.
 
-In SIMD lanes (core/lanes) the same functions take tables of wide numbers. Whether elements at a
-sheave split or merge after a step is known once it is solved.
+In SIMD lanes (core/lanes) the same functions take tables of wide numbers.
 
 Omitted from the Jacobian, not from the balance: the derivatives of the momentum flux, of 2·V·dq/dt
 and of the elements' mass to u, which are V·q/l and p·load/EA relative to the terms kept.
@@ -75,10 +74,9 @@ def line_at(sheaves: Any, motion: Any, r: int) -> Any:
 def pass_end(sheaves: Any, joints: Any, rope: Any, r: int, p: float, q: float) -> None:
     """Set the length of rope r's last element, and the motion of the rope that passes the sheave.
 
-    The motion of the connections is that of the stage; p and q are the weights of a correction
-    that the motion of the rope still lacks, 0 where it lacks none: the correction is then not read,
-    which a failed step may have left not finite. An element that has run out gets the length NaN:
-    the step then counts as not finite.
+    The motion of the connections is that of the stage. p and q are the weights of a pending
+    correction of the rope's motion, or 0; the correction is then not read, since a failed step may
+    have left NaN there. An element of negative length gets the length NaN, which fails the step.
     """
     if sheaves is None:
         return
@@ -138,9 +136,9 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     figures = sheaves.figures
     P, f = whole(figures[POINT, k]), whole(figures[FLOW_COLUMN, k])
     a, b = whole(figures[INTO, k]), whole(figures[FROM, k])
-    work, n, other, m = pair
-    mean = 0.5 * (_stretch_of(work, n) + _stretch_of(other, m))
-    t, u = column(work, DIRECTION, n - 1), column(other, DIRECTION, m - 1)
+    work, n, second, m = pair
+    mean = 0.5 * (_stretch_of(work, n) + _stretch_of(second, m))
+    t, u = column(work, DIRECTION, n - 1), column(second, DIRECTION, m - 1)
     V, mass = joints.work[VELOCITY, f], figures[SHEAVE_MASS, k]
     stream = 2.0 * work[MASS, n] / work[REST, n - 1] * V * V * mean
     for i in range(3):
@@ -151,7 +149,7 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
         joints.matrix[3 * P + i, 3 * P + i] += mass
         joints.matrix[3 * f + i, 3 * f + i] += choose(i > 0, 1.0, figures[WHEEL, k])
     joints.work[RESIDUAL + 2, P] -= figures[SHEAVE_WEIGHT, k]
-    pull, pull_b = -dot(column(work, RESIDUAL, n), t), -dot(column(other, RESIDUAL, m), u)
+    pull, pull_b = -dot(column(work, RESIDUAL, n), t), -dot(column(second, RESIDUAL, m), u)
     # F = F'·exp(x) is F - F' = tanh(x/2)·(F + F'), for either sense of the flow
     wrap = acos(max(-1.0, min(1.0, -dot(t, u))))
     grip = mean * tanh(0.5 * figures[FRICTION, k] * wrap) * max(pull + pull_b, 0.0)
@@ -160,19 +158,19 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     joints.work[RESIDUAL, f] -= figures[WHEEL, k] * joints.work[ACCELERATION, f]
     joints.matrix[3 * f, 3 * f] += q * grip * (1.0 - creep * creep) / CREEP
     _add_end_to_flow(sheaves, joints.matrix, a, six(work, BLOCK, n))
-    _add_end_to_flow(sheaves, joints.matrix, b, six(other, BLOCK, m))
+    _add_end_to_flow(sheaves, joints.matrix, b, six(second, BLOCK, m))
 
 
 @jit
-def condense_flow(sheaves: Any, joints: Any, matrix: Any, r: int, left: Any) -> None:
+def condense_flow(sheaves: Any, joints: Any, matrix: Any, r: int, schur: Any) -> None:
     """Project the condensed block and force of rope r's last node on the flow."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
         return
     f = whole(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
-    joints.work[CORRECTION, f] += dot(column(sheaves.way, ZERO, r), left[1])
-    _add_end_to_flow(sheaves, matrix, r, left[0])
+    joints.work[CORRECTION, f] += dot(column(sheaves.way, ZERO, r), schur[1])
+    _add_end_to_flow(sheaves, matrix, r, schur[0])
 
 
 @jit
@@ -212,7 +210,7 @@ def set_border(sheaves: Any, motion: Any, h: float, r: int) -> None:
     """Set the sheave as a hang-off of rope r, over a step of h [s] that ends with this motion.
 
     motion: of the joints. Rows 2·r and 2·r + 1 of `borders` are the step's start and end. Value and
-    rate of the length at the start are those that give its acceleration at the end.
+    rate of the length at the start are chosen to reproduce its acceleration at the end.
     """
     value, rate = sheaves.borders.value, sheaves.borders.rate
     P, start = whole(sheaves.figures[POINT, sheaves.of[r]]), 2 * r

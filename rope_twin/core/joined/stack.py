@@ -1,13 +1,13 @@
-"""Arrays of all ropes of a system in one piece, so that one binary steps any number of ropes.
+"""Stacked arrays of all ropes of a system, so that one binary steps any number of ropes.
 
-`rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it looks like one.
-Shared properties (current, drag, ...) are stored once. Of an effect whose numbers differ from rope
-to rope (`differs`, a payload) each rope's are in a row of `Numbers`; arrays are those of the first
-rope. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
+`rope_of(stack, r)` returns rope r as views, for the kernels of a single rope. Shared properties
+(current, drag, ...) are stored once. For an effect whose numbers differ from rope to rope
+(`differs`, a payload) they are in a row of `Numbers` per rope; arrays are those of the first rope.
+Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
 
 **SIMD lanes** (core/lanes). The stack of a batch of systems is a `LaneStack`. Functions over a
-system (core/joined/stage) serve both: they ask here for a rope (`any_rope_of`) or its scratch
-(`work_of`), which come as arrays or as tables of wide numbers.
+system (core/joined/stage) serve both, by `any_rope_of` and `work_of`, which return arrays or tables
+of wide numbers.
 """
 
 from __future__ import annotations
@@ -111,30 +111,30 @@ def _with_numbers(value: Any, numbers: Iterator[float]) -> Any:
 
 
 def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
-    """Return the stacked effects of all ropes; of the first rope where they cannot differ.
+    """Return the stacked effects of all ropes; those that cannot differ are from the first rope.
 
-    room: number of nodes that the stack has space for.
+    room: node capacity of the stack.
     """
-    made: list[Any] = []
-    for own in zip(*(rope.effects for rope in ropes), strict=True):
-        if numbers_carried(type(own[0])):
-            made.append(_stacked_memories(own, room))
-        elif type(own[0]) in DIFFERING:
-            real = [_real(one) for one in own]
-            made.append(Numbers(real[0], np.array([_flat(one) for one in real])))
+    stacked: list[Any] = []
+    for rope_effects in zip(*(rope.effects for rope in ropes), strict=True):
+        if numbers_carried(type(rope_effects[0])):
+            stacked.append(_stacked_memories(rope_effects, room))
+        elif type(rope_effects[0]) in DIFFERING:
+            real = [_real(effect) for effect in rope_effects]
+            stacked.append(Numbers(real[0], np.array([_flat(effect) for effect in real])))
         else:
-            made.append(own[0])
-    return tuple(made)
+            stacked.append(rope_effects[0])
+    return tuple(stacked)
 
 
 def _stacked_memories(effects: Sequence[Any], room: int) -> Memories:
-    room = max(room, *(one.memory.shape[1] - 1 for one in effects))
+    room = max(room, *(effect.memory.shape[1] - 1 for effect in effects))
     memory = np.zeros((len(effects), len(effects[0].memory), room + 1))
-    for into, one in zip(memory, effects, strict=True):
-        _copy_columns(one.memory, into)
-    first = next((one for one in effects if getattr(one, "here", True)), effects[0])
+    for stacked, effect in zip(memory, effects, strict=True):
+        _copy_columns(effect.memory, stacked)
+    first = next((effect for effect in effects if getattr(effect, "here", True)), effects[0])
     names = _numbers(first)
-    figures = [[getattr(one, name) for name in names] for one in effects]
+    figures = [[getattr(effect, name) for name in names] for effect in effects]
     return Memories(first, memory, np.array(figures, dtype=float))
 
 
@@ -144,7 +144,7 @@ def _numbers(effect: Any) -> list[str]:
 
 
 def _copy_columns(memory: Floats, into: Floats) -> None:
-    """Copy internal variables of as many nodes as both have space for, and the last column."""
+    """Copy the internal variables of the columns that both have, and the last column."""
     count = min(memory.shape[1], into.shape[1]) - 1
     into[:, :count], into[:, -1] = memory[:, :count], memory[:, -1]
 
@@ -165,12 +165,12 @@ def chain_rows(kinds: Iterable[type]) -> int:
 def _with_columns(rope: Rope, room: int) -> Rope:
     """Return a rope whose effects have space for the internal variables of `room` nodes."""
     effects = []
-    for one in rope.effects:
-        if numbers_carried(type(one)):
-            memory = np.zeros((len(one.memory), room + 1))
-            _copy_columns(one.memory, memory)
-            one = one._replace(memory=memory)
-        effects.append(one)
+    for effect in rope.effects:
+        if numbers_carried(type(effect)):
+            memory = np.zeros((len(effect.memory), room + 1))
+            _copy_columns(effect.memory, memory)
+            effect = effect._replace(memory=memory)
+        effects.append(effect)
     return rope._replace(effects=tuple(effects))
 
 
@@ -197,7 +197,7 @@ def new_stack(ropes: Sequence[Rope]) -> Stack:
 
 
 def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
-    """Return stacked tables, padded with knots at infinity; all ropes have one or none has."""
+    """Return stacked tables, padded with knots at infinity, or None; all ropes have one or none."""
     tables = [law for law in laws if law is not None]
     if not tables:
         return None
@@ -205,9 +205,9 @@ def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
     rows = []
     for field in Table._fields:
         row = np.full((len(tables), *size), np.inf if field == "knot" else 0.0)
-        for own, one in zip(row, tables, strict=True):
-            values = getattr(one, field)
-            own[: values.shape[0], : values.shape[1]] = values
+        for padded, law in zip(row, tables, strict=True):
+            values = getattr(law, field)
+            padded[: values.shape[0], : values.shape[1]] = values
         rows.append(row)
     return Table(*rows)
 
@@ -244,14 +244,14 @@ def _state_of(stack: Stack, r: int) -> tuple[Any, ...]:
 
 def effects_at(effects: Any, r: Any) -> Any:
     """Return the effects with the values of rope r."""
-    made = []
+    result = []
     for effect in effects:
         if isinstance(effect, Memories):
             effect = _own_of(effect, r)
         elif isinstance(effect, Numbers):
             effect = _with_numbers(effect.first, iter(effect.figures[r]))
-        made.append(effect)
-    return tuple(made)
+        result.append(effect)
+    return tuple(result)
 
 
 def _own_of(effect: Memories, r: int) -> Any:
@@ -301,9 +301,9 @@ def _compose_effects(effects: Any, r: Any) -> Any:
 
 
 def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
-    """Let the effects of a rope of the stack read of other ropes what they depend on there.
+    """Copy the data of other ropes that the effects of a rope depend on.
 
-    stack: also of lanes.
+    stack: of a system or of lanes.
     """
     for i, effect in enumerate(effects):
         for own, call in members("face", (effect,)):
@@ -472,10 +472,7 @@ CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
 
 
 class Sheaves(NamedTuple):
-    """The sheaves of a multi-line system; LANES is the last axis of what differs from lane to lane.
-
-    Those are all but `of` and `side`.
-    """
+    """Sheaves of a multi-line system; in lanes LANES is the last axis, except of `of`, `side`."""
 
     figures: Floats  # (SHEAVE_ROWS, sheaves)
     of: Ints  # sheave at each rope's upper end, or NOWHERE

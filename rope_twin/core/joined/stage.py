@@ -1,11 +1,11 @@
-"""Ropes and connections of a system: the functions that the step (core/step, core/newton) is over.
+"""Operations on a system of ropes and connections, used by the step (core/step, core/newton).
 
-A system is a `Rope` by itself, or a `Joined`: a stack of ropes with connections. Its type selects
-the code while numba compiles (`by_kind`): for a rope by itself the loops over ropes and all code of
-connections vanish.
+A system is a single `Rope`, or a `Joined`: a stack of ropes with connections. Its type selects the
+code at compile time (`by_kind`): for a single rope no code of loops over ropes and of connections
+remains.
 
-The correction of a stage is applied to the connections at once. That of the ropes' nodes may be
-pending: the next pass over the nodes applies it.
+The correction of a stage is applied to the connections immediately; that of the ropes' nodes may be
+pending until the next pass over the nodes.
 """
 
 from __future__ import annotations
@@ -73,14 +73,13 @@ from rope_twin.core.state import (
 )
 
 
-def by_kind(one: Any) -> Any:
-    """Decorate a function of a `Joined`; `one(system, ...)` is what it does for a rope by itself.
+def by_kind(for_rope: Any) -> Any:
+    """Decorator for a function of a `Joined`; a single rope gets `for_rope(system, ...)` instead.
 
-    Both are plain functions with the same names of arguments; numba compiles the one that is
-    called.
+    Both are plain functions with the same argument names; numba compiles the selected one.
     """
 
-    return lambda many: wraps(many)(by_type(Rope, one, many, INLINED))
+    return lambda for_system: wraps(for_system)(by_type(Rope, for_rope, for_system, INLINED))
 
 
 @by_kind(lambda system: 1)
@@ -125,7 +124,7 @@ def is_hung(system: Any, r: Any) -> Any:
 
 @by_kind(lambda system, rope: None)
 def face_others(system: Any, rope: Any) -> Any:
-    """Set what the effects of a rope depend on of other ropes, once a step."""
+    """Copy the data of other ropes that the effects of a rope depend on, once per step."""
     face_ropes(rope.effects, rope, system.stack)
 
 
@@ -159,12 +158,12 @@ def tolerance_of(system: Any) -> Any:
 def health_of(system: Any) -> Any:
     """Return the counters of the first rope.
 
-    They come in a tuple because a kernel without memory management returns no array.
+    They are in a tuple, since a kernel without NRT cannot return an array.
     """
     return (system.stack.health[0],)
 
 
-OUT, BACK = ZERO, ZERO + 1  # directions of a copy: from the state to scratch, and back
+OUT, BACK = ZERO, ZERO + 1  # direction of a copy: from the state to the work array, and back
 
 
 @jit
@@ -199,32 +198,32 @@ def gather_connections(system: Any, stage: Any) -> Any:
 
 @by_kind(lambda system, rope, r, p, q: None)
 def pass_sheave(system: Any, rope: Any, r: Any, p: Any, q: Any) -> Any:
-    """Move the last node of rope r with the rope that passes the sheave there (`pass_end`)."""
+    """Set the last node of rope r to the motion of the rope passing its sheave (`pass_end`)."""
     pass_end(system.sheaves, system.joints, rope, r, p, q)
 
 
-@by_kind(lambda system, stage, share: 0)
-def correct_connections(system: Any, stage: Any, share: Any) -> Any:
-    """Apply a share of the correction to the connections; return how many links' tensions deviate.
+@by_kind(lambda system, stage, fraction: 0)
+def correct_connections(system: Any, stage: Any, fraction: Any) -> Any:
+    """Apply a fraction of the correction to the connections; return the number of deviating links.
 
-    In lanes each has its own share, and those with such a link are returned as bits.
+    In lanes: fraction per lane, and a bit mask of the lanes with such a link.
     """
     joints = system.joints
     expect_pulls(joints.ties, joints.work)
-    _move(joints, stage, SEARCH, share)
+    _move(joints, stage, SEARCH, fraction)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
     return count_unexpected_ties(joints.ties, tolerance_of(system))
 
 
 @jit
 def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
-    """Set direction and tension of rope r, up to a sheave, as if all motion were corrected.
+    """Set directions and corrected tensions of rope r, which ends at a sheave.
 
-    Returns the number of deviating tensions; in lanes: those with such a tension, as bits.
+    Returns the number of deviating tensions; in lanes: a bit mask of the lanes with one.
     """
     work, n = rope.work, rope.state.counts[ELEMENTS]
     top = n - 1
-    wrong = count_unexpected(rope, stage, ZERO, top)
+    count = count_unexpected(rope, stage, ZERO, top)
     x, y, z = column(work, CORRECTION, top)
     ax, ay, az = column(work, CORRECTION, n)
     tx, ty, tz = column(work, DIRECTION, top)
@@ -234,16 +233,16 @@ def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
     for k in range(CORRECTION, CORRECTION + 3):
         work[k, n] = 0.0
     count_unexpected(rope, stage, top, n)
-    return int(count_beyond(wrong, work[TENSION, top], expected, rope.model.tolerance))
+    return int(count_beyond(count, work[TENSION, top], expected, rope.model.tolerance))
 
 
 @by_kind(
     lambda system, rope, stage, r: count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
 )
 def look_ahead_in_rope(system: Any, rope: Any, stage: Any, r: Any) -> Any:
-    """Set direction and tension of rope r as if it were corrected; count deviating tensions.
+    """Set directions and corrected tensions of rope r; return the number of deviating tensions.
 
-    In lanes: return those with such a tension, as bits.
+    In lanes: a bit mask of the lanes with one.
     """
     if is_at_sheave(system.sheaves, r):
         return _look_ahead_at_sheave(system, rope, stage, r)
@@ -258,26 +257,26 @@ def slope_of_connections(system: Any) -> Any:
 
 @by_kind(lambda system: 0)
 def count_unbalanced(system: Any) -> Any:
-    """Return how many connections have a residual above the tolerance, or NaN.
+    """Return the number of connections with a residual above the tolerance, or NaN.
 
-    In lanes: those with such a connection, as bits.
+    In lanes: a bit mask of the lanes with one.
     """
-    count, most = 0, tolerance_of(system)
+    count, limit2 = 0, tolerance_of(system)
     for j in range(count_joints(system.joints)):
         x, y, z = column(system.joints.work, RESIDUAL, j)
-        count = count_beyond(count, x * x + y * y + z * z, 0.0, most * most)
+        count = count_beyond(count, x * x + y * y + z * z, 0.0, limit2 * limit2)
     return count
 
 
 @jit
-def _add_end_forces(system: Any, share: float) -> None:
-    """Add `share` times the forces of links and of ropes' last elements to the residuals."""
+def _add_end_forces(system: Any, fraction: float) -> None:
+    """Add `fraction` times the forces of links and of ropes' last elements to the residuals."""
     stack, joints = system.stack, system.joints
     R, ties = joints.work, joints.ties
     for k in range(ties.shape[1]):
         first, second = whole(ties[FIRST, k]), whole(ties[SECOND, k])
         for a in range(3):
-            force = share * ties[PULL, k] * ties[TOWARDS + a, k]
+            force = fraction * ties[PULL, k] * ties[TOWARDS + a, k]
             R[RESIDUAL + a, first] += force
             if second != ANCHORED:
                 R[RESIDUAL + a, second] -= force
@@ -286,20 +285,20 @@ def _add_end_forces(system: Any, share: float) -> None:
         top = stack.counts[r, ELEMENTS] - 1
         for a in range(3):
             if low != LOOSE:
-                R[RESIDUAL + a, low] += share * work[TENSION, 0] * work[DIRECTION + a, 0]
+                R[RESIDUAL + a, low] += fraction * work[TENSION, 0] * work[DIRECTION + a, 0]
             if high != LOOSE:
-                R[RESIDUAL + a, high] -= share * work[TENSION, top] * work[DIRECTION + a, top]
+                R[RESIDUAL + a, high] -= fraction * work[TENSION, top] * work[DIRECTION + a, top]
 
 
-@by_kind(lambda system, stage, share: None)
-def begin_trial(system: Any, stage: Any, share: Any) -> Any:
-    """Correct the connections before directions and tensions are set as if ropes were corrected.
+@by_kind(lambda system, stage, fraction: None)
+def begin_trial(system: Any, stage: Any, fraction: Any) -> Any:
+    """Apply a fraction of the correction to the connections, before a trial of existing factors.
 
-    share: of the correction, each lane's own in lanes.
+    fraction: per lane in lanes.
     """
     joints = system.joints
     _add_end_forces(system, -1.0)
-    _move(joints, stage, SEARCH, share)
+    _move(joints, stage, SEARCH, fraction)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
 
 
@@ -314,10 +313,10 @@ def _take_load(joints: Any, work: Any, i: int, joint: int) -> None:
     joints.work[RESIDUAL + 2, joint] -= xz * x + yz * y + zz * z
 
 
-@by_kind(lambda system, least: 0)
-def count_left_at_connections(system: Any, least: Any) -> Any:
-    """Return how many connections then have a residual above `least` [N], or NaN; lanes: bits."""
-    stack, joints, left = system.stack, system.joints, 0
+@by_kind(lambda system, tolerance: 0)
+def count_left_at_connections(system: Any, tolerance: Any) -> Any:
+    """Return the number of connections with a residual above `tolerance` [N]; in lanes: bits."""
+    stack, joints, count = system.stack, system.joints, 0
     _add_end_forces(system, 1.0)
     for r in range(stack.counts.shape[0]):
         work = work_of(stack, r)[0]
@@ -327,13 +326,13 @@ def count_left_at_connections(system: Any, least: Any) -> Any:
             _take_load(joints, work, stack.counts[r, ELEMENTS], joints.upper[r])
     for j in range(count_joints(joints)):
         x, y, z = column(joints.work, RESIDUAL, j)
-        left = count_beyond(left, abs(x) + abs(y) + abs(z), 0.0, least)
-    return left
+        count = count_beyond(count, abs(x) + abs(y) + abs(z), 0.0, tolerance)
+    return count
 
 
 @by_kind(lambda system: 0.0)
 def size_of_connections(system: Any) -> Any:
-    """Return the sum of absolute values of the connections' motion; not finite if one is not."""
+    """Return the sum of absolute values of the connections' motion; not finite if any is not."""
     joints, total = system.joints, 0.0
     for k in range(joints.nodes.shape[0]):
         for j in range(joints.nodes.shape[1]):
@@ -359,7 +358,7 @@ def place_all_ends(system: Any) -> Any:
 
 @by_kind(lambda system, row, way: None)
 def copy_connections(system: Any, row: Any, way: Any) -> Any:
-    """Copy the motion of the connections to the rows of scratch from `row` on (OUT), or BACK."""
+    """Copy the motion of the connections to the work rows from `row` on (OUT), or BACK."""
     joints, count = system.joints, system.joints.nodes.shape[1]
     if way == OUT:
         copy(joints.nodes, ZERO, joints.work, row, count)
@@ -369,7 +368,7 @@ def copy_connections(system: Any, row: Any, way: Any) -> Any:
 
 @by_kind(lambda system: None)
 def join_ends(system: Any) -> Any:
-    """Set the ropes' ends to the connections' motion before a call, in scratch and in the state."""
+    """Set the ropes' ends to the connections' motion in work array and state, before a call."""
     stack, joints = system.stack, system.joints
     place_ends(system)
     for r in range(stack.counts.shape[0]):

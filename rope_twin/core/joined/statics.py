@@ -1,19 +1,18 @@
-"""Static equilibrium of a multi-line system, from any initial guess, with every effect.
+"""Static equilibrium of a multi-line system with all effects.
 
-Dynamic relaxation with growing steps and the velocity reset to zero after each: a step of h is a
-Newton solve of the convex energy with the mass over h² as a regulariser. Slack elements are no
-harder for it than taut ones, and at the longest steps the mass is negligible, so that the last
-steps are Newton steps of the static problem (except for the derivative of the loads to the shape,
-which the step leaves out). They end at time 0: before it the sea is flat.
+Dynamic relaxation with growing steps and the velocity reset to zero after each. A step of h is a
+Newton solve of the convex energy, regularised by mass over h², and is robust for slack elements. In
+the longest steps the mass is negligible, so that they are Newton steps of the static problem
+(without the derivative of the loads to the shape). They end at time 0, before which the sea is
+flat.
 
-It is solved on few elements first (core/joined/initial_guess.py); a hard initial guess is replaced
-by one derived from the ropes' lengths. Where there is no progress the ropes fall freely for a
-while.
+A coarse mesh is solved first (core/joined/initial_guess.py); an initial guess that converges slowly
+is replaced by one derived from the ropes' lengths. Without progress a phase of damped free fall
+follows.
 
-**Reeving over sheaves**: two ropes of a system that run as one. In equilibrium without friction the
-tension on both sides of a sheave is equal. The wheel is held while the ropes reach equilibrium,
-rope is transferred by the secant method on the tension difference, and finally the wheel is
-released.
+**Reeving over sheaves**: two ropes of a system that form one line. In equilibrium without friction
+the tension on both sides of a sheave is equal. With locked wheels rope is transferred by the secant
+method on the tension difference; finally the wheels are released.
 """
 
 from __future__ import annotations
@@ -69,8 +68,8 @@ def solve_joined_statics(system: System, place: Floats) -> Equilibrium:
     """Solve the static equilibrium of ropes and connections.
 
     place: (ropes, MOTIONS), each rope's hang-off and paid-out length [m]; rows of ropes whose upper
-    end is connected are not read. Without equilibrium the nodes end at the best shape found.
-    Afterwards the solver's counters start from zero and length corrections are removed.
+    end is connected are not read. If no equilibrium is found, the nodes end at the shape with the
+    smallest residual. Solver counters and length corrections are reset.
     """
     if all(_count(system, r) - 1 <= LEVELS[0] for r in range(len(system.ropes))):
         return refine_joined_statics(system, place, STEP_FIRST)
@@ -92,7 +91,7 @@ def refine_joined_statics(system: System, place: Floats, first: float = STEP_NEA
 
 
 def weigh(system: System, place: Floats) -> None:
-    """Leave tension, stiffness and nodal masses of the static state in the ropes' scratch.
+    """Store tension, stiffness and nodal masses of the static state in the ropes' work arrays.
 
     place: as for `solve_joined_statics`. The blocks of nodes are mass alone, including added mass.
     """
@@ -103,26 +102,26 @@ def weigh(system: System, place: Floats) -> None:
 def _settle_coarsely(system: System, place: Floats) -> None:
     """Solve on a coarse mesh and then on a finer one (coarse-to-fine).
 
-    An initial guess that is hard on the coarse mesh is replaced.
+    An initial guess that does not converge on the coarse mesh is replaced.
     """
     first = STEP_FIRST
-    for most in LEVELS:
-        few = coarsen(system, most)
-        boundary = _boundary(few, place)
-        pull = np.zeros((len(few.ropes), 1, PULL_COLUMNS))
-        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD_SOLVES)
+    for max_elements in LEVELS:
+        coarse = coarsen(system, max_elements)
+        boundary = _boundary(coarse, place)
+        pull = np.zeros((len(coarse.ropes), 1, PULL_COLUMNS))
+        end, _ = _take_long_steps(coarse, boundary, pull, first, most_solves=HARD_SOLVES)
         if not end.found:
-            set_initial_guess(few)
-            _stop(few)
-            _relax(few, boundary, first)
-        interpolate_from(system, few)
+            set_initial_guess(coarse)
+            _stop(coarse)
+            _relax(coarse, boundary, first)
+        interpolate_from(system, coarse)
         _stop(system)
         first = STEP_NEAR
     _boundary(system, place)
 
 
 def _boundary(system: System, place: Floats) -> Boundary:
-    """Return hang-offs fixed for one step, and place the ropes' upper nodes there."""
+    """Return the boundary of fixed hang-offs for one step; move the ropes' upper nodes there."""
     value = np.repeat(place[:, None, :], 2, axis=1)
     for r, rope in enumerate(system.ropes):
         if system.joints.upper[r] == LOOSE:
@@ -157,7 +156,7 @@ def _count(system: System, r: int) -> int:
 
 
 def _stop(system: System) -> None:
-    """Reset velocities, counters and internal variables; a body rests below its hook again."""
+    """Reset velocities, counters and internal variables; a body starts at rest below its hook."""
     for table in _tables(system):
         table[VELOCITY:NODE_ROWS] = 0.0
     for rope in system.ropes:
@@ -181,12 +180,12 @@ def _put(system: System, places: list[Floats]) -> None:
 def _residual(system: System, boundary: Boundary, pull: Floats) -> tuple[float, float]:
     """Return the largest residual force and the largest tension [N]; the nodes do not move.
 
-    One step of a femtosecond moves nothing, and yields the acceleration a = A⁻¹·F of every node.
+    A step of 1e-15 s leaves the positions unchanged and yields the acceleration a = A⁻¹·F.
     """
     places = _places(system)
     _stop(system)
-    still = _stopped(system, INSTANT, np.inf)
-    finite = advance_joined(still, boundary, pull, 0.0, 1) == 1
+    frozen = _stopped(system, INSTANT, np.inf)
+    finite = advance_joined(frozen, boundary, pull, 0.0, 1) == 1
     residual, tension = 0.0, 0.0
     at_joints = np.zeros((3, system.joints.nodes.shape[1]))
     for r, rope in enumerate(system.ropes):
@@ -208,17 +207,17 @@ def _residual(system: System, boundary: Boundary, pull: Floats) -> tuple[float, 
 
 def _round_off(system: System) -> float:
     """Return the force due to round-off of the positions in an element's length [N]."""
-    most = 0.0
+    round_off = 0.0
     for r, rope in enumerate(system.ropes):
         rest = np.diff(rope.state.s[: _count(system, r)])
         reach = np.abs(rope.state.nodes[POSITION : POSITION + 3, : len(rest) + 1]).max()
         stiffness = float(rope.sections[EA].max() / rest.min())
-        most = max(most, ROUND_OFF * stiffness * float(reach + rest.sum()))
-    return most
+        round_off = max(round_off, ROUND_OFF * stiffness * float(reach + rest.sum()))
+    return round_off
 
 
 def _relax(system: System, boundary: Boundary, first: float) -> Equilibrium:
-    """Take long steps; without progress let the ropes fall for a while and try again."""
+    """Alternate long steps and, without progress, free fall, until equilibrium is found."""
     pull = np.zeros((len(system.ropes), 1, PULL_COLUMNS))
     for _ in range(ATTEMPTS):
         end, nearest = _take_long_steps(system, boundary, pull, first)
@@ -230,9 +229,9 @@ def _relax(system: System, boundary: Boundary, first: float) -> Equilibrium:
 
 
 def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
-    """Take dynamic steps and reset velocities whenever kinetic energy falls (Cundall 1976).
+    """Dynamic relaxation with kinetic damping (Cundall 1976): reset velocities at energy peaks.
 
-    Slack ropes far from equilibrium get close to it by their weight.
+    Slack ropes far from equilibrium approach it by their weight.
     """
     tolerance = max(system.ropes[0].model.tolerance, _round_off(system))
     falling, energy = _stopped(system, FALL_STEP, tolerance), 0.0
@@ -271,7 +270,7 @@ def _take_long_steps(
                 break
             continue
         substeps = int(health[SUBSTEPS])
-        if step >= STEP_LAST:  # before, a move is no error estimate
+        if step >= STEP_LAST:  # the move of shorter steps is no error estimate
             move = _largest_move(before, _places(system))
             end = _rest(system, boundary, pull, tolerance)._replace(left_m=move, rounds=rounds)
             if end.found and not move < MAX_RATIO * last:  # no progress: round-off
@@ -292,8 +291,8 @@ def _largest_move(before: list[Floats], after: list[Floats]) -> float:
 def _rest(system: System, boundary: Boundary, pull: Floats, tolerance: float) -> Equilibrium:
     """Return the residual of equilibrium at the present positions."""
     residual, tension = _residual(system, boundary, pull)
-    found = residual <= max(tolerance, TENSION_TOL * tension)
-    return Equilibrium(found, residual, tension, np.inf, 0)
+    converged = residual <= max(tolerance, TENSION_TOL * tension)
+    return Equilibrium(converged, residual, tension, np.inf, 0)
 
 
 HELD = 1e30  # kg: inertia of a locked wheel
@@ -311,13 +310,13 @@ def solve_reeved_statics(system: System, place: Floats) -> Equilibrium:
     sheaves = system.sheaves
     if sheaves is None:
         return solve_joined_statics(system, place)
-    kept = sheaves.figures[[WHEEL, FRICTION]].copy()
+    locked = sheaves.figures[[WHEEL, FRICTION]].copy()
     sheaves.figures[WHEEL], sheaves.figures[FRICTION] = HELD, 0.0
     end = _settle_held(system, sheaves, place)
-    sheaves.figures[WHEEL] = kept[0]
+    sheaves.figures[WHEEL] = locked[0]
     if end.found:
         end = refine_joined_statics(system, place)
-    sheaves.figures[FRICTION] = kept[1]
+    sheaves.figures[FRICTION] = locked[1]
     _drop_round_off(system)
     return end
 
@@ -325,8 +324,8 @@ def solve_reeved_statics(system: System, place: Floats) -> Equilibrium:
 def _drop_round_off(system: System) -> None:
     """Set coordinates at round-off level to 0.
 
-    A loop in one plane would otherwise sway across it with an ever smaller amplitude, down to
-    subnormal numbers, with which a processor takes four times as long.
+    A plane loop would otherwise sway out of plane with an amplitude that decays to subnormal
+    numbers, on which operations take several times as long.
     """
     tables = [rope.state.nodes[: POSITION + 3] for rope in system.ropes]
     tables.append(system.joints.nodes[: POSITION + 3])
@@ -345,12 +344,12 @@ def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium
         end = settle(system, place)
         settle = refine_joined_statics
         pulls = np.array([[_last_tension(system.ropes[r]) for r in pair] for pair in pairs])
-        apart = pulls[:, 0] - pulls[:, 1]
-        if not end.found or (np.abs(apart) <= ALIKE * pulls.max(axis=1)).all():
+        difference = pulls[:, 0] - pulls[:, 1]
+        if not end.found or (np.abs(difference) <= ALIKE * pulls.max(axis=1)).all():
             break
-        found = (apart - before) / np.where(moved == 0.0, np.nan, moved)
-        slope = np.where(found < 0.0, found, slope)
-        moved, before = -apart / slope, apart
+        secant = (difference - before) / np.where(moved == 0.0, np.nan, moved)
+        slope = np.where(secant < 0.0, secant, slope)
+        moved, before = -difference / slope, difference
         for pair, more in zip(pairs, moved, strict=True):
             for r, sign in zip(pair, (1.0, -1.0), strict=True):
                 sheaves.base[r] = _lay_again(system.ropes[r], sign * float(more))
@@ -368,17 +367,17 @@ def _last_tension(rope: Rope) -> float:
 
 
 def _lay_again(rope: Rope, more: float) -> float:
-    """Change a rope's length at its last node, in the same shape; return its length [m].
+    """Change a rope's length by `more` [m] at its last node, in the same shape; return the length.
 
-    It keeps at least two elements and at most the capacity of its arrays.
+    At least two elements remain, and at most as many as its arrays have capacity for.
     """
     state, size = rope.state, rope.model.element_length
     n = int(state.counts[ELEMENTS])
     s, x = state.s[: n + 1].copy(), state.nodes[POSITION : POSITION + 3, : n + 1].copy()
-    room = len(state.s) - TRIALS - 2
-    most = float(s[n]) + (room - n) * size
-    length = min(max(float(s[n]) + more, 2.0 * SHORTEST * size), most)
-    inner = [float(one) for one in s[:-1] if one <= length - SHORTEST * size]
+    max_nodes = len(state.s) - TRIALS - 2
+    max_length = float(s[n]) + (max_nodes - n) * size
+    length = min(max(float(s[n]) + more, 2.0 * SHORTEST * size), max_length)
+    inner = [float(coordinate) for coordinate in s[:-1] if coordinate <= length - SHORTEST * size]
     while length - inner[-1] > LONGEST * size:
         inner.append(inner[-1] + size)
     if len(inner) < 2:

@@ -4,19 +4,19 @@ An effect is a NamedTuple of numbers, arrays and further tuples. For a batch eac
 axis of lanes: the last one for SIMD vectors and their tables, the first one for kernels that are
 called for each lane in turn, which then see the arrays of a single rope.
 
-**Kernels of a single rope** are called for each lane in turn where SIMD does not pay. What happens
-at the lower end alone (a net, a fairing) branches, and costs little beside the nodes of the
-rope; waves are summed over their components in SIMD already. `by_lane` lets such an effect take
-part in a batch with its own kernels: the columns that they read are copied to the scratch of one
-rope, and what they change is copied back. A rigid body costs more than its rope: it is solved in
-all lanes together (core/body/lanes).
+**Kernels of a single rope** are called lane by lane where SIMD has no benefit: loads at the lower
+end (a net, a fairing) branch and cost little compared with the nodes of the rope, and sums over
+wave components are vectorised already. `by_lane` registers such an effect for batches with its
+scalar kernels: the columns that they read are copied to the work array of one rope, and their
+results are copied back. A rigid body costs more than its rope and is solved in all lanes together
+(core/body/lanes).
 
 An effect at the lower end reads node 0, the hang-off and one ghost node, and changes residual and
 block of node 0; `flow` reads positions and changes water and surface of a span of nodes.
 
 **Internal variables** (core/loads/memory). Effects whose kernels are wide have the memories of all
-lanes in one table; those called for each lane in turn have each lane's own. A step that initialises
-internal variables, or interpolates them to other nodes, is left to the single-rope solver
+lanes in one table; those called lane by lane have one array per lane. A step that initialises
+internal variables, or interpolates them to other nodes, is taken by the single-rope solver
 (`Group.late`).
 """
 
@@ -78,8 +78,8 @@ def layout_of(value: Any) -> Any:
     """Return types and shapes of a NamedTuple's parts, in tuples that can be compared."""
     if isinstance(value, tuple):
         return (type(value), *(layout_of(part) for part in value))
-    found = np.asarray(value)
-    return found.dtype.str, found.shape
+    layout = np.asarray(value)
+    return layout.dtype.str, layout.shape
 
 
 def make_wide(layout: Any) -> Any:
@@ -96,26 +96,26 @@ def make(layout: Any, zeros: Callable[[str, tuple[int, ...]], Any]) -> Any:
     kind, *parts = layout
     if isinstance(kind, str):
         return zeros(kind, parts[0])
-    made = [make(part, zeros) for part in parts]
-    return tuple(made) if kind is tuple else kind(*made)
+    result = [make(part, zeros) for part in parts]
+    return tuple(result) if kind is tuple else kind(*result)
 
 
-def put_wide(own: Any, theirs: Any, lane: int) -> None:
+def put_wide(target: Any, source: Any, lane: int) -> None:
     """Copy the parts of one rope's data to its lane on the last axis."""
-    for part, value in zip(own, theirs, strict=True):
-        if isinstance(part, tuple):
-            put_wide(part, value, lane)
+    for field, value in zip(target, source, strict=True):
+        if isinstance(field, tuple):
+            put_wide(field, value, lane)
         else:
-            part[..., lane] = value
+            field[..., lane] = value
 
 
-def put_each(own: Any, theirs: Any, lane: int) -> None:
+def put_each(target: Any, source: Any, lane: int) -> None:
     """Copy the parts of one rope's data to its lane on the first axis."""
-    for part, value in zip(own, theirs, strict=True):
-        if isinstance(part, tuple):
-            put_each(part, value, lane)
+    for field, value in zip(target, source, strict=True):
+        if isinstance(field, tuple):
+            put_each(field, value, lane)
         else:
-            part[lane] = value
+            field[lane] = value
 
 
 def _widened(kind: Any, path: str) -> str:
@@ -194,7 +194,7 @@ def _of_rope(each: Any, r: int) -> Any:
     )
 
 
-# The data of the lanes of rope r: of a rope by itself, or without such effects, what is given.
+# The lane data of rope r of a system; for a single rope the argument itself.
 each_of = by_type(
     EachOfRopes,
     lambda each, r: _of_rope(each, r),
@@ -235,7 +235,7 @@ def _lone_rope(stage: Any, lane: int) -> Any:
 
 @jit
 def _copy_column(each: Any, lane: int, i: int) -> None:
-    """Copy all rows but those of the factors to the scratch of one rope."""
+    """Copy all rows except the factors to the work array of one rope."""
     for k in range(BLOCK + 6):
         each.own[k, i] = each.work[i, k, lane]
     for k in range(BLOCK + 24, KEPT):
@@ -277,7 +277,7 @@ def _return_water(each: Any, lane: int, low: int, high: int) -> None:
 
 
 def _picker(kind: type) -> Any:
-    """Return the kernel that gives the data of an effect of this type in one lane."""
+    """Return the kernel that extracts the data of an effect of this type in one lane."""
 
     @lanes_only(INLINED)
     def pick(effects: Any, lane: Any) -> Any:
@@ -288,7 +288,7 @@ def _picker(kind: type) -> Any:
 
 
 def _grown_picker(kind: type) -> Any:
-    """Return the kernel that gives the data of an effect of this type in one lane, at a stage."""
+    """Return the kernel that extracts an effect's data in one lane, grown to the stage's time."""
     pick = _picker(kind)
 
     @lanes_only(INLINED)
@@ -338,13 +338,13 @@ def _calm(kind: type, lone: Any) -> Any:
     pick = _picker(kind)
 
     def calm(effect: Any, work: Any, stage: Any, n: int, share: float) -> int:
-        each, found = stage.each, 0
+        each, lanes = stage.each, 0
         for lane in range(LANES):
             if stage.lanes >> lane & 1:
                 _copy_ends(each, lane)
                 if lone(pick(each.effects, lane), each.own, _lone_stage(stage), n, share):
-                    found |= 1 << lane
-        return found
+                    lanes |= 1 << lane
+        return lanes
 
     return calm
 
@@ -385,7 +385,7 @@ _CALLS = {
 
 
 def by_lane(kind: type, *names: str) -> None:
-    """Let the kernels of an effect's type for these hooks be called for each lane in turn.
+    """Register the scalar kernels of an effect's type for these hooks, to be called lane by lane.
 
     Raises:
         KeyError: it has no such kernel, or lanes cannot call kernels of this hook one by one.
@@ -396,18 +396,18 @@ def by_lane(kind: type, *names: str) -> None:
 
 
 @lanes_only(LINKED)
-def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
+def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, fraction: Any) -> Any:
     """Return the stage's lanes, as bits, in which no active set is changed by share·delta.
 
-    As in a single rope, an effect is only asked where those before it are calm.
+    As in a single rope, an effect is evaluated only where the active sets before it are unchanged.
     """
     calls = kernels("calm", effects, None)
     lines = ["calm = stage.lanes"]
     if not may_be_calm([effect.instance_class for effect in effects]):
-        return lambda effects, work, stage, n, share: 0
+        return lambda effects, work, stage, n, fraction: 0
     for i in calls:
-        own = f"kernel_{i}(effects[{i}], work, on_lanes(stage, calm), n, share)"
-        lines.append(f"calm &= {own}")
+        lanes_stage = f"kernel_{i}(effects[{i}], work, on_lanes(stage, calm), n, share)"
+        lines.append(f"calm &= {lanes_stage}")
     head = "effects, work, stage, n, share"
     return written_out(head, [*lines, "return calm"], calls, on_lanes=on_lanes)
 

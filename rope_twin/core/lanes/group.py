@@ -1,4 +1,4 @@
-"""Arrays of a few ropes that are stepped as a SIMD batch, and copying in and out of them."""
+"""Arrays of single ropes that are stepped as a SIMD batch, and copying in and out of them."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def places_of(rope: Rope) -> tuple[int, ...]:
 
 
 def effect_places(rope: Rope) -> tuple[float, ...]:
-    """Return what effects know of their place in a system of ropes, which lanes have in common."""
+    """Return the fields by which effects know their place in a system, common to all lanes."""
     return tuple(
         float(getattr(effect, name))
         for effect in rope.effects
@@ -162,55 +162,55 @@ def on_columns(layout: Any, columns: int) -> Any:
     return (kind, *parts)
 
 
-def put_properties(own: Rope, lane: int, rope: Rope) -> None:
+def put_properties(arrays: Rope, lane: int, rope: Rope) -> None:
     """Copy a rope's properties into a lane, except for those of effects called lane by lane."""
     for name in OWN_FIGURES:
-        getattr(own.model, name)[lane] = getattr(rope.model, name)
-    own.sections[:, : rope.sections.shape[1], lane] = rope.sections
-    for effect, theirs in zip(own.effects, rope.effects, strict=True):
-        if not numbers_carried(type(theirs)):
-            put_wide(effect, theirs, lane)
-        elif not is_by_lane(type(theirs)):
-            put_wide(effect[1:], theirs[1:], lane)
-    if own.law is not None:
-        put_wide(own.law, rope.law, lane)
+        getattr(arrays.model, name)[lane] = getattr(rope.model, name)
+    arrays.sections[:, : rope.sections.shape[1], lane] = rope.sections
+    for effect, source in zip(arrays.effects, rope.effects, strict=True):
+        if not numbers_carried(type(source)):
+            put_wide(effect, source, lane)
+        elif not is_by_lane(type(source)):
+            put_wide(effect[1:], source[1:], lane)
+    if arrays.law is not None:
+        put_wide(arrays.law, rope.law, lane)
 
 
-def _in_lanes(own: Rope, rope: Rope) -> Iterator[tuple[Any, Any]]:
+def _in_lanes(arrays: Rope, rope: Rope) -> Iterator[tuple[Any, Any]]:
     """Yield the effects with internal variables that the lanes have in common, and the rope's."""
-    for effect, theirs in zip(own.effects, rope.effects, strict=True):
-        if numbers_carried(type(theirs)) and not is_by_lane(type(theirs)):
-            yield effect, theirs
+    for effect, source in zip(arrays.effects, rope.effects, strict=True):
+        if numbers_carried(type(source)) and not is_by_lane(type(source)):
+            yield effect, source
 
 
-def put_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
+def put_state(arrays: Rope, lane: int, n: int, rope: Rope) -> None:
     """Copy the state and internal variables of a rope of n elements into a lane."""
-    for effect, theirs in _in_lanes(own, rope):
+    for effect, source in _in_lanes(arrays, rope):
         for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
-            effect.memory[:, columns, lane] = theirs.memory[:, columns]
-        for name in arrays_carried(type(theirs)):
-            getattr(effect, name)[..., lane] = getattr(theirs, name)
+            effect.memory[:, columns, lane] = source.memory[:, columns]
+        for name in arrays_carried(type(source)):
+            getattr(effect, name)[..., lane] = getattr(source, name)
     state = rope.state
-    own.state.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
-    own.state.s[: n + 1, lane] = state.s[: n + 1]
-    own.state.offset[:n, lane] = state.offset[:n]
+    arrays.state.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
+    arrays.state.s[: n + 1, lane] = state.s[: n + 1]
+    arrays.state.offset[:n, lane] = state.offset[:n]
 
 
-def take_state(own: Rope, lane: int, n: int, rope: Rope) -> None:
+def take_state(arrays: Rope, lane: int, n: int, rope: Rope) -> None:
     """Copy the state and internal variables of a lane back to its rope of n elements."""
-    for effect, theirs in _in_lanes(own, rope):
+    for effect, source in _in_lanes(arrays, rope):
         for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
-            theirs.memory[:, columns] = effect.memory[:, columns, lane]
-        for name in arrays_carried(type(theirs)):
-            getattr(theirs, name)[...] = getattr(effect, name)[..., lane]
+            source.memory[:, columns] = effect.memory[:, columns, lane]
+        for name in arrays_carried(type(source)):
+            getattr(source, name)[...] = getattr(effect, name)[..., lane]
     state = rope.state
-    state.nodes[:, : n + 1] = own.state.nodes[: n + 1, :, lane].T
-    state.s[: n + 1] = own.state.s[: n + 1, lane]
-    state.offset[:n] = own.state.offset[:n, lane]
+    state.nodes[:, : n + 1] = arrays.state.nodes[: n + 1, :, lane].T
+    state.s[: n + 1] = arrays.state.s[: n + 1, lane]
+    state.offset[:n] = arrays.state.offset[:n, lane]
 
 
 class Lanes(ABC):
-    """Batch of up to LANES members, ropes by themselves or systems of ropes: what both have."""
+    """Base of a batch of up to LANES members, single ropes or systems of ropes."""
 
     kind: Any
 
@@ -226,7 +226,7 @@ class Lanes(ABC):
         self.folds = aligned(*lead, looks, FOLDS, LANES)
         self._tally = aligned(TALLIES, LANES)
         self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
-        self._late = 0  # lanes whose internal variables belong to other nodes, as bits
+        self._late = 0  # lanes whose internal variables must be interpolated, as bits
         self._remembers = any(numbers_carried(own[0]) for own in effects)
 
     def fit(self, kind: Any) -> None:
@@ -260,7 +260,7 @@ class Lanes(ABC):
         self.folds[..., LEAST, :] = np.inf
 
     def late(self, steps: int) -> int:
-        """Return the lanes that take the step after `steps` steps of the run alone, as bits.
+        """Return the lanes that take the step after `steps` in the single-rope solver, as bits.
 
         They initialise internal variables, or interpolate them to other nodes.
         """
@@ -268,12 +268,12 @@ class Lanes(ABC):
 
     def account(self, lane: int, health: Ints) -> tuple[int, int]:
         """Add a lane's counters to its (first) rope's; return its steps and slack samples."""
-        solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
+        solves, solves_max, steps, slack = (int(value) for value in self._tally[:, lane])
         health[STEPS] += steps
         health[SUBSTEPS] += steps
         health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
         health[SOLVES] += solves
-        health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
+        health[SOLVES_MAX] = max(health[SOLVES_MAX], solves_max)
         return steps, slack
 
 
@@ -283,8 +283,7 @@ class Group(Lanes):
     def __init__(self, kind: Kind, steps: int, looks: int = 0) -> None:
         """Allocate arrays for ropes of this kind and for this many steps.
 
-        looks: rows of `folds`, the result of a fleet, which then takes the place of slack samples;
-        0: none.
+        looks: rows of `folds`, the result of a fleet, which replaces slack samples; 0 for none.
         """
         super().__init__(kind.effects, (), (steps, looks))
         self.kind = kind
@@ -393,7 +392,7 @@ class Group(Lanes):
         )
 
     def advance(self, run: Run) -> tuple[int, list[int]]:
-        """Advance the batch; return the step reached, and the lanes that failed to do the last one.
+        """Advance the batch; return the step reached, and the lanes that did not complete it.
 
         It stops before the last step if there are such lanes.
         """
@@ -420,12 +419,12 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 def advance_batch(effects: Any, law: Any, *arguments: Any) -> tuple[int, list[int]]:
     """Call `advance_lanes_steps`, compiled for these types of effects and law and the arrays'.
 
-    Returns the step reached and the lanes that failed to do it.
+    Returns the step reached and the lanes that did not complete it.
     """
     own = type(arguments[0]), type(getattr(arguments[0], "sheaves", None))
     kinds = (*own, *map(type, effects), type(law))
-    found = _COMPILED.get(kinds)
-    if found is None:
-        found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)
-    done, left = divmod(int(found(*arguments)), ALL + 1)
+    code = _COMPILED.get(kinds)
+    if code is None:
+        code = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)
+    done, left = divmod(int(code(*arguments)), ALL + 1)
     return done, [lane for lane in range(LANES) if left >> lane & 1]

@@ -1,4 +1,4 @@
-"""Arrays of a few systems of ropes that are stepped as a SIMD batch, and copying in and out."""
+"""Arrays of systems of ropes that are stepped as a SIMD batch, and copying in and out."""
 
 from __future__ import annotations
 
@@ -187,8 +187,8 @@ class JoinedGroup(Lanes):
     def __init__(self, system: System, kind: JoinedKind, steps: int, looks: int = 0) -> None:
         """Allocate arrays for systems of this kind, as this one, and for this many steps.
 
-        looks: rows of each rope's `folds`, the result of a fleet, which then takes the place of
-        slack samples; 0: none.
+        looks: rows of each rope's `folds`, the result of a fleet, which replaces slack samples; 0
+        for none.
         """
         count, one = len(kind.ropes), kind.ropes[0]
         super().__init__(one.effects, (count,), (steps, looks))
@@ -248,8 +248,7 @@ class JoinedGroup(Lanes):
     def load(self, members: Sequence[System], used: Collection[int] = range(LANES)) -> None:
         """Copy in systems of the group's kind, and clear counters and folds.
 
-        Of the very system that a lane holds, and in lanes that are not used, states are copied
-        alone.
+        For a system that its lane already holds, and in unused lanes, only the state is copied.
         """
         self._clear()
         for lane in range(LANES):
@@ -325,7 +324,7 @@ class JoinedGroup(Lanes):
         )
 
     def advance(self, run: Run) -> tuple[int, list[int]]:
-        """Advance the batch; return the step reached, and the lanes that failed to do the last one.
+        """Advance the batch; return the step reached, and the lanes that did not complete it.
 
         It stops before the last step if there are such lanes.
         """

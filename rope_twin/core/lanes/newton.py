@@ -1,9 +1,10 @@
-"""Newton's method of a stage in SIMD lanes, over ropes or systems of ropes (core/lanes/system).
+"""Newton's method of a stage in SIMD lanes, for ropes or systems of ropes (core/lanes/system).
 
-It is that of `core/newton`. A lane that has converged is frozen while others iterate, and keeps the
-factors of its last elimination, with which its BDF2 stage begins; a lane that they do not solve is
-corrected with new ones. As in a single rope the last correction of the nodes stays pending: the
-next prediction, or the step's end, adds it. A lane that needs the line search is given up.
+The algorithm is that of `core/newton`. A converged lane is masked while others iterate, and keeps
+the factors of its last elimination, which its BDF2 stage tries first; if they do not solve the
+stage, the lane is corrected with new factors. As in a single rope the last correction of the nodes
+stays pending until the next prediction or the end of the step. A lane that needs the line search is
+returned as unconverged.
 """
 
 from __future__ import annotations
@@ -65,60 +66,59 @@ SPAN = 4
 
 
 @jit
-def solve_stage(system: Any, stage: Any, kind: int, wanted: int, again: int, pending: Any) -> Any:
-    """Solve for the acceleration; tension then belongs to the stage's time.
+def solve_stage(system: Any, stage: Any, kind: int, wanted: int, reuse: int, pending: Any) -> Any:
+    """Solve a stage for the accelerations, leaving its motion and tensions in the work arrays.
 
-    wanted: active lanes, as bits; again: lanes that begin with the existing factors; pending:
-    fraction of CORRECTION still to be added to the previous motion, of each lane. Returns the lanes
-    that did not converge, of each lane the number of solutions with existing factors and that of
-    corrections with new ones, and the fraction of CORRECTION that is still to be added to the
-    stage's motion.
+    wanted: active lanes, as bits; reuse: lanes that try the existing factors first; pending:
+    fraction of CORRECTION still to be added to the previous motion, per lane. Returns the lanes
+    that did not converge, the number of solutions with existing factors and with new ones per lane,
+    and the fraction of CORRECTION that is still to be added to the stage's motion.
     """
     _evaluate(system, stage, kind, pending)
-    again = wanted & _lanes_to_try(system, again)
-    again &= _calm(system, stage, again, 0.0)
-    none = 0.0 * tolerance_of(system)
-    active, count, going = wanted & (ALL - again), none, none
-    tried = choose(mask_of(again), 1.0, 0.0)
-    if again != 0:
-        left = again & _try_factors(system, stage, tried)
-        left |= _restless(system, stage, again & (ALL - left))
-        going = choose(mask_of(again & (ALL - left)), 1.0, 0.0)
-        active |= left
+    reuse = wanted & _lanes_to_try(system, reuse)
+    reuse &= _unchanged_active_sets(system, stage, reuse, 0.0)
+    zero = 0.0 * tolerance_of(system)
+    active, count, correcting = wanted & (ALL - reuse), zero, zero
+    tried = choose(mask_of(reuse), 1.0, 0.0)
+    if reuse != 0:
+        unsettled = reuse & _try_factors(system, stage, tried)
+        unsettled |= _changing_active_sets(system, stage, reuse & (ALL - unsettled))
+        correcting = choose(mask_of(reuse & (ALL - unsettled)), 1.0, 0.0)
+        active |= unsettled
         if active == 0:
-            return 0, tried, count, going
-        _return_connections(system, stage, left)
-        _correct(system, stage, going)
-        if left != 0:
-            _reload(system, stage, left, active & (ALL - left))
-        else:  # the trial changed the residuals of the connections
+            return 0, tried, count, correcting
+        _return_connections(system, stage, unsettled)
+        _correct(system, stage, correcting)
+        if unsettled != 0:
+            _reload(system, stage, unsettled, active & (ALL - unsettled))
+        else:  # the trial overwrote the residuals of the connections
             gather_connections(system, stage)
     for correction in range(1, SEARCH_FROM + 1):
-        going = choose(mask_of(active), 1.0, 0.0)
-        count += going
-        agreeing = active & _solve_ahead(system, stage, active, going)
-        left = _restless(system, stage, agreeing)
-        active &= ALL - (agreeing & (ALL - left))
-        if active == 0 or (correction == SEARCH_FROM and left == 0):
+        correcting = choose(mask_of(active), 1.0, 0.0)
+        count += correcting
+        agreeing = active & _solve_ahead(system, stage, active, correcting)
+        unsettled = _changing_active_sets(system, stage, agreeing)
+        active &= ALL - (agreeing & (ALL - unsettled))
+        if active == 0 or (correction == SEARCH_FROM and unsettled == 0):
             break
-        _correct(system, stage, going)
-        going = none
+        _correct(system, stage, correcting)
+        correcting = zero
         _reload(system, stage, active, 0)
-        if left != 0:
-            active &= ALL - (left & _balanced(system))
+        if unsettled != 0:
+            active &= ALL - (unsettled & _balanced(system))
             if active == 0:
                 break
-    if bits(going > 0.0) != wanted:  # some converged before the others
-        _correct(system, stage, going)  # the look ahead moved all by a correction not theirs
-        going = none
-    return active, tried, count, going
+    if bits(correcting > 0.0) != wanted:  # some lanes converged earlier
+        _correct(system, stage, correcting)  # restores their directions and tensions
+        correcting = zero
+    return active, tried, count, correcting
 
 
 _unless_bent = chosen_by(couples, lambda effects, again: 0, lambda effects, again: again)
 
 
 @jit
-def _unless_turned(sheaves: Any, again: int) -> int:
+def _unless_sheaves(sheaves: Any, again: int) -> int:
     if sheaves is None:
         return again
     return 0
@@ -126,58 +126,57 @@ def _unless_turned(sheaves: Any, again: int) -> int:
 
 @by_kind(lambda system, again: again)
 def _lanes_to_try(system: Any, again: Any) -> Any:
-    """Return those of these lanes that begin with existing factors.
-
-    As alone, none with bending or sheaves.
-    """
-    return _unless_bent(system.stack.effects, _unless_turned(system.sheaves, again))
+    """Return those of these lanes that try the existing factors; none with bending or sheaves."""
+    return _unless_bent(system.stack.effects, _unless_sheaves(system.sheaves, again))
 
 
 @jit
-def _calm(system: Any, stage: Any, lanes: int, share: float) -> int:
-    """Return those of these lanes in which no active set is changed by share·delta."""
-    calm = lanes
+def _unchanged_active_sets(system: Any, stage: Any, lanes: int, fraction: float) -> int:
+    """Return those of these lanes in which fraction·delta leaves all active sets unchanged."""
+    unchanged = lanes
     for r in range(count_ropes(system)):
-        rope, own = rope_at(system, r), on_lanes(stage_of(system, stage, r), calm)
-        calm &= calm_lanes(rope.effects, rope.work, own, count_loaded(system, r), share)
-    return int(calm)
+        rope, rope_stage = rope_at(system, r), on_lanes(stage_of(system, stage, r), unchanged)
+        unchanged &= calm_lanes(
+            rope.effects, rope.work, rope_stage, count_loaded(system, r), fraction
+        )
+    return int(unchanged)
 
 
 @jit
-def _restless(system: Any, stage: Any, lanes: int) -> int:
-    """Return those of these lanes that an active set keeps from being solved by the correction."""
-    return int(lanes & (ALL - _calm(system, stage, lanes, 1.0)))
+def _changing_active_sets(system: Any, stage: Any, lanes: int) -> int:
+    """Return those of these lanes in which the correction changes an active set."""
+    return int(lanes & (ALL - _unchanged_active_sets(system, stage, lanes, 1.0)))
 
 
 @jit
 def _balanced(system: Any) -> int:
     """Return the lanes with all residuals below the tolerance, none NaN."""
-    fine = ALL & (ALL - count_unbalanced(system))
+    balanced = ALL & (ALL - count_unbalanced(system))
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-        most = rope.model.tolerance * rope.model.tolerance
+        limit2 = rope.model.tolerance * rope.model.tolerance
         for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-            fine &= bits(Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most)
-    return int(fine)
+            balanced &= bits(Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= limit2)
+    return int(balanced)
 
 
 @jit
-def _correct(system: Any, stage: Any, share: Any) -> None:
-    """Apply a share of the correction to the ropes, of each lane its own; set their elements."""
+def _correct(system: Any, stage: Any, fraction: Any) -> None:
+    """Apply a fraction of the correction, per lane, to the ropes; update their elements."""
     place_all_ends(system)
     for r in range(count_ropes(system)):
-        rope, own = rope_at(system, r), stage_of(system, stage, r)
+        rope, rope_stage = rope_at(system, r), stage_of(system, stage, r)
         n = rope.state.counts[ELEMENTS]
-        correct(rope.work, stage.p, stage.q, share, rope.model.first_free, n)
+        correct(rope.work, stage.p, stage.q, fraction, rope.model.first_free, n)
         pass_sheave(system, rope, r, 0.0, 0.0)
-        stretch_all(rope, own)
+        stretch_all(rope, rope_stage)
 
 
-@by_kind(lambda system, stage, left: None)
-def _return_connections(system: Any, stage: Any, left: Any) -> Any:
-    """Take back the correction of the connections in these lanes, as a lone system does."""
-    move_connections(system, stage, SEARCH, choose(mask_of(left), -1.0, 0.0))
+@by_kind(lambda system, stage, lanes: None)
+def _return_connections(system: Any, stage: Any, lanes: Any) -> Any:
+    """Revert the correction of the connections in these lanes, as in a single system."""
+    move_connections(system, stage, SEARCH, choose(mask_of(lanes), -1.0, 0.0))
 
 
 @jit
@@ -231,8 +230,8 @@ def _tangent(above: Any, below: Any, i: int) -> Any:
 def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Set residual and block of the nodes 1 <= low <= i < high, as `balance.load_nodes` does.
 
-    Each tangent is computed one node ahead: its root and division are done while the loads of the
-    node before it are summed.
+    Each tangent is computed one node ahead, so that its root and division overlap with the loads of
+    the previous node.
     """
     nodes = load_rows(work, low)
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
@@ -257,18 +256,18 @@ def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> Non
 def _reload(system: Any, stage: Any, lanes: int, others: int) -> None:
     """Evaluate residual and blocks of these lanes, whose motion and tension are up to date.
 
-    others: lanes that keep theirs.
+    others: mask of the lanes whose residual and blocks are preserved.
     """
     for r in range(count_ropes(system)):
-        rope, own = rope_at(system, r), on_lanes(stage_of(system, stage, r), lanes)
+        rope, rope_stage = rope_at(system, r), on_lanes(stage_of(system, stage, r), lanes)
         n, upto = rope.state.counts[ELEMENTS], count_loaded(system, r)
         if upto > n:
             end_rope(rope.work, n)
         if others != 0:
             _store_loads(rope.work, upto)
-        _load_nodes(rope.effects, rope.work, own, 1, upto)
-        load_lowest(rope.effects, rope.work, own)
-        add_couplings(rope.effects, rope.work, own, n, upto)
+        _load_nodes(rope.effects, rope.work, rope_stage, 1, upto)
+        load_lowest(rope.effects, rope.work, rope_stage)
+        add_couplings(rope.effects, rope.work, rope_stage, n, upto)
         if others != 0:
             _restore_loads(rope.work, upto, mask_of(others))
     gather_connections(system, stage)
@@ -276,7 +275,7 @@ def _reload(system: Any, stage: Any, lanes: int, others: int) -> None:
 
 @jit
 def _store_loads(work: Any, upto: int) -> None:
-    """Copy residual and blocks to the rows KEPT, which lanes do not use otherwise."""
+    """Save residual and blocks in the rows KEPT, which are unused in lanes."""
     for i in range(upto):
         for k in range(3):
             work[KEPT + k, i] = work[RESIDUAL + k, i]
@@ -286,7 +285,7 @@ def _store_loads(work: Any, upto: int) -> None:
 
 @jit
 def _restore_loads(work: Any, upto: int, others: Any) -> None:
-    """Copy them back in the lanes `others`."""
+    """Restore residual and blocks in the lanes `others`."""
     for i in range(upto):
         for k in range(3):
             work[RESIDUAL + k, i] = choose(others, work[KEPT + k, i], work[RESIDUAL + k, i])
@@ -316,39 +315,41 @@ _push = chosen_by(
 
 
 @jit
-def _try_rope(rope: Any, stage: Any, share: Any) -> Any:
-    """Solve with the existing factors; return the lanes that this leaves with a residual."""
-    _push(rope.effects, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], share > 0.0)
+def _try_rope(rope: Any, stage: Any, fraction: Any) -> Any:
+    """Solve with the existing factors; return the lanes with a remaining residual."""
+    _push(
+        rope.effects, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], fraction > 0.0
+    )
     return count_left(rope, stage, CHUNK)
 
 
-@by_kind(lambda system, stage, share: _try_rope(system, stage, share))
-def _try_factors(system: Any, stage: Any, share: Any) -> Any:
-    """Solve with the existing factors; return the lanes that this leaves with a residual.
+@by_kind(lambda system, stage, fraction: _try_rope(system, stage, fraction))
+def _try_factors(system: Any, stage: Any, fraction: Any) -> Any:
+    """Solve with the existing factors; return the lanes with a remaining residual.
 
-    share: 1 in the lanes that are tried, whose connections are corrected, else 0.
+    fraction: 1 in the lanes that are tried, whose connections are corrected, else 0.
     """
-    return _try_joined(system.sheaves, system, stage, share)
+    return _try_joined(system.sheaves, system, stage, fraction)
 
 
 @jit
-def _try_joined(sheaves: Any, system: Any, stage: Any, share: Any) -> int:
+def _try_joined(sheaves: Any, system: Any, stage: Any, fraction: Any) -> int:
     if sheaves is not None:
         return ALL
     push_lanes(system)
-    begin_trial(system, stage, share)
-    left = 0
+    begin_trial(system, stage, fraction)
+    remaining = 0
     for r in range(count_ropes(system)):
-        left |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
-    return int(left | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
+        remaining |= count_left(rope_at(system, r), stage_of(system, stage, r), CHUNK)
+    return int(remaining | count_left_at_connections(system, RESIDUAL_SHARE * tolerance_of(system)))
 
 
 @jit
 def _look_ahead(rope: Any, stage: Any, active: int) -> int:
-    """Solve; return the lanes whose tensions agree with their linearisation, were motion corrected.
+    """Solve; return the lanes whose corrected tensions agree with their linearisation.
 
-    Direction and tension are set as if it were. It proceeds from the middle outward, in the order
-    of the back-substitution.
+    Directions and tensions are set to those of the corrected motion, from the middle outward, in
+    the order of the back-substitution.
     """
     work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
     eliminate_wide(work, first, n, mask_of(active))
@@ -365,8 +366,8 @@ def _look_ahead(rope: Any, stage: Any, active: int) -> int:
 
 
 @jit
-def _look_ahead_bent(rope: Any, stage: Any, active: int) -> int:
-    """Do the same for a rope in which an effect couples nodes."""
+def _look_ahead_coupled(rope: Any, stage: Any, active: int) -> int:
+    """Solve as `_look_ahead`, for a rope in which an effect couples nodes."""
     n = rope.state.counts[ELEMENTS]
     eliminate_coupled_wide(rope.work, rope.model.first_free, n, mask_of(active))
     return int(ALL - count_unexpected(rope, stage, ZERO, n))
@@ -374,21 +375,21 @@ def _look_ahead_bent(rope: Any, stage: Any, active: int) -> int:
 
 _look = chosen_by(
     couples,
-    lambda effects, rope, stage, active: _look_ahead_bent(rope, stage, active),
+    lambda effects, rope, stage, active: _look_ahead_coupled(rope, stage, active),
     lambda effects, rope, stage, active: _look_ahead(rope, stage, active),
 )
 
 
-@by_kind(lambda system, stage, active, share: _look(system.effects, system, stage, active))
-def _solve_ahead(system: Any, stage: Any, active: Any, share: Any) -> Any:
-    """Solve; return the lanes whose tensions agree with their linearisation, were motion corrected.
+@by_kind(lambda system, stage, active, fraction: _look(system.effects, system, stage, active))
+def _solve_ahead(system: Any, stage: Any, active: Any, fraction: Any) -> Any:
+    """Solve; return the lanes whose corrected tensions agree with their linearisation.
 
-    Direction and tension are set as if it were, and connections are corrected: by `share`, which is
-    1 in the active lanes and 0 in others.
+    Directions and tensions are set to those of the corrected motion, and connections are corrected
+    by `fraction`, which is 1 in the active lanes and 0 in others.
     """
     solve_lanes(system, mask_of(active))
-    unexpected = correct_connections(system, stage, share)
+    unexpected = correct_connections(system, stage, fraction)
     for r in range(count_ropes(system)):
-        rope, own = rope_at(system, r), stage_of(system, stage, r)
-        unexpected |= look_ahead_in_rope(system, rope, own, r)
+        rope, rope_stage = rope_at(system, r), stage_of(system, stage, r)
+        unexpected |= look_ahead_in_rope(system, rope, rope_stage, r)
     return ALL - unexpected

@@ -1,12 +1,12 @@
-"""Time steps of a SIMD batch: TR-BDF2 as in `core/step`, without its rare branches.
+"""Time integration of a SIMD batch: TR-BDF2 as in `core/step`, without its rare branches.
 
-A lane is a rope by itself or a system of ropes (core/joined); the type of the batch's arrays
-selects the code, as in `core/step`. Newton's method is in core/lanes/newton.
+A lane is a single rope or a system of ropes (core/joined); the type of the batch's arrays selects
+the code, as in `core/step`. Newton's method is in core/lanes/newton.
 
-A rope that needs substepping or the line search, or whose top element splits or merges,
-takes that step in the single-rope solver: `advance_lanes_steps` does the step for the other lanes
-and returns which ones are left. At a hang-off that is known before the step, at a sheave once it is
-solved.
+A rope that needs substepping or the line search, or whose top element splits or merges, takes that
+step in the single-rope solver: `advance_lanes_steps` completes the step in the other lanes and
+returns the remaining ones. Splits and merges are known before the step at a hang-off, after it at a
+sheave.
 """
 
 from __future__ import annotations
@@ -93,8 +93,8 @@ class Run(NamedTuple):
 
 
 @jit
-def _set_lengths(rope: Any, place: Any, L: Any) -> None:
-    """Set all elements and nodes for paid-out length L; place: section of each element."""
+def _set_lengths(rope: Any, section_of: Any, L: Any) -> None:
+    """Set all elements and nodes for paid-out length L; section_of: section of each element."""
     work, s, sections = rope.work, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     for k in range(MASS, LENGTH + 1):
@@ -102,45 +102,45 @@ def _set_lengths(rope: Any, place: Any, L: Any) -> None:
     for e in range(n):
         above = L if e == n - 1 else s[e + 1]
         rest = above - s[e]
-        set_element(work, sections, place[e], e, rest)
+        set_element(work, sections, section_of[e], e, rest)
         for k in range(MASS, LENGTH + 1):
-            half = 0.5 * rest * sections[k - MASS + PER_METRE, place[e]]
+            half = 0.5 * rest * sections[k - MASS + PER_METRE, section_of[e]]
             work[k, e] += half
             work[k, e + 1] = half
 
 
 @jit
-def _eventful(rope: Any, place: Any, rest: Any, V: Any) -> Any:
+def _may_remesh(rope: Any, sections: Any, rest: Any, V: Any) -> Any:
     """Return the lanes whose top element may split or merge after a step.
 
-    rest: its unstretched length then [m]; V: its rate.
+    rest: its unstretched length after the step [m]; V: its rate [m/s].
     """
     model, s, ends = rope.model, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     top = n - 1
-    least = max(SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST)
-    beyond = s[top] + rest - ends[END, place[top]]
-    splits = bits(beyond > 2.0 * least) | bits(rest > model.split_above)
+    minimum = max(SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST)
+    paid_out = s[top] + rest - ends[END, sections[top]]
+    splits = bits(paid_out > 2.0 * minimum) | bits(rest > model.split_above)
     if n <= 2:
         return splits
     below = rope.work[REST, top - 1] / model.element_length
-    merge = max(model.merge_below * min(below, 1.0), least)
+    merge = max(model.merge_below * min(below, 1.0), minimum)
     for k in range(ends.shape[1]):
-        merge = choose(abs(ends[END, k] - s[top]) <= SAME_PLACE, least, merge)
+        merge = choose(abs(ends[END, k] - s[top]) <= SAME_PLACE, minimum, merge)
     return splits | bits(rest < merge)
 
 
 @jit
-def _keep(rope: Any, kept: Any, pending: Any) -> None:
-    """Copy the stage's motion, with its pending correction, to the state in the lanes `kept`."""
+def _accept_rope(rope: Any, mask: Any, pending: Any) -> None:
+    """Copy the stage's motion with its pending correction to the state, in the lanes of `mask`."""
     nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
     first, q = rope.model.first_free, 0.5 * GAMMA * rope.model.step
-    if bits(kept) == ALL:
+    if bits(mask) == ALL:
         accept(nodes, work, q * q, q, pending, first, n)
-        copy_chosen(nodes, work, kept, n, n + 1)
+        copy_chosen(nodes, work, mask, n, n + 1)
         return
     correct(work, q * q, q, pending, first, n)
-    copy_chosen(nodes, work, kept, first, n + 1)
+    copy_chosen(nodes, work, mask, first, n + 1)
 
 
 @jit
@@ -169,34 +169,34 @@ def _fade_offsets(rope: Any, arrays: Any, lowest: Any, kept: int) -> None:
 
 
 @jit
-def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, of: Any) -> Any:
+def _stage_at(rope: Any, sections: Any, boundary: Any, step: int, kind: int, context: Any) -> Any:
     """Set the boundary condition at the stage's fraction of the step and return the stage.
 
-    of: time, wanted lanes, and their data.
+    context: time, active lanes, and their data.
     """
-    time, lanes, each = of
+    time, lanes, each = context
     n, h = rope.state.counts[ELEMENTS], rope.model.step
-    part = GAMMA if kind == TRAPEZOID else 1.0
+    fraction = GAMMA if kind == TRAPEZOID else 1.0
     c = 0.5 * GAMMA * h
-    L, V, _ = place_hang_off(rope.work, boundary, step, part, h, n)
-    places = place[n - 1], place[n - 2]
-    set_top_of(rope.work, rope.state.s, rope.sections, n, (L, V), places)
-    return LaneStage(time + part * h, c * c, c, V, lanes, each)
+    L, V, _ = place_hang_off(rope.work, boundary, step, fraction, h, n)
+    top_sections = sections[n - 1], sections[n - 2]
+    set_top_of(rope.work, rope.state.s, rope.sections, n, (L, V), top_sections)
+    return LaneStage(time + fraction * h, c * c, c, V, lanes, each)
 
 
 @jit
-def _finish_rope(rope: Any, place: Any, border: Any, pull: Any, step: int, of: Any) -> None:
+def _finish_rope(rope: Any, sections: Any, border: Any, pull: Any, step: int, context: Any) -> None:
     """Complete step `step`: report the tension on the hang-off.
 
-    border: motion of the hang-off, and the row at which the step begins there; of: time at the
-    step's end, lanes, and their data.
+    border: motion of the hang-off, and its row at the start of the step; context: time at the end
+    of the step, lanes, and their data.
     """
-    (boundary, row), (time, lanes, each) = border, of
+    (boundary, row), (time, lanes, each) = border, context
     L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
-    rope.state.s[n] = choose(mask_of(lanes), L, rope.state.s[n])  # others begin the step again
+    rope.state.s[n] = choose(mask_of(lanes), L, rope.state.s[n])  # other lanes repeat the step
     stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
-    load_trials_of(rope, stage, A, 0.0, place[n - 1], place[n - 2])
+    load_trials_of(rope, stage, A, 0.0, sections[n - 1], sections[n - 2])
     report_tension(rope, pull, step)
     add_pull(rope.effects, rope.work, rope.state.nodes, n, pull, step)
 
@@ -214,146 +214,152 @@ def _slack(system: Any) -> Any:
 
 
 @jit
-def _fold_rope(rope: Any, folds: Any, look: int, kept: Any) -> None:
-    """Fold a step's result into the row of its look, in the lanes `kept`."""
+def _fold_rope(rope: Any, folds: Any, look: int, mask: Any) -> None:
+    """Reduce a step's result into the row of its sample, in the lanes of `mask`."""
     tension, nodes = row(rope.work, TENSION, 0), rope.state.nodes
-    least = tension[0]
+    minimum = tension[0]
     for e in range(1, rope.state.counts[ELEMENTS]):
-        least = min(least, tension[e])
+        minimum = min(minimum, tension[e])
     _, _, z = node_rows(nodes, POSITION, 0)
     _, _, vz = node_rows(nodes, VELOCITY, 0)
     height, speed = payload_middle(rope.effects, z[0], vz[0])
-    folds[look, LEAST] = choose(kept, min(folds[look, LEAST], least), folds[look, LEAST])
-    folds[look, DEPTH] = choose(kept, -height, folds[look, DEPTH])
-    folds[look, SINKING] = choose(kept, -speed, folds[look, SINKING])
-    folds[look, LOWEST] = choose(kept, tension[0], folds[look, LOWEST])
+    folds[look, LEAST] = choose(mask, min(folds[look, LEAST], minimum), folds[look, LEAST])
+    folds[look, DEPTH] = choose(mask, -height, folds[look, DEPTH])
+    folds[look, SINKING] = choose(mask, -speed, folds[look, SINKING])
+    folds[look, LOWEST] = choose(mask, tension[0], folds[look, LOWEST])
 
 
 @jit_entry
 def advance_lanes_steps(
     arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
-    """Entry point of the compiled code behind `Group.advance`.
+    """Compiled implementation of `Group.advance`.
 
     known: section of each element; each lane's lowest length correction, and counters.
     """
-    was = flush()
+    mode = flush()
     done = _advance(arrays, each, known, boundary, pull, fold, run)
-    restore(was)
+    restore(mode)
     return int(done)
 
 
 @jit
-def _begin(system: Any, place: Any, boundary: Any, first: int) -> None:
-    """Set up scratch before step `first`."""
+def _begin(system: Any, sections: Any, boundary: Any, first: int) -> None:
+    """Initialise the work arrays before step `first`."""
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         L = rope.state.s[rope.state.counts[ELEMENTS]]
         if is_hung(system, r):
             L = border_of(system, boundary, r).value[first, LINE]
-        _set_lengths(rope, part_of(system, place, r)[0], L)
+        _set_lengths(rope, part_of(system, sections, r)[0], L)
         if rope.model.first_free == 1:  # no stage moves a fixed node
             for k in range(NODE_ROWS):
                 rope.work[k, 0] = rope.state.nodes[k, 0]
 
 
 @jit
-def _lanes_left(system: Any, place: Any, boundary: Any, step: int) -> int:
-    """Return the lanes in which the elements of a rope may change after a step, as bits."""
-    left = 0
+def _lanes_to_remesh(system: Any, sections: Any, boundary: Any, step: int) -> int:
+    """Return the lanes in which an element at a hang-off may split or merge, as bits."""
+    lanes = 0
     for r in range(count_ropes(system)):
         if is_hung(system, r):
             rope = rope_at(system, r)
-            own = border_of(system, boundary, r)
-            L, V, _ = prescribed(own, step, LINE_COLUMN, 1.0, rope.model.step)
+            border = border_of(system, boundary, r)
+            L, V, _ = prescribed(border, step, LINE_COLUMN, 1.0, rope.model.step)
             rest = L - rope.state.s[rope.state.counts[ELEMENTS] - 1]
-            left |= _eventful(rope, part_of(system, place, r)[0], rest, V)
-    return int(left)
+            lanes |= _may_remesh(rope, part_of(system, sections, r)[0], rest, V)
+    return int(lanes)
 
 
-@by_kind(lambda system, place: 0)
-def _lanes_left_at_sheaves(system: Any, place: Any) -> Any:
-    """Return the lanes in which elements at a sheave may change after a step that is solved.
+@by_kind(lambda system, sections: 0)
+def _lanes_to_remesh_at_sheaves(system: Any, sections: Any) -> Any:
+    """Return the lanes in which an element at a sheave may split or merge after a solved step.
 
-    The sheave is then set as a hang-off of its ropes over the step.
+    The borders of the sheave are set as those of a hang-off of its ropes over the step.
     """
-    return _left_at_sheaves(system.sheaves, system, place)
+    return _to_remesh_at_sheaves(system.sheaves, system, sections)
 
 
 @jit
-def _left_at_sheaves(sheaves: Any, system: Any, place: Any) -> int:
-    left = 0
+def _to_remesh_at_sheaves(sheaves: Any, system: Any, sections: Any) -> int:
+    lanes = 0
     if sheaves is None:
-        return left
+        return lanes
     for r in range(count_ropes(system)):
         if is_at_sheave(sheaves, r):
             rope = rope_at(system, r)
             set_border(sheaves, system.joints.work, rope.model.step, r)
             _, V, _ = prescribed(sheaves.borders, 2 * r, LINE_COLUMN, 1.0, rope.model.step)
             rest = rope.work[REST, rope.state.counts[ELEMENTS] - 1]
-            left |= _eventful(rope, place[r], rest, V)
-    return left
+            lanes |= _may_remesh(rope, sections[r], rest, V)
+    return lanes
 
 
 @by_kind(
-    lambda system, place, boundary, step, kind, of: _stage_at(
-        system, place, border_of(system, boundary, 0), step, kind, of
+    lambda system, sections, boundary, step, kind, context: _stage_at(
+        system, sections, border_of(system, boundary, 0), step, kind, context
     )
 )
-def _begin_stage(system: Any, place: Any, boundary: Any, step: Any, kind: Any, of: Any) -> Any:
+def _begin_stage(
+    system: Any, sections: Any, boundary: Any, step: Any, kind: Any, context: Any
+) -> Any:
     """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
-    stage = _still_stage(system, kind, of)
+    stage = _still_stage(system, kind, context)
     for r in range(count_ropes(system)):
         if is_hung(system, r):
-            own = border_of(system, boundary, r)
+            border = border_of(system, boundary, r)
             rope = rope_at(system, r)
-            system.joints.speed[r] = _stage_at(rope, place[r], own, step, kind, of).V
+            system.joints.speed[r] = _stage_at(rope, sections[r], border, step, kind, context).V
     return stage
 
 
 @jit
-def _still_stage(system: Any, kind: int, of: Any) -> Any:
+def _still_stage(system: Any, kind: int, context: Any) -> Any:
     """Return a stage of all lanes without a payout speed."""
-    time, lanes, each = of
-    h, part = step_of(system), GAMMA if kind == TRAPEZOID else 1.0
+    time, lanes, each = context
+    h, fraction = step_of(system), GAMMA if kind == TRAPEZOID else 1.0
     c = 0.5 * GAMMA * h
-    return LaneStage(time + part * h, c * c, c, 0.0 * tolerance_of(system), lanes, each)
+    return LaneStage(time + fraction * h, c * c, c, 0.0 * tolerance_of(system), lanes, each)
 
 
 @jit
 def _settle(system: Any, stage: Any, kind: int, pending: Any) -> Any:
     """Update internal variables after a stage; return the correction still pending."""
     settle_ends(system, stage, pending)
-    left = pending
+    remaining = pending
     for r in range(count_ropes(system)):
-        rope, own = rope_at(system, r), stage_of(system, stage, r)
-        left = settle_lanes(rope.effects, rope, own, kind, pending, count_loaded(system, r))
-    return left
+        rope, rope_stage = rope_at(system, r), stage_of(system, stage, r)
+        remaining = settle_lanes(
+            rope.effects, rope, rope_stage, kind, pending, count_loaded(system, r)
+        )
+    return remaining
 
 
 @jit
-def _accept(system: Any, each: Any, kept: int, pending: Any) -> None:
-    """Copy the step's motion and internal variables to the state, in the lanes `kept`."""
+def _accept(system: Any, each: Any, accepted: int, pending: Any) -> None:
+    """Copy the step's motion and internal variables to the state, in the lanes `accepted`."""
     place_all_ends(system)
     for r in range(count_ropes(system)):
         rope, q = rope_at(system, r), 0.5 * GAMMA * step_of(system)
         pass_sheave(system, rope, r, pending * q * q, pending * q)
-        _keep(rope, mask_of(kept), pending)
-        accept_lanes(rope.effects, each_of(each, r), count_loaded(system, r), kept)
-    keep_connections(system, mask_of(kept))
+        _accept_rope(rope, mask_of(accepted), pending)
+        accept_lanes(rope.effects, each_of(each, r), count_loaded(system, r), accepted)
+    keep_connections(system, mask_of(accepted))
 
 
-@by_kind(lambda system, place, result, of, r: False)
-def _finish_at_sheave(system: Any, place: Any, result: Any, of: Any, r: Any) -> Any:
+@by_kind(lambda system, sections, result, context, r: False)
+def _finish_at_sheave(system: Any, sections: Any, result: Any, context: Any, r: Any) -> Any:
     """Complete a step of rope r if its upper end is at a sheave; return whether it is.
 
     result: table of pulls, and its row.
     """
-    return _finish_on_wheel(system.sheaves, system, place, result, of, r)
+    return _finish_on_wheel(system.sheaves, system, sections, result, context, r)
 
 
 @jit
-def _finish_on_wheel(sheaves: Any, system: Any, place: Any, result: Any, of: Any, r: int) -> bool:
+def _finish_on_wheel(
+    sheaves: Any, system: Any, sections: Any, result: Any, context: Any, r: int
+) -> bool:
     if sheaves is None:
         return False
     if not is_at_sheave(sheaves, r):
@@ -362,37 +368,37 @@ def _finish_on_wheel(sheaves: Any, system: Any, place: Any, result: Any, of: Any
     nodes, P = system.joints.nodes, whole(sheaves.figures[POINT, sheaves.of[r]])
     for k in range(NODE_ROWS):
         rope.state.nodes[k, rope.state.counts[ELEMENTS]] = nodes[k, P]
-    _finish_rope(rope, place[r], (sheaves.borders, 2 * r), pull, step, of)
+    _finish_rope(rope, sections[r], (sheaves.borders, 2 * r), pull, step, context)
     return True
 
 
 @jit
-def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, of: Any) -> None:
+def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, context: Any) -> None:
     """Complete step `step`: report tensions, let length corrections decay.
 
-    known: sections of the elements, and lowest length corrections; tables: motion and result; of:
-    as for `_stage_at`.
+    known: sections of the elements, and lowest length corrections; tables: motion and result;
+    context: as for `_stage_at`.
     """
-    (place, lowest), (boundary, pull), (time, lanes, each) = known, tables, of
+    (sections, lowest), (boundary, pull), (time, lanes, each) = known, tables, context
     for r in range(count_ropes(system)):
         rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
-        own_each = each_of(each, r)
-        own_of = time, lanes, own_each
+        rope_each = each_of(each, r)
+        rope_context = time, lanes, rope_each
         if is_hung(system, r):
-            own = border_of(system, boundary, r), step
-            _finish_rope(rope, part_of(system, place, r)[0], own, pulls, step, own_of)
+            border = border_of(system, boundary, r), step
+            _finish_rope(rope, part_of(system, sections, r)[0], border, pulls, step, rope_context)
             _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
-        elif _finish_at_sheave(system, place, (pulls, step), own_of, r):
+        elif _finish_at_sheave(system, sections, (pulls, step), rope_context, r):
             _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
         else:
-            still = 0.0 * rope.model.tolerance
-            stage = LaneStage(time, 1.0, 0.0, still, lanes, own_each)
+            zero = 0.0 * rope.model.tolerance
+            stage = LaneStage(time, 1.0, 0.0, zero, lanes, rope_each)
             report_at_connection(rope, pulls, step, stage)
 
 
 @jit
 def _fold(system: Any, folds: Any, look: int, kept: Any) -> None:
-    """Fold a step's result into the row of its look, that of each rope."""
+    """Reduce a step's result into the row of its sample, for each rope."""
     for r in range(count_ropes(system)):
         _fold_rope(rope_at(system, r), table(part_of(system, folds, r)[0]), look, kept)
 
@@ -402,39 +408,43 @@ def _advance(
     arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
 ) -> int:
     system = hold_system(wide_system(arrays))
-    place, lowest, tally = known
+    sections, lowest, tally = known
     tallies = table(tally)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, step_of(system)
-    none = 0.0 * tolerance_of(system)
-    _begin(system, place, boundary, first)
+    zero = 0.0 * tolerance_of(system)
+    _begin(system, sections, boundary, first)
     for step in range(first, steps):
-        now = step_start(time, step, h)
-        kept = wanted & (ALL - _lanes_left(system, place, boundary, step))
+        start = step_start(time, step, h)
+        accepted = wanted & (ALL - _lanes_to_remesh(system, sections, boundary, step))
         if step == first:
-            kept &= ALL - run.late
+            accepted &= ALL - run.late
         for r in range(count_ropes(system)):
             face_others(system, rope_at(system, r))
-        solves, most, pending, again = none, none, none, 0
+        solves, solves_max, pending, reuse = zero, zero, zero, 0
         for kind in (TRAPEZOID, BDF2):
-            stage = _begin_stage(system, place, boundary, step, kind, (now, kept, each))
-            left, tried, count, pending = solve_stage(system, stage, kind, kept, again, pending)
-            again = bits(count <= 1.0)
-            kept &= ALL - left
-            pending = _settle(system, on_lanes(stage, kept), kind, pending)
+            stage = _begin_stage(system, sections, boundary, step, kind, (start, accepted, each))
+            unconverged, tried, count, pending = solve_stage(
+                system, stage, kind, accepted, reuse, pending
+            )
+            reuse = bits(count <= 1.0)
+            accepted &= ALL - unconverged
+            pending = _settle(system, on_lanes(stage, accepted), kind, pending)
             solves += tried + count
-            most = max(most, count)
-        kept &= ALL - _lanes_left_at_sheaves(system, place)
-        mask = mask_of(kept)
-        _accept(system, each, kept, pending)
-        _finish(system, arrays, (place, lowest), (boundary, pull), step, (now + h, kept, each))
+            solves_max = max(solves_max, count)
+        accepted &= ALL - _lanes_to_remesh_at_sheaves(system, sections)
+        mask = mask_of(accepted)
+        _accept(system, each, accepted, pending)
+        _finish(
+            system, arrays, (sections, lowest), (boundary, pull), step, (start + h, accepted, each)
+        )
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
-        tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))
+        tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, solves_max, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
-        if fold.size > 0:  # a fleet looks at every step, an ensemble now and then
+        if fold.size > 0:  # a fleet samples every step, an ensemble at intervals
             _fold(system, fold, (run.before + step) // run.look - run.before // run.look, mask)
         elif (run.before + step + 1) % run.look == 0:
-            slack = mask_of(_slack(system) & kept)
+            slack = mask_of(_slack(system) & accepted)
             tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)
-        if kept != wanted:
-            return int((step + 1) * (ALL + 1) + (wanted - kept))
+        if accepted != wanted:
+            return int((step + 1) * (ALL + 1) + (wanted - accepted))
     return int(steps * (ALL + 1))

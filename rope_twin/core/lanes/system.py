@@ -1,6 +1,6 @@
-"""A batch of SIMD lanes as the step takes it: of ropes by themselves, or of systems of ropes.
+"""Kernel view of a SIMD batch of single ropes or of systems of ropes.
 
-The type of the batch's arrays, a `Rope` or a `Joined`, selects the code while numba compiles, as in
+The type of the batch's arrays, a `Rope` or a `Joined`, selects the code at compile time, as in
 core/joined/stage. The arrays of a batch of systems have the ropes as their first axis.
 """
 
@@ -91,7 +91,7 @@ def _wide_sheaves(sheaves: Any) -> Any:
 
 @jit
 def _wide_joined(arrays: Any) -> Any:
-    """Return a system; its stack gives wide ropes as they are asked for."""
+    """Return a system whose stack returns wide ropes."""
     own, p = arrays.joints, arrays.joints.plan
     plan = Plan(
         p.spans, p.ends, p.roots, p.between, p.onto, p.dense, p.sizes, p.counts, table(p.sums),

@@ -1,4 +1,4 @@
-"""Accounts of effects in the energy balance: registered beside their kernels, read by core/energy.
+"""Energy accounts: contributions of effects to the energy balance of core/energy.
 
 An effect registers its stored energy and its power by functions of its type, `@account(kind,
 Type)`, that are called in plain Python with the kinematics of the nodes, a Place.
@@ -65,23 +65,23 @@ def account(kind: str, effect: type) -> Callable[[Any], Any]:
 
 def accounts_of(effect: type) -> tuple[str, ...]:
     """Return the kinds of account that an effect type has registered."""
-    return tuple(kind for kind, known in _ACCOUNTS.items() if effect in known)
+    return tuple(kind for kind, registered in _ACCOUNTS.items() if effect in registered)
 
 
 def account_sum(kind: str, effects: tuple[Any, ...], place: Place) -> float:
     """Return the sum of one kind of account over all effects, at a place."""
-    known = _ACCOUNTS[kind]
+    registered = _ACCOUNTS[kind]
     return sum(
-        float(np.sum(known[type(effect)](effect, place)))
+        float(np.sum(registered[type(effect)](effect, place)))
         for effect in effects
-        if type(effect) in known
+        if type(effect) in registered
     )
 
 
 def wetted(effects: tuple[Any, ...], place: Place) -> Place:
-    """Return a place whose properties are those of its part in the water, where an effect says so.
+    """Return a place with the properties of its submerged part, according to its effects.
 
-    Stored energy is that of all of it; such an effect takes the difference into its own accounts.
+    Stored energy is that of the whole place; such an effect accounts for the difference.
     """
     for effect in effects:
         if type(effect) in _WETTED:
@@ -103,9 +103,9 @@ def account_soaked(effect: type) -> None:
     """Register the accounts of an effect that changes the water which others see (`wets`).
 
     It has the fields `lift` (ρ·g), `added` and `axial` (added mass coefficients across and along
-    the rope, times ρ), of a rope wholly in the scene's water, or 0 where another effect of this
-    kind has them. The stored energy of buoyancy and added mass is taken out, and the power of their
-    forces on the part that acts is put in its place.
+    the rope, times ρ), of a rope fully submerged in the scene's water, or 0 where another effect of
+    this kind has them. The stored energy of buoyancy and added mass is subtracted, and the power of
+    their forces on the submerged part added instead.
     """
 
     def potential(own: Any, place: Place) -> Floats:
@@ -139,8 +139,8 @@ def account_soaked(effect: type) -> None:
 def lowest_account(effect: type) -> Callable[[Any], Any]:
     """Register the account of an effect with a law of the lowest element (hook `axial`).
 
-    f(effect, extension, its rate, stiffness, depth) returns its tension, the part of it that stored
-    energy gives back, that of the water's pressure [N], and the stored energy [J].
+    f(effect, extension, its rate, stiffness, depth) returns its tension, the conservative part of
+    it, that of the water's pressure [N], and the stored energy [J].
     """
 
     def register(function: Any) -> Any:
@@ -151,9 +151,9 @@ def lowest_account(effect: type) -> Callable[[Any], Any]:
 
 
 def law_of_lowest(effects: tuple[Any, ...]) -> Callable[..., Any] | None:
-    """Return f(extension, its rate, stiffness, depth) of `lowest_account`; None: no effect has it.
+    """Return f(extension, its rate, stiffness, depth) of `lowest_account`, or None without one.
 
-    Without it the lowest element has the law of its section.
+    The lowest element then has the law of its section.
     """
     for effect in effects:
         if type(effect) in _LOWEST and effect.here != 0.0:

@@ -2,15 +2,14 @@
 
     R = T_i·t_i - T_{i-1}·t_{i-1} + Σ loads - m·a
 
-with the tensions of the elements above and below. Inertia and the loads of all effects are summed
-in registers for a node, in one loop over the nodes (`load_nodes`). Each loop over the effects
-(core/loads/hooks.py) is unrolled while numba compiles: an absent effect leaves no code.
+with the tensions of the elements above and below. Inertia and the loads of all effects on a node
+are summed in registers, in one loop over the nodes (`load_nodes`). Each loop over the effects
+(core/loads/hooks.py) is unrolled at compile time.
 
-Every pass works on a span of nodes low <= i < high, so that a stage can process the rope in chunks:
-the results of one pass are still in the processor's nearest cache when the next one reads them.
+Every pass works on a range of nodes low <= i < high, so that a stage can process the rope in chunks
+that fit into the L1 cache.
 
-The middle of the payload moves as the lower end, unless an effect says otherwise
-(`payload_middle`).
+The middle of the payload moves as the lower end, unless an effect defines it (`payload_middle`).
 """
 
 from __future__ import annotations
@@ -244,7 +243,7 @@ def load_lowest(effects: Any, work: Floats, stage: Stage) -> None:
     """Set residual and block of node 0, which has no element below it."""
     for k in range(3):
         work[TANGENT + k, 0] = renewed(stage, work[DIRECTION + k, 0], work[TANGENT + k, 0])
-        # LLVM would fuse it with the load where it has inlined `add_load`, which is not everywhere
+        # prevents contraction with the load, which would depend on the inlining of `add_load`
         work[RESIDUAL + k, 0] = rounded(work[TENSION, 0], work[DIRECTION + k, 0])
     add_load(effects, work, stage, ZERO, ZERO + 1)
     add_end(effects, work, stage)
@@ -313,7 +312,7 @@ def _set_tangents(work: Floats, stage: Any, low: int, high: int) -> None:
 def set_flow(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> None:
     """Set the water velocity at the nodes, at the stage's predicted positions.
 
-    They differ from the accepted ones by p·(a - a predicted), of third order in the step.
+    Those differ from the accepted positions by p·(a - a predicted), of third order in the step.
     """
     ux, uy, uz = rows(work, FLOW, low)
     for i in range(high - low):
@@ -341,7 +340,7 @@ add_end = calls_of("load_end", "work, stage", growth=True)
 
 @jit
 def _clear_links(work: Floats, n: int) -> None:
-    """Clear the couplings, and residual and block of the hang-off's node, which loads leave out."""
+    """Clear the couplings, and residual and block of the hang-off node, which have no loads."""
     for i in range(n + 1):
         work[LINK, i] = work[LINK + 1, i] = 0.0
     for k in range(3):
@@ -353,12 +352,12 @@ def _clear_links(work: Floats, n: int) -> None:
 def lower_end_tension(rope: Rope, effects: Any, time_s: float) -> float:
     """Return the tension that the payload, anchor or connection at the lower end feels [N].
 
-    effects: those in use now; of a multi-line system those of the first rope, as only loads along
-    the rope are read.
+    effects: present effects; for a multi-line system those of the first rope, since only loads
+    along the rope are evaluated.
 
-    It is that of the lowest element plus the loads on its lower half and less its inertia, as the
-    force on the hang-off is. Internal variables of effects (VIV, sticking friction) are left out.
-    0 where the element is slack, or carries less than its half weighs.
+    It is the tension of the lowest element plus the loads on its lower half less its inertia, as
+    for the force on the hang-off, without internal variables of effects (VIV, static friction). It
+    is 0 if the element is slack or carries less than the weight of its half.
     """
     force, along = _at_lower_end(rope, effects, time_s)
     held = float(rope.work[TENSION, 0]) > 0.0 and force @ along > 0.0
@@ -366,9 +365,9 @@ def lower_end_tension(rope: Rope, effects: Any, time_s: float) -> float:
 
 
 def lower_end_force(rope: Rope, effects: Any, time_s: float) -> Floats:
-    """Return the force of the rope on what holds its lower end [N], (3,), as `lower_end_tension`.
+    """Return the force of the rope on the support of its lower end [N], (3,).
 
-    Of a slack rope it is that of the lowest half element alone.
+    See `lower_end_tension`; for a slack rope it is that of the lowest half element.
     """
     return _at_lower_end(rope, effects, time_s)[0]
 
@@ -380,8 +379,8 @@ def _at_lower_end(rope: Rope, effects: Any, time_s: float) -> tuple[Floats, Floa
     step = work[:3, 1] - work[:3, 0]
     along = step / math.sqrt(float(step @ step) + TANGENT2_MIN)
     s = rope.state.s
-    which = int(np.searchsorted(rope.sections[END], s[0] + SAME_PLACE, side="right"))
-    work[MASS : LENGTH + 1, 0] = 0.5 * (s[1] - s[0]) * rope.sections[PER_METRE:, which]
+    direction = int(np.searchsorted(rope.sections[END], s[0] + SAME_PLACE, side="right"))
+    work[MASS : LENGTH + 1, 0] = 0.5 * (s[1] - s[0]) * rope.sections[PER_METRE:, direction]
     work[TANGENT : TANGENT + 3, 0] = along
     _load_lower_end(effects, work, Stage(time_s, 1.0, 0.0, 0.0))
     pull = float(rope.work[TENSION, 0])
@@ -434,7 +433,7 @@ def _add_to_pull(force: Any, pull: Any, row: int) -> None:
 def _recall_top(work: Floats, nodes: Floats, n: int) -> None:
     """Copy the accepted motion of the two nodes below the hang-off to the scratch array.
 
-    A stage that ends with a pending correction leaves them uncorrected there.
+    After a stage with a pending correction they are uncorrected in the work array.
     """
     for i in range(max(n - 2, 0), n):
         for k in range(NODE_ROWS):
@@ -454,15 +453,15 @@ def _compose_pull(effects: Any, work: Floats, nodes: Floats, n: Any, pull: Any, 
     lines = ["recall(work, nodes, n)"] if calls else []
     lines += [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
-    given = "effects, work, nodes, n, pull, row"
-    return written_out(given, lines, calls, add=_add_to_pull, recall=_recall_top)
+    arguments = "effects, work, nodes, n, pull, row"
+    return written_out(arguments, lines, calls, add=_add_to_pull, recall=_recall_top)
 
 
 def is_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
-    """Return whether no active set differs between the present motion and that with share·delta."""
+    """Return whether share·delta leaves all active sets unchanged."""
     if not may_be_calm(map(type, effects)):
         return False
-    return all(call(own, work, stage, n, share) for own, call in members("calm", effects))
+    return all(call(effect, work, stage, n, share) for effect, call in members("calm", effects))
 
 
 @overload(is_calm, jit_options=LINKED, strict=False)
@@ -478,7 +477,7 @@ def _compose_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) 
 
 
 def payload_middle(effects: Any, height: Any, speed: Any) -> Any:
-    """Return height [m] and vertical velocity [m/s] of the payload's middle, in lanes or of one.
+    """Return height [m] and vertical velocity [m/s] of the payload's middle, also in lanes.
 
     height, speed: of the lower end.
     """
@@ -509,7 +508,7 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
 def lone_middle(effects: tuple[Any, ...], height: float, speed: float) -> tuple[float, float]:
-    """Return `payload_middle` of one rope by compiled code, so with the bits of a lane."""
+    """Return `payload_middle` of a single rope from compiled code, bit-identical to lanes."""
     own = tuple(effect for effect, _ in members("middle", effects))
     if not own:
         return height, speed

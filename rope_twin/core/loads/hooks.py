@@ -2,13 +2,13 @@
 
 An effect is a NamedTuple of its own arrays and numbers. Its file registers kernels with
 `@kernel(hook, Type)`. The *types* in the scene's tuple of effects select the code: the loop over
-the tuple is unrolled while numba compiles (core/loads/balance.py), so an absent effect leaves no
-code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
+the tuple is unrolled at compile time (core/loads/balance.py), so that an absent effect has no code
+and no branch. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
 
 - `flow(effect, work, stage, low, high)` adds water velocity to the rows FLOW of the nodes
   low <= i < high, at the stage's predicted positions; one of them may set FLOW_RATE.
-- `soak(effect, node)` returns the node as the other effects' `load` shall see it: with the volume
-  and the areas of its part in the water.
+- `soak(effect, node)` returns the node for the `load` of other effects, with the volume and the
+  areas of its submerged part.
 - `load(effect, node, stage)` returns a Load: the contribution of the effect to one node. All
   effects' loads are summed in one loop over the nodes, in registers: one pass over memory for any
   number of effects.
@@ -40,16 +40,15 @@ code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) loops over the sam
 
 A kernel whose arithmetic also holds for SIMD vectors (core/lanes) is registered with `wide=True`; a
 kernel that branches on values that differ from rope to rope has a SIMD variant, `@wide_kernel(hook,
-Type)`, or is called for each lane in turn (core/lanes/effects). If one of its effects has none of
-these, a scene's rope is stepped individually. A SIMD `calm` returns the calm lanes as bits.
+Type)`, or is called lane by lane (core/lanes/effects). A rope with an effect without any of these
+is stepped individually. A SIMD `calm` returns the lanes with unchanged active sets as bits.
 
-**Growth**: factors of time on the forces of the water, where a scene lists a ramp
+**Growth**: time-dependent factors on the hydrodynamic forces, where a scene lists a ramp
 (effects/fluid_ramp.py). An effect declares the coefficients that its force is proportional to
-(`grows`), and which of the three factors applies to them. Where a ramp is among the effects, a
-kernel is called with a copy of its effect whose coefficients are multiplied by the factor at the
-stage's time: inertia, added mass, weight and buoyancy in the same kernel are not. The copy is
-written out while numba compiles, like the loop over the effects; without a ramp the code is that of
-the effects as they are.
+(`grows`), and which of the three factors applies to them. With a ramp, a kernel is called with a
+copy of its effect whose coefficients are multiplied by the factor at the stage's time; inertia,
+added mass, weight and buoyancy in the same kernel are unchanged. The code of the copy is generated
+at compile time, like the loop over the effects.
 """
 
 from __future__ import annotations
@@ -85,7 +84,7 @@ HOOKS = (
     "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
     "load_nodes", "settle", "axial", "prepare", "face", "among", "middle",
 )  # fmt: skip
-WITHIN = ("soak", "load", "share", "axial")  # put into the loop that calls them
+WITHIN = ("soak", "load", "share", "axial")  # inlined into the calling loop
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
 _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
@@ -98,7 +97,7 @@ def kernel(
 ) -> Callable[[Any], Any]:
     """Register a kernel of an effect's type for a hook; `wide`: it also works on SIMD vectors.
 
-    exact: LLVM fuses no product with a sum, as `jit_exact`.
+    exact: without contraction of products and sums, as `jit_exact`.
 
     Raises:
         ValueError: unknown hook, or a second kernel of this type for it.
@@ -120,9 +119,7 @@ def kernel(
 
 
 def switching(effect: type) -> None:
-    """Declare that an effect has an active set; only while it is unchanged do tensions show
-    convergence.
-    """
+    """Declare that an effect has an active set: convergence requires that it is unchanged."""
     _SWITCHING.add(effect)
 
 
@@ -161,7 +158,7 @@ def register_wide(hook: str, effect: type, compiled: Any) -> None:
 def all_wide(kinds: Iterable[type]) -> bool:
     """Return whether ropes with effects of these types can be stepped as a SIMD batch.
 
-    A batch does not begin at time 0; a rope by itself faces no others.
+    Not required: `start`, since a batch does not begin at time 0, and `face`, for single ropes.
     """
     return all(is_wide(kind, "start", "face") for kind in kinds)
 
@@ -206,7 +203,7 @@ def kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
 
 
 def axial_place(kinds: Iterable[type]) -> int | None:
-    """Return the index of the type of effect with a law of the lowest element; None: none has."""
+    """Return the index of the effect type with a law of the lowest element, or None."""
     return next((i for i, kind in enumerate(kinds) if kind in _KERNELS["axial"]), None)
 
 
@@ -217,9 +214,9 @@ def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
 
 
 def chosen_by(test: Callable[[Iterable[type]], bool], yes: Any, no: Any) -> Any:
-    """Return the function `yes(effects, ...)` or `no(effects, ...)`, by a test of effects' types.
+    """Return a function that calls `yes(effects, ...)` or `no(effects, ...)`, by the effect types.
 
-    Both are plain functions with the same names of arguments; numba compiles the one it calls.
+    Both are plain functions with the same argument names; numba compiles the selected one.
     """
 
     def call(effects: Any, *rest: Any) -> Any:
@@ -252,10 +249,10 @@ def struct_text(
 
 
 def written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
-    """Return the function of these source lines, in which kernel_0, kernel_1 ... are the calls.
+    """Return the function compiled from these source lines; `calls` are kernel_0, kernel_1, ...
 
-    It is generated as text because numba compiles a recursive loop as one library per effect, each
-    optimised again with all below it.
+    The loop is generated as source text, because numba compiles a recursive loop as one library per
+    effect, each optimised again with all its callees.
     """
     scope = {f"kernel_{i}": call for i, call in calls.items()} | names
     exec("\n    ".join([f"def written_out({head}):", *lines]), scope)

@@ -1,8 +1,8 @@
-"""Effects with internal variables: history variables at the nodes, carried from step to step.
+"""Internal (history) variables of effects at the nodes, carried from step to step.
 
-The phase of the vortices at a node, or the wake behind it, has an equation of motion of its own. It
-is not lagged by a step: an effect solves it at each node for the node's acceleration, inside the
-stage, and adds its part of the derivative to the node's block.
+The phase of vortex shedding at a node, or its wake, has its own equation of motion. It is coupled
+implicitly: within the stage an effect solves it at each node for the node's acceleration, and adds
+its derivative to the node's block.
 
 Such an effect is a NamedTuple with a field `memory`, rows by columns, one column per node of the
 rope (0: the lower end) and a spare one. It registers `remembering(Type, k)`: k numbers are carried
@@ -23,8 +23,8 @@ and any further rows are the effect's own. Its kernels, registered like those of
   is given; also of the ghost nodes at the end of the arrays (p = 1, q = 0: nothing moves there).
 - `settle(effect, rope, stage, kind, upto)`: after a converged stage; rows k ... 2k-1 = its values.
 
-When elements split, merge or are regridded the values are interpolated over the rope's material. A
-rope without such an effect contains no code for all this.
+When elements split, merge or are regridded the values are interpolated over the material
+coordinate.
 """
 
 from __future__ import annotations
@@ -87,23 +87,23 @@ def numbers_carried(kind: type) -> int:
     return _REMEMBERED.get(kind, 0)
 
 
-def new_memory(count: int, own: int, room: int) -> Any:
-    """Return memory for `count` internal variables and `own` rows, for `room` nodes."""
-    return np.zeros((3 * count + 1 + own, room + 1))
+def new_memory(count: int, own_rows: int, room: int) -> Any:
+    """Return memory for `count` internal variables, `own_rows` further rows and `room` nodes."""
+    return np.zeros((3 * count + 1 + own_rows, room + 1))
 
 
 def count_known(effect: Any) -> int:
-    """Return the number of nodes that an effect has internal variables for.
+    """Return the number of nodes with internal variables of an effect.
 
-    A hang-off has none; a node at a connection has.
+    These are all nodes except a hang-off.
     """
     return int(effect.memory[3 * _REMEMBERED[type(effect)], -1])
 
 
 def forget_memories(effects: Any) -> None:
-    """Set internal variables to zero, as they are before a static solution.
+    """Set internal variables to zero for a static solution.
 
-    In its long steps they would grow without bound.
+    They would grow without bound in its long steps.
     """
     for effect, _ in _with_variables(effects):
         effect.memory[...] = 0.0
@@ -116,7 +116,7 @@ def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
     old = int(memory[3 * k, last])
     if n == old:
         return
-    if old == 0:  # the static solution begins before time 0, with zeros
+    if old == 0:  # static solution, before time 0: zeros
         _mark(memory, state, k, n)
         return
     marks, j = memory[3 * k], 0
@@ -124,9 +124,9 @@ def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
         s = state.s[i]
         while j < old - 2 and marks[j + 1] <= s:
             j += 1
-        share = min(max((s - marks[j]) / (marks[j + 1] - marks[j]), 0.0), 1.0)
+        fraction = min(max((s - marks[j]) / (marks[j + 1] - marks[j]), 0.0), 1.0)
         for r in range(k):
-            memory[k + r, i] = (1.0 - share) * memory[r, j] + share * memory[r, j + 1]
+            memory[k + r, i] = (1.0 - fraction) * memory[r, j] + fraction * memory[r, j + 1]
     _copy(memory, k, ZERO, k, n)
     _mark(memory, state, k, n)
 
@@ -162,7 +162,7 @@ def counts_carried(effects: Any) -> dict[int, int]:
 def _for_each(
     head: str, effects: Any, line: str, hook: str = "", result: str = "None", **names: Any
 ) -> Any:
-    """Return the function of this line for every effect with internal variables; #: its index."""
+    """Return the function that runs `line` for each effect with internal variables."""
     counts = counts_carried(effects)
     calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
@@ -255,8 +255,8 @@ def _copies(source: int, target: int) -> Any:
     return copy_all
 
 
-# Save the values of the step's start, when the first of its substeps is accepted; accept those of a
-# substep; restore those of the step's start, after a failed step.
+# Save the values at the start of a step, when its first substep is accepted; accept those of a
+# substep; restore those at the start, after a failed step.
 keep_memories = _copies(0, 2)
 accept_memories = _copies(1, 0)
 return_memories = _copies(2, 0)

@@ -30,7 +30,7 @@ LAWS = {
 }
 ALONG = 0.04  # C_D of a panel along the flow
 SHIELDING = 0.46
-SOLIDITY_MOST = 0.35  # slightly above the measured range
+SOLIDITY_MOST = 0.35  # slightly above the range of the measurements
 
 
 def meshed_solidity(twine_m: float, bar_m: float) -> float:
@@ -43,11 +43,11 @@ def mesh_fault(law: str, solidity: float, twine_m: float | None, bar_m: float | 
     if law not in LAWS:
         return f"unknown law '{law}'; give one of {', '.join(LAWS)}"
     if twine_m is not None and bar_m is not None and twine_m >= bar_m:
-        what = f"twine of {twine_m:g} m leaves no mesh between knots {bar_m:g} m apart"
-        return f"{what}; give thinner twine or wider mesh"
+        subject = f"twine of {twine_m:g} m leaves no mesh between knots {bar_m:g} m apart"
+        return f"{subject}; give thinner twine or wider mesh"
     if solidity > SOLIDITY_MOST:
-        what = f"solidity {solidity:.2f} is above {SOLIDITY_MOST:g}"
-        return f"{what}, outside the measured range; give thinner twine or wider mesh"
+        subject = f"solidity {solidity:.2f} is above {SOLIDITY_MOST:g}"
+        return f"{subject}, outside the measured range; give thinner twine or wider mesh"
     return None
 
 
@@ -60,7 +60,7 @@ def panel_coefficients(law: str, solidity: float) -> tuple[float, float, float]:
 
 
 def seen_by(panels: int, law: str, solidity: float) -> float:
-    """Return the sum of |w|² over panels in a row, each in the wake of those before, over one."""
+    """Return the sum of |w|² over panels in a row, each in the upstream wakes, relative to one."""
     along, facing, _ = panel_coefficients(law, solidity)
     slower = 1.0 - SHIELDING * (along + facing)
     return float(sum(slower ** (2 * number) for number in range(panels)))
@@ -79,24 +79,24 @@ def panel_load(net: Any, w: Any, n: Any, q: float) -> Any:
     s = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     p = x * nx + y * ny + z * nz
     c = p / s  # cos α, signed by the side of the normal
-    even = net.along * s + net.facing * abs(p) - net.lift * p * c
-    # dF/dw = even·I + w·(g_w·w + g_n·n)ᵀ + n·(h_w·w + h_n·n)ᵀ
+    isotropic = net.along * s + net.facing * abs(p) - net.lift * p * c
+    # dF/dw = isotropic·I + w·(g_w·w + g_n·n)ᵀ + n·(h_w·w + h_n·n)ᵀ
     side = choose(p > 0.0, 1.0, -1.0)
     g_w = net.along / s + net.lift * c * c / s
     g_n = net.facing * side - 2.0 * net.lift * c
     h_w, h_n = net.lift * c, net.lift * s
     mixed = 0.5 * q * (g_n + h_w)
-    ww, nn, own = q * g_w, q * h_n, q * even
+    ww, nn, scale = q * g_w, q * h_n, q * isotropic
     return Load(
-        even * x + net.lift * p * s * nx,
-        even * y + net.lift * p * s * ny,
-        even * z + net.lift * p * s * nz,
-        own + ww * x * x + 2.0 * mixed * x * nx + nn * nx * nx,
+        isotropic * x + net.lift * p * s * nx,
+        isotropic * y + net.lift * p * s * ny,
+        isotropic * z + net.lift * p * s * nz,
+        scale + ww * x * x + 2.0 * mixed * x * nx + nn * nx * nx,
         ww * x * y + mixed * (x * ny + y * nx) + nn * nx * ny,
         ww * x * z + mixed * (x * nz + z * nx) + nn * nx * nz,
-        own + ww * y * y + 2.0 * mixed * y * ny + nn * ny * ny,
+        scale + ww * y * y + 2.0 * mixed * y * ny + nn * ny * ny,
         ww * y * z + mixed * (y * nz + z * ny) + nn * ny * nz,
-        own + ww * z * z + 2.0 * mixed * z * nz + nn * nz * nz,
+        scale + ww * z * z + 2.0 * mixed * z * nz + nn * nz * nz,
     )
 
 
@@ -107,5 +107,5 @@ def panel_forces(net: Any, w: Floats, n: Floats) -> Floats:
     """
     s = np.sqrt((w * w).sum(axis=0) + SPEED2_MIN)
     p = (w * n).sum(axis=0)
-    even = net.along * s + net.facing * np.abs(p) - net.lift * p * p / s
-    return np.asarray(even * w + net.lift * p * s * n)
+    isotropic = net.along * s + net.facing * np.abs(p) - net.lift * p * p / s
+    return np.asarray(isotropic * w + net.lift * p * s * n)
