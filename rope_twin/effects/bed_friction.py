@@ -94,36 +94,39 @@ class GridFriction(NamedTuple):
     slip: float
 
 
-def build(params: BedFrictionParams, payload: Any, around: Any) -> PlaneFriction | GridFriction:
+def build(
+    params: BedFrictionParams, payload: Any, environment: Any
+) -> PlaneFriction | GridFriction:
     """Return the kernel data without displacement, on the scene's seabed.
 
     Raises:
         InputError: the scene has no seabed.
     """
-    if around.bed is None:
+    if environment.bed is None:
         raise InputError("bed_friction", "the scene has no seabed", "add `- seabed: {}`")
-    axial = around.friction if params.axial is None else params.axial
-    lateral = around.friction if params.lateral is None else params.lateral
-    kind = PlaneFriction if isinstance(around.bed, Plane) else GridFriction
+    axial = environment.friction if params.axial is None else params.axial
+    lateral = environment.friction if params.lateral is None else params.lateral
+    kind = PlaneFriction if isinstance(environment.bed, Plane) else GridFriction
     return kind(
-        new_memory(CARRIED, OWN_ROWS, around.room), around.bed, float(around.bed.soil.k_payload),
+        new_memory(CARRIED, OWN_ROWS, environment.room), environment.bed,
+        float(environment.bed.soil.k_payload),
         axial / params.slip_m, lateral / params.slip_m, float(params.slip_m),
     )  # fmt: skip
 
 
 @jit_within
-def _dragged(memory: Any, i: int, place: Any, normal: Any, slip: float) -> Any:
+def _dragged(memory: Any, i: int, position: Any, normal: Any, slip: float) -> Any:
     """Return e tangential to the bed, |e_trial|, and s/|e_trial|, at most 1."""
-    x, y, z = place
+    x, y, z = position
     nx, ny, nz = normal
     ex = memory[BEFORE, i] + x - memory[PLACE, i]
     ey = memory[BEFORE + 1, i] + y - memory[PLACE + 1, i]
     ez = memory[BEFORE + 2, i] + z - memory[PLACE + 2, i]
-    out = ex * nx + ey * ny + ez * nz
-    ex, ey, ez = ex - out * nx, ey - out * ny, ez - out * nz
+    normal_part = ex * nx + ey * ny + ez * nz
+    ex, ey, ez = ex - normal_part * nx, ey - normal_part * ny, ez - normal_part * nz
     size = sqrt(ex * ex + ey * ey + ez * ez)
-    share = min(1.0, slip / (size + DIVISOR_MIN))
-    return (share * ex, share * ey, share * ez), size, share
+    ratio = min(1.0, slip / (size + DIVISOR_MIN))
+    return (ratio * ex, ratio * ey, ratio * ez), size, ratio
 
 
 @jit_within
@@ -135,41 +138,41 @@ def _normal(east: float, north: float) -> Any:
 @jit_within
 def _pushed(soil: Any, k: Any, above: Any, normal: Any, v: Any) -> Any:
     """Return the normal force of the seabed, as its own kernel has it [N]."""
-    away = v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]
-    return k * max(-above * normal[2], 0.0) * max(1.0 - soil.chi * away, 0.0)
+    speed = v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]
+    return k * max(-above * normal[2], 0.0) * max(1.0 - soil.chi * speed, 0.0)
 
 
-def _register(kind: type, bed_at: Any) -> None:
+def _register(effect_type: type, bed_at: Any) -> None:
     """Register the kernels of a kind of seabed; bed_at(bed, x, y): height and slopes."""
 
-    @kernel("start", kind)
-    def start(rub: Any, rope: Any, upto: int) -> None:
+    @kernel("start", effect_type)
+    def start(friction: Any, rope: Any, upto: int) -> None:
         """Begin without displacement: static equilibrium has no friction."""
-        for i in range(rub.memory.shape[1] - 1):
+        for i in range(friction.memory.shape[1] - 1):
             for k in range(CARRIED):
-                rub.memory[k, i] = 0.0
-            rub.memory[KNOWN, i] = 0.0
+                friction.memory[k, i] = 0.0
+            friction.memory[KNOWN, i] = 0.0
 
-    @kernel("predict", kind, wide=True)
-    def predict(rub: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+    @kernel("predict", effect_type, wide=True)
+    def predict(friction: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
         """Set e and position before the stage; before time 0 there is no friction."""
-        memory, nodes = rub.memory, rope.state.nodes
+        memory, nodes = friction.memory, rope.state.nodes
         acts = 1.0 if stage.time > 0.0 else 0.0
         for k in range(3):
-            e = memory[k if what == TRAPEZOID else CARRIED + k, low:]
+            e = memory[k if kind == TRAPEZOID else CARRIED + k, low:]
             reached = memory[REACHED + k, low:]
-            before, place = memory[BEFORE + k, low:], memory[PLACE + k, low:]
+            before, start = memory[BEFORE + k, low:], memory[PLACE + k, low:]
             for i in range(high - low):
                 before[i] = e[i]
-                place[i] = nodes[POSITION + k, low + i] if what == TRAPEZOID else reached[i]
-        known = memory[KNOWN, low:]
+                start[i] = nodes[POSITION + k, low + i] if kind == TRAPEZOID else reached[i]
+        active = memory[KNOWN, low:]
         for i in range(high - low):
-            known[i] = acts
+            active[i] = acts
 
-    @kernel("load_nodes", kind, wide=True)
-    def load_nodes(rub: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    @kernel("load_nodes", effect_type, wide=True)
+    def load_nodes(friction: Any, work: Any, stage: Any, low: int, high: int) -> None:
         """Add the friction, and its block (N/s)·p·(μ_l·(I - nnᵀ - ττᵀ) + μ_a·ττᵀ) less slip."""
-        memory, soil, frontal = rub.memory, rub.bed.soil, row(work, FRONTAL, low)
+        memory, soil, frontal = friction.memory, friction.bed.soil, row(work, FRONTAL, low)
         x, y, z = rows(work, POSITION, low)
         vx, vy, vz = rows(work, VELOCITY, low)
         tx, ty, tz = rows(work, TANGENT, low)
@@ -179,56 +182,62 @@ def _register(kind: type, bed_at: Any) -> None:
             acts = memory[KNOWN, low + i] > 0.0
             if not anywhere(acts):
                 continue
-            height, east, north = bed_at(rub.bed, x[i], y[i])
+            height, east, north = bed_at(friction.bed, x[i], y[i])
             n = _normal(east, north)
-            k = soil.k * frontal[i] + (rub.k_payload if low + i == 0 else 0.0)
+            k = soil.k * frontal[i] + (friction.k_payload if low + i == 0 else 0.0)
             N = _pushed(soil, k, z[i] - height, n, (vx[i], vy[i], vz[i]))
             N = choose(acts, N, 0.0)
             if not anywhere(N > 0.0):
                 continue
-            (ex, ey, ez), size, share = _dragged(memory, low + i, (x[i], y[i], z[i]), n, rub.slip)
-            out = tx[i] * n[0] + ty[i] * n[1] + tz[i] * n[2]
-            ax, ay, az = tx[i] - out * n[0], ty[i] - out * n[1], tz[i] - out * n[2]
+            (ex, ey, ez), size, ratio = _dragged(
+                memory, low + i, (x[i], y[i], z[i]), n, friction.slip
+            )
+            normal_part = tx[i] * n[0] + ty[i] * n[1] + tz[i] * n[2]
+            ax, ay, az = (
+                tx[i] - normal_part * n[0],
+                ty[i] - normal_part * n[1],
+                tz[i] - normal_part * n[2],
+            )
             inverse = 1.0 / sqrt(ax * ax + ay * ay + az * az + DIVISOR_MIN)
             ax, ay, az = ax * inverse, ay * inverse, az * inverse
             along = ex * ax + ey * ay + ez * az
-            more, less = N * (rub.axial - rub.lateral), N * rub.lateral
-            Rx[i] -= less * ex + more * along * ax
-            Ry[i] -= less * ey + more * along * ay
-            Rz[i] -= less * ez + more * along * az
+            axial, lateral = N * (friction.axial - friction.lateral), N * friction.lateral
+            Rx[i] -= lateral * ex + axial * along * ax
+            Ry[i] -= lateral * ey + axial * along * ay
+            Rz[i] -= lateral * ez + axial * along * az
             # stuck: the whole stiffness; sliding: that across e alone, shrunk with the return
-            q, w = stage.p * share * less, stage.p * share * more
-            slide = choose(share < 1.0, q / (size * size), 0.0)
-            w = choose(share == 1.0, w, 0.0)
-            fx, fy, fz = ex / share, ey / share, ez / share
-            Axx[i] += q * (1.0 - n[0] * n[0]) - slide * fx * fx + w * ax * ax
-            Axy[i] += -q * n[0] * n[1] - slide * fx * fy + w * ax * ay
-            Axz[i] += -q * n[0] * n[2] - slide * fx * fz + w * ax * az
-            Ayy[i] += q * (1.0 - n[1] * n[1]) - slide * fy * fy + w * ay * ay
-            Ayz[i] += -q * n[1] * n[2] - slide * fy * fz + w * ay * az
-            Azz[i] += q * (1.0 - n[2] * n[2]) - slide * fz * fz + w * az * az
+            q, w = stage.p * ratio * lateral, stage.p * ratio * axial
+            sliding = choose(ratio < 1.0, q / (size * size), 0.0)
+            w = choose(ratio == 1.0, w, 0.0)
+            fx, fy, fz = ex / ratio, ey / ratio, ez / ratio
+            Axx[i] += q * (1.0 - n[0] * n[0]) - sliding * fx * fx + w * ax * ax
+            Axy[i] += -q * n[0] * n[1] - sliding * fx * fy + w * ax * ay
+            Axz[i] += -q * n[0] * n[2] - sliding * fx * fz + w * ax * az
+            Ayy[i] += q * (1.0 - n[1] * n[1]) - sliding * fy * fy + w * ay * ay
+            Ayz[i] += -q * n[1] * n[2] - sliding * fy * fz + w * ay * az
+            Azz[i] += q * (1.0 - n[2] * n[2]) - sliding * fz * fz + w * az * az
 
-    @kernel("settle", kind, wide=True)
-    def settle(rub: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+    @kernel("settle", effect_type, wide=True)
+    def settle(friction: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         """Store e and position of the stage; e is 0 where nothing touches."""
-        memory, work, soil = rub.memory, rope.work, rub.bed.soil
+        memory, work, soil = friction.memory, rope.work, friction.bed.soil
         x, y, z = rows(work, POSITION, 0)
         vx, vy, vz = rows(work, VELOCITY, 0)
         frontal = row(work, FRONTAL, 0)
         for i in range(upto):
-            height, east, north = bed_at(rub.bed, x[i], y[i])
+            height, east, north = bed_at(friction.bed, x[i], y[i])
             n = _normal(east, north)
-            k = soil.k * frontal[i] + (rub.k_payload if i == 0 else 0.0)
+            k = soil.k * frontal[i] + (friction.k_payload if i == 0 else 0.0)
             N = _pushed(soil, k, z[i] - height, n, (vx[i], vy[i], vz[i]))
-            (ex, ey, ez), _, _ = _dragged(memory, i, (x[i], y[i], z[i]), n, rub.slip)
+            (ex, ey, ez), _, _ = _dragged(memory, i, (x[i], y[i], z[i]), n, friction.slip)
             acts = choose(N > 0.0, memory[KNOWN, i], 0.0)
             memory[CARRIED, i], memory[CARRIED + 1, i] = acts * ex, acts * ey
             memory[CARRIED + 2, i] = acts * ez
             memory[REACHED, i], memory[REACHED + 1, i], memory[REACHED + 2, i] = x[i], y[i], z[i]
 
-    account("power", kind)(power)
-    remembering(kind, CARRIED)
-    switching(kind)
+    account("power", effect_type)(power)
+    remembering(effect_type, CARRIED)
+    switching(effect_type)
 
 
 def power(rub: Any, place: Any) -> Any:

@@ -153,14 +153,14 @@ def _add_at(bending: Any, work: Any, p: float, i: int, n: int) -> None:
 
 
 @jit_exact_within
-def _inner_force(places: Any, over: Any, moments: Any) -> Any:
+def _inner_force(positions: Any, inverse_lengths: Any, moments: Any) -> Any:
     """Return one component of the force on the third of five nodes from the moments about it.
 
-    over: 1 over the four unstretched lengths between them; moments: each weight times EI/l.
+    inverse_lengths: of the four elements between them [1/m]; moments: each weight times EI/l.
     """
-    (p, q, r, s, t), (a, b, c, d), (low, here, up) = places, over, moments
+    (p, q, r, s, t), (a, b, c, d), (low, middle, up) = positions, inverse_lengths, moments
     below, above = b * (r - q), c * (s - r)
-    inner = fused(-low, fused(-a, q - p, below), here * (above - below))
+    inner = fused(-low, fused(-a, q - p, below), middle * (above - below))
     return fused(-up, fused(d, t - s, -above), inner)
 
 

@@ -224,77 +224,77 @@ def of(params: GasSpringParams, weight_n_per_m3: float = 0.0, room: int = 1) -> 
     )
 
 
-def build(params: CompensatorParams, payload: Any, around: Any) -> Compensator:
+def build(params: CompensatorParams, payload: Any, environment: Any) -> Compensator:
     """Return the kernel data of the unit in the scene's water."""
-    weight = around.water_density_kg_per_m3 * around.gravity_m_per_s2
-    return of(params, weight, around.room)
+    weight = environment.water_density_kg_per_m3 * environment.gravity_m_per_s2
+    return of(params, weight, environment.room)
 
 
 @jit_within
-def _gas(own: Any, s: Any) -> Any:
+def _gas(unit: Any, s: Any) -> Any:
     """Return G [N] and dG/ds [N/m] at a position of the piston."""
-    volume = own.volume - own.area * (s - 0.5 * own.stroke)
-    force = own.force * (own.volume / volume) ** own.n
-    return force, own.n * force * own.area / volume
+    volume = unit.volume - unit.area * (s - 0.5 * unit.stroke)
+    force = unit.force * (unit.volume / volume) ** unit.n
+    return force, unit.n * force * unit.area / volume
 
 
 @jit_within
-def _piston(own: Any, extension: Any) -> Any:
+def _piston(unit: Any, extension: Any) -> Any:
     """Return s, the position of the piston between its stops [m]."""
-    return min(max(extension, 0.0), own.stroke)
+    return min(max(extension, 0.0), unit.stroke)
 
 
 @jit_within
-def _seals(own: Any, s: Any) -> Any:
+def _seals(unit: Any, s: Any) -> Any:
     """Return z [m] and whether the seals stick."""
-    z = own.memory[BEFORE, 0] + own.memory[ACTS, 0] * (s - own.memory[PISTON, 0])
-    return min(max(z, -own.slip), own.slip), abs(z) < own.slip
+    z = unit.memory[BEFORE, 0] + unit.memory[ACTS, 0] * (s - unit.memory[PISTON, 0])
+    return min(max(z, -unit.slip), unit.slip), abs(z) < unit.slip
 
 
 @jit_within
-def _stop(own: Any, k: Any, beyond: Any, rate: Any) -> Any:
+def _stop(unit: Any, k: Any, penetration: Any, rate: Any) -> Any:
     """Return N [N] of the stop beyond which the unit is, and its derivatives to x and v."""
-    outward = choose(beyond > 0.0, 1.0, -1.0)
-    factor = max(1.0 + own.chi * outward * rate, 0.0)
-    along_v = choose(factor > 0.0, k * abs(beyond) * own.chi, 0.0)
-    return k * beyond * factor, choose(abs(beyond) > 0.0, k * factor, 0.0), along_v
+    outward = choose(penetration > 0.0, 1.0, -1.0)
+    factor = max(1.0 + unit.chi * outward * rate, 0.0)
+    along_v = choose(factor > 0.0, k * abs(penetration) * unit.chi, 0.0)
+    return k * penetration * factor, choose(abs(penetration) > 0.0, k * factor, 0.0), along_v
 
 
 @jit_within
-def _driven(own: Any, rate: Any) -> Any:
+def _driven(unit: Any, rate: Any) -> Any:
     """Return F_a [N] and its derivative to the stroke's rate."""
-    wanted = own.gain * (rate - own.memory[COMMAND, 0])
-    force = min(max(wanted, -own.force_limit), own.force_limit)
-    return force, choose(wanted == force, own.gain, 0.0)
+    demand = unit.gain * (rate - unit.memory[COMMAND, 0])
+    force = min(max(demand, -unit.force_limit), unit.force_limit)
+    return force, choose(demand == force, unit.gain, 0.0)
 
 
 @jit_within
-def _within_limits(own: Any, command: Any, s: Any) -> Any:
+def _within_limits(unit: Any, command: Any, s: Any) -> Any:
     """Return a commanded rate within the cylinder's speed, from which it brakes at a stop."""
-    room = choose(command > 0.0, own.stroke - s, s)
-    most = min(own.speed_limit, sqrt(2.0 * own.braking * max(room, 0.0)))
-    return min(max(command, -most), most)
+    distance = choose(command > 0.0, unit.stroke - s, s)
+    limit = min(unit.speed_limit, sqrt(2.0 * unit.braking * max(distance, 0.0)))
+    return min(max(command, -limit), limit)
 
 
 @kernel("axial", Compensator, wide=True)
-def axial(own: Any, x: Any, v: Any, weights: Any, k: Any, depth: Any) -> Any:
+def axial(unit: Any, x: Any, v: Any, weights: Any, k: Any, depth: Any) -> Any:
     """Return the force of the unit before it is bounded to a pull [N], and dT/dx + (q/p)·dT/dv.
 
     weights: p and q of the stage, in which the extension x changes by p and its rate v by q times
     the acceleration; k: of the stops [N/m].
     """
     p, q = weights
-    s = _piston(own, x)
-    gas, k_gas = _gas(own, s)
-    stop, k_stop, c_stop = _stop(own, k, x - s, v)
-    z, sticks = _seals(own, s)
-    active, c_active = _driven(own, v)
+    s = _piston(unit, x)
+    gas, k_gas = _gas(unit, s)
+    stop, k_stop, c_stop = _stop(unit, k, x - s, v)
+    z, sticks = _seals(unit, s)
+    active, c_active = _driven(unit, v)
     inside = choose(x == s, 1.0, 0.0)
-    k_seal = choose(sticks, own.seal, 0.0)
-    pull = gas + stop + (own.c1 + own.c2 * abs(v)) * v + own.seal * z
-    pull += own.water * max(depth, 0.0) + active
-    tangent = inside * (k_gas + own.memory[ACTS, 0] * k_seal) + k_stop
-    return pull, tangent + q / p * (own.c1 + 2.0 * own.c2 * abs(v) + c_stop + c_active)
+    k_seal = choose(sticks, unit.seal, 0.0)
+    pull = gas + stop + (unit.c1 + unit.c2 * abs(v)) * v + unit.seal * z
+    pull += unit.water * max(depth, 0.0) + active
+    tangent = inside * (k_gas + unit.memory[ACTS, 0] * k_seal) + k_stop
+    return pull, tangent + q / p * (unit.c1 + 2.0 * unit.c2 * abs(v) + c_stop + c_active)
 
 
 @jit_within
@@ -307,19 +307,19 @@ def _extension(place: Any, rest: Any) -> Any:
 
 
 @kernel("start", Compensator)
-def start(own: Any, rope: Any, upto: int) -> None:
+def start(unit: Any, rope: Any, upto: int) -> None:
     """Begin with seals that hold nothing, as in static equilibrium, and without a command."""
     for k in range(CARRIED):
-        own.memory[k, 0] = 0.0
-    own.memory[ACTS, 0] = 0.0
-    own.memory[COMMAND, 0] = 0.0
+        unit.memory[k, 0] = 0.0
+    unit.memory[ACTS, 0] = 0.0
+    unit.memory[COMMAND, 0] = 0.0
 
 
 @kernel("prepare", Compensator, wide=True)
-def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
+def prepare(unit: Any, rope: Any, stage: Any, kind: int) -> None:
     """Set z and s before the stage, and the command; before time 0 neither acts."""
-    memory, begins = own.memory, what == TRAPEZOID
-    s = _piston(own, _extension(rope.state.nodes, rope.state.s[1] - rope.state.s[0]))
+    memory, begins = unit.memory, kind == TRAPEZOID
+    s = _piston(unit, _extension(rope.state.nodes, rope.state.s[1] - rope.state.s[0]))
     k = SEALS if begins else CARRIED
     memory[BEFORE, 0] = memory[k + SEALS, 0]
     memory[PISTON, 0] = s if begins else memory[REACHED, 0]
@@ -327,33 +327,33 @@ def prepare(own: Any, rope: Any, stage: Any, what: int) -> None:
     memory[ACTS, 0] = acts
     seen = rope.state.nodes[VELOCITY + 2, 1] if begins else memory[SENSED, 0]
     step = stage.q * (2.0 if begins else TO_END)
-    heave = own.efficiency * (seen - memory[k + MEAN, 0])
-    command = (own.lag * memory[k + COMMANDED, 0] + step * heave) / (own.lag + step)
-    memory[COMMAND, 0] = acts * _within_limits(own, command, memory[PISTON, 0])
+    heave = unit.efficiency * (seen - memory[k + MEAN, 0])
+    command = (unit.lag * memory[k + COMMANDED, 0] + step * heave) / (unit.lag + step)
+    memory[COMMAND, 0] = acts * _within_limits(unit, command, memory[PISTON, 0])
 
 
 @kernel("predict", Compensator, wide=True)
-def predict(own: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+def predict(unit: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Predict nothing: the law of the element needs z before that."""
 
 
 @kernel("settle", Compensator, wide=True)
-def settle(own: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+def settle(unit: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store z, s, u, m and v_c of the stage."""
-    memory, q = own.memory, stage.q
-    s = _piston(own, _extension(rope.work, rope.state.s[1] - rope.state.s[0]))
+    memory, q = unit.memory, stage.q
+    s = _piston(unit, _extension(rope.work, rope.state.s[1] - rope.state.s[0]))
     seen, before = rope.work[VELOCITY + 2, 1], rope.state.nodes[VELOCITY + 2, 1]
     m, v = memory[MEAN, 0], memory[COMMANDED, 0]
-    if what == TRAPEZOID:
-        m_hat = own.washout * m + q * (before - m)
-        v_hat = own.lag * v + q * (own.efficiency * (before - m) - v)
+    if kind == TRAPEZOID:
+        m_hat = unit.washout * m + q * (before - m)
+        v_hat = unit.lag * v + q * (unit.efficiency * (before - m) - v)
     else:
-        m_hat = own.washout * (K1 * memory[CARRIED + MEAN, 0] - K2 * m)
-        v_hat = own.lag * (K1 * memory[CARRIED + COMMANDED, 0] - K2 * v)
-    mean = (m_hat + q * seen) / (own.washout + q)
+        m_hat = unit.washout * (K1 * memory[CARRIED + MEAN, 0] - K2 * m)
+        v_hat = unit.lag * (K1 * memory[CARRIED + COMMANDED, 0] - K2 * v)
+    mean = (m_hat + q * seen) / (unit.washout + q)
     memory[CARRIED + MEAN, 0] = mean
-    memory[CARRIED + COMMANDED, 0] = (v_hat + q * own.efficiency * (seen - mean)) / (own.lag + q)
-    memory[CARRIED + SEALS, 0] = _seals(own, s)[0]
+    memory[CARRIED + COMMANDED, 0] = (v_hat + q * unit.efficiency * (seen - mean)) / (unit.lag + q)
+    memory[CARRIED + SEALS, 0] = _seals(unit, s)[0]
     memory[REACHED, 0] = s
     memory[SENSED, 0] = seen
 
@@ -361,44 +361,45 @@ def settle(own: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
 remembering(Compensator, CARRIED)
 
 
-def forces(own: Compensator, x: float, v: float, k: float, depth: float) -> CompensatorForces:
+def forces(unit: Compensator, x: float, v: float, k: float, depth: float) -> CompensatorForces:
     """Return the parts of the tension at extension x [m] and its rate v [m/s], for the seals' z.
 
     k: of the stops [N/m]; depth: of the unit [m].
     """
-    s = min(max(x, 0.0), own.stroke)
-    volume = own.volume - own.area * (s - 0.5 * own.stroke)
-    gas = own.force * (own.volume / volume) ** own.n
+    s = min(max(x, 0.0), unit.stroke)
+    volume = unit.volume - unit.area * (s - 0.5 * unit.stroke)
+    gas = unit.force * (unit.volume / volume) ** unit.n
     outward = 1.0 if x > s else -1.0
     return CompensatorForces(
         stroke=s,
         gas=gas,
-        stop=k * (x - s) * max(1.0 + own.chi * outward * v, 0.0),
-        damper=(own.c1 + own.c2 * abs(v)) * v,
-        seal=own.seal * float(own.memory[SEALS, 0]),
-        water=own.water * max(depth, 0.0),
+        stop=k * (x - s) * max(1.0 + unit.chi * outward * v, 0.0),
+        damper=(unit.c1 + unit.c2 * abs(v)) * v,
+        seal=unit.seal * float(unit.memory[SEALS, 0]),
+        water=unit.water * max(depth, 0.0),
         active=min(
-            max(own.gain * (v - float(own.memory[COMMAND, 0])), -own.force_limit), own.force_limit
+            max(unit.gain * (v - float(unit.memory[COMMAND, 0])), -unit.force_limit),
+            unit.force_limit,
         ),
-        pressure_pa=gas / own.area,
+        pressure_pa=gas / unit.area,
     )
 
 
 @lowest_account(Compensator)
-def held(own: Compensator, x: float, v: float, k: float, depth: float) -> Any:
+def held(unit: Compensator, x: float, v: float, k: float, depth: float) -> Any:
     """Return tension, its conservative part, that of the water [N] and the stored energy [J].
 
     Stored is ∫G ds from mid stroke, and ½·k·d² of a stop up to the penetration at which a retracted
     unit goes slack.
     """
-    part = forces(own, x, v, k, depth)
-    tension = max(part.pull, 0.0)
-    beyond = max(x - part.stroke, -part.gas / k)
-    ratio = (part.gas / own.force) ** (1.0 / own.n)  # V_0/V
+    parts = forces(unit, x, v, k, depth)
+    tension = max(parts.pull, 0.0)
+    penetration = max(x - parts.stroke, -parts.gas / k)
+    ratio = (parts.gas / unit.force) ** (1.0 / unit.n)  # V_0/V
     logarithm = float(np.log(ratio))
-    power = own.n - 1.0
+    power = unit.n - 1.0
     # ((V_0/V)^(n-1) - 1)/(n - 1), its limit at n = 1 included
     grown = logarithm if power < DIVISOR_MIN else float(np.expm1(power * logarithm)) / power
-    work = own.force / own.area * own.volume * grown
-    water = part.water if tension > 0.0 else 0.0
-    return tension, part.gas + k * beyond, water, work + 0.5 * k * beyond * beyond
+    work = unit.force / unit.area * unit.volume * grown
+    water = parts.water if tension > 0.0 else 0.0
+    return tension, parts.gas + k * penetration, water, work + 0.5 * k * penetration * penetration

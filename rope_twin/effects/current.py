@@ -214,10 +214,10 @@ def _add_layer(
 @jit_within
 def _above(z: Any, level: float, count: int) -> int:
     """Return how many nodes are not below a level (this vectorises; a minimum does not)."""
-    found = 0
+    nodes = 0
     for i in range(count):
-        found += z[i] >= level
-    return found
+        nodes += z[i] >= level
+    return nodes
 
 
 @jit_within
@@ -281,9 +281,11 @@ def _flow_wide(current: Any, share: Any, work: Any, low: int, high: int) -> None
             east[i] += base_east
             north[i] += base_north
         for layer in range(last):
-            own = current.z[layer + 1] > bottom  # lanes whose ropes do not begin above the layer
-            if bits(own) != 0 and bits(current.z[layer] < top) != 0:
-                low_face, rise = current.z[layer], choose(own, current.rise[layer], 0.0)
+            reached_lanes = (
+                current.z[layer + 1] > bottom
+            )  # lanes whose ropes do not begin above the layer
+            if bits(reached_lanes) != 0 and bits(current.z[layer] < top) != 0:
+                low_face, rise = current.z[layer], choose(reached_lanes, current.rise[layer], 0.0)
                 slope_east = share * current.slope[0, layer]
                 slope_north = share * current.slope[1, layer]
                 for i in range(count):
@@ -299,12 +301,12 @@ def _flow_up_wide(current: Any, share: Any, work: Any, low: int, high: int) -> N
     _, _, up = rows(work, FLOW, low)
     for i in range(high - low):
         inside = min(max(z[i] - current.z[0], 0.0), current.rise[0])
-        own = current.U[2, 0] + current.slope[2, 0] * inside
+        velocity = current.U[2, 0] + current.slope[2, 0] * inside
         for layer in range(1, current.z.shape[0]):
             inside = min(max(z[i] - current.z[layer], 0.0), current.rise[layer])
-            here = current.U[2, layer] + current.slope[2, layer] * inside
-            own = choose(current.z[layer] <= z[i], here, own)
-        up[i] += share * own
+            layer_velocity = current.U[2, layer] + current.slope[2, layer] * inside
+            velocity = choose(current.z[layer] <= z[i], layer_velocity, velocity)
+        up[i] += share * velocity
 
 
 @jit_within
@@ -313,7 +315,7 @@ def _share_wide(current: Any, stage: Any) -> Any:
     last = current.time.shape[0] - 1
     share = current.share[0]
     if last > 0:
-        low, high, then = current.time[0], current.time[1], current.share[1]
+        low, high, next_share = current.time[0], current.time[1], current.share[1]
         for i in range(1, last):
             beyond = current.time[i] <= stage.time
             low, high = (
@@ -321,9 +323,9 @@ def _share_wide(current: Any, stage: Any) -> Any:
                 choose(beyond, current.time[i + 1], high),
             )
             share = choose(beyond, current.share[i], share)
-            then = choose(beyond, current.share[i + 1], then)
-        part = (stage.time - low) / (high - low)
-        share += min(max(part, 0.0), 1.0) * (then - share)
+            next_share = choose(beyond, current.share[i + 1], next_share)
+        fraction = (stage.time - low) / (high - low)
+        share += min(max(fraction, 0.0), 1.0) * (next_share - share)
     return share
 
 
@@ -336,8 +338,8 @@ def _share(current: Any, stage: Any) -> Any:
         i += 1
     share = current.share[i]
     if last > 0:
-        part = (stage.time - current.time[i]) / (current.time[i + 1] - current.time[i])
-        share += min(max(part, 0.0), 1.0) * (current.share[i + 1] - current.share[i])
+        fraction = (stage.time - current.time[i]) / (current.time[i + 1] - current.time[i])
+        share += min(max(fraction, 0.0), 1.0) * (current.share[i + 1] - current.share[i])
     return share
 
 

@@ -112,38 +112,38 @@ AT_END = DepthProfiles._fields[4:]  # what is the payload's
 differs(DepthProfiles)
 
 
-def build(params: DepthProfilesParams, payload: Any, around: Any) -> DepthProfiles:
+def build(params: DepthProfilesParams, payload: Any, environment: Any) -> DepthProfiles:
     """Return the kernel data for the profiles, the payload's properties and the water."""
-    rho, g = float(around.water_density_kg_per_m3), float(around.gravity_m_per_s2)
+    rho, g = float(environment.water_density_kg_per_m3), float(environment.gravity_m_per_s2)
     # between two rows of their union both profiles are linear
-    known = params.density_kg_per_m3 + params.drag_factor
-    table = np.ones((3, len({z for z, _ in known})))
-    table[Z] = sorted({z for z, _ in known})
-    for row, given in ((DENSITY, params.density_kg_per_m3), (FACTOR, params.drag_factor)):
-        if given:
-            table[row] = np.interp(table[Z], *np.array(given[::-1], dtype=float).T)
+    rows = params.density_kg_per_m3 + params.drag_factor
+    table = np.ones((3, len({z for z, _ in rows})))
+    table[Z] = sorted({z for z, _ in rows})
+    for row, profile in ((DENSITY, params.density_kg_per_m3), (FACTOR, params.drag_factor)):
+        if profile:
+            table[row] = np.interp(table[Z], *np.array(profile[::-1], dtype=float).T)
     if params.density_kg_per_m3:
         table[DENSITY] /= rho
     end = dict.fromkeys(AT_END, 0.0)
-    if payload is not None and around.carries:
+    if payload is not None and environment.carries:
         added = [float(mass) for mass in payload.added_mass_kg]
         k = [0.5 * rho * float(area) for area in payload.drag_area_m2]
-        own = rho * float(payload.volume_m3)
+        displaced = rho * float(payload.volume_m3)
         dA = dk = 0.0
         if payload.differs_rising:
             dA = 0.5 * float(payload.rising_added_mass_kg - added[2])
             dk = 0.5 * (0.5 * rho * float(payload.rising_drag_area_m2) - k[2])
         end = {
-            "buoyancy": own * g, "Ax": added[0], "Ay": added[1], "Az": added[2] + dA,
+            "buoyancy": displaced * g, "Ax": added[0], "Ay": added[1], "Az": added[2] + dA,
             "kx": k[0], "ky": k[1], "kz": k[2] + dk, "dA": dA, "dk": dk,
-            "wx": own + added[0], "wy": own + added[1], "wz": own + added[2],
+            "wx": displaced + added[0], "wy": displaced + added[1], "wz": displaced + added[2],
         }  # fmt: skip
-    here = 0.0 if around.wets or not params.density_kg_per_m3 else rho
+    density = 0.0 if environment.wets or not params.density_kg_per_m3 else rho
     return DepthProfiles(
         table=table,
-        lift=here * g,
-        added=here * float(around.added_mass),
-        axial=here * float(around.added_mass_along),
+        lift=density * g,
+        added=density * float(environment.added_mass),
+        axial=density * float(environment.added_mass_along),
         **end,
     )
 
@@ -188,22 +188,22 @@ def _at(table: Any, z: Any) -> Any:
     """Return density over the scene's and its slope [1/m], and the drag factor, at elevation z."""
     low, high = _rows_around(table, z)
     rise = high[Z] - low[Z] + DIVISOR_MIN
-    part = min(max((z - low[Z]) / rise, 0.0), 1.0)
+    fraction = min(max((z - low[Z]) / rise, 0.0), 1.0)
     more = high[DENSITY] - low[DENSITY]
-    inside = choose(part > 0.0, choose(part < 1.0, 1.0, 0.0), 0.0)
-    factor = low[FACTOR] + part * (high[FACTOR] - low[FACTOR])
-    return low[DENSITY] + part * more, inside * more / rise, factor
+    inside = choose(fraction > 0.0, choose(fraction < 1.0, 1.0, 0.0), 0.0)
+    factor = low[FACTOR] + fraction * (high[FACTOR] - low[FACTOR])
+    return low[DENSITY] + fraction * more, inside * more / rise, factor
 
 
 @kernel("soak", DepthProfiles, wide=True)
 def soak(profiles: Any, node: Any) -> Any:
     """Return the node with the volume and the areas that weigh as much in water of density ρ0."""
-    share, _, factor = _at(profiles.table, node.z)
-    area = share * factor
+    ratio, _, factor = _at(profiles.table, node.z)
+    area = ratio * factor
     return Node(
         node.x, node.y, node.z, node.vx, node.vy, node.vz, node.ax, node.ay, node.az,
         node.tx, node.ty, node.tz, node.ux, node.uy, node.uz, node.wx, node.wy, node.wz,
-        node.mass, share * node.volume, area * node.frontal, area * node.skin, node.length,
+        node.mass, ratio * node.volume, area * node.frontal, area * node.skin, node.length,
         node.surface, node.bare, node.touching,
     )  # fmt: skip
 
@@ -212,10 +212,10 @@ def soak(profiles: Any, node: Any) -> Any:
 def soaked_place(profiles: Any, place: Any) -> Any:
     """Return the place with the volume and the areas that the kernels see."""
     z = place.position[2]
-    share = np.interp(z, profiles.table[Z], profiles.table[DENSITY])
-    area = share * np.interp(z, profiles.table[Z], profiles.table[FACTOR])
+    ratio = np.interp(z, profiles.table[Z], profiles.table[DENSITY])
+    area = ratio * np.interp(z, profiles.table[Z], profiles.table[FACTOR])
     return place._replace(
-        volume=share * place.volume, frontal=area * place.frontal, skin=area * place.skin
+        volume=ratio * place.volume, frontal=area * place.frontal, skin=area * place.skin
     )
 
 
@@ -234,14 +234,14 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     wx, wy, wz = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    share, slope, _ = _at(end.table, z[0])
-    more = share - 1.0
+    ratio, slope, _ = _at(end.table, z[0])
+    more = ratio - 1.0
     x, y, w = end_relative(work)
     speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     near = w * w + TURN2
     root = sqrt(near)
     Az, kz = end.Az + end.dA * w / root, end.kz + end.dk * w / root
-    turned = TURN2 / (near * root)
+    coupling = TURN2 / (near * root)
     fx = end.wx * wx[0] - end.Ax * ax[0] - end.kx * speed * x
     fy = end.wy * wy[0] - end.Ay * ay[0] - end.ky * speed * y
     fz = end.buoyancy + end.wz * wz[0] - Az * az[0] - kz * speed * w
@@ -252,7 +252,7 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     Axx[0] += more * end.Ax + q * end.kx * speed + g * end.kx * x * x
     Ayy[0] += more * end.Ay + q * end.ky * speed + g * end.ky * y * y
     Azz[0] += more * Az + q * kz * speed + g * kz * w * w - rise * fz
-    Azz[0] += q * turned * (end.dA * az[0] + end.dk * speed * w)
+    Azz[0] += q * coupling * (end.dA * az[0] + end.dk * speed * w)
     Axy[0] += 0.5 * g * (end.kx + end.ky) * x * y
     Axz[0] += 0.5 * g * (end.kx + kz) * x * w - 0.5 * rise * fx
     Ayz[0] += 0.5 * g * (end.ky + kz) * y * w - 0.5 * rise * fy

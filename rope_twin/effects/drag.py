@@ -145,16 +145,16 @@ grows(OscillatingDrag, "kn", "kt")
 
 
 def build(
-    params: DragParams, payload: Any, around: Any
+    params: DragParams, payload: Any, environment: Any
 ) -> Drag | ReynoldsDrag | CurrentDrag | OscillatingDrag:
     """Return the kernel data for the coefficients and the water."""
-    half_density = 0.5 * around.water_density_kg_per_m3
+    half_density = 0.5 * environment.water_density_kg_per_m3
     drag = Drag(half_density * params.normal, half_density * params.tangential)
     if not params.relative:
         return CurrentDrag(drag)
     if params.over_keulegan_carpenter:
         own = params.over_keulegan_carpenter
-        return oscillating_drag(*drag, *own.table(), own.window_s, around.room)
+        return oscillating_drag(*drag, *own.table(), own.window_s, environment.room)
     if params.over_reynolds:
         re, factor = np.array(params.over_reynolds, dtype=float).T
         scale = 4.0 / (math.pi * params.viscosity_m2_per_s)

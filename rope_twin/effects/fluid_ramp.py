@@ -100,7 +100,7 @@ def _curve(params: LoadCurve | None) -> Curve:
     return Curve(float(ramp), np.ascontiguousarray(time), np.ascontiguousarray(factor))
 
 
-def build(params: FluidRampParams, payload: Any, around: Any) -> FluidRamp:
+def build(params: FluidRampParams, payload: Any, environment: Any) -> FluidRamp:
     """Return the kernel data of the factors."""
     return FluidRamp(_curve(params.water), _curve(params.vortices), _curve(params.fairings))
 
@@ -112,7 +112,7 @@ def _on_ramp(curve: Any, time: float) -> Any:
 
 
 @jit_within
-def _factor_of_one(known: Any, curve: Any, time: float) -> Any:
+def _factor_of_one(table: Any, curve: Any, time: float) -> Any:
     if curve.ramp > 0.0:
         return _on_ramp(curve, time)
     last = curve.time.shape[0] - 1
@@ -121,17 +121,17 @@ def _factor_of_one(known: Any, curve: Any, time: float) -> Any:
     i = 0
     while i < last - 1 and curve.time[i + 1] <= time:
         i += 1
-    part = min((time - curve.time[i]) / (curve.time[i + 1] - curve.time[i]), 1.0)
-    return curve.factor[i] + part * (curve.factor[i + 1] - curve.factor[i])
+    fraction = min((time - curve.time[i]) / (curve.time[i + 1] - curve.time[i]), 1.0)
+    return curve.factor[i] + fraction * (curve.factor[i + 1] - curve.factor[i])
 
 
 @jit_within
-def _factor_of_lanes(known: Any, curve: Any, time: float) -> Any:
+def _factor_of_lanes(table: Any, curve: Any, time: float) -> Any:
     last = curve.time.shape[0] - 1
     at = curve.factor[0]
     for i in range(last):
-        part = min((time - curve.time[i]) / (curve.time[i + 1] - curve.time[i]), 1.0)
-        value = curve.factor[i] + part * (curve.factor[i + 1] - curve.factor[i])
+        fraction = min((time - curve.time[i]) / (curve.time[i + 1] - curve.time[i]), 1.0)
+        value = curve.factor[i] + fraction * (curve.factor[i + 1] - curve.factor[i])
         at = choose(curve.time[i] <= time, value, at)
     return choose(curve.ramp > 0.0, _on_ramp(curve, time), at)
 

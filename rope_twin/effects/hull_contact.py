@@ -150,15 +150,15 @@ class HullContact(NamedTuple):
     slip: float  # s [m]
 
 
-def build(params: HullContactParams, payload: Any, around: Any) -> HullContact:
+def build(params: HullContactParams, payload: Any, environment: Any) -> HullContact:
     """Return the kernel data, without friction."""
     carries = payload is not None and payload.mass_kg > 0.0
-    boxes = np.array([box for one in params.boxes for box in _solids(one)])
+    boxes = np.array([box for hull_box in params.boxes for box in _solids(hull_box)])
     grown = boxes[:, 3:] + (params.payload_radius_m if carries else 0.0)
     low, high = (boxes[:, :3] - grown).min(axis=0), (boxes[:, :3] + grown).max(axis=0)
     heading = math.radians(params.heading_deg)
     return HullContact(
-        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        memory=new_memory(CARRIED, OWN_ROWS, environment.room),
         boxes=boxes,
         bounds=np.concatenate([low, high]),
         cosine=math.cos(heading),
@@ -208,17 +208,17 @@ def _is_level(hull: Any, z: Any, other: Any) -> Any:
 
 @jit
 def _press_point(
-    hull: Any, column: Any, t: float, where: Any, v: Any, k: Any, weights: Any
+    hull: Any, column: Any, t: float, position: Any, v: Any, k: Any, weights: Any
 ) -> None:
     """Add the normal force on a point at the fraction t of an element to its rows.
 
-    column: of `memory`, and the box; where: position along the hull's axes; v: velocity relative to
+    column: of `memory`, and the box; position: along the hull's axes; v: velocity relative to
     it; k: stiffness [N/m], and the radius of the point [m].
     """
     (i, j), (stiffness, radius), (p, q) = column, k, weights
     memory, boxes = hull.memory, hull.boxes
     d, X, Y, mz = depth_inside(
-        where[0] - boxes[j, 0], where[1] - boxes[j, 1], where[2] - boxes[j, 2],
+        position[0] - boxes[j, 0], position[1] - boxes[j, 1], position[2] - boxes[j, 2],
         boxes[j, 3] + radius, boxes[j, 4] + radius, boxes[j, 5] + radius,
     )  # fmt: skip
     mx, my = hull.cosine * X - hull.sine * Y, hull.sine * X + hull.cosine * Y
@@ -248,13 +248,13 @@ def _press(hull: Any, i: int, ends: Any, rates: Any, length: Any, weights: Any) 
     (both ends alike) that of the rope lumped there.
     """
     memory, boxes, last = hull.memory, hull.boxes, hull.memory.shape[1] - 1
-    here = _is_level(hull, ends[0][2], ends[1][2])
-    if not anywhere(here):
-        return here
+    pressed = _is_level(hull, ends[0][2], ends[1][2])
+    if not anywhere(pressed):
+        return pressed
     a, b = _in_hull(hull, *ends[0]), _in_hull(hull, *ends[1])
-    here = here & is_near(hull.bounds, a, b)
-    if not anywhere(here):
-        return here
+    pressed = pressed & is_near(hull.bounds, a, b)
+    if not anywhere(pressed):
+        return pressed
     for r in range(LOW, FRICTION):
         memory[r, i] = 0.0
     (ux, uy, uz), (wx, wy, wz) = rates
@@ -262,18 +262,18 @@ def _press(hull: Any, i: int, ends: Any, rates: Any, length: Any, weights: Any) 
     ux, uy, uz, wx, wy, wz = ux - sx, uy - sy, uz - sz, wx - sx, wy - sy, wz - sz
     for j in range(boxes.shape[0]):
         start, end = part_inside(boxes, j, a, b)
-        cuts = here & (end - start > 0.0)
+        cuts = pressed & (end - start > 0.0)
         if anywhere(cuts):
             start, inside = choose(cuts, start, 0.0), choose(cuts, end - start, 0.0)
             for g in range(4):
                 t = start + inside * AT[g]
                 low = 1.0 - t
-                where = (low * a[0] + t * b[0], low * a[1] + t * b[1], low * a[2] + t * b[2])
+                position = (low * a[0] + t * b[0], low * a[1] + t * b[1], low * a[2] + t * b[2])
                 v = (low * ux + t * wx, low * uy + t * wy, low * uz + t * wz)
                 k = (hull.k * length * inside * WEIGHT[g], 0.0)
-                _press_point(hull, (i, j), t, where, v, k, weights)
+                _press_point(hull, (i, j), t, position, v, k, weights)
         if i == 0 and anywhere(hull.k_payload > 0.0):
-            k = (choose(here, hull.k_payload, 0.0), hull.radius)
+            k = (choose(pressed, hull.k_payload, 0.0), hull.radius)
             _press_point(hull, (i, j), 0.0, a, (ux, uy, uz), k, weights)
     return memory[NORMAL, i] > 0.0
 
@@ -303,8 +303,8 @@ def _dragged(hull: Any, i: int, ends: Any) -> Any:
     out = ex * nx + ey * ny + ez * nz
     ex, ey, ez = ex - out * nx, ey - out * ny, ez - out * nz
     size = sqrt(ex * ex + ey * ey + ez * ez)
-    share = min(1.0, hull.slip / (size + DIVISOR_MIN))
-    return (share * ex, share * ey, share * ez), size, share
+    ratio = min(1.0, hull.slip / (size + DIVISOR_MIN))
+    return (ratio * ex, ratio * ey, ratio * ez), size, ratio
 
 
 @jit_within
@@ -316,7 +316,7 @@ def _normal(memory: Any, i: int) -> Any:
 
 
 @jit
-def _rub(hull: Any, i: int, e: Any, size: Any, share: Any, p: float) -> None:
+def _rub(hull: Any, i: int, e: Any, size: Any, ratio: Any, p: float) -> None:
     """Add the friction of a pressed element with displacement e to its rows.
 
     The block is p·μ·N/s·(I - nnᵀ) while it sticks; while it slides that across e, shrunk with the
@@ -326,8 +326,8 @@ def _rub(hull: Any, i: int, e: Any, size: Any, share: Any, p: float) -> None:
     N = memory[NORMAL, i]
     t = _share_up(memory, i)
     nx, ny, nz = _normal(memory, i)
-    q = p * share * hull.rub * N
-    slide = choose(share < 1.0, q / (share * share * size * size), 0.0)
+    q = p * ratio * hull.rub * N
+    slide = choose(ratio < 1.0, q / (ratio * ratio * size * size), 0.0)
     ex, ey, ez = e
     blocks = (
         q * (1.0 - nx * nx) - slide * ex * ex, -q * nx * ny - slide * ex * ey,
@@ -352,7 +352,7 @@ def start(hull: Any, rope: Any, upto: int) -> None:
 
 
 @kernel("predict", HullContact, wide=True)
-def predict(hull: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+def predict(hull: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the hang-off's motion, e and position before the stage; before time 0 no friction acts.
 
     Position is set of the node at `high` too; that of the rope at the hang-off before payout.
@@ -365,14 +365,14 @@ def predict(hull: Any, rope: Any, stage: Any, what: int, low: int, high: int) ->
     memory[FRICTION, last] = 1.0 if stage.time > 0.0 else 0.0
     for k in range(3):
         for i in range(low, high + 1):
-            if what == TRAPEZOID:
+            if kind == TRAPEZOID:
                 memory[BEFORE + k, i] = memory[k, i]
                 memory[PLACE + k, i] = nodes[POSITION + k, i] - nodes[POSITION + k, n]
             else:
                 memory[BEFORE + k, i] = memory[CARRIED + k, i]
                 memory[PLACE + k, i] = memory[REACHED + k, i]
     if high == n:
-        paid = stage.V * stage.q * (2.0 if what == TRAPEZOID else 2.0 * (1.0 - GAMMA) / GAMMA)
+        paid = stage.V * stage.q * (2.0 if kind == TRAPEZOID else 2.0 * (1.0 - GAMMA) / GAMMA)
         x, y, z = (
             nodes[POSITION, n] - nodes[POSITION, n - 1],
             nodes[POSITION + 1, n] - nodes[POSITION + 1, n - 1],
@@ -436,7 +436,7 @@ def _load(hull: Any, work: Any, stage: Any, n: int, low: int, high: int) -> None
 
 
 @kernel("settle", HullContact, wide=True)
-def settle(hull: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+def settle(hull: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Store e and position of the stage; e is 0 where nothing touches."""
     memory, work, last = hull.memory, rope.work, hull.memory.shape[1] - 1
     x, y, z = rows(work, POSITION, 0)
@@ -461,22 +461,22 @@ def settle(hull: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
 @jit_within
 def _meets(hull: Any, a: Any, b: Any, radius: Any) -> Any:
     """Return whether the element from a to b, or a point a of this radius, is inside a box."""
-    here = _is_level(hull, a[2], b[2])
-    if not anywhere(here):
-        return here
+    candidates = _is_level(hull, a[2], b[2])
+    if not anywhere(candidates):
+        return candidates
     a, b = _in_hull(hull, *a), _in_hull(hull, *b)
-    here = here & is_near(hull.bounds, a, b)
-    if not anywhere(here):
-        return here
-    boxes, left = hull.boxes, here
+    candidates = candidates & is_near(hull.bounds, a, b)
+    if not anywhere(candidates):
+        return candidates
+    boxes, outside = hull.boxes, candidates
     for j in range(boxes.shape[0]):
         start, end = part_inside(boxes, j, a, b)
-        left = left & (end < start)
+        outside = outside & (end < start)
         if anywhere(radius >= 0.0):
-            left = left & ((radius < 0.0) | is_beyond(boxes, j, a, radius))
-        if not anywhere(left):
-            return here
-    return here ^ left
+            outside = outside & ((radius < 0.0) | is_beyond(boxes, j, a, radius))
+        if not anywhere(outside):
+            return candidates
+    return candidates ^ outside
 
 
 @jit_within
@@ -511,12 +511,12 @@ def calm(hull: Any, work: Any, stage: Any, n: int, share: float) -> bool:
 @wide_kernel("calm", HullContact)
 def calm_wide(hull: Any, work: Any, stage: Any, n: int, share: Any) -> int:
     """Return the lanes in which nothing does, as bits."""
-    found = 0
+    lanes = 0
     for e in range(n):
         (a, b), (c, d) = _places(work, share * stage.p, n, e)
         radius = _radius(hull, e)
-        found |= bits(_meets(hull, a, b, radius) | _meets(hull, c, d, radius))
-    return ALL - found
+        lanes |= bits(_meets(hull, a, b, radius) | _meets(hull, c, d, radius))
+    return ALL - lanes
 
 
 @jit
@@ -566,10 +566,12 @@ def contact_forces(hull: HullContact, position: Floats, velocity: Floats, arc: F
 
     position, velocity: of the nodes, (3, nodes); arc: their unstretched coordinates [m], (nodes,).
     """
-    own = hull._replace(memory=hull.memory.copy())  # its scratch rows stay those of the step
+    contact = hull._replace(memory=hull.memory.copy())  # its scratch rows stay those of the step
     lump = 0.5 * (np.diff(arc, prepend=arc[0]) + np.diff(arc, append=arc[-1]))
     force = np.zeros((4, position.shape[1]))
-    _find_forces(own, position.copy(), velocity.copy(), np.diff(arc, append=arc[-1]), lump, force)
+    _find_forces(
+        contact, position.copy(), velocity.copy(), np.diff(arc, append=arc[-1]), lump, force
+    )
     return force
 
 
@@ -580,11 +582,11 @@ def power(hull: HullContact, place: Any) -> Any:
     """
     if place.position.shape[1] < 2:
         return np.zeros(place.position.shape[1])
-    own = hull._replace(memory=hull.memory.copy())
+    contact = hull._replace(memory=hull.memory.copy())
     force = np.zeros((4, place.position.shape[1]))
     rest = np.diff(place.arc, append=place.arc[-1])
     _find_forces(
-        own, place.position.copy(), place.velocity.copy(), rest, place.length.copy(), force
+        contact, place.position.copy(), place.velocity.copy(), rest, place.length.copy(), force
     )
     return (force[:3] * place.velocity).sum(axis=0)
 

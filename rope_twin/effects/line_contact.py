@@ -27,9 +27,9 @@ class LineContactParams:
     friction: float = quantity("friction coefficient μ", "", 0.0, 2.0, default=0.2)
 
 
-def build(params: LineContactParams, payload: Any, around: Any) -> LineContact:
+def build(params: LineContactParams, payload: Any, environment: Any) -> LineContact:
     """Return the kernel data."""
-    reach = around.diameter if params.distance_m is None else params.distance_m
+    reach = environment.diameter if params.distance_m is None else params.distance_m
     return LineContact(
         float(params.stiffness_n_per_m), float(params.damping_s_per_m), float(params.friction),
         float(reach),

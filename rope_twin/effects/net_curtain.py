@@ -165,9 +165,9 @@ class _Part(NamedTuple):
     lift: float
 
 
-def build(params: NetCurtainParams, payload: Any, around: Any) -> NetCurtain:
+def build(params: NetCurtainParams, payload: Any, environment: Any) -> NetCurtain:
     """Return the kernel data for meshes and water; `panels` 0 is a rope without net."""
-    density, solidity = around.water_density_kg_per_m3, params.known_solidity()
+    density, solidity = environment.water_density_kg_per_m3, params.known_solidity()
     along, facing, lift = panel_coefficients(params.law, solidity)
     scale = 0.5 * density * params.width_m * seen_by(params.panels, params.law, solidity)
     volume = params.twine_m3_per_m()
@@ -175,12 +175,12 @@ def build(params: NetCurtainParams, payload: Any, around: Any) -> NetCurtain:
     spanned, angle = bool(params.between), radians(params.heading_deg or 0.0)
     free = params.heading_deg is None and not spanned
     return NetCurtain(
-        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        memory=new_memory(CARRIED, OWN_ROWS, environment.room),
         along=float(scale * along),
         facing=0.0 if free else float(scale * facing),
         lift=0.0 if free else float(2.0 * scale * lift),
         mass=float(mass),
-        weight=float(around.gravity_m_per_s2 * (mass - displaced)),
+        weight=float(environment.gravity_m_per_s2 * (mass - displaced)),
         displaced=displaced,
         pushed=displaced,
         even=0.75 if free else 0.5,
@@ -237,23 +237,23 @@ def _panel(net: Any, size: Any, vectors: Any, q: float) -> Any:
     t, c, w, (x, y, z), (wx, wy, wz) = vectors
     n = _normal(net, t, c)
     nx, ny, nz = n
-    part = _Part(size * net.along, size * net.facing, size * net.lift)
-    load = panel_load(part, w, n, q)
+    panel = _Part(size * net.along, size * net.facing, size * net.lift)
+    load = panel_load(panel, w, n, q)
     added, wave = size * net.displaced, size * net.pushed
     odd = net.odd * added
     across = odd * (x * nx + y * ny + z * nz)
     across -= net.odd * wave * (wx * nx + wy * ny + wz * nz)
-    own, wave = size * net.mass + net.even * added, (1.0 + net.even) * wave
+    isotropic, wave = size * net.mass + net.even * added, (1.0 + net.even) * wave
     return Load(
-        load.x - own * x + wave * wx - across * nx,
-        load.y - own * y + wave * wy - across * ny,
-        load.z - own * z + wave * wz - across * nz - size * net.weight,
-        load.xx + own + odd * nx * nx,
+        load.x - isotropic * x + wave * wx - across * nx,
+        load.y - isotropic * y + wave * wy - across * ny,
+        load.z - isotropic * z + wave * wz - across * nz - size * net.weight,
+        load.xx + isotropic + odd * nx * nx,
         load.xy + odd * nx * ny,
         load.xz + odd * nx * nz,
-        load.yy + own + odd * ny * ny,
+        load.yy + isotropic + odd * ny * ny,
         load.yz + odd * ny * nz,
-        load.zz + own + odd * nz * nz,
+        load.zz + isotropic + odd * nz * nz,
     )
 
 
@@ -264,11 +264,11 @@ def _motion(nodes: Any, j: int) -> Any:
 
 
 @jit_exact_within
-def _opposite_one(theirs: Any, there: Any, last: int, at: float, j: int) -> Any:
-    while j < last - 1 and there[j + 1] < at:
+def _opposite_one(nodes: Any, coordinates: Any, last: int, at: float, j: int) -> Any:
+    while j < last - 1 and coordinates[j + 1] < at:
         j += 1
-    share = (at - there[j]) / (there[j + 1] - there[j])
-    return j, share, _motion(theirs, j), _motion(theirs, j + 1)
+    fraction = (at - coordinates[j]) / (coordinates[j + 1] - coordinates[j])
+    return j, fraction, _motion(nodes, j), _motion(nodes, j + 1)
 
 
 @jit_within
@@ -281,17 +281,17 @@ def _chosen(which: Any, a: Any, b: Any) -> Any:
 
 
 @jit_exact_within
-def _opposite_lanes(theirs: Any, there: Any, last: int, at: Any, j: int) -> Any:
-    while j < last - 1 and bits(there[j + 1] < at) == ALL:
+def _opposite_lanes(nodes: Any, coordinates: Any, last: int, at: Any, j: int) -> Any:
+    while j < last - 1 and bits(coordinates[j + 1] < at) == ALL:
         j += 1
-    low, high = there[j], there[j + 1]
-    below, above = _motion(theirs, j), _motion(theirs, j + 1)
+    low, high = coordinates[j], coordinates[j + 1]
+    below, above = _motion(nodes, j), _motion(nodes, j + 1)
     k = j + 1
-    while k < last and bits(there[k] < at) != 0:
-        beyond = there[k] < at
-        low, high = choose(beyond, there[k], low), choose(beyond, there[k + 1], high)
-        below = _chosen(beyond, _motion(theirs, k), below)
-        above = _chosen(beyond, _motion(theirs, k + 1), above)
+    while k < last and bits(coordinates[k] < at) != 0:
+        beyond = coordinates[k] < at
+        low, high = choose(beyond, coordinates[k], low), choose(beyond, coordinates[k + 1], high)
+        below = _chosen(beyond, _motion(nodes, k), below)
+        above = _chosen(beyond, _motion(nodes, k + 1), above)
         k += 1
     return j, (at - low) / (high - low), below, above
 
@@ -302,9 +302,9 @@ _opposite = by_width(_opposite_one, _opposite_lanes)
 
 
 @jit_exact_within
-def _mixed(share: Any, below: Any, above: Any) -> Any:
+def _interpolated(fraction: Any, below: Any, above: Any) -> Any:
     """Return the value between two nodes."""
-    return fused(1.0 - share, below, share * above)
+    return fused(1.0 - fraction, below, fraction * above)
 
 
 @jit_exact
@@ -315,16 +315,16 @@ def _face(net: Any, rope: Any, other: Any, row: int) -> None:
     product and a sum are one (`fused`): in lanes LLVM would fuse others.
     """
     memory, nodes, s = net.memory, rope.state.nodes, rope.state.s
-    theirs, there, last, kept = other
-    base = kept[PLACE, 0]
+    other_nodes, coordinates, last, other_memory = other
+    base = other_memory[PLACE, 0]
     n, half, j = rope.state.counts[ELEMENTS], 0.5 * rope.model.step, 0
     for i in range(n + 1):
-        at = min(max(memory[PLACE, 0] + s[i] - base, 0.0), there[last])
-        j, share, below, above = _opposite(theirs, there, last, at, j)
+        at = min(max(memory[PLACE, 0] + s[i] - base, 0.0), coordinates[last])
+        j, fraction, below, above = _opposite(other_nodes, coordinates, last, at, j)
         square = LINK2_MIN
         for k in range(3):
-            x = _mixed(share, below[k], above[k]) - nodes[k, i]
-            v = _mixed(share, below[3 + k], above[3 + k]) - nodes[3 + k, i]
+            x = _interpolated(fraction, below[k], above[k]) - nodes[k, i]
+            v = _interpolated(fraction, below[3 + k], above[3 + k]) - nodes[3 + k, i]
             toward = fused(half, v, x)
             memory[row + k, i] = toward
             square = fused(toward, toward, square)
@@ -352,7 +352,7 @@ def start(net: Any, rope: Any, upto: int) -> None:
 
 
 @kernel("predict", NetCurtain, wide=True)
-def predict(net: Any, rope: Any, stage: Any, what: int, low: int, high: int) -> None:
+def predict(net: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the nodes' shares of net, which the winch changes."""
     _set_shares(net, rope.state, low, high)
 
@@ -385,7 +385,7 @@ def load_nodes(net: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @kernel("settle", NetCurtain, wide=True)
-def settle(net: Any, rope: Any, stage: Any, what: int, upto: int) -> None:
+def settle(net: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Carry the places over; the ghost nodes take net where the hang-off is in the stretch."""
     memory, state = net.memory, rope.state
     n, base = state.counts[ELEMENTS], net.memory[PLACE, 0]

@@ -213,9 +213,9 @@ grows(SplashZone, "slam", "wet", "k")
 differs(SplashZone)
 
 
-def build_splash_zone(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
+def build_splash_zone(params: SplashZoneParams, payload: Any, environment: Any) -> SplashZone:
     """Return the kernel data for the payload's properties and the water."""
-    density = around.water_density_kg_per_m3
+    density = environment.water_density_kg_per_m3
     volume = payload.volume_m3 if payload is not None else 0.0
     added = payload.added_mass_kg if payload is not None else (0.0, 0.0, 0.0)
     area = payload.drag_area_m2 if payload is not None else (0.0, 0.0, 0.0)
@@ -224,7 +224,7 @@ def build_splash_zone(params: SplashZoneParams, payload: Any, around: Any) -> Sp
     own = density * volume
     return SplashZone(
         height=params.height_m,
-        lift=float(own * around.gravity_m_per_s2),
+        lift=float(own * environment.gravity_m_per_s2),
         slam=0.5 * density * params.slamming * params.bottom_area_m2,
         wet=(own + x, own + y, own + z),
         added=(x, y, z),

@@ -45,7 +45,7 @@ class PayloadContactParams:
         return f"bodies lists '{twice}' twice; list each once" if twice else None
 
 
-def build(params: PayloadContactParams, payload: Any, around: Any) -> PayloadContact:
+def build(params: PayloadContactParams, payload: Any, environment: Any) -> PayloadContact:
     """Return the kernel data, of bodies that are not connections yet (`placed`)."""
     return PayloadContact(
         joints=np.zeros(0, dtype=np.int64),

@@ -100,12 +100,12 @@ def coefficients(params: NetPanels) -> tuple[float, float, float]:
     return panel_coefficients(params.law, params.known_solidity())
 
 
-def build_net(params: NetParams, payload: Any, around: Any) -> Net:
+def build_net(params: NetParams, payload: Any, environment: Any) -> Net:
     """Return the kernel data for panels and water; each panel is in the wake of those before."""
     along, facing, lift = coefficients(params)
     seen = seen_by(params.panels, params.law, params.known_solidity())
     area = params.width_m * params.height_m
-    scale = 0.5 * around.water_density_kg_per_m3 * area * seen
+    scale = 0.5 * environment.water_density_kg_per_m3 * area * seen
     angle = radians(params.facing_deg)
     return Net(scale * along, scale * facing, 2.0 * scale * lift, cos(angle), sin(angle))
 
@@ -186,11 +186,11 @@ grows(TowedFairing, "force", factor=FAIRINGS)
 differs(Fairing, TowedFairing)
 
 
-def build_fairing(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFairing:
+def build_fairing(params: FairingParams, payload: Any, environment: Any) -> Fairing | TowedFairing:
     """Return the kernel data for the face and the water."""
-    k = 0.5 * around.water_density_kg_per_m3 * params.drag * params.face_m2
-    length = sqrt(sum(part * part for part in params.axis))
-    x, y, z = (part / length for part in params.axis)
+    k = 0.5 * environment.water_density_kg_per_m3 * params.drag * params.face_m2
+    length = sqrt(sum(tow * tow for tow in params.axis))
+    x, y, z = (tow / length for tow in params.axis)
     V = params.tow_speed_m_per_s
     if V is None:
         return Fairing(k, x, y, z)

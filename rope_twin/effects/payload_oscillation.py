@@ -100,19 +100,21 @@ class PayloadOscillation(NamedTuple):
 AT_END = ("Ax", "Ay", "Az", "kx", "ky", "kz")
 
 
-def build(params: PayloadOscillationParams, payload: Any, around: Any) -> PayloadOscillation:
+def build(params: PayloadOscillationParams, payload: Any, environment: Any) -> PayloadOscillation:
     """Return the kernel data for the tables and the payload's added mass and drag."""
-    one = ((0.0, 1.0),)
+    unity = ((0.0, 1.0),)
     drag, added = (
-        np.ascontiguousarray(np.array(given or one, dtype=float).T)
-        for given in (params.drag, params.added_mass)
+        np.ascontiguousarray(np.array(rows or unity, dtype=float).T)
+        for rows in (params.drag, params.added_mass)
     )
     A, k = [0.0] * 3, [0.0] * 3
-    if payload is not None and around.carries:
+    if payload is not None and environment.carries:
         A = [float(mass) for mass in payload.added_mass_kg]
-        k = [0.5 * float(around.water_density_kg_per_m3 * area) for area in payload.drag_area_m2]
+        k = [
+            0.5 * float(environment.water_density_kg_per_m3 * area) for area in payload.drag_area_m2
+        ]
     size = [float(L) for L in params.size_m]
-    memory = new_memory(CARRIED, OWN_ROWS, around.room)
+    memory = new_memory(CARRIED, OWN_ROWS, environment.room)
     return PayloadOscillation(
         memory, drag[0], drag[1], added[0], added[1], float(params.window_s), *size, *A, *k
     )
@@ -122,36 +124,50 @@ remembering(PayloadOscillation, CARRIED)
 
 
 @kernel("start", PayloadOscillation)
-def start(own: Any, rope: Any, upto: int) -> None:
+def start(oscillation: Any, rope: Any, upto: int) -> None:
     """Begin without a past."""
-    memory = own.memory
-    steady, small = own.drag_factor[own.drag_factor.shape[0] - 1] - 1.0, own.added_factor[0] - 1.0
+    memory = oscillation.memory
+    steady, initial_added = (
+        oscillation.drag_factor[oscillation.drag_factor.shape[0] - 1] - 1.0,
+        oscillation.added_factor[0] - 1.0,
+    )
     for k in range(CARRIED):
         memory[k, 0] = 0.0
     for k in range(3):
         memory[DRAG + k, 0] = memory[ACTS + k, 0] = steady
-        memory[ADDED + k, 0] = memory[ACTS + 3 + k, 0] = small
+        memory[ADDED + k, 0] = memory[ACTS + 3 + k, 0] = initial_added
 
 
 @kernel("predict", PayloadOscillation, wide=True)
-def predict(own: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+def predict(oscillation: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Set the factors that act; before time 0 those of a payload that has not moved."""
-    memory = own.memory
-    steady, small = own.drag_factor[own.drag_factor.shape[0] - 1] - 1.0, own.added_factor[0] - 1.0
+    memory = oscillation.memory
+    steady, initial_added = (
+        oscillation.drag_factor[oscillation.drag_factor.shape[0] - 1] - 1.0,
+        oscillation.added_factor[0] - 1.0,
+    )
     moves = stage.time > 0.0
     for k in range(3):
         memory[ACTS + k, 0] = memory[DRAG + k, 0] if moves else steady
-        memory[ACTS + 3 + k, 0] = memory[ADDED + k, 0] if moves else small
+        memory[ACTS + 3 + k, 0] = memory[ADDED + k, 0] if moves else initial_added
 
 
 @kernel("load_end", PayloadOscillation, wide=True)
-def load_end(own: Any, work: Any, stage: Any) -> None:
+def load_end(oscillation: Any, work: Any, stage: Any) -> None:
     """Add (c_A - 1)·A·(a_water - a) - (c_D - 1)·k·|u|·u to R_0, and the block, symmetric."""
     ax, ay, az = rows(work, ACCELERATION, 0)
     wx, wy, wz = rows(work, FLOW_RATE, 0)
-    m = own.memory
-    kx, ky, kz = m[ACTS, 0] * own.kx, m[ACTS + 1, 0] * own.ky, m[ACTS + 2, 0] * own.kz
-    mx, my, mz = m[ACTS + 3, 0] * own.Ax, m[ACTS + 4, 0] * own.Ay, m[ACTS + 5, 0] * own.Az
+    m = oscillation.memory
+    kx, ky, kz = (
+        m[ACTS, 0] * oscillation.kx,
+        m[ACTS + 1, 0] * oscillation.ky,
+        m[ACTS + 2, 0] * oscillation.kz,
+    )
+    mx, my, mz = (
+        m[ACTS + 3, 0] * oscillation.Ax,
+        m[ACTS + 4, 0] * oscillation.Ay,
+        m[ACTS + 5, 0] * oscillation.Az,
+    )
     x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     q, g = stage.q * speed, stage.q / speed
@@ -165,9 +181,9 @@ def load_end(own: Any, work: Any, stage: Any) -> None:
 
 
 @kernel("settle", PayloadOscillation, wide=True)
-def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
+def settle(oscillation: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     """Let the means fade and take in the motion at the end of a step; set the next factors."""
-    memory, work = own.memory, rope.work
+    memory, work = oscillation.memory, rope.work
     if kind == TRAPEZOID:
         for k in range(CARRIED):
             memory[CARRIED + k, 0] = memory[k, 0]
@@ -175,7 +191,7 @@ def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         return
     h = 2.0 * stage.q / GAMMA
     first = memory[BEGUN, 0] < 0.5
-    old = choose(first, 0.0, exp(-h / own.window))
+    old = choose(first, 0.0, exp(-h / oscillation.window))
     for k in range(3):
         u = work[VELOCITY + k, 0] - work[FLOW + k, 0]
         rate = choose(first, 0.0, (u - memory[LAST + k, 0]) / h)
@@ -185,29 +201,29 @@ def settle(own: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         memory[CARRIED + RATE2 + k, 0] = old * memory[RATE2 + k, 0] + (1.0 - old) * rate * rate
     mean, square, rate2 = CARRIED + MEAN, CARRIED + SQUARE, CARRIED + RATE2
     for k in range(3):
-        size = own.Lx if k == 0 else (own.Ly if k == 1 else own.Lz)
+        size = oscillation.Lx if k == 0 else (oscillation.Ly if k == 1 else oscillation.Lz)
         mean2, all2 = memory[mean + 2, 0] * memory[mean + 2, 0], memory[square + 2, 0]
         fast2 = memory[rate2 + 2, 0]
         if k < 2:
             mean2 = memory[mean, 0] * memory[mean, 0] + memory[mean + 1, 0] * memory[mean + 1, 0]
             all2 = memory[square, 0] + memory[square + 1, 0]
             fast2 = memory[rate2, 0] + memory[rate2 + 1, 0]
-        number = keulegan_carpenter(mean2, all2, fast2, size, own.window)
-        drag = interpolate(own.drag_number, own.drag_factor, number)
-        added = interpolate(own.added_number, own.added_factor, number)
+        number = keulegan_carpenter(mean2, all2, fast2, size, oscillation.window)
+        drag = interpolate(oscillation.drag_number, oscillation.drag_factor, number)
+        added = interpolate(oscillation.added_number, oscillation.added_factor, number)
         memory[CARRIED + DRAG + k, 0], memory[CARRIED + ADDED + k, 0] = drag - 1.0, added - 1.0
     memory[CARRIED + BEGUN, 0] = 1.0
 
 
 @account("power_end", PayloadOscillation)
-def power(own: Any, place: Any) -> Any:
+def power(oscillation: Any, place: Any) -> Any:
     """Return the power of the loads beyond those of the constant figures [W].
 
     The factors are the means of those of the steps before and after this border.
     """
-    more = 0.5 * (own.memory[ACTS : ACTS + 6, :1] + own.memory[DRAG : DRAG + 6, :1])
-    k = more[:3] * np.array([[own.kx], [own.ky], [own.kz]])
-    m = more[3:] * np.array([[own.Ax], [own.Ay], [own.Az]])
+    more = 0.5 * (oscillation.memory[ACTS : ACTS + 6, :1] + oscillation.memory[DRAG : DRAG + 6, :1])
+    k = more[:3] * np.array([[oscillation.kx], [oscillation.ky], [oscillation.kz]])
+    m = more[3:] * np.array([[oscillation.Ax], [oscillation.Ay], [oscillation.Az]])
     u = place.velocity - place.flow
     force = m * (place.flow_rate - place.acceleration) - k * np.sqrt((u * u).sum(axis=0)) * u
     return (force * place.velocity).sum(axis=0)

@@ -69,12 +69,12 @@ class PayloadShedding(NamedTuple):
     turns: float  # 2π·St/D [1/m]
 
 
-def build(params: PayloadSheddingParams, payload: Any, around: Any) -> PayloadShedding:
+def build(params: PayloadSheddingParams, payload: Any, environment: Any) -> PayloadShedding:
     """Return the kernel data for the body and the water; without an area for 1 m² of it."""
     area = 1.0 if params.area_m2 is None else params.area_m2
-    k = 0.5 * around.water_density_kg_per_m3 * params.lift_coefficient * area
+    k = 0.5 * environment.water_density_kg_per_m3 * params.lift_coefficient * area
     turns = 2.0 * pi * params.strouhal / params.diameter_m
-    return PayloadShedding(new_memory(CARRIED, OWN_ROWS, around.room), float(k), float(turns))
+    return PayloadShedding(new_memory(CARRIED, OWN_ROWS, environment.room), float(k), float(turns))
 
 
 remembering(PayloadShedding, CARRIED)

@@ -146,12 +146,12 @@ class RigidBodyParams:
         return None
 
 
-def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
+def build(params: RigidBodyParams, payload: Any, environment: Any) -> RigidBody:
     """Return the body for the payload's properties along the body axes, and the water.
 
     payload: without mass on a rope that does not carry the body, while another one does.
     """
-    density, g = around.water_density_kg_per_m3, around.gravity_m_per_s2
+    density, g = environment.water_density_kg_per_m3, environment.gravity_m_per_s2
     G = np.array(params.centre_of_gravity_m)
     m, displaced = float(payload.mass_kg), float(density * payload.volume_m3)
     added, area = np.array(payload.added_mass_kg, float), np.array(payload.drag_area_m2, float)
@@ -163,7 +163,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
     corners, carrying = _corners(params)
     farthest = np.linalg.norm(np.vstack([points, corners - G, _box(params) - G]), axis=1).max()
     body = RigidBody(
-        memory=new_memory(1, 0, around.room),
+        memory=new_memory(1, 0, environment.room),
         records=np.zeros((at.RECORDS, at.RECORD)),
         stage=_first_stage(),
         matrix=np.zeros((6, at.COLUMNS)),

@@ -65,13 +65,13 @@ class Wetting(NamedTuple):
     axial: float  # Ca along the rope·ρ [kg/m³]
 
 
-def build_wetting(params: WettingParams, payload: Any, around: Any) -> Wetting:
+def build_wetting(params: WettingParams, payload: Any, environment: Any) -> Wetting:
     """Return the kernel data for gravity, water and the rope's added mass."""
-    density = around.water_density_kg_per_m3
+    density = environment.water_density_kg_per_m3
     return Wetting(
-        float(density * around.gravity_m_per_s2),
-        float(around.added_mass * density),
-        float(around.added_mass_along * density),
+        float(density * environment.gravity_m_per_s2),
+        float(environment.added_mass * density),
+        float(environment.added_mass_along * density),
     )
 
 
@@ -164,7 +164,7 @@ class Wind(NamedTuple):
 grows(Wind, "k")
 
 
-def build_wind(params: WindParams, payload: Any, around: Any) -> Wind:
+def build_wind(params: WindParams, payload: Any, environment: Any) -> Wind:
     """Return the kernel data of the wind."""
     east, north = params.velocity_m_per_s
     k = 0.5 * params.density_kg_per_m3 * params.normal

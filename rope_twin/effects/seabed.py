@@ -89,17 +89,17 @@ class SeabedParams:
         return None
 
 
-def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
+def build(params: SeabedParams, payload: Any, environment: Any) -> Plane | Grid:
     """Return the seabed for its parameters and the payload's weight in water."""
     weight = 0.0
     if payload is not None:
-        density, g = around.water_density_kg_per_m3, around.gravity_m_per_s2
+        density, g = environment.water_density_kg_per_m3, environment.gravity_m_per_s2
         weight = max((payload.mass_kg - density * payload.volume_m3) * g, 0.1 * payload.mass_kg * g)
     soil = Soil(
         params.stiffness_n_per_m3,
         weight / params.payload_penetration_m,
         params.damping_s_per_m,
-        0.0 if around.sticks else params.friction,
+        0.0 if environment.sticks else params.friction,
     )
     if params.soundings is not None:
         bed = params.soundings
@@ -110,22 +110,22 @@ def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
 
 
 @jit_within
-def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
+def _contact(soil: Any, k: float, bed: Any, v: Any, stage: Any) -> Any:
     """Return the contact force of the seabed on a node as a Load.
 
-    place: (height above the seabed, slope east, slope north). The block is p·k·(1 - χ·v_n) +
+    bed: (height above the seabed, slope east, slope north). The block is p·k·(1 - χ·v_n) +
     q·χ·k·d along the normal and q·μ·N/√(|v_t|² + v_0²) tangentially; omitted: the change of
     friction with N and of the root.
     """
-    above, east, north = place
+    above, east, north = bed
     vx, vy, vz = v
     nz = 1.0 / sqrt(1.0 + east * east + north * north)
     nx, ny = -east * nz, -north * nz
     d = max(-above * nz, 0.0)
-    away = vx * nx + vy * ny + vz * nz
-    gain = max(1.0 - soil.chi * away, 0.0)
+    speed = vx * nx + vy * ny + vz * nz
+    gain = max(1.0 - soil.chi * speed, 0.0)
     push = k * d * gain
-    tx, ty, tz = vx - away * nx, vy - away * ny, vz - away * nz
+    tx, ty, tz = vx - speed * nx, vy - speed * ny, vz - speed * nz
     rub = soil.mu * push / sqrt(tx * tx + ty * ty + tz * tz + CREEP * CREEP)
     touches = choose(push > 0.0, 1.0, 0.0)
     across = stage.q * rub
@@ -138,9 +138,9 @@ def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
 
 
 @jit_within
-def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
+def _at_node(soil: Any, bed: Any, node: Any, stage: Any) -> Any:
     k = soil.k * node.touching
-    return _contact(soil, k, place, (node.vx, node.vy, node.vz), stage)
+    return _contact(soil, k, bed, (node.vx, node.vy, node.vz), stage)
 
 
 @kernel("load", Plane, wide=True)
@@ -166,8 +166,8 @@ def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
     _, _, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     height, east, north = bed
-    place, velocity = (z[0] - height, east, north), (vx[0], vy[0], vz[0])
-    add_to_node(work, 0, _contact(soil, soil.k_payload, place, velocity, stage))
+    bed_here, velocity = (z[0] - height, east, north), (vx[0], vy[0], vz[0])
+    add_to_node(work, 0, _contact(soil, soil.k_payload, bed_here, velocity, stage))
 
 
 @kernel("load_end", Plane, wide=True)
@@ -211,12 +211,12 @@ def _clear_lanes(bed: Any, work: Any, p: float, n: int) -> int:
     height, east, north = bed
     x, y, z = rows(work, POSITION, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
-    calm = ALL
+    clear = ALL
     for i in range(n):
         above = z[i] - (height + east * x[i] + north * y[i])
         change = p * (dz[i] - east * dx[i] - north * dy[i])
-        calm &= bits(min(above, above + change) > 0.0)
-    return int(calm)
+        clear &= bits(min(above, above + change) > 0.0)
+    return int(clear)
 
 
 @wide_kernel("calm", Plane)
@@ -254,9 +254,9 @@ def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -
     """Return the normal force of the seabed, k·d·(1 - χ·v_n) [N], for stiffness k [N/m], (n,)."""
     height, east, north = beds_at(bed, position[0].copy(), position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
-    away = (velocity[2] - east * velocity[0] - north * velocity[1]) * nz
+    speed = (velocity[2] - east * velocity[0] - north * velocity[1]) * nz
     sunk = np.maximum((height - position[2]) * nz, 0.0)
-    return np.asarray(k * sunk * np.maximum(1.0 - bed.soil.chi * away, 0.0))
+    return np.asarray(k * sunk * np.maximum(1.0 - bed.soil.chi * speed, 0.0))
 
 
 def power(bed: Any, place: Any) -> Any:

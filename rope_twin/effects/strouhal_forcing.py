@@ -97,14 +97,14 @@ class StrouhalForcing(NamedTuple):
     per_viscosity: float  # [s/m²]
 
 
-def build(params: StrouhalForcingParams, payload: Any, around: Any) -> StrouhalForcing:
+def build(params: StrouhalForcingParams, payload: Any, environment: Any) -> StrouhalForcing:
     """Return the kernel data for the coefficients and the rope's drag."""
-    drag = around.drag_normal if params.drag is None else params.drag
+    drag = environment.drag_normal if params.drag is None else params.drag
     return StrouhalForcing(
-        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        memory=new_memory(CARRIED, OWN_ROWS, environment.room),
         lift=float(params.lift_over_drag),
         in_line=float(params.in_line),
-        strength=float(0.5 * around.water_density_kg_per_m3 * drag),
+        strength=float(0.5 * environment.water_density_kg_per_m3 * drag),
         per_limit=0.0 if params.fixed_lift else 1.0 / params.limit_diameters,
         strouhal=float(params.strouhal),
         rise=float(params.strouhal_rise / 9e6),

@@ -116,20 +116,20 @@ class TravellingWaves(NamedTuple):
     standing: float  # 1, or 0
 
 
-def build(params: TravellingWavesParams, payload: Any, around: Any) -> TravellingWaves:
+def build(params: TravellingWavesParams, payload: Any, environment: Any) -> TravellingWaves:
     """Return the kernel data for the coefficients, the water, and the rope's properties."""
-    density = around.water_density_kg_per_m3
+    density = environment.water_density_kg_per_m3
     return TravellingWaves(
-        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        memory=new_memory(CARRIED, OWN_ROWS, environment.room),
         turns=2.0 * pi * params.strouhal,
         half_density=0.5 * density,
         C0=float(params.lift[0]),
         C1=float(params.lift[1]),
         damping=2.0 * params.damping_fraction,
-        added=around.added_mass * density,
+        added=environment.added_mass * density,
         averaging=1.0 / (2.0 * pi * params.periods),
         ramp=float(params.ramp_s),
-        EI=float(around.bending_n_m2),
+        EI=float(environment.bending_n_m2),
         by_half_waves=float(params.by_half_waves),
         standing=float(params.initial_phase == "standing"),
     )
@@ -171,20 +171,20 @@ def start(waves: Any, rope: Any, upto: int) -> None:
 
 
 @jit_within
-def _count_unknown(held: Any, low: int, high: int) -> int:
+def _count_unknown(half_waves: Any, low: int, high: int) -> int:
     """Return the number of nodes low <= i < high without a half wave."""
     unknown = 0
     for i in range(low, high):
-        unknown += 1 if held[HELD, i] == 0.0 else 0
+        unknown += 1 if half_waves[HELD, i] == 0.0 else 0
     return unknown
 
 
 @jit_within
-def _find_unknown(held: Any, low: int, high: int) -> int:
+def _find_unknown(half_waves: Any, low: int, high: int) -> int:
     """Return the lanes that have such a node, as bits."""
     unknown = 0
     for i in range(low, high):
-        unknown |= bits(held[HELD, i] == 0.0)
+        unknown |= bits(half_waves[HELD, i] == 0.0)
     return unknown
 
 
@@ -195,14 +195,14 @@ _unknown = by_width(_count_unknown, _find_unknown)
 def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
     """Set OMEGA_NOW to that of the half wave, or the node's own (without, or at a new node)."""
     memory = waves.memory
-    held, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
+    half_waves, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
     for i in range(high - low):
-        now[i] = held[i]
+        now[i] = half_waves[i]
     if _unknown(memory, low, high) > 0:
         own = memory[SCRATCH, low:]
         set_paces(waves.turns, work, memory[PER_DIAMETER, low:], own, low, high)
         for i in range(high - low):
-            now[i] = choose(held[i] == 0.0, own[i], held[i])
+            now[i] = choose(half_waves[i] == 0.0, own[i], half_waves[i])
 
 
 @kernel("predict", TravellingWaves, wide=True)

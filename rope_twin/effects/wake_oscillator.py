@@ -143,13 +143,13 @@ class WakeOscillator(NamedTuple):
     critical: float  # sine of the angle between upright and inclined
 
 
-def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscillator:
+def build(params: WakeOscillatorParams, payload: Any, environment: Any) -> WakeOscillator:
     """Return the kernel data for the set and the water."""
     figures = params.figures
     return WakeOscillator(
-        memory=new_memory(CARRIED, OWN_ROWS, around.room),
+        memory=new_memory(CARRIED, OWN_ROWS, environment.room),
         strouhal=float(figures.strouhal),
-        strength=float(0.25 * around.water_density_kg_per_m3 * figures.lift),
+        strength=float(0.25 * environment.water_density_kg_per_m3 * figures.lift),
         A=float(figures.upright[0]),
         epsilon=float(figures.upright[1]),
         A_inclined=float(figures.inclined[0]),

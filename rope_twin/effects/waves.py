@@ -246,10 +246,10 @@ def components_of(params: WavesParams, gravity: float) -> Components:
     return systems[0] if len(systems) == 1 else together(systems)
 
 
-def build(params: WavesParams, payload: Any, around: Any) -> Waves:
+def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
     """Return the kernel data for the sea, the payload's inertia, and the rope's added mass."""
-    density = around.water_density_kg_per_m3
-    sea = components_of(params, around.gravity_m_per_s2)
+    density = environment.water_density_kg_per_m3
+    sea = components_of(params, environment.gravity_m_per_s2)
     k, a, depth = sea.wave_number, sea.amplitude_m, sea.depth_m
     speed = a * sea.omega / (1.0 - np.exp(-2.0 * k * depth))
     felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and acceleration
@@ -280,8 +280,8 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         follows=STRETCHING[params.stretching][0],
         extends=STRETCHING[params.stretching][1],
         density=density,
-        Ca=around.added_mass,
-        apart=around.added_mass - around.added_mass_along,
+        Ca=environment.added_mass,
+        apart=environment.added_mass - environment.added_mass_along,
         Mx=inertia[0],
         My=inertia[1],
         Mz=inertia[2],
