@@ -59,12 +59,12 @@ FULL = (
     Case("tow_with_net", "net"),
     Case("lift_off", "rigid_body, a deck"),
     Case("manifold_lift", "rigid_body, waves, splash_zone, seabed"),
-    Case("two_line_lift", "ropes that meet: a tree"),
-    Case("bridle_lift", "ropes that meet: a loop with a bar"),
-    Case("load_transfer", "ropes that meet: rigid_body"),
-    Case("net_screen", "ropes that meet: net_curtain between them"),
-    Case("two_line_loop", "ropes that meet: over a sheave"),
-    Case("cage_and_clump", "ropes that meet: payload_contact"),
+    Case("two_line_lift", "multi-line: a tree"),
+    Case("bridle_lift", "multi-line: a loop with a bar"),
+    Case("load_transfer", "multi-line: rigid_body"),
+    Case("net_screen", "multi-line: net_curtain between them"),
+    Case("two_line_loop", "multi-line: over a sheave"),
+    Case("cage_and_clump", "multi-line: payload_contact"),
 )
 QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
 

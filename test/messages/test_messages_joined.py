@@ -1,4 +1,4 @@
-"""The topics of ropes that meet, and what RViz and Foxglove draw of them."""
+"""Topics of multi-line systems, and what RViz and Foxglove draw of them."""
 
 from __future__ import annotations
 

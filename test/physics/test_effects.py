@@ -142,7 +142,7 @@ def test_plain_python_equals_compiled_compensator(plain: Mapping[str, Vector]) -
 
 @pytest.mark.long
 def test_plain_python_equals_compiled_joints(plain_long: Mapping[str, Vector]) -> None:
-    """Ropes that meet, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
+    """A multi-line system, 80 steps with slack, payout, wakes, current and a tether, 1e-9."""
     compiled = effect_cases.triangle()
     assert compiled[:, :3].max() > 2.0 * compiled[0, :3].max(), "the case must move"
     assert compiled[-1, -1] > compiled[0, -1], "the case must split"
@@ -151,7 +151,7 @@ def test_plain_python_equals_compiled_joints(plain_long: Mapping[str, Vector]) -
 
 @pytest.mark.long
 def test_plain_python_equals_compiled_bent_joints(plain_long: Mapping[str, Vector]) -> None:
-    """Bent ropes that meet, one between two joints, 25 steps, 1e-9."""
+    """Bent ropes of a multi-line system, one between two joints, 25 steps, 1e-9."""
     compiled = effect_cases.bent_ladder()
     assert np.ptp(compiled[:, :4]) > 0.1 * compiled[0, :4].max(), "the case must move"
     assert_equal(plain_long["bent ladder"].T, compiled.T, 1e-9)

@@ -1,4 +1,4 @@
-"""The energy balance of ropes that meet: rope over sheaves, friction, tethers and bars."""
+"""Energy balance of multi-line systems: rope over sheaves, friction, tethers and bars."""
 
 from __future__ import annotations
 

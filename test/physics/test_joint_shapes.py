@@ -1,4 +1,4 @@
-"""Ropes that meet, at rest and in their modes: bridles, lines to one load, bars and tuggers."""
+"""Multi-line systems at rest and in their modes: bridles, lines to one load, bars and tuggers."""
 
 from __future__ import annotations
 

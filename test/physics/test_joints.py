@@ -1,4 +1,4 @@
-"""Ropes that meet: against one rope, what must be conserved, order in step, random systems.
+"""Multi-line systems: against one rope, what must be conserved, order in step, random systems.
 
 All systems here have three ropes, so that they share one compiled step.
 """
@@ -88,7 +88,7 @@ def test_ends_that_meet_coincide_to_the_bit() -> None:
 
 
 def star(seed: int) -> JointBench:
-    """Three ropes that meet in a joint, with loads at their ends, flying freely."""
+    """Three ropes connected at a joint, with loads at their ends, flying freely."""
     random = np.random.default_rng(seed)
     lines = []
     for angle in (0.0, 2.1, 4.2):

@@ -1,4 +1,4 @@
-"""Natural modes of ropes that meet: against one rope, pendulums, springs and a wheel."""
+"""Natural modes of multi-line systems: against one rope, pendulums, springs and a wheel."""
 
 from __future__ import annotations
 

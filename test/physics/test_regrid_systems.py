@@ -1,4 +1,4 @@
-"""Ropes with a body, with VIV models, and ropes that meet, on other accuracy levels and back."""
+"""Ropes with a body, with VIV models, and multi-line systems, on other accuracy levels and back."""
 
 from __future__ import annotations
 
