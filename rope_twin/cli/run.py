@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rope_twin.cli import ExitCode
@@ -54,7 +55,8 @@ def run(args: argparse.Namespace) -> int:
         summary = _unpaced(options, scene, progress)
     else:
         summary = _with_speed_alone(_paced(options, progress), options)
-    summary = replace(summary, chosen=options.chosen)
+    kept = summary.bag if summary.bag and Path(summary.bag).exists() else None
+    summary = replace(summary, chosen=options.chosen, bag=kept)
     if summary.core_share is not None:
         asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
         summary = replace(summary, core_share=summary.core_share | asked)

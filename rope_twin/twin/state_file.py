@@ -395,21 +395,26 @@ class AutoSave:
         try:
             state = twin.capture()
         except StateError as error:  # a run is worth more than its saved state
-            path = self._health.path
-            self._health = SavingStatus(path, self._health.saved_s, f"{path}: {error}")
+            self._report(f"{self._health.path}: {error}")
         else:
             self._writing = self._writer.submit(self._write, state)
 
     def _write(self, state: SavedState) -> None:
-        path = self._health.path
         try:
-            state.write(path)
+            state.write(self._health.path)
         except StateError as error:
-            self._health = SavingStatus(path, self._health.saved_s, str(error))
+            self._report(str(error))
         except Exception as error:
             # A defect must appear in the diagnostics, not be lost with the thread's result.
             _log.exception("the state was not saved")
-            trouble = f"the state was not saved: {type(error).__name__}: {error}"
-            self._health = SavingStatus(path, self._health.saved_s, trouble)
+            self._report(f"the state was not saved: {type(error).__name__}: {error}")
         else:
-            self._health = SavingStatus(path, state.about.time_s)
+            if self._health.trouble:
+                _log.warning("the state at %g s is saved again", state.about.time_s)
+            self._health = SavingStatus(self._health.path, state.about.time_s)
+
+    def _report(self, trouble: str) -> None:
+        """Keep the reason of a failure, and log the first of a series."""
+        if not self._health.trouble:
+            _log.warning("%s", trouble)
+        self._health = SavingStatus(self._health.path, self._health.saved_s, trouble)

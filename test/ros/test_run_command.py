@@ -236,6 +236,7 @@ def test_a_bag_that_is_deleted_is_noticed_and_the_run_ends_with_exit_code_1(
     assert "Traceback" not in process.text
     summary = last_line(re.findall(r"^\{.*\}$", process.text, re.MULTILINE)[0])
     assert f"bag {bag}: " in str(summary["not_kept"])
+    assert summary["bag"] is None
 
 
 def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
