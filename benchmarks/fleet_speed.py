@@ -1,10 +1,10 @@
 """Cost of a fleet on short horizons, with the error of its coarse mesh and step.
 
 Members run through parts of a recorded sea, each one of its own, while the winch follows the
-scene's schedule or one of four orders. Where ropes meet, all winches follow their schedules, once
-at the same speed in all members and once at one of its own in each. Errors are of the top tension,
-against a fine mesh and step in the same seas. Times are the processor's own; best and median of the
-repetitions of one run.
+scene's schedule or one of four orders. In multi-line systems all winches follow their schedules,
+once at the same speed in all members and once at one of its own in each. Errors are of the top
+tension, against a fine mesh and step in the same seas. Times are the processor's own; best and
+median of the repetitions of one run.
 """
 
 from __future__ import annotations

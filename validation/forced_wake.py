@@ -83,7 +83,7 @@ def mean_power(reading: Reading, pair: tuple[float, float], reduced: Vector, y: 
 
 
 def region(reading: Reading, pair: tuple[float, float], highest: float) -> Region | None:
-    """Return the region of positive power, to a step of V_r and y; None: there is none."""
+    """Return the region of positive power, to a step of V_r and y, or None if there is none."""
     reduced = np.arange(SPEEDS[0], SPEEDS[1] + 0.5 * STEP, STEP)
     y = np.arange(STEP, highest, STEP)
     gains = mean_power(reading, pair, reduced[:, None], y[None]) > 0.0

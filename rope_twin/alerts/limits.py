@@ -72,7 +72,7 @@ def present(where: str, priority: Priority, text: str) -> Measure:
 
 
 def scene_limits(scene: Scene) -> dict[str, float | None]:
-    """Return the scene's own limits by the names of CREW_LIMITS; None: it gives none."""
+    """Return the scene's own limits by the names of CREW_LIMITS, or None if it gives none."""
     own, rules = scene.limits, LoadRules(scene)
     radii = [rules.radius_m(name) for name in rules.ropes] if own.bend_radius else []
     found = {name: getattr(own, name) for name in CREW_LIMITS if name != "bend_radius_m"}

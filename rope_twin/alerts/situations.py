@@ -356,7 +356,7 @@ class Watch:
     def _judge(
         self, kind: Kind, where: str, measure: Measure | None, now_ns: int
     ) -> Situation | None:
-        """Return the situation at one place; None: there is none."""
+        """Return the situation at one place, or None if there is none."""
         key = kind.identifier, where
         if measure is not None:
             self._texts[key] = measure.levels, measure.text

@@ -111,7 +111,7 @@ class View(NamedTuple):
 
 
 def limit(values: Values, facts: Values, name: str) -> float | None:
-    """Return the stricter of a limit of the scene and the crew's; None: there is neither."""
+    """Return the stricter of a limit of the scene and the crew's, or None if there is neither."""
     rows: Sequence[Values] = facts.get("crew_limits", ())
     of_scene = next((row for row in rows if row["name"] == name), {})
     both = (of_scene.get("scene", (facts.get("limits") or {}).get(name)), crew_limit(values, name))
@@ -204,7 +204,7 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
 
 
 def height_above_bed_m(values: Values, facts: Values) -> float | None:
-    """Return the payload's height above the bed [m]; None: there is no bed, or not known."""
+    """Return the payload's height above the bed [m], or None if it has no bed or is not known."""
     height = _at(values.get("bed")).get("payload_height_m")
     if known(height):
         return float(height)

@@ -108,7 +108,7 @@ class Learner:
 
     @property
     def estimator(self) -> Estimator | None:
-        """Estimator, for tasks of the same worker; None: it has not begun."""
+        """Estimator, for tasks of the same worker, or None if it has not begun."""
         return self._estimator
 
     @property
@@ -399,7 +399,7 @@ class LiveLearning:
         self.worker.take(Heave(stamp_ns * 1e-9, heave_m))
 
     def take_new(self) -> Estimate | None:
-        """Return what was learned since the last call; None: nothing."""
+        """Return what was learned since the last call, or None if there is nothing."""
         newest = self.learner.newest
         if newest is self._taken:
             return None

@@ -118,7 +118,7 @@ def pashr(line: bytes) -> MotionReading | None:
 
 
 def _tss(line: bytes, start: str, name: str, telegram: re.Pattern[str]) -> list[float] | None:
-    """Return the heaves [m], roll and pitch [°] of a telegram of TSS; None: it is another."""
+    """Return the heaves [m], roll and pitch [°] of a telegram of TSS, or None if it is another."""
     text = clean(line)
     at = text.rfind(start)
     if at < 0:

@@ -184,7 +184,7 @@ def sum_of(text: str) -> int:
 
 
 def number(text: str) -> float | None:
-    """Return the finite number in a field, blanks around it ignored; None: it is none.
+    """Return the finite number in a field, blanks around it ignored, or None if there is none.
 
     Exponents, infinities, hexadecimal and grouped digits are refused.
     """
@@ -204,7 +204,7 @@ def numbers(fields: list[str]) -> list[float]:
 
 
 def iso_time_ns(text: str) -> int | None:
-    """Return the nanoseconds since 1970 of a date and time in UTC; None: it is none."""
+    """Return the nanoseconds since 1970 of a date and time in UTC, or None if there is none."""
     found = _ISO.fullmatch(text.strip())
     if not found:
         return None

@@ -353,7 +353,7 @@ def _forget_other_runs(waves: deque[tuple[float, float, float]]) -> None:
 
 
 def _sampled(heard: Heard) -> _Samples | None:
-    """Return all series at the instants that heave and line out span; None: there are none.
+    """Return all series at the instants that heave and line out span, or None if there are none.
 
     Tension may have gaps, in which it is NaN; it must have been heard at all.
     """

@@ -300,7 +300,7 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
 def tension_doubt(lift: RecordedLift) -> str:
     """Return a warning if the largest tension is far from the static one, as in other units; or "".
 
-    In scenes whose ropes meet it is shared, and not judged.
+    In multi-line scenes it is shared, and not judged.
     """
     known = lift.peak_n[np.isfinite(lift.peak_n)]
     if is_joined(lift.scene) or not len(known):

@@ -425,7 +425,7 @@ class TensionForecaster:
         return states, weights
 
     def _pin_weights(self, known: Known, past: FleetRecord) -> Floats | None:
-        """Return weights of the members by the load pin's readings; None: there are none."""
+        """Return weights of the members by the load pin's readings, or None if there are none."""
         if known.tension_n is None:
             return None
         own = self.settings

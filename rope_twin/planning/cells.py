@@ -262,7 +262,7 @@ class Cell:
         return found
 
     def simplified(self, height_m: float) -> list[Simplified]:
-        """Return the simplified method's values of each leg; it has none where ropes meet."""
+        """Return the simplified method's values of each leg; it has none in multi-line systems."""
         if self.work.legs[0].ropes:
             return []
         tip, sea = self.work.ship.tip, self.sea(height_m)

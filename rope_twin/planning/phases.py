@@ -38,7 +38,7 @@ STATIC_ELEMENTS = 20
 
 
 class RopeAtRest(NamedTuple):
-    """A rope of a scene whose ropes meet, at the start of its leg."""
+    """A rope of a multi-line scene, at the start of its leg."""
 
     name: str
     from_ship: bool
@@ -63,9 +63,9 @@ class Leg:
     payload_n: float  # static submerged weight of the payload
     bed_m: float | None = None  # depth of the seabed below the payload, of a landing
     deck_m: float | None = None  # mean height of the deck, of a lift-off
-    deck: DeckTransfer | None = None  # that moves it; None: it is fixed
+    deck: DeckTransfer | None = None  # that moves it, or None if it is fixed
     by_twin: bool = False  # stepped by a twin of its own (`twin_runs`)
-    ropes: tuple[RopeAtRest, ...] = ()  # of a scene whose ropes meet
+    ropes: tuple[RopeAtRest, ...] = ()  # of a multi-line scene
     offset_m: float = 0.0  # largest lateral offset of the payload from the crane tip at rest
     setting_error: float = math.nan  # measured when mesh and step were chosen; NaN: it was not
 
@@ -259,7 +259,7 @@ class Hung(NamedTuple):
 
     scene: Scene  # with the rope so long
     depth_m: float
-    height_m: float | None  # above the seabed; None: there is none
+    height_m: float | None  # above the seabed, or None if there is none
     offset_m: float  # horizontal distance from the crane tip
 
 

@@ -255,7 +255,7 @@ class InAir:
 
 @dataclass(frozen=True, kw_only=True)
 class FromScene:
-    """The scene as it is, with the schedules of its winches: for ropes that meet, above all."""
+    """The scene as it is, with the schedules of its winches: for multi-line systems above all."""
 
     exposure_s: float = quantity("time that is counted", "s", 10.0, 10_800.0, default=1800.0)
 

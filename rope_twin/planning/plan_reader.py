@@ -340,7 +340,7 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
 
 
 def deck_of(plan: Plan, own: LiftedFrom | None) -> DeckTransfer | None:
-    """Return the transfer function of a deck; None: it is fixed.
+    """Return the transfer function of a deck, or None if it is fixed.
 
     Raises:
         InputError: the table of RAOs is wrong.

@@ -255,7 +255,7 @@ def _current(result: PlanResult) -> Iterator[tuple[str, str, str]]:
 
 
 def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:
-    """Yield the payloads and ropes of a scene whose ropes meet."""
+    """Yield the payloads and ropes of a multi-line scene."""
     for one in scene.payloads:
         yield one.name, f"payload, {1e-3 * one.mass_kg:g} t in air", "scene"
     for line in scene.ropes:

@@ -74,7 +74,7 @@ def choose_setting(
     method = plan.method
     if method.elements is not None and method.step_s is not None:
         return Setting(method.elements, method.step_s), math.nan
-    if leg.by_twin:  # contact and ropes that meet ask for the scene's own mesh and step
+    if leg.by_twin:  # contact and multi-line systems need the scene's own mesh and step
         return Setting(leg.scene.ropes[0].elements, leg.scene.time.step_s), math.nan
     trials = Trials(plan, number, leg, ship, sea, store)
     best = SETTINGS[-1], math.nan

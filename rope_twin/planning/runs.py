@@ -87,7 +87,7 @@ class SteppedExtremes:
     def take(self, steps: Vector, time_s: Vector, nominal_m: Vector | None) -> None:
         """Take steps (n, WATCHED) that end at these times.
 
-        nominal_m: line out without heave compensation, (n,); None: there is none.
+        nominal_m: line out without heave compensation, (n,), or None if there is none.
         """
         if nominal_m is not None:
             self._take_line(steps[:, LINE_OUT], time_s, nominal_m)

@@ -1,4 +1,4 @@
-"""Runs that a twin steps by itself: a lift off a moving deck, and ropes that meet.
+"""Runs that a twin steps by itself: a lift off a moving deck, and multi-line systems.
 
 The ship's pose in six degrees of freedom moves every hang-off rigidly. The deck of a lift-off
 heaves by the same wave components (`SeaRecord`), so that crane tip and deck keep their phases; it
@@ -39,7 +39,7 @@ SMALLEST_M, SHORTEST_S = 1e-6, 0.5  # harmonics of a deck below: they move it by
 def offset_m(shot: Snapshot, from_ship: Collection[str] = ()) -> float:
     """Return the horizontal distance of the payload from the crane tip [m].
 
-    from_ship: names of the ropes that leave the ship where ropes meet; their middle counts.
+    from_ship: names of the ropes that leave the ship in multi-line systems; their middle counts.
     """
     tips = [one.node_position_m[0] for one in shot.ropes if one.name in from_ship]
     middle = np.mean(tips, axis=0) if tips else shot.hang_off_position_m
@@ -87,7 +87,7 @@ class Extremes:
 
 
 class TwinExtremes:
-    """Extremes of one run of a twin, with those of ropes that meet and of the deck."""
+    """Extremes of one run of a twin, with those of multi-line systems and of the deck."""
 
     def __init__(self, leg: Leg) -> None:
         self._first_s, self._ropes = leg.first_s, leg.ropes

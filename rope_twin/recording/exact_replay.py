@@ -147,7 +147,7 @@ class RunReplay:
         self.ended = ""  # why the replay ended before the bag
 
     def find(self, topic: str, number: int) -> Produced | None:
-        """Return a message of the replay, once; None: it makes no such message."""
+        """Return a message of the replay, once, or None if it makes no such message."""
         key = topic, number
         while key not in self._waiting and self._newest[topic] < number:
             if not self._go_on():

@@ -75,7 +75,7 @@ class _Summary:
     data_end: int = 0  # the byte at which it begins
     definitions: list[Stored] = field(default_factory=list)
     chunks: list[int] = field(default_factory=list)  # where each begins, ascending
-    messages: int | None = None  # in the whole file; None: it does not say
+    messages: int | None = None  # in the whole file, or None if it does not say
     chunk_count: int | None = None
 
 

@@ -248,7 +248,7 @@ class RecordedInputs:
         self._by_values[message.topic].add(repr(values))
 
     def find(self, call: Call, epoch_ns: int) -> Match | None:
-        """Return the recorded input of a logged call; None: it is not an external input."""
+        """Return the recorded input of a logged call, or None if it is not an external input."""
         given = _given(call)
         if given is None:
             return None
@@ -337,7 +337,7 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
 
 
 def _given(call: Call) -> tuple[str, int | None, Values] | None:
-    """Return topic, stamp in simulation time and values of a call; None: it has no topic."""
+    """Return topic, stamp in simulation time and values of a call, or None if it has no topic."""
     if call.method == "offer_heave":
         stamp_ns, position_m, velocity_m_per_s = call.arguments[:3]
         return "ship/heave", stamp_ns, (position_m, velocity_m_per_s)

@@ -357,7 +357,7 @@ def _inside(folder: Path, name: str) -> Path:
 
 
 def _text(path: Path) -> str | None:
-    """Return a file's text, or that of its bytes if it is none; None: it cannot be read."""
+    """Return a file's text, its bytes if it is not text, or None if it cannot be read."""
     try:
         data = path.read_bytes()
     except OSError:

@@ -269,7 +269,7 @@ class RecordReplay:
         self._start_ns, self._time_ns = round(start_s * 1e9), track.time_ns
         # ROS time of t = 0, by which other records of the same time are placed; 0: unknown
         self.begins_ns = record.began_ns + self._start_ns if record.began_ns else 0
-        self.loop_ns = track.end_ns if loop else None  # length of a pass; None: there is one
+        self.loop_ns = track.end_ns if loop else None  # length of a pass, or None if there is one
         self._reaches_back = loop and joins(track)  # whether passes go on before the first
         splice = find_splice(track) if loop and not self._reaches_back else None
         surface = elevation_at(record, None if splice else self.loop_ns)

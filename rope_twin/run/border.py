@@ -124,11 +124,11 @@ class InputBorder:
             lambda order, winch: inputs.offer_command(None, order, winch),
             now_s,
         )
-        # is given each measurement that could be decoded, in twin time; None: nobody listens
+        # is given each measurement that could be decoded, in twin time, or None if nobody listens
         self.listener: Callable[[Measurement], None] | None = None
         # likewise stamp [ns] and height [m] of each sample of motion
         self.motion_listener: Callable[[int, float], None] | None = None
-        # is given all winches whose stop is latched, at each new one; None: nobody listens
+        # is given all winches whose stop is latched, at each new one, or None if nobody listens
         self.latch_listener: Callable[[set[str]], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion

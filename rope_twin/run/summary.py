@@ -103,7 +103,7 @@ class RunSummary:
     # fields of LimitBreach, per violated limit of the scene; any makes the exit code 4
     limits_broken: list[dict[str, Any]] = field(default_factory=list)
     touchdowns: list[dict[str, Any]] = field(default_factory=list)  # of Touchdown, at the end
-    landings: dict[str, Any] | None = None  # of Landings; None: the payload has not landed
+    landings: dict[str, Any] | None = None  # of Landings, or None if the payload has not landed
     # fields of Bend, the smallest radius of each monitored rope; radius_m None: straight
     bends: list[dict[str, Any]] = field(default_factory=list)
     # unstretched length [m] of stiff ropes that would be compressed at the end, by rope
@@ -125,7 +125,7 @@ class RunSummary:
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not enabled
-    cut: dict[str, Any] | None = None  # fields of CutShot; None: the rope is intact
+    cut: dict[str, Any] | None = None  # fields of CutShot, or None if the rope is intact
     cut_refused: str = ""  # why a requested cut was not made
     error_interval: dict[str, float] | None = None  # fields of TensionInterval; None: see next
     no_error_interval: str = ""  # why there is none, if it is enabled

@@ -25,7 +25,7 @@ class Setting(NamedTuple):
 class Figure:
     """Error of one quantity at one setting, in the quantity's unit."""
 
-    error: float | None  # relative to the reference, signed; None: nothing to compare
+    error: float | None  # relative to the reference, signed, or None without a reference
     at_most: float | None  # magnitude plus the reference's uncertainty; None: not converged
 
 

@@ -70,7 +70,7 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
 
     Args:
         scene: as loaded.
-        figures: of its payload; None: a fixed end without a load.
+        figures: of its payload, or None for a fixed end without a load.
     """
     if figures is None:
         return HungLoad()

@@ -118,7 +118,7 @@ class _Loader(yaml.SafeLoader):
 def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, bytes]:
     """Return the tree of a YAML file and its bytes.
 
-    errors: collects duplicate or invalid keys, which are skipped; None: they are raised.
+    errors: collects duplicate or invalid keys, which are skipped, or None to raise them.
 
     Raises:
         SceneError: if the file cannot be read, is not YAML, or its top is not a mapping.

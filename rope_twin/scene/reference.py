@@ -93,7 +93,7 @@ def _key(field: dataclasses.Field[Any], wants: str, path: str) -> Key:
 
 
 def _default(field: dataclasses.Field[Any]) -> str | None:
-    """Return the default in words; None: the key is required."""
+    """Return the default in words, or None if the key is required."""
     value = field.default
     if value is dataclasses.MISSING:
         return None

@@ -308,7 +308,7 @@ def body_payload(scene: Scene) -> str | None:
 
 
 def payload_rope(scene: Scene) -> int:
-    """Return the number of the rope whose lower end stands for the payload, where ropes meet.
+    """Return the number of the rope whose lower end stands for the payload, in multi-line systems.
 
     It is the first that ends at the rigid body, else at the first payload; without any it is the
     first rope.

@@ -114,7 +114,7 @@ class Selected:
     scene: str
     quantity: str
     within: float  # asked for, in the quantity's unit
-    seconds: float | None  # over which it was measured; None: nothing was selected
+    seconds: float | None  # over which it was measured, or None if nothing was selected
     elements: int | None  # None: nothing was selected
     step_s: float | None
     real_time_factor: float | None  # by the study

@@ -282,7 +282,7 @@ def run_parameter_study(
         into: folder of the rows.
         report: called at the start and whenever a batch is done.
         scheduler: address of a Dask scheduler; empty: the cores of this machine.
-        at_once: runs in a batch; LANES of them step in one core's vectors. A run of ropes that meet
+        at_once: runs in a batch; LANES of them step in one core's vectors. A multi-line run
             and do not step in lanes is a batch by itself.
 
     Raises:

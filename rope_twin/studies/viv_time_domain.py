@@ -354,7 +354,7 @@ def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats, 
 
 
 def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> RopeDamage | None:
-    """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
+    """Return the fatigue counter, or None if part of the rope is neither solid steel nor a pipe."""
     EI = bending_stiffness(sampler.rope.now.effects)
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None

@@ -236,7 +236,7 @@ class TwinInputs:
     def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
         """Lead the figures over to factors on the scene's; return "" or the rejection.
 
-        Where ropes meet a factor applies to all of them and to all that hangs on them, as in a
+        A factor applies to all ropes of a multi-line system and to all that hangs on them, as in a
         fleet.
 
         ramp_s: time that it takes [s]; factors: by the names of FIGURES, without the current.
@@ -497,7 +497,7 @@ class ForecastInput:
         return fault
 
     def at(self, now_s: float) -> ForecastScore | None:
-        """Return the newest score; None: no forecast runs."""
+        """Return the newest score, or None if no forecast runs."""
         if self._newest is None or now_s - self._newest[0] > GONE_S:
             return None
         at_s, age_s, coverage, judged, factor = self._newest

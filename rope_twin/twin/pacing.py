@@ -161,7 +161,7 @@ class GrantedClock:
     def __init__(self, reach_ns: Callable[[], int | None] = lambda: None) -> None:
         """Begin at time 0.
 
-        reach_ns: returns the time to which the inputs are known; None: they are not awaited.
+        reach_ns: returns the time to which the inputs are known, or None if they are not awaited.
         """
         self._granted_ns = 0
         self._reach_ns = reach_ns
@@ -194,7 +194,7 @@ class PacingHealth(NamedTuple):
     steps: int = 0
     late_steps: int = 0
     worst_lateness_s: float = 0.0  # largest delay of the end of a cycle
-    late_ago_s: float | None = None  # since the last late cycle ended; None: there was none
+    late_ago_s: float | None = None  # since the last late cycle ended, or None if there was none
     behind_s: float = 0.0  # present delay of the current cycle beyond its deadline
     computing_s: float = 0.0  # time spent in `advance`
     granted_s: float = 0.0  # real time of the completed cycles

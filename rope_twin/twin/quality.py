@@ -323,7 +323,7 @@ def _validity(shot: Snapshot) -> Iterator[Component]:
 
 
 def residual_of(element: str, shot: Snapshot) -> Component:
-    """Return the component of measured less computed values; None: nothing to compare with."""
+    """Return the component of measured less computed values, or None without a measurement."""
     quantity = _JUDGED_BY[element]
     compared = [one for one in shot.residuals if one.quantity == quantity]
     parts = [_residual(one) for one in compared if _compares(one, shot)]
@@ -395,7 +395,7 @@ def lateness_of(score: ForecastScore, now_s: float) -> Component:
 
 
 def calibration_of(score: ForecastScore) -> Component:
-    """Return the component of what became of the last forecasts; None: nothing judges them.
+    """Return the component of what became of the last forecasts, or None if nothing judges them.
 
     Two standard deviations of a share of n forecasts, each taken as one draw, are allowed.
     """

@@ -94,7 +94,7 @@ class ResidualMonitor:
         self._sum += z
 
     def _evaluated(self) -> ResidualTests | None:
-        """Return the results of all bins; None: the readings cover too little."""
+        """Return the results of all bins, or None if the readings cover too little."""
         full = [one for one in self._bins if one[1] >= LEAST_READINGS]
         span_s = float(BIN_S * len(full))
         if span_s < LEAST_SPAN_S:

@@ -75,7 +75,7 @@ class History:
             del self._times[:32], self._rows[:32]
 
     def at(self, time_ns: int, column: int) -> float | None:
-        """Return a value at a time, interpolated; None: it was not kept."""
+        """Return a value at a time, interpolated, or None if it was not kept."""
         if not self._times or not self._times[0] <= time_ns <= self._times[-1]:
             return None
         k = bisect_left(self._times, time_ns)
@@ -213,7 +213,7 @@ class Comparison:
         return math.sqrt(max(sum(one[7] for one in self._bins) / n - mean * mean, 0.0))
 
     def result(self) -> Residual | None:
-        """Return the newest residual and the statistics; None: nothing was compared yet."""
+        """Return the newest residual and the statistics, or None if nothing was compared yet."""
         if self._newest is None:
             return None
         stamp_ns, measured, computed, u, twin = self._newest

@@ -326,7 +326,7 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
     """Curvature at the nodes [1/m], (n,).
 
     position: nodes (n, 3) [m]; arc: their unstretched arc length [m], (n,); held: unit vector of
-    the direction in which the rope is clamped at the first node; None: a free end.
+    the direction in which the rope is clamped at the first node, or None for a free end.
     """
     chord, rest = np.diff(position, axis=0), np.diff(arc)
     size = np.sqrt((chord * chord).sum(axis=1))[:, None]

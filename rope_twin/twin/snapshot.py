@@ -122,7 +122,7 @@ class BodyShot:
     leg_length_m: Vector  # from the hook to the body, (legs,)
     leg_end_m: Vector  # attachment points on the body, in the frame, (legs, 3)
     hook_m: Vector  # position of the hook that they lead to, (3,)
-    deck_push_n: float | None = None  # reaction of the deck; None: there is no deck
+    deck_push_n: float | None = None  # reaction of the deck, or None if there is no deck
     deck_clearance_m: float | None = None  # of its lowest corner; negative: penetration
 
     @property

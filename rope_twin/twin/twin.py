@@ -163,7 +163,7 @@ class Twin:
         )
 
     def monitor(self, kind: type[AnyMonitor]) -> AnyMonitor | None:
-        """Return the run's monitor of this type; None: the run has none."""
+        """Return the run's monitor of this type, or None if the run has none."""
         return next((one for one in self._monitors if isinstance(one, kind)), None)
 
     def _present(self) -> Chunk:

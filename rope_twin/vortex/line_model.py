@@ -270,7 +270,7 @@ class Span(NamedTuple):
     diameter: Floats  # hydrodynamic, at the nodes [m], (n + 1,)
     speed: Floats  # normal water speed at the nodes [m/s], (n + 1,)
     stiffness: float = 0.0  # bending stiffness EI [N·m²], ends hinged
-    end_mass: float | None = None  # at the free lower end [kg]; None: it is fixed
+    end_mass: float | None = None  # at the free lower end [kg], or None if it is fixed
 
     @property
     def node_mass(self) -> Floats:

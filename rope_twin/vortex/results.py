@@ -129,7 +129,7 @@ class MaterialFatigue:
     from_hang_off_m: Vector  # its present distance below the hang-off; negative: aboard
     used: Vector  # Miner damage D; 1: failure
     bending: bool  # whether bending stress is included
-    bent: BendResult | None = None  # bends over sheaves and drum; None: the rope has none
+    bent: BendResult | None = None  # bends over sheaves and drum, or None if the rope has none
 
     @property
     def worst(self) -> int:

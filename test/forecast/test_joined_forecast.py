@@ -1,4 +1,4 @@
-"""Forecasts of scenes whose ropes meet: winches together, risk of any rope, recordings."""
+"""Forecasts of multi-line scenes: winches together, risk of any rope, recordings."""
 
 from __future__ import annotations
 

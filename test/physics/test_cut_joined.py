@@ -1,4 +1,4 @@
-"""A cut where ropes meet: against one rope that is cut, and what must stay as it is."""
+"""A cut in multi-line systems: against one rope that is cut, and what must stay as it is."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bending where ropes meet: a joint is a hinge; against closed forms and a dense solve."""
+"""Bending in multi-line systems: a joint is a hinge; against closed forms and a dense solve."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""VIV models with internal variables where ropes meet: a cut rope vibrates like the whole one."""
+"""VIV models with memory in multi-line systems: a cut rope vibrates like the whole one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sea, splash zone and seabed where ropes meet: a rope cut by a ring behaves as the whole one."""
+"""Sea, splash zone and seabed at joints: a rope cut by a ring behaves as the whole one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plans of scenes whose ropes meet: criteria of each rope; lateral offset in a current."""
+"""Plans of multi-line scenes: criteria of each rope; lateral offset in a current."""
 
 from __future__ import annotations
 

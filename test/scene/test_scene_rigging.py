@@ -1,4 +1,4 @@
-"""Scenes whose ropes meet: what is refused, in one sentence, and how the rest is built."""
+"""Multi-line scenes: what is refused, in one sentence, and how the rest is built."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The shipped scenes whose ropes meet: at rest, under way, commanded, saved and gone on."""
+"""The shipped multi-line scenes: at rest, under way, commanded, saved and gone on."""
 
 from __future__ import annotations
 

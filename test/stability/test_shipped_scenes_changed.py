@@ -1,7 +1,7 @@
 """Every scene that comes along, with other numbers, in any heave, current and payout.
 
-Its effects, sections, beds, waves, bodies and ropes that meet are as listed; figures are not. Held:
-every number is finite, no element pushes, and no energy comes from nothing.
+Its effects, sections, beds, waves, bodies and lines are as listed; figures are not. Held: every
+number is finite, no element pushes, and no energy comes from nothing.
 
 Ten scenes are drawn here. `pytest -m long test/stability/test_shipped_scenes_changed.py` draws 140
 more, some with the energy balance; `--hypothesis-profile=search` draws others.

@@ -118,7 +118,7 @@ def loaded_with(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def file_of(name: str) -> Path | None:
-    """The file of a module of the package; None: it is no module of it."""
+    """The file of a module of the package, or None if the package has no such module."""
     place = ROOT / name.replace(".", "/")
     files = (place.with_suffix(".py"), place / "__init__.py")
     return next((file for file in files if file.exists()), None)

@@ -72,7 +72,7 @@ class SnapshotSource:
         self.mode, self.seat = "winch: speed 0 m/s", "winch: winch_schedule"
         self.alerts: list[Alert] = []
         self.rows = [Status("simulation: pacing", Level.OK, "on time")]
-        self.horizon_s: float | None = None  # of a forecast; None: there is none
+        self.horizon_s: float | None = None  # of a forecast, or None if there is none
         self.orders: tuple[str, ...] = ()  # that the next row compares
         self._polls = 0
         self.broken = False

@@ -1,4 +1,4 @@
-"""Ropes that meet, built by hand from rigs, with their ends where the test wants them."""
+"""Multi-line systems built by hand from rigs, with their ends where the test wants them."""
 
 from __future__ import annotations
 

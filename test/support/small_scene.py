@@ -53,7 +53,7 @@ def small_scene(folder: Path) -> Scene:
     return load_scene(path)
 
 
-# no plain numbers, or there only for who asks or where ropes meet
+# no plain numbers, or there only for who asks or in multi-line systems
 NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "study_error", "energy", "error_interval",
     "no_error_interval", "seabed", "ropes",

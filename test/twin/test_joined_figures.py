@@ -1,4 +1,4 @@
-"""Figures that a run of ropes that meet takes over: as a fleet's, in states and after cuts."""
+"""Figures that a multi-line run takes over: as a fleet's, in states and after cuts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Members whose ropes meet against twins of their own: equal to the bit on equal mesh and step."""
+"""Multi-line members against twins of their own: equal to the bit on equal mesh and step."""
 
 from __future__ import annotations
 

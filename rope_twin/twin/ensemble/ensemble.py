@@ -161,7 +161,7 @@ class Ensemble:
             for one, own in zip(scenes, variations, strict=True)
         ]
         if watched and any(by_twin):
-            what = "ropes that meet, or a winch with tension feedback, are not watched"
+            what = "multi-line systems, or a winch with tension feedback, are not watched"
             raise InputError("ensemble", what, "step them with `rope_twin run`")
         self._monitors = monitors
         keys = list(dict.fromkeys(zip(scenes, by_twin, strict=True)))
@@ -246,7 +246,7 @@ class Ensemble:
         return self._members[number].scene
 
     def twin_of(self, number: int) -> Twin | None:
-        """Return the twin of a member whose ropes meet; None: it has none, or never started."""
+        """Return the twin of a multi-line member; None: it has none, or never started."""
         member = self._members[number]
         return member.twin if isinstance(member, TwinMember) else None
 
@@ -390,7 +390,7 @@ def advance_group(
 def _advance_joined(
     members: Sequence[TwinMember], steps: int, look_steps: int, scratch: Scratch
 ) -> None:
-    """Advance members whose ropes meet; those that get other elements go on as another group.
+    """Advance multi-line members; those that get other elements go on as another group.
 
     They catch up with the others.
     """

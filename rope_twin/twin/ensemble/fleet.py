@@ -1,7 +1,7 @@
 """Fleet: members of one scene that begin from any state and take figures and inputs as arrays.
 
-A forecast or an estimator runs many short simulations of what hangs now, a rope or a system of
-ropes that meet, each with its own heave, line out or payload. The members of a fleet have a mesh
+A forecast or an estimator runs many short simulations of what hangs now, a rope or a multi-line
+system, each with its own heave, line out or payload. The members of a fleet have a mesh
 and a step of their own, coarser than those of the live twin; they are stepped in SIMD lanes like an
 ensemble's (`core/lanes`), but their boundary conditions are arrays, their figures array writes
 without another scene or statics, and the top tension of every step is returned. Least tension and
@@ -322,8 +322,8 @@ class Fleet:
         """Set figures of all members as factors on the scene's values; others are kept.
 
         factors: by name of FIGURES, a number or one for each member. The members' motion and state
-        stay as they are: a rope whose weight or stiffness jumps rings. Where ropes meet a factor
-        applies to all ropes of a member, and to all that hangs on them.
+        stay as they are: a rope whose weight or stiffness jumps rings. A factor applies to
+        all ropes of a multi-line member, and to all that hangs on them.
 
         Raises:
             InputError: an unknown figure or one that the scene does not have, a factor that is not

@@ -46,7 +46,7 @@ class FleetState:
     time_ns: int
     rope: State  # of the main winch's rope
     memories: tuple[Floats, ...] = ()  # internal variables of the effects, rope by rope
-    others: tuple[State, ...] = ()  # of the other ropes, where ropes meet
+    others: tuple[State, ...] = ()  # of the other ropes, in multi-line systems
     joints: Floats | None = None  # motion of their connections, (rows.NODE_ROWS, joints)
 
 
@@ -70,8 +70,8 @@ class FleetInputs:
 class FleetRecord:
     """Results of `Fleet.advance`. A last look may be shorter than the others.
 
-    Where ropes meet the payload is the rigid body of the scene, else its first payload; its tension
-    is that of the first rope that ends there.
+    In multi-line systems the payload is the rigid body of the scene, or else its first payload; its
+    tension is that of the first rope that ends there.
     """
 
     top_tension_n: Floats  # of the main winch's rope at the end of each step, (steps, members)
@@ -184,7 +184,7 @@ class Members(ABC):
 
     @abstractmethod
     def kind_of(self, member: int) -> Any:
-        """Return what members in lanes must share; None: the member steps alone."""
+        """Return what members in lanes must share, or None if the member steps alone."""
 
     def alike(self, members: Ints) -> Iterator[Ints]:
         """Yield groups of members of one kind, as many as there are lanes, or one alone."""

@@ -1,4 +1,4 @@
-"""Members of a fleet that are systems of ropes that meet.
+"""Members of a fleet that are multi-line systems.
 
 Each has arrays of its own, all copies of one system in static equilibrium. Members of one kind step
 in lanes (core/lanes/joined_group), the others by themselves.
@@ -209,7 +209,7 @@ class SystemMembers(Members):
         return self._systems[member]
 
     def kind_of(self, member: int) -> JoinedKind | None:
-        """Return what members in lanes must share; None: the member steps alone."""
+        """Return what members in lanes must share, or None if the member steps alone."""
         if self._kind is None:
             return None
         system = self._systems[member]

@@ -1,4 +1,4 @@
-"""Turn of an ensemble's members whose ropes meet: their systems step in SIMD lanes.
+"""Turn of an ensemble's multi-line members: their systems step in SIMD lanes.
 
 Their twins prescribe the motion of some steps; lanes do them, and the twins record the result. A
 step that lanes give up is done for the system of that member alone. A member with many of them does

@@ -4,8 +4,8 @@ The copy is cheap enough to be taken between two paced steps. On the members' me
 position, velocity and acceleration of the live rope's material there; an element has the mean
 tension of what it replaces, the uppermost one that which keeps the force on the hang-off. Where a
 chord is shorter than the curve that it replaces, a length offset gives it its tension and decays,
-as at the sheave (`core.payout`). Paid-out length, payload and connections are kept exactly; of
-ropes that meet each has a state of its own.
+as at the sheave (`core.payout`). Paid-out length, payload and connections are kept exactly. Each
+rope of a multi-line system has a state of its own.
 """
 
 from __future__ import annotations

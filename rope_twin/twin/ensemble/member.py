@@ -368,7 +368,7 @@ class TwinMember:
         """Start as a copy of a twin in static equilibrium.
 
         heave: None: the ship lies still; commands: of the first winch; None: its schedule; course:
-        motion of the hang-offs of a multi-line scene, by rope; None: it depends on the ropes.
+        motion of the hang-offs of a multi-line scene, by rope, or None if it depends on the ropes.
 
         Raises:
             InputError: the winch rejects a command, or the series moves a hang-off sideways, as

@@ -264,7 +264,7 @@ class WinchMotion:
     ) -> None:
         """Start from `length_m` with these commands; None: the schedule of the scene.
 
-        winch: that of this scene and length; None: one that does not know its rope.
+        winch: that of this scene and length, or None for one that does not know its rope.
 
         Raises:
             InputError: the winch rejects a command, or a command needs tension feedback, which

@@ -177,7 +177,7 @@ class CommandQueue:
         return ""
 
     def _stamp_fault(self, stamp_ns: int, now_ns: int) -> tuple[str, str] | None:
-        """Return the kind and message of a rejection for its stamp; None: it is valid."""
+        """Return the kind and message of a rejection for its stamp, or None if it is valid."""
         newest_ns, at_once_ns = self._newest_ns, self._at_once_ns
         stamp_s = f"stamp {stamp_ns * 1e-9:.3f} s"
         if stamp_ns == newest_ns:

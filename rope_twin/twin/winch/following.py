@@ -75,7 +75,7 @@ class LineTrack(HeaveTrack):
 
     @property
     def newest_ns(self) -> int | None:
-        """Stamp of the newest reading [ns]; None: there is none."""
+        """Stamp of the newest reading [ns], or None if there is none."""
         return self._stamps[-1] if self._stamps else None
 
     def take(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
