@@ -11,6 +11,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -147,7 +148,7 @@ class BagSummary:
                 "name": topic.name,
                 "type": topic.type_name,
                 "serialization_format": "cdr",
-                "offered_qos_profiles": yaml.safe_load(topic.qos_profiles or "[]") or [],
+                "offered_qos_profiles": _profiles(topic.qos_profiles),
                 "type_description_hash": topic.type_hash,
             },
             "message_count": sum(file.counts.get(topic.name, 0) for file in self.files),
@@ -166,7 +167,12 @@ def _span(files: Sequence[FileSummary]) -> dict[str, Any]:
     }
 
 
-class _PlainDumper(yaml.SafeDumper):
+@cache  # topics share a few
+def _profiles(text: str) -> list[Any]:
+    return yaml.safe_load(text or "[]") or []
+
+
+class _PlainDumper(getattr(yaml, "CSafeDumper", yaml.SafeDumper)):  # type: ignore[misc]
     """No anchors: yaml-cpp reads them, but people should not have to."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -175,7 +181,7 @@ class _PlainDumper(yaml.SafeDumper):
 
 def _dump(data: Any) -> str:
     return yaml.dump(
-        data, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True, width=float("inf")
+        data, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True, width=2**31 - 1
     )
 
 

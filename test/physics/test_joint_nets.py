@@ -69,6 +69,7 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     assert (np.abs(cut - whole).max(axis=0) < 1e-8 * scale).all()
 
 
+@pytest.mark.long
 def test_nets_along_ropes_that_meet_are_that_of_the_whole_rope(tmp_path: Path) -> None:
     """Up to 16 m on each of the two ropes, which is all of the lower one: 32 m of the whole.
 

@@ -78,6 +78,7 @@ def level_catenary(depth: float, length: float, span: float) -> float:
     return float(brentq(lack, 1.0, 1000.0))
 
 
+@pytest.mark.long
 def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
     shot = at_rest(CABLE, tmp_path)
     w = (30.0 - RHO * pi / 4.0 * 0.12**2) * G

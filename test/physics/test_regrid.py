@@ -164,6 +164,7 @@ def store(twin: Twin) -> tuple[float, float, float]:
     return found.kinetic, found.elastic, found.potential
 
 
+@pytest.mark.long
 def test_ends_of_sections_stay_nodes_and_come_back_with_the_marks() -> None:
     """hybrid_lift: chain, fibre by a table of stiffness, wire; paid out over a joint meanwhile."""
     twin = Twin(load_scene("hybrid_lift"))

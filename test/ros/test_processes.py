@@ -55,6 +55,7 @@ def test_the_run_command_starts_watches_and_ends_them(
     assert (tmp_path / "bag.rrd").stat().st_size > 10_000
 
 
+@pytest.mark.long
 def test_ctrl_c_ends_all_processes_and_the_bag_is_whole(
     processes: Processes, tmp_path: Path
 ) -> None:

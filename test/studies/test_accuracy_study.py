@@ -148,7 +148,10 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
     assert -run.last.payload_position_m[2] == seen.depth_m[-1]
 
 
-@pytest.mark.parametrize("name", ["viv_calm", "vortices_modal", "vortices_decomposed"])
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param("viv_calm", marks=pytest.mark.long), "vortices_modal", "vortices_decomposed"],
+)
 def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> None:
     """The wake's memory, and what a model beside the step makes of the drag; also the second time.
 

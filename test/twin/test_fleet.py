@@ -295,6 +295,7 @@ def test_members_with_internal_variables(
     check_equal_to_twin(Fleet(path, 2, elements=8, step_s=0.01), expected, 20, 5)
 
 
+@pytest.mark.long
 def test_members_with_a_body_are_stepped_in_lanes() -> None:
     """Depth and speed are those of its middle, not those of the hook above its slings."""
     hanging = Change("ropes[0].length_m", 16.0)
@@ -313,6 +314,7 @@ def test_members_with_a_body_are_stepped_in_lanes() -> None:
     check_equal_to_twin(Fleet(scene, 3, elements=6, step_s=0.0025), expected, 400, 5)
 
 
+@pytest.mark.long
 def test_members_with_a_body_have_figures_of_their_own() -> None:
     """Weight is in the mean tension; mass and drag change how it moves, each member by itself."""
     hanging = Change("ropes[0].length_m", 16.0)
