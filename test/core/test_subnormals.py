@@ -37,7 +37,7 @@ def test_the_register_is_given_back_as_it_was() -> None:
 @pytest.mark.skipif(not HAS_REGISTER, reason="this processor has no such register")
 @pytest.mark.parametrize("name", ["still_water", "bridle_lift"])
 def test_nothing_fades_below_what_is_normal(name: str) -> None:
-    """Of one rope, and of multi-line systems: all that moves it sideways is far below 1e-308."""
+    """One rope and a multi-line system: every sideways motion is far below 1e-308."""
     twin = Twin(load_scene(name))
     twin.rope.state.nodes[VELOCITY + 1, 3] = FADED
     twin.advance(2)
