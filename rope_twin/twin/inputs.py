@@ -45,7 +45,7 @@ FIGURES_INPUT = "figures"
 MAX_CURRENT_M_PER_S = 10.0
 MAX_ROWS = 1000  # more would slow every step, and no current meter has them
 CURRENT_JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
-GONE_S = 60.0  # after the last score: none runs
+GONE_S = 60.0  # without a score for so long, no forecast runs
 MOST_JUDGED = 1_000_000
 
 
@@ -234,12 +234,12 @@ class TwinInputs:
             return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
     def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
-        """Lead the figures over to factors on the scene's; return "" or the rejection.
+        """Ramp the figures to factors times the scene's values; return "" or the rejection.
 
         A factor applies to all ropes of a multi-line system and to all that hangs on them, as in a
         fleet.
 
-        ramp_s: time that it takes [s]; factors: by the names of FIGURES, without the current.
+        ramp_s: duration of the ramp [s]; factors: by the names of FIGURES, without the current.
         """
         with self.lock:
             now_ns = self._clock.time_ns
@@ -313,7 +313,7 @@ class TwinInputs:
     def check_profiles(self) -> None:
         """Mark the known error as unknown after a current profile; call it under the lock.
 
-        Figures that are being taken over get their values of now.
+        Figures on a ramp are set to their present values.
         """
         self._apply_figures()
         accepted = self.current.counter.accepted

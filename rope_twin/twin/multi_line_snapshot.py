@@ -301,7 +301,7 @@ class ClearanceReport:
     def complete(self, shot: Snapshot) -> Snapshot:
         """Add the results of the lines to the snapshot.
 
-        There is no subscriber at the start: the first sampling is after the first step.
+        The first sampling follows the first step, since nothing subscribes before that.
         """
         second = shot.stamp_ns // SAMPLING_NS
         if shot.step == 0 or second == self._looked:

@@ -253,7 +253,7 @@ def disagrees(one: Residual) -> bool:
 
 
 class ForecastScore(NamedTuple):
-    """How the last forecasts of the top tension turned out (twin/inputs.py)."""
+    """Score of the latest forecasts of the top tension (twin/inputs.py)."""
 
     at_s: float  # twin time at which it came
     age_s: float  # of the newest input of the forecast, when that was ready
@@ -511,7 +511,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class TensionInterval:
-    """95 % discretisation-error interval of the top tension (`accuracy/error_interval.py`)."""
+    """95 % discretisation-error interval of the top tension (`twin/error_interval.py`)."""
 
     low_n: float
     high_n: float

@@ -6,9 +6,9 @@ in the core's cache; the scratch arrays of the step, a hundred times larger than
 rope, belong to the thread. Each member is bit-identical to a `Twin` of its scene and inputs,
 whichever members share its group and however the time is divided.
 
-In a batch of steps rare
-events (a step that is halved or needs a line search, an element that splits or merges) are computed
-for the member alone; one with many of them leaves the group until the end of the batch.
+Rare events (a step that is halved or needs a line search, an element that splits or merges) are
+computed for the member alone. A member with many of them leaves the group until the end of the
+batch of steps.
 """
 
 from __future__ import annotations

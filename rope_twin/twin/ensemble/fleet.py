@@ -65,11 +65,11 @@ class Record:
         self._failed: list[tuple[int, int, int]] = []
 
     def fail(self, step: int, look: int, member: int) -> None:
-        """Note the step and the look that a member failed to do."""
+        """Record the step and the look (sampling interval) at which a member failed."""
         self._failed.append((step, look, member))
 
     def close(self) -> None:
-        """Make the values of members NaN from the step on that they failed to do."""
+        """Set the results of failed members to NaN from the failing step on."""
         for step, look, member in self._failed:
             self.top[..., step:, member] = np.nan
             self.folds[..., look:, :, member] = np.nan
@@ -96,9 +96,10 @@ class Stretch:
         look_steps: int,
         span: tuple[int, int, int],
     ) -> None:
-        """Take the members' `course`, and of the steps the first, their number, the time [ns].
+        """Begin a stretch of steps.
 
-        look_steps: number of steps of a look.
+        course: boundary conditions of the members; look_steps: number of steps of a look; span:
+        first step, number of steps, and time at the beginning [ns].
         """
         self._members, self._course, self._record = members, course, record
         self._first, self._steps, time_ns = span
@@ -120,7 +121,7 @@ class Stretch:
         return list(self._members.alike(members))
 
     def run(self, members: Ints, own: Scratch) -> None:
-        """Do all steps of members of one kind; each has its lane."""
+        """Step members of one kind to the end of the stretch, each in a lane of its own."""
         done = dict.fromkeys(members.tolist(), 0)
         while done:
             first = min(done.values())
@@ -199,7 +200,7 @@ class Stretch:
         return group
 
     def _step_lane(self, group: Any, lane: int, member: int, step: int, own: Scratch) -> bool:
-        """Do a step for one lane alone; return whether it went."""
+        """Step one lane alone; return whether the step succeeded."""
         look = (self._first + step) // self._look_steps - self._first_look
         now = self._step(member, step, own)
         if now is None:
@@ -237,7 +238,7 @@ class Stretch:
             record.folds[..., look, :, member] = now
 
     def _step(self, member: int, step: int, own: Scratch) -> Floats | None:
-        """Do a step of one member by itself; return what a look folds, or None: it failed."""
+        """Step one member alone; return its extremes over the step, or None if it failed."""
         at, all_ = self._first + step, self._members
         time_s = self._time_s + step * all_.step_s
         now = all_.step(member, self._course, at, time_s, own)

@@ -207,10 +207,10 @@ class RopeMembers(Members):
     def step(
         self, member: int, course: Course, border: int, time_s: float, own: Scratch
     ) -> Floats | None:
-        """Do the step from a border for one member by itself.
+        """Step one member alone, from a step boundary on.
 
-        Returns what a look folds, (FOLDS,), or None: it failed. The force on the hang-off is in
-        `own.pull`.
+        Returns its extremes over the step, (FOLDS,), or None if it failed. The force on the
+        hang-off is in `own.pull`.
         """
         work, borders = own.work, own.borders
         assert work is not None

@@ -267,10 +267,10 @@ class SystemMembers(Members):
     def step(
         self, member: int, course: SystemCourse, border: int, time_s: float, own: Scratch
     ) -> Floats | None:
-        """Do the step from a border for one member by itself.
+        """Step one member alone, from a step boundary on.
 
-        Returns what a look folds, (ropes, FOLDS), or None: it failed. The forces on the upper ends
-        are in `own.pull`.
+        Returns its extremes over the step, (ropes, FOLDS), or None if it failed. The forces on the
+        upper ends are in `own.pull`.
         """
         system, borders = self._systems[member], own.borders
         course.set_border(borders, member, border)
