@@ -104,6 +104,11 @@ class Series:
         while self._rows[0][0] < time_s - KEPT_S:
             self._rows.popleft()
 
+    def drop_after(self, time_s: float) -> None:
+        """Remove the values that are later than a time."""
+        while self._rows and self._rows[-1][0] > time_s:
+            self._rows.pop()
+
     @property
     def newest_s(self) -> float:
         """Time of the newest value; -inf: there is none."""

@@ -164,7 +164,7 @@ class ForecastNode(SuiteNode):
         at, heard = stamp.sec + 1e-9 * stamp.nanosec, self._heard
         if name == "hang_off/odometry":
             self._admission.note_simulated(stamp.sec * 1_000_000_000 + stamp.nanosec)
-            if self._is_silent("heave", at):
+            if self._is_silent("heave", at) and not heard.doubt:
                 z = float(message.pose.pose.position.z)
                 heard.heave_m.add(at, z - self._hang_off[2])
         elif name == MEASURED_ELEVATION:
@@ -223,12 +223,18 @@ class ForecastNode(SuiteNode):
             self._heard.tension_n.add(at, float(message.effort[0]))
 
     def _take_diagnostics(self, data: bytes) -> None:
-        """Forecast nothing while the simulation has lost the ship: its heave is made up then."""
+        """Forecast nothing while the simulation has lost the ship.
+
+        Its heave is extrapolated then, also before these diagnostics came, and is not part of the
+        record.
+        """
         for row in read_diagnostics(data):
             if row.name == MOTION_ROW:
                 age = row.values.get(SAMPLE_AGE, "never")
                 lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
                 self._heard.doubt = f"the ship's heave is lost, see {MOTION_ROW}" if lost else ""
+                if lost:
+                    self._heard.heave_m.drop_after(self._measured_s.get("heave", -math.inf))
 
     def _publish_diagnostics(self) -> None:
         worker = self.worker

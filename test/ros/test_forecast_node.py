@@ -121,9 +121,10 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
 def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -> None:
     """Value by value; and while the simulation has lost the ship, nothing is forecast."""
     node = bench.make("forecast", scene=str(small_scene(tmp_path).path), members=19)
-    names = ("ship/heave", "winch/measured", "diagnostics", "estimate/figures")
+    names = "ship/heave", "winch/measured", "diagnostics", "estimate/figures", "hang_off/odometry"
     publishers = {name: bench.publisher(name) for name in names}
     rows = bench.listen("diagnostics")
+    shot = Twin(load_scene(node._params.scene)).snapshot()
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
@@ -139,6 +140,13 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     assert heard.heave_m.rows()[:, 1].tolist() == [0.0, 0.01, 0.03]
     assert heard.line_out_m.rows()[:, 1].tolist() == [200.0] * 3
     assert heard.tension_n.rows()[:, 1].tolist() == [76e3] * 3
+
+    def simulate(after_s: int) -> None:
+        message = Encoder(ns + after_s * S).encode("hang_off/odometry", shot)
+        publishers["hang_off/odometry"].publish(message)
+
+    simulate(2)
+    bench.until(lambda: len(heard.heave_m.rows()) == 4, "the simulation's heave is heard")
     for level, age, doubted in ((2, "4.2", True), (2, "0.1", False), (0, "0.1", False)):
         row = Status(MOTION_ROW, Level(level), "stale", {SAMPLE_AGE: age})
         strange = new("diagnostic_msgs/msg/DiagnosticStatus", level=-56, name=MOTION_ROW)
@@ -155,6 +163,10 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
         counts = {pair.key: pair.value for pair in own.values}
         assert counts["ship/heave: refused"] == "1"
         assert counts["winch/measured: refused"] == "2"
+        if doubted:
+            simulate(3)
+            bench._spin(0.2)
+            assert len(heard.heave_m.rows()) == 3, "an extrapolation is no part of the record"
     node.close()
 
 
