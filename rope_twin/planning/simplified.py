@@ -165,9 +165,7 @@ class Simplified:
 
     tip_m: float  # amplitude of the crane tip
     tip_m_per_s: float
-    tip_m_per_s2: float
     tip_period_s: float
-    resonance_s: float
     hook_n: float  # largest hook load
     payload_min_n: float  # least load of the payload
     payload_max_n: float
@@ -205,9 +203,7 @@ def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> 
     return Simplified(
         tip_m=amplitude,
         tip_m_per_s=speed,
-        tip_m_per_s2=acceleration,
         tip_period_s=moments.crossing_period_s,
-        resonance_s=resonance_period_s(lift),
         hook_n=hook,
         payload_min_n=low,
         payload_max_n=high,
