@@ -10,7 +10,7 @@ the next block begins is that of the new figures.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,7 +30,13 @@ from rope_twin.estimation.figures import (
     hung_winches,
     scene_prior,
 )
-from rope_twin.estimation.least_squares import Whitening, gate, gauss_newton_step, misfit
+from rope_twin.estimation.least_squares import (
+    Step,
+    Whitening,
+    gate,
+    gauss_newton_step,
+    misfit,
+)
 from rope_twin.estimation.lift_model import ExpectedMotion, LiftModel, Prediction
 from rope_twin.estimation.measured_lift import MEAN_S, Bools, MeasuredLift
 from rope_twin.estimation.noise import (
@@ -96,11 +102,29 @@ class _Linear:
         return residual, np.vstack([self.jacobian, row]), covariance
 
 
+@dataclass(frozen=True)
+class _Fit:
+    """Where Gauss-Newton came to rest from one start."""
+
+    at: _Linear  # the last linearisation
+    used: Floats  # (k,) 1: the mean passed the gate
+    step: Step | None  # the last one; None: nothing passed the gate
+    nis: float  # normalised innovation squared of what is left, over its number; NaN: nothing used
+    left: Floats  # (k,) residual after the step [N]
+
+    @property
+    def explains(self) -> bool:
+        """Return whether what is left is as small as the noise lets one expect."""
+        return self.nis < POOR_NIS
+
+
 BLOCK_S, BURN_IN_S = 60.0, 60.0
 MOST_ITERATIONS, MOST_HALVINGS = 20, 3
 MOST_STEP_SDS = 1.5  # a figure moves at most so many prior standard deviations in one step
 ENOUGH = 0.05  # gain of a step in -ln of the posterior density that is no worth another one
 DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior standard deviations
+POOR_NIS = 3.0  # of figures that do not explain a block; of truths that were found it is 0.8 to 1.3
+PERIOD_STARTS_SDS = -1.5, -1.0, -0.5, 0.5, 1.0, 1.5  # of ln(stiffness/mass), in standard deviations
 LEAST_USED = 0.2  # share of a block's means to learn from it; at 1 Hz a quarter is there
 SPECTRUM_S = 240.0  # of heave for the linearised drag
 SPECTRUM_INTERVAL_S = 0.05
@@ -353,17 +377,39 @@ class Estimator:
         )  # fmt: skip
 
     def _learn(
-        self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
+        self, first: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
     ) -> tuple[Gaussian, Floats, float]:
         """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
 
         joint: θ and the errors of the line counter before the block.
 
+        Until a block has been explained, the search also begins from other natural periods where
+        the present figures lead to none that explain it, and the better result counts.
+        """
+        assert self.noise is not None
+        fit = self._fit(first, joint, measured, motion)
+        if not (fit.explains or any(one.nis < POOR_NIS for one in self.results)):
+            start = self._best_period(first, joint, measured, motion)
+            other = self._fit(start, joint, measured, motion)
+            if self._best([fit.at, other.at], joint) == 1:
+                fit = other
+        if fit.step is None:
+            self.theta = self.belief.mean.copy()
+            return joint, fit.used, np.nan
+        self.theta = fit.step.theta[: len(self.prior.names)].copy()
+        if np.isfinite(fit.nis):
+            self.noise.learn(fit.left, fit.used, fit.at.autocovariances)
+        return fit.step.posterior, fit.used, fit.nis
+
+    def _fit(
+        self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
+    ) -> _Fit:
+        """Search the posterior mean of θ and the errors of the line counter from one start.
+
         Steps are taken from new linearisations until one promises no more than ENOUGH. One that
         makes the posterior density smaller is halved. Where the gate leaves less than LEAST_USED,
         nothing is learned but from the mean over slack.
         """
-        assert self.noise is not None
         figures = len(self.prior.names)
         free = np.full(len(joint.mean) - figures, np.inf)  # errors of the line have no limits
         count = len(measured)
@@ -377,8 +423,7 @@ class Estimator:
             if self.share(share) < LEAST_USED:
                 used[:count] = False
             if not used.any():
-                self.theta = self.belief.mean.copy()
-                return joint, share, np.nan
+                return _Fit(at, share, None, np.nan, residual[:count])
             whiten = Whitening(covariance, used)
             reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:figures]
             step = gauss_newton_step(
@@ -392,14 +437,46 @@ class Estimator:
             if better is None:
                 break
             at = better
-        self.theta = step.theta[:figures].copy()
-        number = int(used[:count].sum())
-        if number == 0:
-            return step.posterior, share, np.nan
         left = residual - jacobian @ (step.theta - at.theta)
+        number = int(used[:count].sum())
         whitened = whiten(left)[:number]
-        self.noise.learn(left[:count], share, at.autocovariances)
-        return step.posterior, share, float(whitened @ whitened) / number
+        nis = float(whitened @ whitened) / number if number else np.nan
+        return _Fit(at, share, step, nis, left[:count])
+
+    def _best_period(
+        self, first: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
+    ) -> _Linear:
+        """Return the linearisation of the best of several ratios of stiffness to mass.
+
+        A short rope rings with its natural period. Once the period of the figures is a tenth off,
+        the two drift apart by a whole cycle in a block, and the misfit has minima in between.
+        """
+        figures, starts = len(self.prior.names), [first]
+        stiff, mass = INDEX["axial_stiffness"], INDEX["oscillating_mass"]
+        P = joint.covariance
+        with_ratio = P[:, stiff] - P[:, mass]
+        ratio_sd = np.sqrt(with_ratio[stiff] - with_ratio[mass])
+        for ratio_sds in PERIOD_STARTS_SDS:
+            theta = first.theta + ratio_sds * with_ratio / ratio_sd
+            theta[:figures] = self.prior.within(theta[:figures])
+            prediction = self.model.predict(
+                theta[:figures], self.state, self.state_s, self.block_end_s, motion
+            )
+            starts.append(self._linearise(prediction, measured, theta[figures:]))
+        return starts[self._best(starts, joint)]
+
+    def _best(self, candidates: Sequence[_Linear], joint: Gaussian) -> int:
+        """Return which has the highest posterior density, by the means that all of them have.
+
+        The first one where these are less than LEAST_USED.
+        """
+        common = np.asarray(np.isfinite([one.residual for one in candidates]).all(axis=0), float)
+        if self.share(common) < LEAST_USED:
+            return 0
+        whiten = Whitening(candidates[0].covariance, common)
+        return int(
+            np.argmin([misfit(one.theta, joint, whiten(one.residual)) for one in candidates])
+        )
 
     def _better(
         self, at: _Linear, change: Floats, joint: Gaussian, used: Floats, measured: Floats,

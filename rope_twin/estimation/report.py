@@ -20,7 +20,14 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
-from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, BlockResult, Estimator
+from rope_twin.estimation.estimator import (
+    BLOCK_S,
+    BURN_IN_S,
+    LEAST_USED,
+    POOR_NIS,
+    BlockResult,
+    Estimator,
+)
 from rope_twin.estimation.figures import (
     NAMES,
     REPORTED,
@@ -423,6 +430,18 @@ def left_out_words(last: BlockResult) -> list[str]:
         rate = f"tension comes below {LEAST_USED / MEAN_S:g} Hz"
         found.append(f"{most}: a sensor is missing, {rate}, or the rope is slack")
     return found
+
+
+def unexplained_words(results: Sequence[BlockResult]) -> str:
+    """Return that the last minute learned from is not explained by its figures; "": it is."""
+    minutes = [k for k, one in enumerate(results) if np.isfinite(one.nis)]
+    if not minutes or results[minutes[-1]].nis < POOR_NIS:
+        return ""
+    last = results[minutes[-1]]
+    return (
+        f"no figures were found that explain the minute to {last.end_s:.0f} s (normalised "
+        f"innovation squared {last.nis:.3g}, about 1 is expected): the intervals do not hold"
+    )
 
 
 def as_json(

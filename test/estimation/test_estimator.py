@@ -24,7 +24,13 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import LONGEST_STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
-from rope_twin.estimation.report import base_values, estimates, held_words, left_out_words
+from rope_twin.estimation.report import (
+    base_values,
+    estimates,
+    held_words,
+    left_out_words,
+    unexplained_words,
+)
 from rope_twin.messages.reports import STATES
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
@@ -132,6 +138,20 @@ def test_a_figure_at_the_limit_of_its_prior_is_not_called_learned() -> None:
     assert STATES.index(states["oscillating_mass"]) == 3
     assert "oscillating_mass" in held_words(last.held)
     assert held_words(()) == ""
+
+
+def test_a_minute_that_no_figures_explain_is_named() -> None:
+    """A tension that rings by 5 kN at a period that the rope does not have; noise is 0.5 kN."""
+    ringing = MeasuredLift(NOISE_N)
+    times, tension = lift().tension.table.T
+    ringing.tension.extend(times, tension + 5e3 * np.sin(2.0 * np.pi * times / 0.9))
+    ringing.heave.extend(*lift().heave.table.T)
+    ringing.line_out.extend(*lift().line_out.table.T)
+    made = estimator(ringing)
+    made.run(120.0)
+    assert not made.results[0].held
+    assert unexplained_words(made.results).startswith("no figures were found that explain the min")
+    assert unexplained_words([]) == ""
 
 
 def sampled(every: int, spike_n: float = 0.0, count_n: float = 0.0) -> Estimator:
