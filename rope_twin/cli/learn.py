@@ -95,7 +95,6 @@ def run(args: argparse.Namespace) -> int:
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
-    unexplained = report.unexplained_words(estimator.results)
     remarks = report.not_measured(recorded.lift)
     if estimator.noise is not None:
         noise_n = estimator.noise.nominal_white_n
@@ -103,7 +102,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         learned = report.as_json(found, estimator.results, derived, estimator.model.winches)
         learned["remarks"] = remarks
-        learned["unexplained"] = unexplained or None
         learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
@@ -120,8 +118,6 @@ def run(args: argparse.Namespace) -> int:
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
     for words in (*report.left_out_words(last), *remarks):
         print(words)
-    if unexplained:
-        print(unexplained, file=sys.stderr)
     if held:
         print(report.held_words(held), file=sys.stderr)
     if alarm is not None:

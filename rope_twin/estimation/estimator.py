@@ -145,7 +145,8 @@ class BlockResult:
     end_s: float
     posterior: Gaussian
     used: float  # share of the block's means that were used, of the load pins that are measured
-    nis: float  # normalised innovation squared of the residual that is left, over its number
+    nis: float  # normalised innovation squared of the residual that is left, over its number; NaN:
+    # no mean was used
     held: tuple[str, ...]  # figures at the limit of what the prior allows
     near: float  # share of the means left out with the payload near the surface or the seabed
     stopped: float  # share of the tension left out at an end of a load pin's range
@@ -326,12 +327,12 @@ class Estimator:
         first = self._linearise(prediction, measured, joint.mean[figures:])
         self.innovation = self._innovation(first, joint)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
+        held = self.prior.held(self.theta)
         if self.share(used) >= LEAST_USED or first.slack is not None:
-            posterior, used, nis = self._learn(first, joint, measured, prediction.motion)
+            posterior, used, nis, held = self._learn(first, joint, measured, prediction.motion)
         self._memory.learn(posterior)
         own = slice(figures)
         posterior = Gaussian(posterior.mean[own], posterior.covariance[own, own])
-        held = self.prior.held(self.theta)
         stopped = max(one.stopped_share(begin_s, end_s) for one in lift.ropes)
         of_pins = tuple(used.reshape(pins, -1).mean(axis=1).tolist())
         self.results.append(
@@ -378,13 +379,15 @@ class Estimator:
 
     def _learn(
         self, first: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
-    ) -> tuple[Gaussian, Floats, float]:
-        """Move θ to its posterior mean; return the posterior, the used samples and the NIS.
+    ) -> tuple[Gaussian, Floats, float, tuple[str, ...]]:
+        """Move θ to its posterior mean; return the posterior, the used samples, NIS and limits.
 
-        joint: θ and the errors of the line counter before the block.
+        joint: θ and the errors of the line counter before the block. The limits are the names of
+        figures that the best fit has at a limit of the prior.
 
         Until a block has been explained, the search also begins from other natural periods where
-        the present figures lead to none that explain it, and the better result counts.
+        the present figures lead to none that explain it, and the better result counts. Of a block
+        that no figures explain the share 1/NIS is believed, as of noise that large (Birge 1932).
         """
         assert self.noise is not None
         fit = self._fit(first, joint, measured, motion)
@@ -393,13 +396,16 @@ class Estimator:
             other = self._fit(start, joint, measured, motion)
             if self._best([fit.at, other.at], joint) == 1:
                 fit = other
-        if fit.step is None:
-            self.theta = self.belief.mean.copy()
-            return joint, fit.used, np.nan
-        self.theta = fit.step.theta[: len(self.prior.names)].copy()
         if np.isfinite(fit.nis):
             self.noise.learn(fit.left, fit.used, fit.at.autocovariances)
-        return fit.step.posterior, fit.used, fit.nis
+        if fit.step is None:
+            self.theta = self.belief.mean.copy()
+            return joint, fit.used, fit.nis, self.prior.held(self.theta)
+        share = 1.0 / fit.nis if fit.nis >= POOR_NIS else 1.0
+        posterior = fit.step.posterior_of(share, joint)
+        figures = slice(len(self.prior.names))
+        self.theta = posterior.mean[figures].copy()
+        return posterior, fit.used, fit.nis, self.prior.held(fit.step.theta[figures])
 
     def _fit(
         self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None

@@ -70,6 +70,19 @@ class Step:
         """Return the Gaussian approximation of the posterior."""
         return Gaussian(self.theta, inverse(self.precision))
 
+    def posterior_of(self, share: float, prior: Gaussian) -> Gaussian:
+        """Return the posterior if only a share of the data's information is believed.
+
+        With the information D = Λ - P⁻¹ of the data and their own optimum d, Λ·θ = P⁻¹·m + D·d.
+        """
+        if share == 1.0:
+            return self.posterior
+        P_inverse = inverse(prior.covariance)
+        of_prior = P_inverse @ prior.mean
+        covariance = inverse(P_inverse + share * (self.precision - P_inverse))
+        mean = covariance @ (of_prior + share * (self.precision @ self.theta - of_prior))
+        return Gaussian(mean, covariance)
+
 
 def gauss_newton_step(
     theta: Floats,

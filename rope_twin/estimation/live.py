@@ -67,7 +67,6 @@ class Estimate:
     factors: dict[str, float]  # on the scene's figures, without the current
     held: tuple[str, ...]  # figures at the limit of the prior
     left_out: tuple[str, ...]  # why how much of the block was left out, in words
-    unexplained: str  # that the figures do not explain the data, in words; "": they do
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of estimate/figures."""
@@ -81,7 +80,7 @@ class Estimate:
         if self.left_out:
             head += f" ({'; '.join(self.left_out)})"
         found = f"{head}: {listed or 'no figure is known better than before'}"
-        return "; ".join(filter(None, (found, report.held_words(self.held), self.unexplained)))
+        return "; ".join(filter(None, (found, report.held_words(self.held))))
 
 
 class Learner:
@@ -209,15 +208,13 @@ class Learner:
             factors={name: float(factors[name]) for name in known},
             held=last.held,
             left_out=(*report.left_out_words(last), *report.not_measured(self._lift)),
-            unexplained=report.unexplained_words(estimator.results),
         )
 
     def factors_to_apply(self) -> dict[str, float]:
         """Return the factors on the scene's figures to take over.
 
         Raises:
-            InputError: nothing was learned yet, a figure is at the limit of its prior, or the
-                figures do not explain what they were learned from.
+            InputError: nothing was learned yet, or a figure is at the limit of its prior.
         """
         newest = self.newest
         if newest is None:
@@ -226,8 +223,6 @@ class Learner:
         if newest.held:
             what = f"{', '.join(newest.held)} is at the limit of its prior"
             raise InputError("learned figures", what, "check scene, units and signs")
-        if newest.unexplained:
-            raise InputError("learned figures", newest.unexplained, "check scene and sensors")
         return newest.factors
 
 

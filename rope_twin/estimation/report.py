@@ -429,19 +429,11 @@ def left_out_words(last: BlockResult) -> list[str]:
         most = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
         rate = f"tension comes below {LEAST_USED / MEAN_S:g} Hz"
         found.append(f"{most}: a sensor is missing, {rate}, or the rope is slack")
+    if last.nis >= POOR_NIS:
+        times = f"{np.sqrt(last.nis):.2g} times what sensors and heave explain"
+        what = "learned with noise that large; check clocks and scene"
+        found.append(f"the last minute's tension is off by {times}, whatever the figures: {what}")
     return found
-
-
-def unexplained_words(results: Sequence[BlockResult]) -> str:
-    """Return that the last minute learned from is not explained by its figures; "": it is."""
-    minutes = [k for k, one in enumerate(results) if np.isfinite(one.nis)]
-    if not minutes or results[minutes[-1]].nis < POOR_NIS:
-        return ""
-    last = results[minutes[-1]]
-    return (
-        f"no figures were found that explain the minute to {last.end_s:.0f} s (normalised "
-        f"innovation squared {last.nis:.3g}, about 1 is expected): the intervals do not hold"
-    )
 
 
 def as_json(

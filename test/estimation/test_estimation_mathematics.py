@@ -86,6 +86,20 @@ def test_tempering_is_a_covariance_that_is_as_many_times_larger() -> None:
     assert np.allclose(half.theta, double.theta, rtol=1e-10)
 
 
+def test_a_share_of_the_information_is_a_covariance_that_is_as_many_times_larger() -> None:
+    """The share 1/5 of a step leaves the posterior of 5·R."""
+    prior, J, R, y = random_problem(9)
+    used, r = np.ones(len(y), bool), y - J @ prior.mean
+    step, fifth = (
+        gauss_newton_step(prior.mean, prior, r, J, Whitening(size * R, used), robust=False)
+        for size in (1.0, 5.0)
+    )
+    believed = step.posterior_of(0.2, prior)
+    assert np.allclose(believed.mean, fifth.posterior.mean, rtol=1e-9)
+    assert np.allclose(believed.covariance, fifth.posterior.covariance, rtol=1e-9)
+    assert step.posterior_of(1.0, prior).mean.tolist() == step.posterior.mean.tolist()
+
+
 def test_a_missing_sample_is_no_sample() -> None:
     """Rows of missing samples leave the posterior of the others, whatever they hold."""
     prior, J, R, y = random_problem(3)
