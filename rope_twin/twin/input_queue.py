@@ -26,7 +26,7 @@ from rope_twin.twin.winch.commands import WinchCommand
 
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
-_DOUBT = "invalidate_inputs"
+_INVALIDATE = "invalidate_inputs"
 _REMARK = "take_remark"
 _PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel, Measurement)}
 
@@ -58,10 +58,10 @@ def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
 def _queued(method: str) -> Callable[..., str]:
     """Return a method that queues a call of the twin's; it returns "" or the rejection."""
 
-    def put(queue: InputQueue, *arguments: Any, **named: Any) -> str:
+    def queue_call(queue: InputQueue, *arguments: Any, **named: Any) -> str:
         return queue._put(Call(method, arguments, named))
 
-    return put
+    return queue_call
 
 
 class InputQueue:
@@ -119,10 +119,13 @@ class InputQueue:
     offer_command, offer_cut = _queued("offer_command"), _queued("offer_cut")
     offer_current, offer_measurement = _queued("offer_current"), _queued("offer_measurement")
     offer_figures, take_remark = _queued("offer_figures"), _queued(_REMARK)
-    offer_forecast_score, invalidate_inputs = _queued("offer_forecast_score"), _queued(_DOUBT)
+    offer_forecast_score, invalidate_inputs = _queued("offer_forecast_score"), _queued(_INVALIDATE)
 
     def _put(self, call: Call) -> str:
-        size = sum(one.size for one in call.arguments if isinstance(one, np.ndarray)) or 1
+        size = (
+            sum(argument.size for argument in call.arguments if isinstance(argument, np.ndarray))
+            or 1
+        )
         with self._lock:
             if self._waiting_numbers + size > WAITING_LIMIT:
                 self.refused += 1
@@ -149,7 +152,7 @@ class InputQueue:
 
 def plain_calls(calls: tuple[Call, ...]) -> list[Any]:
     """Return the calls in a form for JSON; `calls_of` restores them bit-identically."""
-    return [[one.method, _plain(one.arguments), _plain(one.named)] for one in calls]
+    return [[call.method, _plain(call.arguments), _plain(call.named)] for call in calls]
 
 
 def calls_of(plain: Any) -> tuple[Call, ...]:
@@ -159,13 +162,13 @@ def calls_of(plain: Any) -> tuple[Call, ...]:
         ValueError: the argument is not the JSON form of calls.
     """
     try:
-        return tuple(_call(*one) for one in plain)
+        return tuple(_call(*entry) for entry in plain)
     except (TypeError, KeyError, AttributeError) as error:
         raise ValueError(f"no calls: {error}") from error
 
 
 def _call(method: str, arguments: Any, named: Any) -> Call:
-    if not (method.startswith("offer_") or method in (_DOUBT, _REMARK, SET_LEVEL)):
+    if not (method.startswith("offer_") or method in (_INVALIDATE, _REMARK, SET_LEVEL)):
         raise ValueError(f"'{method}' is no input")
     given = {str(name): _value(value) for name, value in named.items()}
     return Call(method, tuple(_value(value) for value in arguments), given)

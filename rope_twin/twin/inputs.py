@@ -45,8 +45,8 @@ FIGURES_INPUT = "figures"
 MAX_CURRENT_M_PER_S = 10.0
 MAX_ROWS = 1000  # more would slow every step, and no current meter has them
 CURRENT_JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
-GONE_S = 60.0  # without a score for so long, no forecast runs
-MOST_JUDGED = 1_000_000
+SCORE_TIMEOUT_S = 60.0  # without a new score for this time, no forecast runs
+MAX_FORECASTS_JUDGED = 1_000_000
 
 
 class InputState(NamedTuple):
@@ -79,7 +79,7 @@ class TwinInputs:
         self.current = CurrentInput(ropes.first.effects)
         self.cut = CutInput(scene)
         self.measured = MeasuredInputs(scene)
-        self.border = InputCounter(BORDER)  # what was kept from the twin, in words
+        self.border = InputCounter(BORDER)  # warnings on inputs that did not reach the twin
         self.figures = LearnedFigures()
         self.forecast = ForecastInput()
         self.lower_end = LowerEndTrack(scene) if scene.ropes[0].is_led else None
@@ -90,8 +90,8 @@ class TwinInputs:
         self.ropes = ropes  # with the winches of the other ropes
         self._clock = clock
         self._winch_names, self._lines = tuple(winches_by_name(scene)), scene.ropes
-        alone = () if is_joined(scene) else (scene.ropes[0].name,)
-        self._first_winch_names = ("", WINCH, *alone)
+        first_rope_name = () if is_joined(scene) else (scene.ropes[0].name,)
+        self._first_winch_names = ("", WINCH, *first_rope_name)
         self.own_motion: SceneMotion | None = None  # reference for the accepted motion
         self._judges_motion, self.motion_judged = True, False
 
@@ -105,14 +105,14 @@ class TwinInputs:
         self._apply_figures()
         self.validity.resume(self._digest)
 
-    def expect_motion(self, own: SceneMotion | None) -> None:
+    def expect_motion(self, scene_motion: SceneMotion | None) -> None:
         """Compare each accepted motion sample with the scene's own sea from now on.
 
         The error known from the scene's convergence study is reported only for motion that was
         compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
         compared.
         """
-        self.own_motion, self._judges_motion = own, own is not None
+        self.own_motion, self._judges_motion = scene_motion, scene_motion is not None
         self.motion_judged = True
 
     def offer_heave(
@@ -128,10 +128,10 @@ class TwinInputs:
         unknown.
         """
         with self.lock:
-            heard = position_m, velocity_m_per_s
-            refusal = self.heave.offer(stamp_ns, *heard, received_ns)
+            sample = position_m, velocity_m_per_s
+            refusal = self.heave.offer(stamp_ns, *sample, received_ns)
             if not refusal and self._judges_motion:
-                self.validity.hear_heave(self.own_motion, stamp_ns, *heard)
+                self.validity.hear_heave(self.own_motion, stamp_ns, *sample)
             return refusal
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
@@ -228,16 +228,16 @@ class TwinInputs:
         received_ns: arrival in twin time, to see a sensor's clock that is ahead; None: unknown.
         """
         with self.lock:
-            called = self.winch_called  # "" stays: the only winch, or a fault
-            rows = tuple((row[0] and called(row[0]), *row[1:]) for row in measurement.rows)
+            canonical = self.winch_called  # "" stays: the only winch, or a fault
+            rows = tuple((row[0] and canonical(row[0]), *row[1:]) for row in measurement.rows)
             named = measurement._replace(rows=rows)
             return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
     def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
         """Ramp the figures to factors times the scene's values; return "" or the rejection.
 
-        A factor applies to all ropes of a multi-line system and to all that hangs on them, as in a
-        fleet.
+        As in a fleet, a factor applies to all ropes of a multi-line system and to the suspended
+        load.
 
         ramp_s: duration of the ramp [s]; factors: by the names of FIGURES, without the current.
         """
@@ -255,8 +255,8 @@ class TwinInputs:
     ) -> str:
         """Report how the last forecasts turned out; return "" or the reason for the rejection.
 
-        coverage: share of the measured tensions inside their bands, NaN: unknown; judged: number of
-        forecasts that it is of; factor: on the members' spread; age_s: of the inputs [s].
+        coverage: fraction of the measured tensions inside their bands, NaN: unknown; judged: number
+        of forecasts evaluated for it; factor: on the members' spread; age_s: age of the inputs [s].
         """
         with self.lock:
             now_s = self._clock.time_ns * 1e-9
@@ -273,7 +273,7 @@ class TwinInputs:
         return self.figures.steps_before(now_ns, step_ns, steps)
 
     def _apply_figures(self) -> None:
-        """Set the figures of the present, if any were taken over."""
+        """Set the figures to their present values, if any were accepted."""
         if self.figures.active and self.cut.done is None:
             factors = self.figures.at(self._clock.time_ns)
             first = self.ropes.first
@@ -281,13 +281,13 @@ class TwinInputs:
             self.ropes.scale(factors)
 
     def take_remark(self, words: str) -> str:
-        """Report inputs that were kept from the twin, as WARN for a minute; return ""."""
+        """Report inputs that did not reach the twin, as WARN for a minute; return ""."""
         with self.lock:
             self.border.warn(words, self._clock.time_ns)
         return ""
 
     def _follow(self, winch: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
-        """Let a winch have its measured line out [m] and line speed [m/s]."""
+        """Pass its measured line out [m] and line speed [m/s] to a winch."""
         if self.winch_called(winch) == WINCH:
             self.winch.follow(stamp_ns, length_m, speed)
         elif winch in self._winch_names:
@@ -295,10 +295,12 @@ class TwinInputs:
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
-        ends = () if self.lower_end is None else (self.lower_end.counter,)
-        counters = (self.heave.counter, self.cut.counter, *ends)
-        own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
-        return own | self.winch.newest_ns() | self.ropes.newest_ns() | self.measured.newest_ns()
+        lower_end = () if self.lower_end is None else (self.lower_end.counter,)
+        counters = (self.heave.counter, self.cut.counter, *lower_end)
+        newest = {
+            counter.name: counter.newest_ns for counter in counters if counter.newest_ns is not None
+        }
+        return newest | self.winch.newest_ns() | self.ropes.newest_ns() | self.measured.newest_ns()
 
     def invalidate(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
@@ -311,7 +313,7 @@ class TwinInputs:
                 self.lower_end.invalidate()
 
     def check_profiles(self) -> None:
-        """Mark the known error as unknown after a current profile; call it under the lock.
+        """Mark the tension error as unknown after a new current profile; call it under the lock.
 
         Figures on a ramp are set to their present values.
         """
@@ -322,33 +324,33 @@ class TwinInputs:
             at_s = self._clock.time_ns * 1e-9
             self.validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
 
-    def complete(self, taken: Snapshot) -> Snapshot:
-        """Add the residuals, and the score of a forecast that runs, to a snapshot."""
+    def complete(self, shot: Snapshot) -> Snapshot:
+        """Add the residuals, and the score of a running forecast, to a snapshot."""
         with self.lock:
             if self.measured.active:
-                amended(taken, residuals=self.measured.residuals(taken))
-            return amended(taken, forecast_score=self.forecast.at(taken.time_s))
+                amended(shot, residuals=self.measured.residuals(shot))
+            return amended(shot, forecast_score=self.forecast.at(shot.time_s))
 
     def health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""
-        now = self._clock.time_ns
-        kept_out = self.border.health(now, False)
-        learned = self.figures.counter.health(now, False)
+        now_ns = self._clock.time_ns
+        kept_out = self.border.health(now_ns, False)
+        learned = self.figures.counter.health(now_ns, False)
         return {
-            "heave": self.heave.health(now),
-            **self.winch.health(now),
-            "current": self.current.counter.health(now, False),
-            **self.cut.health(now),
-            **({} if self.lower_end is None else {"lower_end": self.lower_end.health(now)}),
-            **self.measured.health(now),
+            "heave": self.heave.health(now_ns),
+            **self.winch.health(now_ns),
+            "current": self.current.counter.health(now_ns, False),
+            **self.cut.health(now_ns),
+            **({} if self.lower_end is None else {"lower_end": self.lower_end.health(now_ns)}),
+            **self.measured.health(now_ns),
             **({BORDER: kept_out} if kept_out.warning else {}),
             **({FIGURES_INPUT: learned} if learned.accepted or learned.note else {}),
         }
 
 
 class CurrentInput:
-    """Input of profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3), or with
-    a vertical component too, (rows, 4).
+    """Input of current profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3);
+    with a vertical component (rows, 4).
     """
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
@@ -363,7 +365,7 @@ class CurrentInput:
             return fault
         before = profile_of(self.effects)
         assert before is not None, "checked above"
-        new = from_rows(_like(profile, len(before.U)))
+        new = from_rows(_with_components(profile, len(before.U)))
         jump, z = _largest_change(before, new)
         self.effects = tuple(with_profile(effect, new) for effect in self.effects)
         self.changes += 1
@@ -383,8 +385,8 @@ class CurrentInput:
 
         For a return to an earlier state of the ropes: the profile may have caused the failed step.
         """
-        now, before = profile_of(self.effects), profile_of(effects)
-        if now is before:
+        present, restored = profile_of(self.effects), profile_of(effects)
+        if present is restored:
             return False
         self.effects, self.changes = effects, self.changes + 1
         what = f"a step failed at {now_ns * 1e-9:.2f} s, soon after a new profile"
@@ -395,29 +397,27 @@ class CurrentInput:
 
     def _fault(self, profile: NDArray[np.float64]) -> str:
         """Return why a profile is rejected, after counting it; "" if it is accepted."""
-        impossible, present = "", profile_of(self.effects)
+        reason, present = "", profile_of(self.effects)
         if present is None:
-            impossible = phrase(
+            reason = phrase(
                 "current", "the scene lists no current", "add the effect 'current' to the scene"
             )
         elif profile.ndim != 2 or profile.shape[1] not in (3, 4) or len(profile) == 0:
             what = f"its shape is {profile.shape}"
-            impossible = phrase("current", what, "give rows of z, east, north (, up)")
+            reason = phrase("current", what, "give rows of z, east, north (, up)")
         elif len(profile) > MAX_ROWS:
-            impossible = phrase(
-                "current", f"it has {len(profile)} rows", f"give {MAX_ROWS} at most"
-            )
+            reason = phrase("current", f"it has {len(profile)} rows", f"give {MAX_ROWS} at most")
         elif not np.isfinite(profile).all():
             return self.counter.refuse(
                 "non_finite",
                 phrase("current", "a value is not finite", "every value must be a finite number"),
             )
         elif np.any(np.diff(profile[:, 0]) >= 0.0) or profile[0, 0] > 0.0:
-            impossible = phrase(
+            reason = phrase(
                 "current", "its heights are out of order", "order rows from z = 0 or below down"
             )
         elif np.abs(profile[:, 1:]).max() > MAX_CURRENT_M_PER_S:
-            impossible = phrase(
+            reason = phrase(
                 "current",
                 f"{np.abs(profile[:, 1:]).max():g} m/s is no sea current",
                 f"give at most {MAX_CURRENT_M_PER_S:g} m/s",
@@ -425,13 +425,13 @@ class CurrentInput:
         elif len(present.U) == 2 and profile[:, 3:].any():
             what = "it has a vertical component, which this scene's current has not"
             right = "give the scene's profile one, [east, north, up], be it 0"
-            impossible = phrase("current", what, right)
+            reason = phrase("current", what, right)
         else:
-            impossible = _uneven(profile)
-        return self.counter.refuse("impossible", impossible) if impossible else ""
+            reason = _spacing_fault(profile)
+        return self.counter.refuse("impossible", reason) if reason else ""
 
 
-def _uneven(profile: NDArray[np.float64]) -> str:
+def _spacing_fault(profile: NDArray[np.float64]) -> str:
     """Return the error in the depths or the shear of an ordered profile; "" if there is none."""
     if profile[-1, 0] < DEEPEST_ROW_M:
         right = f"the deepest row may lie at {DEEPEST_ROW_M:g} m"
@@ -448,10 +448,10 @@ def _uneven(profile: NDArray[np.float64]) -> str:
     return ""
 
 
-def _like(profile: NDArray[np.float64], components: int) -> NDArray[np.float64]:
-    """Return a profile with as many components of velocity as the scene's own current has.
+def _with_components(profile: NDArray[np.float64], components: int) -> NDArray[np.float64]:
+    """Return a profile with as many velocity components as the scene's own current.
 
-    Other kernels would have to be compiled for another number of them, in the middle of the run.
+    A different number would need other kernels, compiled in the middle of the run.
     """
     missing = np.zeros((len(profile), max(1 + components - profile.shape[1], 0)))
     return np.hstack([profile, missing])[:, : 1 + components]
@@ -472,22 +472,22 @@ def _largest_change(
 
 
 class ForecastInput:
-    """The newest score."""
+    """Input of the score of the latest forecasts."""
 
     def __init__(self) -> None:
-        """Begin without one."""
-        # Fields of a ForecastScore. A saved state has no NaN and restores plain values only, so an
-        # unknown coverage is None.
+        """Begin without a score."""
+        # Fields of a ForecastScore. A saved state has no NaN and restores plain values only:
+        # an unknown coverage is None.
         self._newest: tuple[float, float, float | None, int, float] | None = None
 
     def offer(
         self, now_s: float, coverage: float, judged: float, factor: float, age_s: float
     ) -> str:
-        """Take a score (fields of ForecastScore); return "" or the reason for its rejection."""
+        """Submit a score (fields of ForecastScore); return "" or the reason for its rejection."""
         fault = ""
         if not (math.isnan(coverage) or 0.0 <= coverage <= 1.0):
             fault = phrase("forecast", f"a coverage of {coverage:g}", "give 0 to 1, NaN: unknown")
-        elif not 0.0 <= judged <= MOST_JUDGED:
+        elif not 0.0 <= judged <= MAX_FORECASTS_JUDGED:
             fault = phrase("forecast", f"{judged:g} forecasts judged", "give their number")
         elif not (0.0 < factor < math.inf and math.isfinite(age_s)):
             what = f"a factor of {factor:g} and inputs {age_s:g} s old"
@@ -498,7 +498,7 @@ class ForecastInput:
 
     def at(self, now_s: float) -> ForecastScore | None:
         """Return the newest score, or None if no forecast runs."""
-        if self._newest is None or now_s - self._newest[0] > GONE_S:
+        if self._newest is None or now_s - self._newest[0] > SCORE_TIMEOUT_S:
             return None
         at_s, age_s, coverage, judged, factor = self._newest
         return ForecastScore(at_s, age_s, or_nan(coverage), judged, factor)

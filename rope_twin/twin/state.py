@@ -187,14 +187,19 @@ class SavedState:
         plain = self.memory[name]
         if not isinstance(like, dict):
             return deserialise(plain, like, self.arrays, name)
-        if odd := sorted(like.keys() ^ plain.keys()):
-            raise StateError(f"it does not hold the same parts ({', '.join(odd)})")
-        return {key: deserialise(plain[key], own, self.arrays, key) for key, own in like.items()}
+        if mismatched := sorted(like.keys() ^ plain.keys()):
+            raise StateError(f"it does not hold the same parts ({', '.join(mismatched)})")
+        return {
+            key: deserialise(plain[key], template, self.arrays, key)
+            for key, template in like.items()
+        }
 
     def of_monitor(self, prefix: str) -> dict[str, Any]:
         """Return the plain values of a monitor, by their names without this prefix."""
         saved = self.memory["monitors"].items()
-        return {name.removeprefix(prefix): one for name, one in saved if name.startswith(prefix)}
+        return {
+            name.removeprefix(prefix): value for name, value in saved if name.startswith(prefix)
+        }
 
     def read_monitor(self, name: str, like: Any) -> Any:
         """Return a value of a monitor; `like`, of the same structure, may be changed."""
@@ -227,7 +232,7 @@ def capture(state: TwinState, about: StateDescription, scene: Scene) -> SavedSta
 
 
 def run_stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
-    """Return the part of About that does not depend on the rope."""
+    """Return the fields of a StateDescription that do not depend on the rope."""
     return {
         "scene": scene.name,
         "scene_path": str(scene.path),
@@ -241,7 +246,7 @@ def run_stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 
 @functools.cache
 def _solver_digest() -> str:
-    """Return the digest of the solver's sources as they were when this process first asked."""
+    """Return the digest of the solver's sources at this process's first call."""
     from rope_twin.core.jit.decorators import source_digest  # reading a state needs no compiler
 
     return source_digest()
@@ -285,9 +290,9 @@ def check_scene(state: SavedState, scene: Scene) -> None:
     Raises:
         StateError: the scene differs in a property that the state depends on.
     """
-    found = next(differences(state.figures, scene_properties(scene), ""), None)
-    if found is not None:
-        what = f"it is of another scene, {state.about.scene}: {found} in scene {scene.name}"
+    difference = next(differences(state.figures, scene_properties(scene), ""), None)
+    if difference is not None:
+        what = f"it is of another scene, {state.about.scene}: {difference} in scene {scene.name}"
         right = f"give the scene that it was saved from ({state.about.scene_path})"
         raise StateError(f"saved state {state.source}", what, right)
     solver = _solver_digest()
@@ -316,22 +321,22 @@ def scene_properties(value: Any) -> Any:
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
-def differences(there: Any, here: Any, at: str) -> Iterator[str]:
-    """Yield a description of each difference between two plain forms."""
-    if isinstance(there, dict) and isinstance(here, dict):
-        for key in [*there, *(key for key in here if key not in there)]:
-            path = f"{at}.{key}" if at else key
-            yield from differences(there.get(key), here.get(key), path)
-    elif isinstance(there, list) and isinstance(here, list):
-        if len(there) != len(here):
-            yield f"{at} has {len(there)} entries there and {len(here)}"
-        for number, (one, other) in enumerate(zip(there, here, strict=False)):
-            yield from differences(one, other, f"{at}[{number}]")
-    elif there != here:
-        yield f"{at} is {_words(there)} there and {_words(here)}"
+def differences(saved: Any, present: Any, path: str) -> Iterator[str]:
+    """Yield a description of each difference between two plain forms; path: of both."""
+    if isinstance(saved, dict) and isinstance(present, dict):
+        for key in [*saved, *(key for key in present if key not in saved)]:
+            key_path = f"{path}.{key}" if path else key
+            yield from differences(saved.get(key), present.get(key), key_path)
+    elif isinstance(saved, list) and isinstance(present, list):
+        if len(saved) != len(present):
+            yield f"{path} has {len(saved)} entries there and {len(present)}"
+        for number, (saved_part, present_part) in enumerate(zip(saved, present, strict=False)):
+            yield from differences(saved_part, present_part, f"{path}[{number}]")
+    elif saved != present:
+        yield f"{path} is {_describe(saved)} there and {_describe(present)}"
 
 
-def _words(value: Any) -> str:
+def _describe(value: Any) -> str:
     """Return a value as text, or the type of a component."""
     if isinstance(value, dict):
         return str(value.get("kind", "a mapping"))

@@ -61,19 +61,19 @@ from rope_twin.twin.winch.commands import Payout, WinchCommand
 
 AnyMonitor = TypeVar("AnyMonitor", bound=Monitor)
 Arguments = ParamSpec("Arguments")
-Answer = TypeVar("Answer")
+Result = TypeVar("Result")
 
 
-def _passed_on(
-    method: Callable[Concatenate[TwinInputs, Arguments], Answer],
-) -> Callable[Concatenate[Twin, Arguments], Answer]:
-    """Return a method of the twin that calls this method of its inputs."""
+def _delegate_to_inputs(
+    method: Callable[Concatenate[TwinInputs, Arguments], Result],
+) -> Callable[Concatenate[Twin, Arguments], Result]:
+    """Return a method of the twin that delegates to this method of its inputs."""
 
     @functools.wraps(method)
-    def called(twin: Twin, /, *args: Arguments.args, **named: Arguments.kwargs) -> Answer:
+    def delegate(twin: Twin, /, *args: Arguments.args, **named: Arguments.kwargs) -> Result:
         return method(twin.inputs, *args, **named)
 
-    return called
+    return delegate
 
 
 class Twin:
@@ -104,21 +104,23 @@ class Twin:
         self.viv_drag = new_viv_drag(scene, self._system)  # None: the scene has no such model
         for monitor in self._monitors:
             monitor.start(self.inspect(), self._present())
-        tellers = self.viv_drag, *self._monitors  # for the user before the run
-        self.notice = "\n".join(one.notice for one in tellers if one is not None and one.notice)
+        sources = self.viv_drag, *self._monitors  # for the user before the run
+        self.notice = "\n".join(
+            source.notice for source in sources if source is not None and source.notice
+        )
 
     # Inputs, accepted from any thread
 
-    offer_heave = _passed_on(TwinInputs.offer_heave)
-    offer_pose = _passed_on(TwinInputs.offer_pose)
-    offer_lower_end = _passed_on(TwinInputs.offer_lower_end)
-    offer_current = _passed_on(TwinInputs.offer_current)
-    offer_cut = _passed_on(TwinInputs.offer_cut)
-    offer_measurement = _passed_on(TwinInputs.offer_measurement)
-    offer_figures = _passed_on(TwinInputs.offer_figures)
-    offer_forecast_score = _passed_on(TwinInputs.offer_forecast_score)
-    take_remark = _passed_on(TwinInputs.take_remark)
-    prescribe_motion = _passed_on(TwinInputs.prescribe_motion)
+    offer_heave = _delegate_to_inputs(TwinInputs.offer_heave)
+    offer_pose = _delegate_to_inputs(TwinInputs.offer_pose)
+    offer_lower_end = _delegate_to_inputs(TwinInputs.offer_lower_end)
+    offer_current = _delegate_to_inputs(TwinInputs.offer_current)
+    offer_cut = _delegate_to_inputs(TwinInputs.offer_cut)
+    offer_measurement = _delegate_to_inputs(TwinInputs.offer_measurement)
+    offer_figures = _delegate_to_inputs(TwinInputs.offer_figures)
+    offer_forecast_score = _delegate_to_inputs(TwinInputs.offer_forecast_score)
+    take_remark = _delegate_to_inputs(TwinInputs.take_remark)
+    prescribe_motion = _delegate_to_inputs(TwinInputs.prescribe_motion)
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
@@ -164,7 +166,7 @@ class Twin:
 
     def monitor(self, kind: type[AnyMonitor]) -> AnyMonitor | None:
         """Return the run's monitor of this type, or None if the run has none."""
-        return next((one for one in self._monitors if isinstance(one, kind)), None)
+        return next((monitor for monitor in self._monitors if isinstance(monitor, kind)), None)
 
     def _present(self) -> Chunk:
         """Return the ropes at present, after no step."""
@@ -235,7 +237,7 @@ class Twin:
         return self._record.statistics(self._clock)
 
     def invalidate_error(self, why: str) -> None:
-        """Mark the tension error as unknown on every accuracy level; why: the reason."""
+        """Mark the tension error as unknown on every accuracy level, for the reason `why`."""
         self.inputs.validity.invalidate(why)
 
     # Steps
@@ -258,11 +260,13 @@ class Twin:
             raise InputError("advance", what, "restore an earlier saved state")
         try:
             while steps > 0:
-                steps -= self._advance_some(min(steps, rows.STEPS_PER_CALL))
+                steps -= self._advance_chunk(min(steps, rows.STEPS_PER_CALL))
         except SolverError as error:
-            raise SolverError(str(error).removesuffix(".") + self._keep_failure(error)) from error
+            raise SolverError(
+                str(error).removesuffix(".") + self._save_failed_state(error)
+            ) from error
 
-    def _advance_some(self, steps: int) -> int:
+    def _advance_chunk(self, steps: int) -> int:
         """Advance by at most this number of steps; return how many were done.
 
         Raises:
@@ -274,19 +278,19 @@ class Twin:
         self._complete(pulls, steps, began)
         return len(pulls)
 
-    def follow(self, given: GivenMotion) -> None:
-        """Let this prescribe the motion of all hang-offs from now on."""
-        given.restore(self._motion.state())
-        self._motion = given
+    def follow(self, motion: GivenMotion) -> None:
+        """Use this prescribed motion for all hang-offs from the next step on."""
+        motion.restore(self._motion.state())
+        self._motion = motion
 
     def open_steps(self, steps: int) -> OpenSteps:
-        """Prescribe at most this number of steps of a multi-line system, which lanes then do."""
+        """Prescribe at most this number of steps of a multi-line system, for SIMD lanes to do."""
         began = time.perf_counter()
         rope, steps = self._prescribe(steps)
         return self._system.open(rope, self._motion.boundary, steps, began)
 
     def close_steps(self, opened: OpenSteps, pulls: rows.Floats, wanted: int) -> None:
-        """Complete steps as `advance`, which lanes did; pulls: (ropes, done, PULL_COLUMNS)."""
+        """Complete steps that lanes did, as `advance` does; pulls: (ropes, done, PULL_COLUMNS)."""
         self._complete(self._system.close(opened, pulls), wanted, opened.began)
 
     def _complete(self, pulls: rows.Floats, steps: int, began: float) -> None:
@@ -294,10 +298,10 @@ class Twin:
         clock, motion, done = self._clock, self._motion, len(pulls)
         clock.advance(done, self.step_ns)
         self._record.take(pulls[:, rows.PULL].tolist())
-        moved = motion.until(done) if self._monitors else motion.boundary
+        boundary = motion.until(done) if self._monitors else motion.boundary
         motion.forget(done)
         self._system.ropes.forget(done, motion.steps)
-        self._observe(pulls, moved)
+        self._observe(pulls, boundary)
         clock.computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(step_failure(clock.steps + 1, clock.time_ns * 1e-9))
@@ -317,25 +321,25 @@ class Twin:
             steps = min(steps, inputs.measured.steps_to_sample(clock.steps, self.step_ns))
         with inputs.lock:
             inputs.check_profiles()
-            due = inputs.cut.take(clock.time_ns, self._length_m)
-            if due is not None:
-                lost_m, number = due
+            cut_due = inputs.cut.take(clock.time_ns, self._length_m)
+            if cut_due is not None:
+                lost_m, number = cut_due
                 lost_m = self.split(lost_m, number)
                 self._record_cut(lost_m, self._length_m(number), number)
                 for monitor in self._monitors:
                     monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
-            now = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
-            steps = self._motion.fill(steps, inputs, now)
+            present = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
+            steps = self._motion.fill(steps, inputs, present)
             if inputs.lower_end is not None:
                 effects = inputs.current.effects
                 inputs.lower_end.prescribe(effects, clock.time_ns, self.step_ns, steps)
             return self.rope, steps
 
-    def _observe(self, pulls: rows.Floats, moved: rows.Boundary) -> None:
+    def _observe(self, pulls: rows.Floats, boundary: rows.Boundary) -> None:
         """Sample the loosely coupled VIV model, if that is due, and let the monitors observe.
 
-        pulls: after each step just done; moved: boundary conditions of these steps.
+        pulls: after each step just done; boundary: boundary conditions of these steps.
         """
         viv_drag, steps, measured = self.viv_drag, self._clock.steps, self.inputs.measured
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
@@ -344,51 +348,51 @@ class Twin:
         if measured.active and measured.is_due(steps, self.step_ns):
             measured.record(self.time_ns, self._system.computed(self._motion.boundary))
         if self._monitors:
-            now = self.inspect()
-            chunk = chunk_of(now, pulls, moved)
+            view = self.inspect()
+            chunk = chunk_of(view, pulls, boundary)
             for monitor in self._monitors:
-                monitor.observe(now, chunk)
+                monitor.observe(view, chunk)
 
-    def _keep_failure(self, error: SolverError) -> str:
+    def _save_failed_state(self, error: SolverError) -> str:
         """Write the state from which the step failed; return the end of the error message."""
         if self.failure_folder is None:
             return "."
         path = self.failure_folder / f"{self.scene.name}_failed_step_{self.steps + 1}.state"
         try:
             self.capture(str(error)).write(path)
-        except StateError as trouble:
-            return f"; {trouble}"
+        except StateError as write_error:
+            return f"; {write_error}"
         return f"; state and inputs of that step are in {path}."
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present; call it from the stepping thread."""
         record, inputs, system = self._record, self.inputs, self._system
         effects, ropes, first = inputs.current.effects, system.ropes, system.first
-        border = rows.Boundary(*(table[0] for table in self._motion.boundary))
+        boundary = rows.Boundary(*(table[0] for table in self._motion.boundary))
         with inputs.lock:
             health, at_limit, winch = inputs.health(), inputs.winch.at_limit, inputs.winch.shot()
-        moves = self.scene.sea_state.moves or health["heave"].accepted > 0
+        ship_moves = self.scene.sea_state.moves or health["heave"].accepted > 0
         at, top = (self.time_ns, self.steps), (record.run, record.recent)
-        taken = build_snapshot(self.scene, self.rope, border, system.pull, at, top, moves)
+        shot = build_snapshot(self.scene, self.rope, boundary, system.pull, at, top, ship_moves)
         amended(
-            taken,
+            shot,
             winch_at_limit=at_limit,
             doubtful=system.unconverged > record.unconverged,
-            solver=taken.solver._replace(computing_s=self._clock.computing_s),
+            solver=shot.solver._replace(computing_s=self._clock.computing_s),
             inputs=health,
             winches=() if winch is None else (winch,),
             cut=self.cut,
         )
         record.begin_interval(system.unconverged)
-        taken = record.add_contact(taken, first, ropes)
-        taken = ropes.complete(taken, self.time_ns, effects)
+        shot = record.add_contact(shot, first, ropes)
+        shot = ropes.complete(shot, self.time_ns, effects)
         if self.viv_drag is not None:
-            taken = with_vibration(self.scene, taken, self.viv_drag.shots(self.all_ropes))
-        inputs.validity.look(taken, inputs.motion_judged)
-        taken = amended(record.add_loads(taken, first, ropes), study_error=self.study_error)
+            shot = with_vibration(self.scene, shot, self.viv_drag.shots(self.all_ropes))
+        inputs.validity.look(shot, inputs.motion_judged)
+        shot = amended(record.add_loads(shot, first, ropes), study_error=self.study_error)
         for monitor in self._monitors:
-            taken = monitor.amend(self.inspect(), taken)
-        return record.judge(inputs.complete(taken), effects, inputs.factors)
+            shot = monitor.amend(self.inspect(), shot)
+        return record.judge(inputs.complete(shot), effects, inputs.factors)
 
     # Changes of the ropes between steps
 
@@ -432,14 +436,14 @@ class Twin:
 
     def split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
-        whole, now_s = self.all_ropes, self.time_ns * 1e-9
+        ropes, now_s = self.all_ropes, self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
-        place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
+        position = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
         system, boundary = self._system, self._motion.boundary
-        lost_m = system.cut(whole[0], boundary, place)
+        lost_m = system.cut(ropes[0], boundary, position)
         self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
         if self.viv_drag is not None:
-            self.viv_drag.cut(rope, whole[rope], self.all_ropes[rope])
+            self.viv_drag.cut(rope, ropes[rope], self.all_ropes[rope])
         if rope == 0:
             boundary.value[:, rows.LINE] -= lost_m
         self.invalidate_error(CUT_REASON)
@@ -453,41 +457,41 @@ class Twin:
         with self.inputs.lock:
             self._motion.steps = 0
             self._record.quality.fail(self.time_ns)
-            value, rate = (float(one[0, rows.LINE]) for one in self._motion.boundary)
+            value, rate = (float(table[0, rows.LINE]) for table in self._motion.boundary)
             self.inputs.winch.continue_from(Payout(value, rate))
             self._system.ropes.discard_prescribed()
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the steps change, for `return_to`; for the stepping thread."""
-        border = self._system.ropes.border(self._motion.boundary)
+        boundary = self._system.ropes.border(self._motion.boundary)
         effects = self.inputs.current.effects
-        kept = {name: one.copy() for name, one in self._system.moving_arrays(effects).items()}
+        arrays = {name: array.copy() for name, array in self._system.moving_arrays(effects).items()}
         extremes = self._record.extremes()
-        return Checkpoint(self.time_ns, self.level, self.cut, border, kept, effects, extremes)
+        return Checkpoint(self.time_ns, self.level, self.cut, boundary, arrays, effects, extremes)
 
-    def return_to(self, then: Checkpoint) -> bool:
+    def return_to(self, checkpoint: Checkpoint) -> bool:
         """Return the ropes to an earlier state at the present time; return whether the state fits.
 
         Hang-offs are blended from their earlier positions into their live motion; winches continue
-        from their earlier paid-out length with the present commands. A current profile that came
-        since is reverted. Call it from the stepping thread.
+        from their earlier paid-out length with the present commands. A current profile accepted
+        since then is reverted. Call it from the stepping thread.
         """
-        fits = then.level == self.level and then.cut is self.cut
+        fits = checkpoint.level == self.level and checkpoint.cut is self.cut
         if fits:
             present = self._system.ropes.border(self._motion.boundary)
-            self.revert_current(then)
-            fits = self._system.put_back(then.kept, self.inputs.current.effects)
+            self.revert_current(checkpoint)
+            fits = self._system.put_back(checkpoint.kept, self.inputs.current.effects)
         if fits:
-            self._motion.return_to(then.border, present, self.time_ns)
-            self._record.restore_finite(then.extremes)
+            self._motion.return_to(checkpoint.border, present, self.time_ns)
+            self._record.restore_finite(checkpoint.extremes)
             self.discard_prescribed()
         self._restart_monitors()
         return fits
 
-    def revert_current(self, then: Checkpoint) -> bool:
+    def revert_current(self, checkpoint: Checkpoint) -> bool:
         """Revert a current profile accepted since the checkpoint; return whether there was one."""
         with self.inputs.lock:
-            return self.inputs.current.revert(then.effects, self.time_ns)
+            return self.inputs.current.revert(checkpoint.effects, self.time_ns)
 
     # State
 
@@ -561,16 +565,18 @@ class Twin:
         inputs = self.inputs
         with inputs.lock:
             shared: dict[int, Any] = {
-                id(own): own for own in (self.scene, inputs.own_motion) if own is not None
+                id(item): item for item in (self.scene, inputs.own_motion) if item is not None
             }
             shared[id(inputs.lock)] = threading.Lock()
             return copy.deepcopy(self, shared)
 
     def _state(self) -> TwinState:
         """Return the present state, which shares its arrays and inputs with the twin."""
-        own: dict[str, Any] = {} if self.viv_drag is None else {"viv_drag": self.viv_drag.kept()}
+        monitor_states: dict[str, Any] = (
+            {} if self.viv_drag is None else {"viv_drag": self.viv_drag.kept()}
+        )
         for monitor in self._monitors:
-            own |= monitor.state()
+            monitor_states |= monitor.state()
         return TwinState(
             clock=self._clock,
             mesh=self._mesh.state(),
@@ -578,7 +584,7 @@ class Twin:
             motion=self._motion.state(),
             inputs=self.inputs.state(),
             record=self._record.state(),
-            monitors=own,
+            monitors=monitor_states,
         )
 
     def _continue_from(self, state: TwinState) -> None:
