@@ -190,12 +190,12 @@ class InputBorder:
         # the planner's stops belong to its schedule, which begins again with the next epoch
         is_stop = order.kind == EMERGENCY_STOP and not self.seats.plans(sender)
         if is_stop and self.epoch_ns is None:
-            self._latch_stop(self._twin.inputs.winch_called(name))
+            self._latch_stop(self._twin.inputs.winch_name(name))
             return
         if (epoch_ns := self._epoch()) is None:
             return
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-        winch, now_ns = self._twin.inputs.winch_called(name), self._twin.time_ns
+        winch, now_ns = self._twin.inputs.winch_name(name), self._twin.time_ns
         command = self.seats.admit(winch, Command(order, at_ns, sender), now_ns)
         if doubt := self.seats.doubt(winch):
             with self._lock:

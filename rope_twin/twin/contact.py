@@ -76,13 +76,13 @@ def seabed_contact(rope: Rope) -> BedContact | None:
     )
 
 
-def touchdown_of(hung: RopeShape, bed: Plane | Grid) -> Touchdown | None:
-    """Return the touchdown from the rope's upper end down, or from the lower if only that hangs.
+def touchdown_of(shape: RopeShape, bed: Plane | Grid) -> Touchdown | None:
+    """Return the touchdown, from the upper end down; from the lower end if only that is suspended.
 
     None: no node touches the bed, or both ends lie on it.
     """
-    height = clearance(bed, np.ascontiguousarray(hung.position_m.T))
-    position, arc, tension = hung.position_m, hung.arc_m, hung.element_tension_n
+    height = clearance(bed, np.ascontiguousarray(shape.position_m.T))
+    position, arc, tension = shape.position_m, shape.arc_m, shape.element_tension_n
     upward = height[0] <= 0.0
     if upward:  # a mooring that begins at its anchor
         position, arc = position[::-1], (arc[-1] - arc)[::-1]
@@ -92,7 +92,7 @@ def touchdown_of(hung: RopeShape, bed: Plane | Grid) -> Touchdown | None:
     at_m, angle = touchdown_at(position, arc, height)
     x, y, z = (float(np.interp(at_m, arc, column)) for column in position.T)
     return Touchdown(
-        name=hung.name,
+        name=shape.name,
         position_m=(x, y, z),
         line_out_m=float(arc[-1]) - at_m if upward else at_m,
         layback_m=math.hypot(x - float(position[0, 0]), y - float(position[0, 1])),
@@ -112,22 +112,31 @@ def touchdown_at(position: Vector, arc: Vector, height: Vector) -> tuple[float, 
     """
     k = int(np.argmax(height <= 0.0))  # the first node on the bed
     low = max(k - 2, 0)
-    place, s, h = position[low : k + 1], arc[low : k + 1], height[low : k + 1]
-    run = np.hypot(*np.diff(place[:, :2], axis=0).T)
-    down, drop = -np.diff(h), -np.diff(place[:, 2])  # towards the bed, and in absolute height
-    slopes = np.tan(np.arctan2(down, run)).tolist()
-    lowest, half = slopes[-1], 0.5 * float(s[-1] - s[-2])
-    middle, end = float(s[-1]) - half, float(arc[min(k + 1, len(arc) - 1)])
-    room = 0.5 * (float(s[-1]) + end) - middle  # to the middle of the next element, or the end
-    goes = 0.0  # decrease of the slope over `room`, extrapolated
+    nodes, s, h = position[low : k + 1], arc[low : k + 1], height[low : k + 1]
+    horizontal = np.hypot(*np.diff(nodes[:, :2], axis=0).T)
+    descent, drop = -np.diff(h), -np.diff(nodes[:, 2])  # towards the bed, and in absolute height
+    slopes = np.tan(np.arctan2(descent, horizontal)).tolist()
+    lowest, half_length = slopes[-1], 0.5 * float(s[-1] - s[-2])
+    middle, end = float(s[-1]) - half_length, float(arc[min(k + 1, len(arc) - 1)])
+    rest_length = (
+        0.5 * (float(s[-1]) + end) - middle
+    )  # to the middle of the next element, or the end
+    slope_decrease = 0.0  # over `rest_length`, extrapolated
     if k >= 2:
-        goes = max((slopes[0] - lowest) * room / (middle - 0.5 * float(s[0] + s[1])), 0.0)
-    if lowest <= goes:
-        return middle + room * lowest / goes, 0.0
-    cut, share = float(s[-2] + h[-2] / down[-1] * 2.0 * half), goes / lowest
-    bed = math.atan2(float(drop[-1] - down[-1]), float(run[-1]))
-    own = math.atan2(float(drop[-1]), float(run[-1]))
-    return cut + share * (middle + room - cut), (1.0 - share) * (own - bed)
+        slope_decrease = max(
+            (slopes[0] - lowest) * rest_length / (middle - 0.5 * float(s[0] + s[1])), 0.0
+        )
+    if lowest <= slope_decrease:
+        return middle + rest_length * lowest / slope_decrease, 0.0
+    intersection, weight = (
+        float(s[-2] + h[-2] / descent[-1] * 2.0 * half_length),
+        slope_decrease / lowest,
+    )
+    bed_angle = math.atan2(float(drop[-1] - descent[-1]), float(horizontal[-1]))
+    rope_angle = math.atan2(float(drop[-1]), float(horizontal[-1]))
+    return intersection + weight * (middle + rest_length - intersection), (1.0 - weight) * (
+        rope_angle - bed_angle
+    )
 
 
 def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
@@ -135,12 +144,12 @@ def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
 
     The position is the middle of the element that is pressed most.
     """
-    hull = next((own for own in rope.effects if isinstance(own, HullContact)), None)
+    hull = next((effect for effect in rope.effects if isinstance(effect, HullContact)), None)
     if hull is None:
         return ()
-    state, upto = rope.state, int(rope.state.counts[ELEMENTS]) + 1
-    x, v = (state.nodes[first : first + 3, :upto] for first in (POSITION, VELOCITY))
-    normal = contact_forces(hull, x, v, state.s[:upto])[3]
+    state, nodes = rope.state, int(rope.state.counts[ELEMENTS]) + 1
+    x, v = (state.nodes[first : first + 3, :nodes] for first in (POSITION, VELOCITY))
+    normal = contact_forces(hull, x, v, state.s[:nodes])[3]
     e = int(np.argmax(normal))
     if not normal[e] > 0.0:
         return (PressedPlace("hull", 0.0, NOWHERE),)
@@ -150,9 +159,9 @@ def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
 
 def system_contacts(system: System) -> tuple[PressedPlace, ...]:
     """Return the present contact between ropes and between payloads, of the effects listed."""
-    both = (("ropes", touch_of(system.stack)), ("payloads", payload_touch_of(system)))
+    contacts = (("ropes", touch_of(system.stack)), ("payloads", payload_touch_of(system)))
     return tuple(
         PressedPlace(name, touch.push, touch.at if touch.contacts else NOWHERE)
-        for name, touch in both
+        for name, touch in contacts
         if touch is not None
     )

@@ -177,7 +177,7 @@ class TwinInputs:
 
         A command for an unknown winch counts as rejected by the first one.
         """
-        winch = self.winch_called(winch)
+        winch = self.winch_name(winch)
         with self.lock:
             if winch == WINCH:
                 return self.winch.take(stamp_ns, command, self._clock.time_ns)
@@ -192,18 +192,18 @@ class TwinInputs:
 
     def winch_forbids(self, winch: str, switch: str) -> str:
         """Return why a winch would not execute a switch now; "": it would. Any thread may ask."""
-        if self.winch_called(winch) == WINCH:
+        if self.winch_name(winch) == WINCH:
             return self.winch.forbids(switch)
         return self.ropes.forbids(winch, switch)
 
-    def winch_called(self, name: str) -> str:
+    def winch_name(self, name: str) -> str:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
         return WINCH if name in self._first_winch_names else name
 
     def rope_of(self, winch: str) -> int:
         """Return the number of the rope that a winch moves."""
         names = [WINCH, *(line.from_ for line in self._lines[1:])]
-        return names.index(self.winch_called(winch))
+        return names.index(self.winch_name(winch))
 
     def offer_current(self, profile: ArrayLike) -> str:
         """Submit a current profile; return "" or the reason for its rejection.
@@ -228,8 +228,8 @@ class TwinInputs:
         received_ns: arrival in twin time, to see a sensor's clock that is ahead; None: unknown.
         """
         with self.lock:
-            canonical = self.winch_called  # "" stays: the only winch, or a fault
-            rows = tuple((row[0] and canonical(row[0]), *row[1:]) for row in measurement.rows)
+            # An empty name stays: the only winch, or a fault.
+            rows = tuple((row[0] and self.winch_name(row[0]), *row[1:]) for row in measurement.rows)
             named = measurement._replace(rows=rows)
             return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
 
@@ -288,7 +288,7 @@ class TwinInputs:
 
     def _follow(self, winch: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
         """Pass its measured line out [m] and line speed [m/s] to a winch."""
-        if self.winch_called(winch) == WINCH:
+        if self.winch_name(winch) == WINCH:
             self.winch.follow(stamp_ns, length_m, speed)
         elif winch in self._winch_names:
             self.ropes.follow(winch, stamp_ns, length_m, speed)

@@ -164,7 +164,7 @@ def chunk_of(now: TwinView, pulls: Floats, boundary: Boundary) -> Chunk:
         each = pulls[None] if done else now.pull[None, None]
     else:
         ropes = joined.system(now.rope)
-        borders = joined.moved if done else joined.borders(boundary, 0)
+        borders = joined.moved if done else joined.boundaries(boundary, 0)
         each = joined.pulls if done else joined.pull[:, None]
     counts = now.clock.steps, now.inputs.current.changes
     return Chunk(ropes, borders, each, done, now.time_ns, now.step_s, *counts)

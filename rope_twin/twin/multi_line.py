@@ -60,31 +60,31 @@ class OtherRopes:
     pull: Floats  # force on all upper ends now [N], (ropes, PULL_COLUMNS), of a multi-line system
 
     def __init__(self, scene: Scene, first: Rope) -> None:
-        """Begin with the first rope alone."""
+        """Start with the first rope alone."""
         self.first = first
         self._scene = scene
         self._ropes: tuple[Rope, ...] = ()
         self._winches: tuple[Winch, ...] = ()  # of all ropes of a multi-line system
-        self._hung: tuple[int, ...] = ()  # ropes but the first whose upper end is a hang-off
+        self._from_ship: tuple[int, ...] = ()  # ropes but the first whose upper end is a hang-off
         self._hang_offs = np.zeros((0, 3))
         self._boundary = Boundary(np.zeros((1, 1, rows.MOTIONS)), np.zeros((1, 1, rows.MOTIONS)))
 
     # Winches
 
-    def _winch_called(self, name: str) -> Winch:
+    def _winch_named(self, name: str) -> Winch:
         return self._winches[[line.from_ for line in self._scene.ropes].index(name)]
 
     def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to the winch of this name; return "" or the rejection."""
-        return self._winch_called(name).take(stamp_ns, command, now_ns)
+        return self._winch_named(name).take(stamp_ns, command, now_ns)
 
     def forbids(self, name: str, switch: str) -> str:
         """Return why the winch of this name would not execute a switch now; "": it would."""
-        return self._winch_called(name).forbids(switch)
+        return self._winch_named(name).forbids(switch)
 
     def follow(self, name: str, stamp_ns: int, length_m: float, speed: float | None) -> None:
-        """Let the winch of this name have a measured line out [m] and line speed [m/s]."""
-        self._winch_called(name).follow(stamp_ns, length_m, speed)
+        """Pass a measured line out [m] and line speed [m/s] to the winch of this name."""
+        self._winch_named(name).follow(stamp_ns, length_m, speed)
 
     def invalidate(self) -> None:
         """Invalidate commands that were known in advance."""
@@ -100,7 +100,7 @@ class OtherRopes:
 
     def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
         """Return the winches that need tension feedback for the step from then on, by rope."""
-        hung = {r: self._winches[r] for r in self._hung}
+        hung = {r: self._winches[r] for r in self._from_ship}
         return {r: winch for r, winch in hung.items() if winch.needs_feedback(time_ns)}
 
     def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
@@ -120,38 +120,38 @@ class OtherRopes:
         heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
         """
         value, rate = self._boundary
-        for r in self._hung:
-            winch, still = self._winches[r], (0.0, 0.0)
-            moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
-            value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
-            rate[r, row, : rows.LINE] = moving
+        for r in self._from_ship:
+            winch, zero = self._winches[r], (0.0, 0.0)
+            displacement, velocity = moves.get(r, ((*zero, heave[0]), (*zero, heave[1])))
+            value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(displacement)
+            rate[r, row, : rows.LINE] = velocity
             feedback = None
             if winch.needs_feedback(from_ns):
-                borders, pull_n = value[r, row - 1 : row + 1], float(self.pull[r, rows.PULL])
+                step_boundary, pull_n = value[r, row - 1 : row + 1], float(self.pull[r, rows.PULL])
                 rest_z_m = float(self._hang_offs[r, 2])
-                own = self._rope(r), self._scene.ropes[r]
-                feedback = winch.feedback(*own, pull_n, borders, rest_z_m)
-            line = winch.step(from_ns, step_s, moving[2], feedback)
+                rope_and_line = self._rope(r), self._scene.ropes[r]
+                feedback = winch.feedback(*rope_and_line, pull_n, step_boundary, rest_z_m)
+            line = winch.step(from_ns, step_s, velocity[2], feedback)
             value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
 
     def forget(self, done: int, prescribed: int) -> None:
         """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
-        for table in self._boundary if self._hung else ():
+        for table in self._boundary if self._from_ship else ():
             table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
 
     def discard_prescribed(self) -> None:
-        """Let the winches of other ropes continue from the payout of the last step."""
+        """Make the winches of other ropes continue from the payout of the last step."""
         value, rate = self._boundary
-        for r in self._hung:
+        for r in self._from_ship:
             length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
             self._winches[r].continue_from(Payout(length, speed))
 
-    def border(self, first: Boundary) -> Boundary:
+    def present_boundary(self, first: Boundary) -> Boundary:
         """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""
-        own = Boundary(*(table[:, 0].copy() for table in self._boundary))
-        for table, given in zip(own, first, strict=True):
-            table[0] = given[0]
-        return own
+        present = Boundary(*(table[:, 0].copy() for table in self._boundary))
+        for table, first_table in zip(present, first, strict=True):
+            table[0] = first_table[0]
+        return present
 
     # Ropes
 
@@ -189,16 +189,16 @@ class MultiLineRopes(OtherRopes):
         self._bases = [FigureBase(rope) for rope in self._ropes]
         self._law = copied_law(self._stack.law)
         self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
-        self._hung = self._find_hung()
+        self._from_ship = self._find_ropes_from_ship()
         size = (len(scene.ropes), steps + 1, rows.MOTIONS)
         self._boundary = Boundary(np.zeros(size), np.zeros(size))
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
         self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
         self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # force on upper ends now
-        self.pulls = self.pull[:, None]  # and after each step of the last call
+        self.pulls = self.pull[:, None]  # after each step of the last call
         self.moved = self._boundary  # boundary conditions of the last call
         self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
-        self._is_cut = self._fresh = False  # a rope was cut; no step since then
+        self._is_cut = self._fresh = False  # whether a rope was cut; whether no step followed
 
     def solve_statics(self) -> Floats:
         """Solve for static equilibrium, compiling all kernels; return the first rope's top force.
@@ -207,19 +207,19 @@ class MultiLineRopes(OtherRopes):
             SceneError: there is no equilibrium, or the ropes float.
         """
         with no_garbage_collection():
-            end = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
+            equilibrium = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
         judge_body(self._scene, self.lowest(self.first))
         ropes = self.all_with(self.first)
         heights = [rope.state.nodes[rows.POSITION + 2] for rope in ropes]
         counts = [int(rope.state.counts[rows.ELEMENTS]) for rope in ropes]
         highest = max(float(z[:n].max()) for z, n in zip(heights, counts, strict=True))
-        check_equilibrium(self._scene, end, highest)
+        check_equilibrium(self._scene, equilibrium, highest)
         for warning in weak_ropes(self._scene, [element_tension(rope) for rope in ropes]):
             _log.warning(warning)
         system = copy.deepcopy(self.system(self.first))
-        still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
+        boundary = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
         pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
-        advance_joined(system, still, pull, 0.0, 1)
+        advance_joined(system, boundary, pull, 0.0, 1)
         self.pull, self.pulls = pull[:, 0].copy(), pull
         first: Floats = self.pull[0]
         return first
@@ -240,80 +240,88 @@ class MultiLineRopes(OtherRopes):
             self._stack.sections[r, :, : sections.shape[1]] = sections
 
     def take_motion(self, given: Mapping[int, Boundary]) -> None:
-        """Set the motion at the boundaries of the next steps, by rope: that of the hang-offs."""
-        for r, own in given.items():
-            for table, motion in zip(self._boundary, own, strict=True):
-                table[r, : len(motion)] = motion
+        """Set the motion of the hang-offs at the boundaries of the next steps, by rope."""
+        for r, motion in given.items():
+            for table, values in zip(self._boundary, motion, strict=True):
+                table[r, : len(values)] = values
 
     def share_winches(self, winches: Mapping[int, Winch]) -> None:
-        """Report these winches, by rope, which step elsewhere."""
-        own = enumerate(self._winches)
-        self._winches = tuple(winches.get(r, winch) for r, winch in own)
+        """Use these winches, by rope, which are advanced elsewhere."""
+        self._winches = tuple(winches.get(r, winch) for r, winch in enumerate(self._winches))
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
         steps = len(pulls)
-        own = self.borders(boundary, steps)
+        boundaries = self.boundaries(boundary, steps)
         pull = np.zeros((1 + len(self._ropes), steps, rows.PULL_COLUMNS))
-        done = self._advance(self.system(first), own, time, pull)
+        done = self._advance(self.system(first), boundaries, time, pull)
         pulls[:] = pull[0]
-        self.take(first, own, pull, done)
+        self.take(first, boundaries, pull, done)
         return done
 
-    def take(self, first: Rope, own: Boundary, pull: Floats, done: int) -> None:
-        """Record steps that were done; own, pull: of all ropes, (ropes, steps, ...)."""
-        self.pulls, self.moved = pull, own
+    def take(self, first: Rope, boundaries: Boundary, pull: Floats, done: int) -> None:
+        """Record steps that were done; boundaries, pull: of all ropes, (ropes, steps, ...)."""
+        self.pulls, self.moved = pull, boundaries
         if done:
             self.pull = pull[:, done - 1].copy()
-            own_n = pull[:, :done, rows.PULL].max(axis=1)
-            self._highest_n = np.maximum(self._highest_n, own_n)
+            max_n = pull[:, :done, rows.PULL].max(axis=1)
+            self._highest_n = np.maximum(self._highest_n, max_n)
         self.first = first
 
     def system(self, first: Rope) -> System:
         """Return all ropes with the first one's environment (see core/joined/stack.py)."""
         return System(self.all_with(first), self._joints, self._stack, self._sheaves)
 
-    def borders(self, boundary: Boundary, steps: int) -> Boundary:
+    def boundaries(self, boundary: Boundary, steps: int) -> Boundary:
         """Return boundary conditions of all ropes in coming steps, (ropes, steps + 1, MOTIONS)."""
-        own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
-        for table, given in zip(own, boundary, strict=True):
-            table[0] = given[: steps + 1]
-        return own
+        boundaries = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
+        for table, first_table in zip(boundaries, boundary, strict=True):
+            table[0] = first_table[: steps + 1]
+        return boundaries
 
-    def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
-        """Advance all; the first step after a cut in substeps."""
+    def _advance(self, system: System, boundaries: Boundary, time: float, pull: Floats) -> int:
+        """Advance all ropes; the first step after a cut in substeps."""
         if not self._fresh:
-            return advance_joined(system, own, pull, time, pull.shape[1])
-        begun = advance_in_substeps(system, Boundary(*(table[:, :2] for table in own)), time)
-        if begun is None:
+            return advance_joined(system, boundaries, pull, time, pull.shape[1])
+        first_pull = advance_in_substeps(
+            system, Boundary(*(table[:, :2] for table in boundaries)), time
+        )
+        if first_pull is None:
             return 0
-        pull[:, :1] = begun
+        pull[:, :1] = first_pull
         self._fresh, steps = False, pull.shape[1] - 1
         if steps == 0:
             return 1
-        after, rest = Boundary(*(table[:, 1:].copy() for table in own)), pull[:, 1:].copy()
-        done = advance_joined(system, after, rest, time + system.ropes[0].model.step, steps)
-        pull[:, 1:] = rest
+        remaining_boundaries, remaining_pull = (
+            Boundary(*(table[:, 1:].copy() for table in boundaries)),
+            pull[:, 1:].copy(),
+        )
+        done = advance_joined(
+            system, remaining_boundaries, remaining_pull, time + system.ropes[0].model.step, steps
+        )
+        pull[:, 1:] = remaining_pull
         return 1 + done
 
     def cut(
-        self, first: Rope, border: Boundary, place: CutPosition
+        self, first: Rope, boundary: Boundary, position: CutPosition
     ) -> tuple[MultiLineRopes, float]:
-        """Cut a rope; return itself with the lower part as additional rope, and its length [m]."""
-        r = place.rope
-        now = Boundary(*(table[:, :1].copy() for table in self._boundary))
-        for table, given in zip(now, border, strict=True):
-            table[0, 0] = given[0]
-        system, lost_m = cut_system(self.system(first), now, place)
+        """Cut a rope; return the system with the lower part as last rope, and its length [m]."""
+        r = position.rope
+        present = Boundary(*(table[:, :1].copy() for table in self._boundary))
+        for table, first_table in zip(present, boundary, strict=True):
+            table[0, 0] = first_table[0]
+        system, lost_m = cut_system(self.system(first), present, position)
         self.first, self._ropes = system.ropes[0], system.ropes[1:]
         self._is_cut = self._fresh = True
         self._joints, self._stack = system.joints, system.stack
         self._scene = scene_of_parts(self._scene, r, lost_m)
-        self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
+        self._owners |= {
+            name: len(self._ropes) for name, owner in self._owners.items() if owner == r
+        }
         self._hang_offs = np.vstack([self._hang_offs, np.full(3, np.nan)])
         self._winches += (winch_of_rope(self._scene, self._scene.ropes[-1]),)
-        self._hung = self._find_hung()
-        self._boundary = Boundary(*(np.vstack([one, one[-1:]]) for one in self._boundary))
+        self._from_ship = self._find_ropes_from_ship()
+        self._boundary = Boundary(*(np.vstack([table, table[-1:]]) for table in self._boundary))
         self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
         self._boundary.value[-1, :, rows.LINE] = lost_m
         self._boundary.value[r, :, rows.LINE] -= lost_m
@@ -336,7 +344,7 @@ class MultiLineRopes(OtherRopes):
     def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
         payout = Boundary(*(table[:, 0, rows.LINE] for table in self._boundary))
-        now = SystemState(
+        state = SystemState(
             self._scene, self.system(self.first), self._owners, self.pull, payout,
             now_ns * 1e-9, effects,
         )  # fmt: skip
@@ -351,44 +359,44 @@ class MultiLineRopes(OtherRopes):
             splits=shot.solver.splits + int(health[rows.SPLITS]),
             merges=shot.solver.merges + int(health[rows.MERGES]),
         )
-        ropes = rope_shots(now, shot)
+        ropes = rope_shots(state, shot)
         strength = [
-            strength_of(line, max(most_n, one.tension_top_n), one.element_tension_n)
-            for line, most_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
+            strength_of(line, max(max_n, one.tension_top_n), one.element_tension_n)
+            for line, max_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
         ]
-        taken = amended(
+        completed = amended(
             shot,
             ropes=ropes,
-            payloads=payload_shots(now),
-            struts=strut_shots(now),
-            sheaves=sheave_shots(now),
+            payloads=payload_shots(state),
+            struts=strut_shots(state),
+            sheaves=sheave_shots(state),
             winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
             winch_at_limit="; ".join(words for words in limits if words),
             inputs=inputs,
             solver=solver,
-            seabed=contact(now),
-            contacts=system_contacts(now.system),
+            seabed=contact(state),
+            contacts=system_contacts(state.system),
             strength=tuple(strength),
         )
-        return taken if self._lines is None else self._lines.complete(taken)
+        return completed if self._lines is None else self._lines.complete(completed)
 
     def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes."""
         ropes = zip(self._scene.ropes, self.all_with(first), shot.ropes, strict=True)
         return tuple(
-            shape_from_sheave(line, rope, own)
+            shape_from_sheave(line, rope, rope_shot)
             if runs_over_sheave(self._scene, line)
-            else shape_from_top(line, rope, own, loose=not line.from_)
-            for line, rope, own in ropes
+            else shape_from_top(line, rope, rope_shot, loose=not line.from_)
+            for line, rope, rope_shot in ropes
         )
 
     def lowest(self, first: Rope) -> Rope:
         """Return the rope that carries the rigid body; the first one if there is none."""
         return next((rope for rope in self.all_with(first) if body_of(rope)), first)
 
-    def changing(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the additional state that a restart needs, by name."""
-        kept: dict[str, Any] = {
+        values: dict[str, Any] = {
             "joined/nodes": self._joints.nodes,
             "joined/pulls of struts": self._joints.ties[PULL],
             "joined/boundary": self._boundary,
@@ -397,20 +405,20 @@ class MultiLineRopes(OtherRopes):
             "joined/highest": self._highest_n,
         }
         if self._is_cut:
-            kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
+            values["joined/fresh"], values["rope/model"] = self._fresh, self.first.model
         if self._lines is not None:
-            kept["joined/lines"] = self._lines.known()
+            values["joined/lines"] = self._lines.state()
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: getattr(rope, name) for name in changing_parts(rope)}
-            kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
-            kept[f"joined/{r}/memories"] = state_arrays(rope.effects)
+            values |= {f"joined/{r}/{name}": part for name, part in parts.items()}
+            values[f"joined/{r}/memories"] = state_arrays(rope.effects)
             if self._is_cut:  # parts keep the figures of their rope
-                kept[f"joined/{r}/effects"] = rope.effects
-            kept[f"joined/{r}/tension"] = element_tension(rope)
-        return kept
+                values[f"joined/{r}/effects"] = rope.effects
+            values[f"joined/{r}/tension"] = element_tension(rope)
+        return values
 
-    def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
+    def restore(self, values: dict[str, Any], first: Rope) -> None:
+        """Remove the entries of `state` from `values` and restore them; first: the first rope."""
         self.first = first
         self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
@@ -419,20 +427,20 @@ class MultiLineRopes(OtherRopes):
         self._highest_n = values.pop("joined/highest")
         self._fresh = bool(values.pop("joined/fresh", False))
         if self._lines is not None:
-            self._lines.take_back(values.pop("joined/lines"))
+            self._lines.restore(values.pop("joined/lines"))
         ropes = []
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
             rope = rope._replace(effects=values.pop(f"joined/{r}/effects", rope.effects))
             ropes.append(rope._replace(**parts))
             memories = values.pop(f"joined/{r}/memories")
-            for own, memory in zip(state_arrays(rope.effects), memories, strict=True):
-                own[...] = memory
+            for array, saved in zip(state_arrays(rope.effects), memories, strict=True):
+                array[...] = saved
             element_tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
         self._ropes = tuple(ropes)
         self._stack_sections()  # a cut moves their ends
 
-    def _find_hung(self) -> tuple[int, ...]:
+    def _find_ropes_from_ship(self) -> tuple[int, ...]:
         """Return the ropes but the first whose upper end is a hang-off."""
         upper = self._joints.upper
         return tuple(r for r in range(1, 1 + len(self._ropes)) if upper[r] == LOOSE)

@@ -66,94 +66,96 @@ class SystemState(NamedTuple):
         return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
 
 
-def rope_shots(now: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
+def rope_shots(state: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
     """Return the state of every rope; first: snapshot of the first one."""
-    names = [line.name for line in now.scene.ropes]
-    further = (_rope_shot(now, r, name) for r, name in enumerate(names[1:], start=1))
+    names = [line.name for line in state.scene.ropes]
+    further = (_rope_shot(state, r, name) for r, name in enumerate(names[1:], start=1))
     return first_rope(first, names[0]), *further
 
 
-def with_vibration(scene: Scene, shot: Snapshot, found: Sequence[RopeVibration]) -> Snapshot:
+def with_vibration(scene: Scene, shot: Snapshot, responses: Sequence[RopeVibration]) -> Snapshot:
     """Return the snapshot with the VIV response of its ropes, of those that have one.
 
-    found: from the last node of the core down, which at a sheave is the rope's lower end.
+    responses: from the last node of the core down, which at a sheave is the rope's lower end.
     """
-    followed = zip(scene.ropes, shot.ropes, found, strict=False)
+    pairs = zip(scene.ropes, shot.ropes, responses, strict=False)
     ropes = [
-        replace(one, vibration=own.upside_down() if runs_over_sheave(scene, line) else own)
-        for line, one, own in followed
+        replace(
+            rope, vibration=response.upside_down() if runs_over_sheave(scene, line) else response
+        )
+        for line, rope, response in pairs
     ]
-    return amended(shot, vibration=found[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
+    return amended(shot, vibration=responses[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
 
 
-def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:
-    """Return the state of every payload: its lower end's, or that of a rigid body's middle."""
+def payload_shots(state: SystemState) -> tuple[PayloadShot, ...]:
+    """Return the state of every payload: that of the lower end, or of a rigid body's middle."""
     shots = []
-    for one in now.scene.payloads:
-        r = now.owners[one.name]
-        body = body_of(now.system.ropes[r])
+    for payload in state.scene.payloads:
+        r = state.owners[payload.name]
+        body = body_of(state.system.ropes[r])
         if body is None:
-            ends = (now.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
+            ends = (state.nodes(r, row)[:, 0].copy() for row in (rows.POSITION, rows.VELOCITY))
         else:
             pose = pose_of(body)
             ends = (motion(body.middle) for motion in (pose.place, pose.speed))
-        shots.append(PayloadShot(one.name, *ends))
+        shots.append(PayloadShot(payload.name, *ends))
     return tuple(shots)
 
 
-def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:
+def strut_shots(state: SystemState) -> tuple[StrutShot, ...]:
     """Return the state of every bar."""
-    joints = now.system.joints
+    joints = state.system.joints
     shots = []
-    for k, one in enumerate(now.scene.struts):
+    for k, strut in enumerate(state.scene.struts):
         ends = [joints.nodes[: rows.VELOCITY, int(joints.ties[end, k])] for end in (FIRST, SECOND)]
-        shots.append(StrutShot(one.name, np.array(ends), float(joints.ties[PULL, k])))
+        shots.append(StrutShot(strut.name, np.array(ends), float(joints.ties[PULL, k])))
     return tuple(shots)
 
 
-def sheave_shots(now: SystemState) -> tuple[SheaveShot, ...]:
+def sheave_shots(state: SystemState) -> tuple[SheaveShot, ...]:
     """Return the state of every sheave."""
-    sheaves, nodes, shots = now.system.sheaves, now.system.joints.nodes, []
-    for k, one in enumerate(now.scene.sheaves):
+    sheaves, nodes, shots = state.system.sheaves, state.system.joints.nodes, []
+    for k, sheave in enumerate(state.scene.sheaves):
         assert sheaves is not None
         point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
-        place_m = nodes[: rows.VELOCITY, point].copy()
+        position_m = nodes[: rows.VELOCITY, point].copy()
         passed_m, speed = float(nodes[rows.POSITION, flow]), float(nodes[rows.VELOCITY, flow])
-        shots.append(SheaveShot(one.name, place_m, passed_m, speed))
+        shots.append(SheaveShot(sheave.name, position_m, passed_m, speed))
     return tuple(shots)
 
 
-def contact(now: SystemState) -> BedContact | None:
+def contact(state: SystemState) -> BedContact | None:
     """Return the seabed contact of all ropes; the height is that of the lowest payload."""
-    found = [seabed_contact(rope) for rope in now.system.ropes]
-    contacts = [one for one in found if one is not None]
+    every_rope = (seabed_contact(rope) for rope in state.system.ropes)
+    contacts = [bed for bed in every_rope if bed is not None]
     if not contacts:
         return None
-    loads = [contacts[now.owners[one.name]] for one in now.scene.payloads]
+    below_payloads = [contacts[state.owners[payload.name]] for payload in state.scene.payloads]
     return BedContact(
-        payload_height_m=min(one.payload_height_m for one in loads),
-        payload_push_n=sum(one.payload_push_n for one in loads),
-        rope_on_bed_m=sum(one.rope_on_bed_m for one in contacts),
-        rope_push_n=sum(one.rope_push_n for one in contacts),
+        payload_height_m=min(bed.payload_height_m for bed in below_payloads),
+        payload_push_n=sum(bed.payload_push_n for bed in below_payloads),
+        rope_on_bed_m=sum(bed.rope_on_bed_m for bed in contacts),
+        rope_push_n=sum(bed.rope_push_n for bed in contacts),
     )
 
 
-def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
-    rope = now.system.ropes[r]
-    lower_n = lower_end_tension(rope, now.effects, now.time_s)
-    ends_n = lower_n, float(now.pull[r, rows.PULL])
-    if runs_over_sheave(now.scene, now.scene.ropes[r]):
-        return rope_shot(name, rope, ends_n, _stretch(now, r), from_sheave=True)
-    line = float(now.payout.value[r]), float(now.payout.rate[r])
+def _rope_shot(state: SystemState, r: int, name: str) -> RopeShot:
+    rope = state.system.ropes[r]
+    lower_n = lower_end_tension(rope, state.effects, state.time_s)
+    ends_n = lower_n, float(state.pull[r, rows.PULL])
+    if runs_over_sheave(state.scene, state.scene.ropes[r]):
+        return rope_shot(name, rope, ends_n, _stretch(state, r), from_sheave=True)
+    line = float(state.payout.value[r]), float(state.payout.rate[r])
     return rope_shot(name, rope, ends_n, line)
 
 
-def _stretch(now: SystemState, r: int) -> tuple[float, float]:
+def _stretch(state: SystemState, r: int) -> tuple[float, float]:
     """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
-    sheaves = now.system.sheaves
+    sheaves = state.system.sheaves
     assert sheaves is not None
     flow = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
-    passed, speed = now.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
+    passed, speed = state.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
     side = float(sheaves.side[r])
     return float(sheaves.base[r] + side * passed), float(side * speed)
 
@@ -171,18 +173,18 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
     lines = []
     for number, line in enumerate(scene.ropes):
         if line.to == scene.sheaves[0].name:
-            chain = [number]
-            while scene.ropes[chain[0]].from_ not in places(scene):
-                end = scene.ropes[chain[0]].from_
-                above = [k for k, other in enumerate(scene.ropes) if other.to == end]
-                if len(above) != 1 or above[0] in chain:
-                    what = f"{len(above)} ropes lead to '{end}'"
+            rope_numbers = [number]
+            while scene.ropes[rope_numbers[0]].from_ not in places(scene):
+                connection = scene.ropes[rope_numbers[0]].from_
+                above = [k for k, other in enumerate(scene.ropes) if other.to == connection]
+                if len(above) != 1 or above[0] in rope_numbers:
+                    what = f"{len(above)} ropes lead to '{connection}'"
                     right = "two lines are watched that go up to the ship as one rope each"
-                    raise InputError(f"{scene.path}: ropes[{chain[0]}]", what, right)
-                chain.insert(0, above[0])
-            lines.append(chain)
-    first = [chain for chain in lines if chain[0] == 0] or lines[:1]
-    (other,) = [chain for chain in lines if chain is not first[0]]
+                    raise InputError(f"{scene.path}: ropes[{rope_numbers[0]}]", what, right)
+                rope_numbers.insert(0, above[0])
+            lines.append(rope_numbers)
+    first = [rope_numbers for rope_numbers in lines if rope_numbers[0] == 0] or lines[:1]
+    (other,) = [rope_numbers for rope_numbers in lines if rope_numbers is not first[0]]
     return first[0], other
 
 
@@ -196,29 +198,31 @@ class ClearanceMonitor:
     def __init__(self, scene: Scene) -> None:
         """Find both lines and the plane of their hang-offs; raises InputError as the class says."""
         self.lines = lines_of(scene)
-        at = places(scene)
-        one, other = (np.array(at[scene.ropes[line[0]].from_][:2]) for line in self.lines)
-        span = float(np.linalg.norm(other - one))
-        if span < MIN_SPAN_M:
+        positions = places(scene)
+        first, second = (np.array(positions[scene.ropes[line[0]].from_][:2]) for line in self.lines)
+        spacing_m = float(np.linalg.norm(second - first))
+        if spacing_m < MIN_SPAN_M:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
             raise InputError(f"{scene.path}: hang_offs", "both are at one place", right)
-        self.plane = (other - one) / span
+        self.plane = (second - first) / spacing_m
         self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
         self.turned_up = 0  # number of snapshots in which a line turned upward
 
     def look(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
-        """Return the minimum distance in a snapshot, and crossings that began or ended since."""
+        """Return the minimum distance in a snapshot, and events since the last one: crossings that
+        began or ended.
+        """
         paths = [self._path(shot, line) for line in self.lines]
         self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
-        depth, both, slopes = _side_by_side(paths)
-        depth_of_sheave = -float(shot.sheaves[0].position_m[2])
-        above = depth < (1.0 - SHEAVE_ZONE) * depth_of_sheave
-        distance = np.linalg.norm(both[0] - both[1], axis=1)[above]
+        depth, positions, slopes = _at_common_depths(paths)
+        sheave_depth = -float(shot.sheaves[0].position_m[2])
+        above = depth < (1.0 - SHEAVE_ZONE) * sheave_depth
+        distance = np.linalg.norm(positions[0] - positions[1], axis=1)[above]
         k = int(distance.argmin())
-        now = find_crossings(depth[above], both[:, above], slopes[above], self.plane)
-        happened = self._compare(now, shot.time_s, SAME_CROSSING_TOL * depth_of_sheave)
-        self.crossings = tuple(now)
-        return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), happened
+        crossings = find_crossings(depth[above], positions[:, above], slopes[above], self.plane)
+        events = self._compare(crossings, shot.time_s, SAME_CROSSING_TOL * sheave_depth)
+        self.crossings = tuple(crossings)
+        return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), events
 
     def _path(self, shot: Snapshot, line: list[int]) -> Floats:
         """Position of the nodes of a line from the hang-off down [m], (nodes, 3)."""
@@ -226,76 +230,80 @@ class ClearanceMonitor:
         parts += [shot.ropes[number].node_position_m[1:] for number in line[1:]]
         return np.concatenate(parts)
 
-    def _compare(self, now: list[Crossing], time_s: float, same_m: float) -> list[LineEvent]:
+    def _compare(
+        self, crossings: list[Crossing], time_s: float, tolerance_m: float
+    ) -> list[LineEvent]:
         """Return events of crossings that began, and of those that ended."""
-        left, happened = list(self.crossings), []
-        for crossing in now:
-            near = [old for old in left if abs(old.depth_m - crossing.depth_m) < same_m]
-            if near:
-                left.remove(min(near, key=lambda old: abs(old.depth_m - crossing.depth_m)))
+        ended, events = list(self.crossings), []
+        for crossing in crossings:
+            matches = [old for old in ended if abs(old.depth_m - crossing.depth_m) < tolerance_m]
+            if matches:
+                ended.remove(min(matches, key=lambda old: abs(old.depth_m - crossing.depth_m)))
             else:
-                happened.append(_event(time_s, "cross", crossing))
-        return happened + [_event(time_s, "part", old) for old in left]
+                events.append(_event(time_s, "cross", crossing))
+        return events + [_event(time_s, "part", old) for old in ended]
 
 
-def _event(time_s: float, what: str, at: Crossing) -> LineEvent:
-    return LineEvent(time_s, what, at.depth_m, at.angle_deg, at.gap_m)
+def _event(time_s: float, kind: str, crossing: Crossing) -> LineEvent:
+    return LineEvent(time_s, kind, crossing.depth_m, crossing.angle_deg, crossing.gap_m)
 
 
-def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
+def _at_common_depths(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
     """Return both lines at the same depths: depths, x and y of each line, and their slopes.
 
     (n,), (2, n, 2), (n, 2, 2): the slopes dx/dz and dy/dz of each line just below a depth.
     """
     depths = [np.maximum.accumulate(-path[:, 2]) for path in paths]
-    low = max(float(depth[0]) for depth in depths)
-    high = min(float(depth[-1]) for depth in depths)
-    every = np.unique(np.concatenate(depths))
-    every = every[(every >= low) & (every <= high)]
-    places = np.array(
+    top = max(float(depth[0]) for depth in depths)
+    bottom = min(float(depth[-1]) for depth in depths)
+    common = np.unique(np.concatenate(depths))
+    common = common[(common >= top) & (common <= bottom)]
+    positions = np.array(
         [
-            [np.interp(every, depth, path[:, k]) for k in range(2)]
+            [np.interp(common, depth, path[:, k]) for k in range(2)]
             for depth, path in zip(depths, paths, strict=True)
         ]
     )
-    slopes = np.diff(places, axis=2) / np.diff(every)
+    slopes = np.diff(positions, axis=2) / np.diff(common)
     slopes = np.concatenate([slopes, slopes[:, :, -1:]], axis=2)
-    return every, places.transpose(0, 2, 1), slopes.transpose(2, 0, 1)
+    return common, positions.transpose(0, 2, 1), slopes.transpose(2, 0, 1)
 
 
-def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -> list[Crossing]:
+def find_crossings(
+    depth: Floats, positions: Floats, slopes: Floats, plane: Floats
+) -> list[Crossing]:
     """Return the crossings, where the distance along the plane changes sign, from the top down.
 
-    depth: rising, (n,) [m]; both: x and y of each line, (2, n, 2) [m]; slopes: of both lines below
-    each depth, (n, 2, 2); plane: unit vector, (2,).
+    depth: rising, (n,) [m]; positions: x and y of each line, (2, n, 2) [m]; slopes: of both lines
+    below each depth, (n, 2, 2); plane: unit vector, (2,).
     """
-    apart = both[0] - both[1]
-    along = apart @ plane
-    across = apart @ np.array([-plane[1], plane[0]])
-    found = []
+    separation = positions[0] - positions[1]
+    along = separation @ plane
+    across = separation @ np.array([-plane[1], plane[0]])
+    crossings = []
     for k in np.flatnonzero(along[:-1] * along[1:] < 0.0):
-        share = along[k] / (along[k] - along[k + 1])
-        one, other = (np.append(slopes[k, line], 1.0) for line in range(2))
-        cosine = abs(float(one @ other)) / float(np.linalg.norm(one) * np.linalg.norm(other))
-        at = float(depth[k] + share * (depth[k + 1] - depth[k]))
-        x, y = (both[0, k] + share * (both[0, k + 1] - both[0, k])).tolist()
-        found.append(
+        fraction = along[k] / (along[k] - along[k + 1])
+        first, second = (np.append(slopes[k, line], 1.0) for line in range(2))
+        cosine = abs(float(first @ second)) / float(np.linalg.norm(first) * np.linalg.norm(second))
+        depth_m = float(depth[k] + fraction * (depth[k + 1] - depth[k]))
+        x, y = (positions[0, k] + fraction * (positions[0, k + 1] - positions[0, k])).tolist()
+        crossings.append(
             Crossing(
-                depth_m=at,
+                depth_m=depth_m,
                 angle_deg=float(np.degrees(np.arccos(min(cosine, 1.0)))),
-                gap_m=float(abs(across[k] + share * (across[k + 1] - across[k]))),
-                position_m=(x, y, -at),
+                gap_m=float(abs(across[k] + fraction * (across[k + 1] - across[k]))),
+                position_m=(x, y, -depth_m),
             )
         )
-    return found
+    return crossings
 
 
 class ClearanceReport:
-    """Report of a running twin on its two lines, once a second of twin time."""
+    """Clearance of the two lines of a running twin, sampled once a second of twin time."""
 
     def __init__(self, watch: ClearanceMonitor) -> None:
         self._watch = watch
-        self._looked = -1  # second of the last sampling
+        self._sampled_second = -1  # second of the last sampling
         self._shot: LinesShot | None = None
 
     def complete(self, shot: Snapshot) -> Snapshot:
@@ -304,30 +312,33 @@ class ClearanceReport:
         The first sampling follows the first step, since nothing subscribes before that.
         """
         second = shot.stamp_ns // SAMPLING_NS
-        if shot.step == 0 or second == self._looked:
+        if shot.step == 0 or second == self._sampled_second:
             return replace(shot, lines=self._shot)
         nearest, events = self._watch.look(shot)
-        self._looked = second
+        self._sampled_second = second
         self._shot = LinesShot(nearest, self._watch.crossings)
         return replace(shot, lines=self._shot, line_events=tuple(events))
 
-    def known(self) -> list[Any]:
+    def state(self) -> list[Any]:
         """Return the state that a restart needs, as plain numbers."""
-        known = self._watch.crossings
-        crossings = [[one.depth_m, one.angle_deg, one.gap_m, *one.position_m] for one in known]
+        current = self._watch.crossings
+        crossings = [
+            [crossing.depth_m, crossing.angle_deg, crossing.gap_m, *crossing.position_m]
+            for crossing in current
+        ]
         near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
         last = [near.time_s, near.depth_m, near.distance_m]
-        return [self._looked, self._watch.turned_up, last, crossings]
+        return [self._sampled_second, self._watch.turned_up, last, crossings]
 
-    def take_back(self, known: list[Any]) -> None:
-        """Resume from the state that `known` gave."""
-        self._looked, self._watch.turned_up, last, rows = known
+    def restore(self, state: list[Any]) -> None:
+        """Resume from the state that `state` gave."""
+        self._sampled_second, self._watch.turned_up, last, rows = state
         self._watch.crossings = tuple(
             Crossing(depth_m=depth, angle_deg=angle, gap_m=gap, position_m=(x, y, z))
             for depth, angle, gap, x, y, z in rows
         )
-        seen = self._looked >= 0
-        self._shot = LinesShot(Nearest(*last), self._watch.crossings) if seen else None
+        sampled = self._sampled_second >= 0
+        self._shot = LinesShot(Nearest(*last), self._watch.crossings) if sampled else None
 
 
 def report_on(scene: Scene) -> ClearanceReport | None:

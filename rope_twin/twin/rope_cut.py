@@ -89,17 +89,18 @@ def is_viv_model(effect: Any) -> bool:
     return at_nodes and not isinstance(effect, DragGrowth | OscillatingDrag | HullContact)
 
 
-def of_falling(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """Return the effects of a falling part: slack rope has no modes, and no ship holds it.
+def falling_effects(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """Return the effects of a falling part: slack rope has no modes, and does not touch the hull.
 
-    Drag amplification is reset; the hull, which moves with the uppermost node, is left behind.
+    Drag amplification is reset; contact with the hull, which moves with the uppermost node, is
+    removed.
     """
-    for own in effects:
-        if isinstance(own, DragGrowth):
-            own.memory[GROWTH] = 0.0
+    for effect in effects:
+        if isinstance(effect, DragGrowth):
+            effect.memory[GROWTH] = 0.0
     return tuple(
-        own._replace(k=0.0, k_payload=0.0) if isinstance(own, HullContact) else own
-        for own in effects
+        effect._replace(k=0.0, k_payload=0.0) if isinstance(effect, HullContact) else effect
+        for effect in effects
     )
 
 
@@ -130,10 +131,10 @@ def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     Raises:
         TypeError: an effect at the lower end is unknown here.
     """
-    return tuple(_bare(effect) if is_at_end(effect) else effect for effect in effects)
+    return tuple(_without_end_load(effect) if is_at_end(effect) else effect for effect in effects)
 
 
-def _bare(effect: Any) -> Any:
+def _without_end_load(effect: Any) -> Any:
     if isinstance(effect, Plane | Grid):  # the bed stays, the payload on it does not
         return effect._replace(soil=effect.soil._replace(k_payload=0.0))
     if isinstance(effect, RigidBody):
@@ -164,13 +165,13 @@ class Nodes(NamedTuple):
         """Return these nodes with one at this material coordinate [m], and its index."""
         e = int(np.searchsorted(self.s, s, side="right")) - 1
         e = min(max(e, 0), len(self.offset) - 1)
-        share = (s - self.s[e]) / (self.s[e + 1] - self.s[e])
-        if not NODE_TOL <= share <= 1.0 - NODE_TOL:
-            return self, e + (share > 0.5)
-        between = (1.0 - share) * self.motion[:, e] + share * self.motion[:, e + 1]
-        parts = share * self.offset[e], (1.0 - share) * self.offset[e]
+        fraction = (s - self.s[e]) / (self.s[e + 1] - self.s[e])
+        if not NODE_TOL <= fraction <= 1.0 - NODE_TOL:
+            return self, e + (fraction > 0.5)
+        inserted = (1.0 - fraction) * self.motion[:, e] + fraction * self.motion[:, e + 1]
+        parts = fraction * self.offset[e], (1.0 - fraction) * self.offset[e]
         return Nodes(
-            np.insert(self.motion, e + 1, between, axis=1),
+            np.insert(self.motion, e + 1, inserted, axis=1),
             np.insert(self.s, e + 1, s),
             np.concatenate([self.offset[:e], parts, self.offset[e + 1 :]]),
             np.insert(self.tension, e, self.tension[e]),
@@ -194,38 +195,40 @@ class CutPosition(NamedTuple):
     rope: int = 0  # its number in a multi-line scene
 
 
-def cut_rope(rope: Rope, border: Boundary, place: CutPosition, bare: tuple[Any, ...]) -> CutParts:
+def cut_rope(
+    rope: Rope, boundary: Boundary, position: CutPosition, bare_effects: tuple[Any, ...]
+) -> CutParts:
     """Cut a rope.
 
     Args:
         rope: whole rope; unchanged.
-        border: its prescribed motion now, in row 0.
-        place: position of the cut.
-        bare: its effects without the load at its lower end.
+        boundary: its prescribed motion now, in row 0.
+        position: of the cut.
+        bare_effects: its effects without the load at its lower end.
 
     Raises:
         SolverError: the forces at a new end are not finite.
     """
-    V = float(border.rate[0, rows.LINE])
-    nodes, k = nodes_of(rope, V).with_node_at(_severable(rope, place.at_m))
-    lost = float(nodes.s[k])
-    for above in inserted_nodes(nodes.s[k:] - lost, place.least_m):
-        nodes, _ = nodes.with_node_at(lost + above)
+    V = float(boundary.rate[0, rows.LINE])
+    nodes, k = nodes_of(rope, V).with_node_at(_severable_position(rope, position.at_m))
+    lost_m = float(nodes.s[k])
+    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.least_m):
+        nodes, _ = nodes.with_node_at(lost_m + inserted_m)
     nodes.motion[:, -1] = rope.state.nodes[:, len(rope_s(rope)) - 1]
-    upper = upper_part(rope, nodes, k, bare)
-    lower = _lower(rope, nodes, k)
-    held = border.value[0].copy()
-    held[rows.LINE] -= lost
-    _find_accelerations(upper, Boundary(held[None], border.rate[:1]), place.time)
-    ahead = node_beyond(lower)
-    _find_accelerations(lower, Boundary(ahead[0][None], ahead[1][None]), place.time)
-    return CutParts(upper, lower, lost)
+    upper = upper_part(rope, nodes, k, bare_effects)
+    lower = _falling_with_section(rope, nodes, k)
+    end_value = boundary.value[0].copy()
+    end_value[rows.LINE] -= lost_m
+    _find_accelerations(upper, Boundary(end_value[None], boundary.rate[:1]), position.time)
+    beyond = node_beyond(lower)
+    _find_accelerations(lower, Boundary(beyond[0][None], beyond[1][None]), position.time)
+    return CutParts(upper, lower, lost_m)
 
 
-def _severable(rope: Rope, at_m: float) -> float:
+def _severable_position(rope: Rope, at_m: float) -> float:
     """Return the position of a cut [m]: in a heave compensator, the nearer of its ends."""
     unit_m = float(rope.state.s[1])
-    if at_m >= unit_m or not any(isinstance(own, Compensator) for own in rope.effects):
+    if at_m >= unit_m or not any(isinstance(effect, Compensator) for effect in rope.effects):
         return at_m
     return unit_m if at_m > 0.5 * unit_m else 0.0
 
@@ -246,9 +249,9 @@ def node_beyond(lower: Rope) -> tuple[Floats, Floats]:
     """Position of the held node beyond the free end, and its rate, (MOTIONS,) each."""
     end = int(lower.state.counts[rows.ELEMENTS]) - 1
     x = lower.state.nodes[_X, end]
-    along = x - lower.state.nodes[_X, end - 1]
+    direction = x - lower.state.nodes[_X, end - 1]
     value, rate = np.zeros(rows.MOTIONS), np.zeros(rows.MOTIONS)
-    value[:3] = x + AHEAD_M / max(float(np.linalg.norm(along)), 1e-9) * along
+    value[:3] = x + AHEAD_M / max(float(np.linalg.norm(direction)), 1e-9) * direction
     rate[:3] = lower.state.nodes[_V, end]
     value[rows.LINE] = lower.state.s[end + 1]
     return value, rate
@@ -261,16 +264,16 @@ def step_free(lower: Rope, time: float) -> bool:
     """
     value, rate = node_beyond(lower)
     lower.state.nodes[_X, int(lower.state.counts[rows.ELEMENTS])] = value[:3]
-    after = value + lower.model.step * rate
-    border = Boundary(np.array([value, after]), np.array([rate, rate]))
-    return advance(lower, border, np.zeros((1, rows.PULL_COLUMNS)), time, 1) == 1
+    end_value = value + lower.model.step * rate
+    boundary = Boundary(np.array([value, end_value]), np.array([rate, rate]))
+    return advance(lower, boundary, np.zeros((1, rows.PULL_COLUMNS)), time, 1) == 1
 
 
 def refresh_tension(rope: Rope, payout_m_per_s: float) -> None:
     """Recompute the tensions of the present state after a failed trial."""
-    now = elements_of(rope.state, rope.sections, payout_m_per_s)
-    n = len(now.rest)
-    rope.work[rows.TENSION, :n] = tensions(rope, now, rope.state.offset[:n])
+    elements = elements_of(rope.state, rope.sections, payout_m_per_s)
+    n = len(elements.rest)
+    rope.work[rows.TENSION, :n] = tensions(rope, elements, rope.state.offset[:n])
 
 
 def nodes_of(rope: Rope, V: float) -> Nodes:
@@ -287,28 +290,31 @@ def inserted_nodes(s: Floats, least_m: float) -> list[float]:
 
     The uppermost element shrinks at the sheave and must not be the lowest one too.
     """
-    least = min(least_m, float(s[-1]))
-    wanted = halvings(least, float(s[1])) if ROOM * least < s[1] else []
-    return [at for at in wanted if at < (1.0 - NODE_TOL) * s[1]]
+    min_length_m = min(least_m, float(s[-1]))
+    wanted = halvings(min_length_m, float(s[1])) if ROOM * min_length_m < s[1] else []
+    return [position for position in wanted if position < (1.0 - NODE_TOL) * s[1]]
 
 
 def upper_part(
-    rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...], *, loaded: bool = False
+    rope: Rope, nodes: Nodes, k: int, bare_effects: tuple[Any, ...], *, loaded: bool = False
 ) -> Rope:
-    """Return the part that hangs on; sections cut off end below its lower end.
+    """Return the part that stays suspended; sections cut off end below its lower end.
 
     loaded: its upper end is a connection, whose node carries loads.
     """
     sections = rope.sections.copy()
     sections[rows.END] -= nodes.s[k]
     part = Nodes(nodes.motion[:, k:], nodes.s[k:] - nodes.s[k], nodes.offset[k:], nodes.tension[k:])
-    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    state = _state_from(part, rope.state.s.shape[0] + SPARE_NODES)
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
-    own = nodes.s[k:] if loaded else nodes.s[k:-1]
+    carrying = nodes.s[k:] if loaded else nodes.s[k:-1]
     if k > 0:
-        bare = tuple(e._replace(here=0.0) if isinstance(e, Compensator) else e for e in bare)
-    effects = on_nodes(bare, own, state.s.shape[0], float(nodes.s[k]))
+        bare_effects = tuple(
+            effect._replace(here=0.0) if isinstance(effect, Compensator) else effect
+            for effect in bare_effects
+        )
+    effects = on_nodes(bare_effects, carrying, state.s.shape[0], float(nodes.s[k]))
     return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 
 
@@ -316,44 +322,44 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
     """Return the part below node k; its elements neither split nor merge."""
     motion, s = nodes.motion[:, : k + 1], nodes.s[: k + 1]
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
-    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    state = _state_from(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
-    effects = of_falling(on_nodes(rope.effects, s, state.s.shape[0]))
+    effects = falling_effects(on_nodes(rope.effects, s, state.s.shape[0]))
     lower = rope._replace(model=model, sections=rope.sections.copy(), effects=effects)
     return _filled(lower, state, part)
 
 
-def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
+def _falling_with_section(rope: Rope, nodes: Nodes, k: int) -> Rope:
     """Return the falling part with the massless section above it."""
-    lost = nodes.s[k]
+    lost_m = nodes.s[k]
     sections = np.hstack([rope.sections, np.zeros((rows.SECTION_ROWS, 1))])
-    sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost)
+    sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost_m)
     sections[rows.END, -1] = np.inf
-    sections[rows.PER_METRE + rows.LENGTH - rows.MASS, -1] = 1.0  # it is a length, if of nothing
-    sheds = any(is_viv_model(own) for own in rope.effects)
+    sections[rows.PER_METRE + rows.LENGTH - rows.MASS, -1] = 1.0  # a length per metre, without mass
+    sheds = any(is_viv_model(effect) for effect in rope.effects)
     part = Nodes(
         np.insert(nodes.motion[:, : k + 1], k + 1, nodes.motion[:, k], axis=1),
-        np.append(nodes.s[: k + 1], lost + (BEYOND_SHEDDING_M if sheds else BEYOND_M)),
+        np.append(nodes.s[: k + 1], lost_m + (BEYOND_SHEDDING_M if sheds else BEYOND_M)),
         np.append(nodes.offset[:k], 0.0),
         np.append(nodes.tension[:k], 0.0),
     )
-    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
+    state = _state_from(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
-    law = None if rope.law is None else _with_nothing(rope.law)
-    effects = of_falling(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
+    law = None if rope.law is None else _with_zero_section(rope.law)
+    effects = falling_effects(on_nodes(rope.effects, nodes.s[: k + 1], state.s.shape[0]))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 
 
-def _with_nothing(law: Table) -> Table:
+def _with_zero_section(law: Table) -> Table:
     """Return the tension table with a section of zero tension at any strain."""
     knots = law.knot.shape[1]
-    last = {field: np.zeros((1, knots)) for field in Table._fields}
-    last["knot"][0, 1:] = np.inf
-    return Table(*(np.vstack([getattr(law, name), last[name]]) for name in Table._fields))
+    zero_rows = {field: np.zeros((1, knots)) for field in Table._fields}
+    zero_rows["knot"][0, 1:] = np.inf
+    return Table(*(np.vstack([getattr(law, name), zero_rows[name]]) for name in Table._fields))
 
 
-def _state(part: Nodes, room: int) -> State:
+def _state_from(part: Nodes, room: int) -> State:
     state = new_state(room)
     n = len(part.offset)
     state.counts[rows.ELEMENTS] = n
@@ -365,8 +371,8 @@ def _filled(rope: Rope, state: State, part: Nodes) -> Rope:
     """Return the part with its own scratch arrays and a tolerance from its weight."""
     work = new_work(columns_for(state.s.shape[0]), work_rows(rope.effects))
     work[rows.TENSION, : len(part.tension)] = part.tension
-    own = max(TOLERANCE_SHARE * _weight_n(rope, part), TOLERANCE_LEAST_N)
-    model = rope.model._replace(tolerance=min(rope.model.tolerance, own))
+    tolerance = max(TOLERANCE_SHARE * _weight_n(rope, part), TOLERANCE_LEAST_N)
+    model = rope.model._replace(tolerance=min(rope.model.tolerance, tolerance))
     return rope._replace(model=model, state=state, work=work)
 
 
@@ -381,17 +387,19 @@ def _weight_n(rope: Rope, part: Nodes) -> float:
     )
 
 
-def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
+def _find_accelerations(part: Rope, boundary: Boundary, time: float) -> None:
     """Set the accelerations of a part's nodes from its forces; all else is unchanged."""
     model = part.model._replace(step=INSTANT_S, split_above=np.inf, merge_below=0.0)
-    after = border.value + INSTANT_S * border.rate
-    both = Boundary(np.vstack([border.value, after]), np.vstack([border.rate, border.rate]))
+    end_value = boundary.value + INSTANT_S * boundary.rate
+    step_boundary = Boundary(
+        np.vstack([boundary.value, end_value]), np.vstack([boundary.rate, boundary.rate])
+    )
     n, pull = int(part.state.counts[rows.ELEMENTS]), np.zeros((1, rows.PULL_COLUMNS))
     for _ in range(2):
         work = new_work(columns_for(part.state.s.shape[0]), work_rows(part.effects))
-        own = own_copies(part.effects)
-        trial = part._replace(model=model, state=part.state.copy(), work=work, effects=own)
-        if advance(trial, both, pull, time, 1) < 1:
+        effects = own_copies(part.effects)
+        trial = part._replace(model=model, state=part.state.copy(), work=work, effects=effects)
+        if advance(trial, step_boundary, pull, time, 1) < 1:
             what = "the forces at its new end are not finite"
             raise SolverError("the rope's cut", what, "check the scene")
         part.state.nodes[_A, :n] = trial.state.nodes[_A, :n]
@@ -400,59 +408,63 @@ def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
 SUBSTEPS = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of the first step after a cut
 
 
-def boundary_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
+def boundary_at(
+    boundary: Boundary, fractions: tuple[float, ...], h: float
+) -> tuple[Floats, Floats]:
     """Prescribed motion at these fractions of a step, by the cubic of `core.payout`."""
-    if len(parts) == 2:
-        return border.value, border.rate
-    u = np.array(parts)[:, None]
-    (y0, y1), (d0, d1) = border.value, border.rate * h
+    if len(fractions) == 2:
+        return boundary.value, boundary.rate
+    u = np.array(fractions)[:, None]
+    (y0, y1), (d0, d1) = boundary.value, boundary.rate * h
     c2, c3 = 3.0 * (y1 - y0) - 2.0 * d0 - d1, 2.0 * (y0 - y1) + d0 + d1
     value = y0 + u * (d0 + u * (c2 + u * c3))
     rate = (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
-    value[-1], rate[-1] = border.value[1], border.rate[1]
+    value[-1], rate[-1] = boundary.value[1], boundary.rate[1]
     return value, rate
 
 
-def cut_system(system: System, border: Boundary, place: CutPosition) -> tuple[System, float]:
+def cut_system(system: System, boundary: Boundary, position: CutPosition) -> tuple[System, float]:
     """Cut a rope of a system without sheaves; the argument is unchanged.
 
     Return the system with the lower part as last rope, and its unstretched length [m].
 
-    border: of all ropes, (ropes, 1, MOTIONS).
+    boundary: of all ropes, (ropes, 1, MOTIONS).
 
     Raises:
         SolverError: the forces at a new end are not finite.
     """
-    r, joints = place.rope, system.joints
-    whole = system.ropes[r]
+    r, joints = position.rope, system.joints
+    rope = system.ropes[r]
     at_ship = bool(joints.upper[r] == LOOSE)
     nodes, k = nodes_of(
-        whole, float(border.rate[r, 0, rows.LINE]) if at_ship else 0.0
-    ).with_node_at(place.at_m)
-    lost = float(nodes.s[k])
-    for above in inserted_nodes(nodes.s[k:] - lost, place.least_m) if at_ship else ():
-        nodes, _ = nodes.with_node_at(lost + above)
-    nodes, k = _of_two_elements(nodes, k)
-    nodes.motion[:, -1] = whole.state.nodes[:, int(whole.state.counts[rows.ELEMENTS])]
-    upper = upper_part(whole, nodes, k, without_load(whole.effects), loaded=not at_ship)
-    lower = falling_part(whole, nodes, k)
+        rope, float(boundary.rate[r, 0, rows.LINE]) if at_ship else 0.0
+    ).with_node_at(position.at_m)
+    lost_m = float(nodes.s[k])
+    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.least_m) if at_ship else ():
+        nodes, _ = nodes.with_node_at(lost_m + inserted_m)
+    nodes, k = _with_two_elements(nodes, k)
+    nodes.motion[:, -1] = rope.state.nodes[:, int(rope.state.counts[rows.ELEMENTS])]
+    upper = upper_part(rope, nodes, k, without_load(rope.effects), loaded=not at_ship)
+    lower = falling_part(rope, nodes, k)
     ropes = [*system.ropes, lower]
     ropes[r] = upper
-    below = [*joints.lower.tolist(), int(joints.lower[r])]
-    below[r] = LOOSE
+    lower_ends = [*joints.lower.tolist(), int(joints.lower[r])]
+    lower_ends[r] = LOOSE
     tolerance = min(system.ropes[0].model.tolerance, upper.model.tolerance, lower.model.tolerance)
     ropes[0] = ropes[0]._replace(model=ropes[0].model._replace(tolerance=tolerance))
-    above_it = [*joints.upper.tolist(), joints.nodes.shape[1]]
-    parts = new_system(tuple(ropes), below, above_it, joints.ties)
-    for own, before in zip(parts.ropes, ropes, strict=True):
-        n = int(before.state.counts[rows.ELEMENTS])
-        own.work[rows.TENSION, :n] = before.work[rows.TENSION, :n]
-    _find_system_accelerations(parts, (r, len(ropes) - 1), _with_one_more(border), place.time)
-    return parts, lost
+    upper_ends = [*joints.upper.tolist(), joints.nodes.shape[1]]
+    parts = new_system(tuple(ropes), lower_ends, upper_ends, joints.ties)
+    for new, old in zip(parts.ropes, ropes, strict=True):
+        n = int(old.state.counts[rows.ELEMENTS])
+        new.work[rows.TENSION, :n] = old.work[rows.TENSION, :n]
+    _find_system_accelerations(
+        parts, (r, len(ropes) - 1), _with_lower_part(boundary), position.time
+    )
+    return parts, lost_m
 
 
 def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
-    """Return the scene after the cut: the rope ends nowhere, the last rope comes from nowhere."""
+    """Return the scene after the cut, with the lower part as last rope; both new ends are free."""
     line = scene.ropes[number]
     upper = replace(line, to="", fixed_at_m=None)
     lower: RopeLine = replace(line, name=f"{line.name}/lower", from_="", length_m=lost_m)
@@ -468,23 +480,23 @@ def advance_in_substeps(system: System, boundary: Boundary, time: float) -> Floa
     PULL_COLUMNS), or None if it failed and all is unchanged.
     """
     pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
-    kept = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
-    memories = [array for rope in system.ropes for array in state_arrays(rope.effects)]
-    remembered = [array.copy() for array in memories]
+    backup = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
+    internal = [array for rope in system.ropes for array in state_arrays(rope.effects)]
+    internal_backup = [array.copy() for array in internal]
     h = system.ropes[0].model.step
-    each = [boundary_at(Boundary(*own), SUBSTEPS, h) for own in zip(*boundary, strict=True)]
+    each = [boundary_at(Boundary(*tables), SUBSTEPS, h) for tables in zip(*boundary, strict=True)]
     value, rate = (np.array(tables) for tables in zip(*each, strict=True))
     for k, (begin, end) in enumerate(pairwise(SUBSTEPS)):
-        some = Boundary(value[:, k : k + 2].copy(), rate[:, k : k + 2].copy())
-        piece = _with_step(system, (end - begin) * h)
-        if advance_joined(piece, some, pull, time + begin * h, 1) < 1:
-            for rope, state in zip(system.ropes, kept[0], strict=True):
-                for mine, other in zip(rope.state, state, strict=True):
-                    mine[...] = other
-            for mine, other in zip(system.joints[2:4], kept[1][2:4], strict=True):
-                mine[...] = other
-            for mine, other in zip(memories, remembered, strict=True):
-                mine[...] = other
+        substep_boundary = Boundary(value[:, k : k + 2].copy(), rate[:, k : k + 2].copy())
+        substep_system = _with_step(system, (end - begin) * h)
+        if advance_joined(substep_system, substep_boundary, pull, time + begin * h, 1) < 1:
+            for rope, state in zip(system.ropes, backup[0], strict=True):
+                for array, saved in zip(rope.state, state, strict=True):
+                    array[...] = saved
+            for array, saved in zip(system.joints[2:4], backup[1][2:4], strict=True):
+                array[...] = saved
+            for array, saved in zip(internal, internal_backup, strict=True):
+                array[...] = saved
             return None
     system.ropes[0].state.health[rows.STEPS] -= len(SUBSTEPS) - 2
     return pull
@@ -496,7 +508,7 @@ def _with_step(system: System, step: float) -> System:
     )
 
 
-def _of_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
+def _with_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
     """Divide parts of one element in two, as a rope between connections needs two elements."""
     if k == 1:
         nodes, _ = nodes.with_node_at(0.5 * float(nodes.s[1]))
@@ -506,36 +518,36 @@ def _of_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
     return nodes, k
 
 
-def _with_one_more(border: Boundary) -> Boundary:
+def _with_lower_part(boundary: Boundary) -> Boundary:
     """Return a boundary with a row for the lower part, which is not used."""
-    return Boundary(*(np.concatenate([table, table[-1:]]) for table in border))
+    return Boundary(*(np.concatenate([table, table[-1:]]) for table in boundary))
 
 
 def _find_system_accelerations(
-    system: System, parts: tuple[int, int], border: Boundary, time: float
+    system: System, parts: tuple[int, int], boundary: Boundary, time: float
 ) -> None:
     """Set the accelerations of the parts' nodes from their forces; all else is unchanged."""
-    value, rate = border
-    both = Boundary(
+    value, rate = boundary
+    step_boundary = Boundary(
         np.concatenate([value, value + INSTANT_S * rate], axis=1),
         np.concatenate([rate, rate], axis=1),
     )
     pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
-    still = [
+    fixed_mesh = [
         rope._replace(model=rope.model._replace(split_above=np.inf, merge_below=0.0))
         for rope in system.ropes
     ]
     for _ in range(2):
-        trial = copy.deepcopy(_with_step(system._replace(ropes=tuple(still)), INSTANT_S))
-        if advance_joined(trial, both, pull, time, 1) < 1:
+        trial = copy.deepcopy(_with_step(system._replace(ropes=tuple(fixed_mesh)), INSTANT_S))
+        if advance_joined(trial, step_boundary, pull, time, 1) < 1:
             what = "the forces at its new end are not finite"
             raise SolverError("the rope's cut", what, "check the scene")
         for r in parts:
-            _take_accelerations(system.ropes[r], trial.ropes[r], held=r == parts[0])
+            _copy_accelerations(system.ropes[r], trial.ropes[r], held=r == parts[0])
         system.joints.nodes[_A, -1] = trial.joints.nodes[_A, -1]
 
 
-def _take_accelerations(rope: Rope, trial: Rope, *, held: bool) -> None:
+def _copy_accelerations(rope: Rope, trial: Rope, *, held: bool) -> None:
     """Copy accelerations from a trial step; held: except that of the upper end."""
     n = int(rope.state.counts[rows.ELEMENTS]) + (0 if held else 1)
     rope.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

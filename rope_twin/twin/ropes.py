@@ -1,8 +1,8 @@
 """Ropes that a twin steps: a single rope or a multi-line system.
 
-The twin itself owns its first rope with that rope's winch and hang-off. `Ropes` are the classes for
-the step and everything beyond the first rope, with the same methods; for a single rope that is
-nothing. Where a method takes the first rope or its boundary, it is with the effects in use now.
+The twin owns its first rope with that rope's winch and hang-off. The classes `Ropes` have the same
+methods for the step and for everything beyond the first rope. A method that takes the first rope
+takes it with the effects in use.
 """
 
 from __future__ import annotations
@@ -68,8 +68,8 @@ from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.vortex.coupled import VivDragAmplification
 
-# of a checkpoint: what continues from the present instead
-_NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
+# Parts of a checkpoint that are not restored: they continue from the present.
+_NOT_RESTORED = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
 
 
 class OneRope(OtherRopes):
@@ -90,9 +90,9 @@ class OneRope(OtherRopes):
         """Advance the rope in time."""
         return advance(first, boundary, pulls, time, len(pulls))
 
-    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[CutRope, float]:
+    def cut(self, first: Rope, boundary: Boundary, position: CutPosition) -> tuple[CutRope, float]:
         """Cut the rope; return both parts and the length of the lower one [m]."""
-        parts = cut_rope(first, border, place, without_load(first.effects))
+        parts = cut_rope(first, boundary, position, without_load(first.effects))
         return CutRope(self._scene, parts.upper, parts.lower), parts.lost_m
 
     def replace(self, ropes: Sequence[Rope]) -> None:
@@ -104,7 +104,7 @@ class OneRope(OtherRopes):
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
     def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
-        """Add the force on the lower end, where the scene moves that."""
+        """Add the force on the lower end, if the scene moves that end."""
         if self._scene.ropes[0].end_motion is None:
             return shot
         force = lower_end_force(self.first, effects, now_ns * 1e-9)
@@ -119,11 +119,11 @@ class OneRope(OtherRopes):
         """Return the rope itself."""
         return first
 
-    def changing(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return no additional state."""
         return {}
 
-    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+    def restore(self, values: dict[str, Any], first: Rope) -> None:
         """Continue with the first rope; there is no additional state."""
         self.first = first
 
@@ -132,56 +132,59 @@ _WHOLE = (0.0, 1.0)
 
 
 class CutRope(OtherRopes):
-    """Both parts of a cut rope, which do not interact; the first rope is the one that still hangs.
+    """Both parts of a cut rope, which do not interact; the first rope is the upper part.
 
-    The payload at the rope's lower end is now at that of the lower part.
+    The payload is at the lower end of the lower part.
     """
 
     def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:
-        """Take both parts; lower: as `sever` returns it, with the effects of the whole rope."""
+        """Take both parts; lower: as `cut_rope` returns it, with the effects of the whole rope."""
         super().__init__(scene, first)
         self._lower = lower
-        self._kept, self._kept_lower = first.state.copy(), lower.state.copy()
-        self._fresh = True  # no step since the cut
+        self._upper_backup, self._lower_backup = first.state.copy(), lower.state.copy()
+        self._fresh = True  # whether no step was done since the cut
         self._unconverged = 0  # unconverged substeps of the lower part at the last snapshot
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """Advance both parts step by step; neither continues without the other."""
+        """Advance both parts step by step; both stop if one fails."""
         self.first = first
-        self._share_water(first)
+        self._share_effects(first)
         for row in range(len(pulls)):
-            now = time + row * first.model.step
-            own = Boundary(*(table[row : row + 2] for table in boundary))
-            if not self._step_both(first, own, now, pulls[row]):
+            begin_s = time + row * first.model.step
+            step_boundary = Boundary(*(table[row : row + 2] for table in boundary))
+            if not self._step_both(first, step_boundary, begin_s, pulls[row]):
                 return row
         return len(pulls)
 
-    def _step_both(self, first: Rope, border: Boundary, time: float, pull: Floats) -> bool:
+    def _step_both(self, first: Rope, boundary: Boundary, time: float, pull: Floats) -> bool:
         """Advance both by a step, the first in doubling substeps; False: both are unchanged."""
-        both = ((self._kept, first.state), (self._kept_lower, self._lower.state))
-        for kept, state in both:
-            _copy(state, kept)
-        carried = state_arrays(first.effects + self._lower.effects)
-        carried_then = [one.copy() for one in carried]
+        backups = ((self._upper_backup, first.state), (self._lower_backup, self._lower.state))
+        for backup, state in backups:
+            _copy(state, backup)
+        internal = state_arrays(first.effects + self._lower.effects)
+        internal_backup = [array.copy() for array in internal]
         h, lower = first.model.step, self._lower
-        parts = SUBSTEPS if self._fresh else _WHOLE
-        value, rate = boundary_at(border, parts, h)
+        fractions = SUBSTEPS if self._fresh else _WHOLE
+        value, rate = boundary_at(boundary, fractions, h)
         pulls = np.zeros((1, rows.PULL_COLUMNS))
-        for k, (begin, end) in enumerate(pairwise(parts)):
-            now, piece = time + begin * h, (end - begin) * h
-            some = Boundary(value[k : k + 2], rate[k : k + 2])
-            upper = first._replace(model=first.model._replace(step=piece))
-            falling = lower._replace(model=lower.model._replace(step=piece))
-            if not step_free(falling, now) or advance(upper, some, pulls, now, 1) < 1:
-                for kept, state in both:
-                    _copy(kept, state)
-                for one, then in zip(carried, carried_then, strict=True):
-                    one[...] = then
-                refresh_tension(first, float(border.rate[0, rows.LINE]))
+        for k, (begin, end) in enumerate(pairwise(fractions)):
+            begin_s, substep_s = time + begin * h, (end - begin) * h
+            substep_boundary = Boundary(value[k : k + 2], rate[k : k + 2])
+            upper = first._replace(model=first.model._replace(step=substep_s))
+            falling = lower._replace(model=lower.model._replace(step=substep_s))
+            if (
+                not step_free(falling, begin_s)
+                or advance(upper, substep_boundary, pulls, begin_s, 1) < 1
+            ):
+                for backup, state in backups:
+                    _copy(backup, state)
+                for array, saved in zip(internal, internal_backup, strict=True):
+                    array[...] = saved
+                refresh_tension(first, float(boundary.rate[0, rows.LINE]))
                 refresh_tension(lower, 0.0)
                 return False
-        for _, state in both:  # substeps of the first step count as one step
-            state.health[rows.STEPS] -= len(parts) - 2
+        for _, state in backups:  # substeps of the first step count as one step
+            state.health[rows.STEPS] -= len(fractions) - 2
         self._fresh, pull[:] = False, pulls[0]
         return True
 
@@ -190,7 +193,7 @@ class CutRope(OtherRopes):
         lower = without_massless_section(self._lower)
         name = f"{self._scene.ropes[0].name}/lower"
         ends_n = lower_end_tension(lower, effects, now_ns * 1e-9), 0.0
-        part = rope_shot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
+        lower_shot = rope_shot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
@@ -199,33 +202,33 @@ class CutRope(OtherRopes):
             x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
         return replace(
             shot,
-            tension_payload_n=float(part.node_tension_n[-1]),
+            tension_payload_n=float(lower_shot.node_tension_n[-1]),
             payload_position_m=x,
             payload_velocity_m_per_s=v,
-            ropes=(first_rope(shot, self._scene.ropes[0].name), part),
-            payloads=tuple(PayloadShot(one.name, x, v) for one in self._scene.payloads),
+            ropes=(first_rope(shot, self._scene.ropes[0].name), lower_shot),
+            payloads=tuple(PayloadShot(payload.name, x, v) for payload in self._scene.payloads),
             seabed=self._contact(lower),
-            solver=_both(shot.solver, lower.state.health),
+            solver=_combined_health(shot.solver, lower.state.health),
             doubtful=doubtful,
         )
 
     def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of both parts."""
         line, (upper, lower) = self._scene.ropes[0], shot.ropes
-        fallen = without_massless_section(self._lower)
-        return shape_from_top(line, first, upper), shape_from_top(line, fallen, lower, loose=True)
+        falling = without_massless_section(self._lower)
+        return shape_from_top(line, first, upper), shape_from_top(line, falling, lower, loose=True)
 
-    def changing(self) -> dict[str, Any]:
+    def state(self) -> dict[str, Any]:
         """Return the state of the lower part that a restart needs, by name."""
         parts = {name: getattr(self._lower, name) for name in changing_parts(self._lower)}
-        kept: dict[str, Any] = {f"lower/{name}": part for name, part in parts.items()}
-        kept["lower/model"], kept["rope/model"] = self._lower.model, self.first.model
-        kept["lower/effects"], kept["lower/fresh"] = self._lower.effects, self._fresh
-        kept["lower/tension"] = element_tension(self._lower)
-        return kept
+        values: dict[str, Any] = {f"lower/{name}": part for name, part in parts.items()}
+        values["lower/model"], values["rope/model"] = self._lower.model, self.first.model
+        values["lower/effects"], values["lower/fresh"] = self._lower.effects, self._fresh
+        values["lower/tension"] = element_tension(self._lower)
+        return values
 
-    def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
+    def restore(self, values: dict[str, Any], first: Rope) -> None:
+        """Remove the entries of `state` from `values` and restore them; first: the first rope."""
         names = (*changing_parts(self._lower), "model", "effects")
         parts = {name: values.pop(f"lower/{name}") for name in names}
         self.first, self._lower = first, self._lower._replace(**parts)
@@ -238,45 +241,46 @@ class CutRope(OtherRopes):
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Return energy and power of both parts; pull [N], speed [m/s]: of the upper one."""
-        self._share_water(first)
+        self._share_effects(first)
         with np.errstate(divide="ignore"):  # the node beyond the free end has zero diameter
-            low = measure(self._lower, np.zeros(3), time, 0.0)
-        high = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
+            lower = measure(self._lower, np.zeros(3), time, 0.0)
+        upper = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
         return SystemBorder(
-            Store(*(a + b for a, b in zip(low.store, high.store, strict=True))),
-            Power(*(a + b for a, b in zip(low.power, high.power, strict=True))),
-            (low.elements, high.elements),
+            Store(*(a + b for a, b in zip(lower.store, upper.store, strict=True))),
+            Power(*(a + b for a, b in zip(lower.power, upper.power, strict=True))),
+            (lower.elements, upper.elements),
             0.0,
         )
 
-    def _share_water(self, first: Rope) -> None:
-        """Take over the first rope's effects, except those with own load or internal variables."""
+    def _share_effects(self, first: Rope) -> None:
+        """Use the first rope's effects, except those with own load or internal variables."""
         shared = tuple(
-            own if is_at_end(own) or has_state(own) else live
-            for own, live in zip(self._lower.effects, first.effects, strict=True)
+            lower if is_at_end(lower) or has_state(lower) else upper
+            for lower, upper in zip(self._lower.effects, first.effects, strict=True)
         )
-        if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
+        if any(old is not new for old, new in zip(self._lower.effects, shared, strict=True)):
             self._lower = self._lower._replace(effects=shared)
 
     def _contact(self, lower: Rope) -> BedContact | None:
         """Return the seabed contact of both parts; the payload is that of the lower one."""
-        high, low, all_of_it = (seabed_contact(rope) for rope in (self.first, lower, self._lower))
-        if high is None or low is None or all_of_it is None:
+        ropes = self.first, lower, self._lower
+        upper_bed, lower_bed, with_free_end = (seabed_contact(rope) for rope in ropes)
+        if upper_bed is None or lower_bed is None or with_free_end is None:
             return None
         return replace(
-            low,
-            rope_on_bed_m=low.rope_on_bed_m + high.rope_on_bed_m,
-            rope_push_n=all_of_it.rope_push_n + high.rope_push_n,  # including the free end
+            lower_bed,
+            rope_on_bed_m=lower_bed.rope_on_bed_m + upper_bed.rope_on_bed_m,
+            rope_push_n=with_free_end.rope_push_n + upper_bed.rope_push_n,
         )
 
 
 def _copy(source: State, target: State) -> None:
-    for mine, other in zip(target, source, strict=True):
-        mine[...] = other
+    for target_array, source_array in zip(target, source, strict=True):
+        target_array[...] = source_array
 
 
-def _both(upper: SolverHealth, lower: Any) -> SolverHealth:
-    """Return the counts of both parts; steps are the same."""
+def _combined_health(upper: SolverHealth, lower: Any) -> SolverHealth:
+    """Return the solver counts of both parts together; steps are the same."""
     return upper._replace(
         solves=upper.solves + int(lower[rows.SOLVES]),
         solves_max_per_stage=max(upper.solves_max_per_stage, int(lower[rows.SOLVES_MAX])),
@@ -300,12 +304,12 @@ def ropes_of(scene: Scene, steps: int) -> OneRope | MultiLineRopes:
 
 
 class OpenSteps(NamedTuple):
-    """Steps of a multi-line system that are prescribed and not done."""
+    """Steps of a multi-line system whose boundary conditions are set, to be done in lanes."""
 
     system: System
     boundary: Boundary  # (ropes, steps + 1, MOTIONS)
     steps: int
-    began: float  # processing of these steps [s]
+    began: float  # instant at which their processing began, of time.perf_counter [s]
 
 
 class RopeSystem:
@@ -330,7 +334,7 @@ class RopeSystem:
 
     @property
     def loaded(self) -> tuple[bool, ...]:
-        """Whether the upper end of each rope carries loads: a connection does, a hang-off not."""
+        """Whether the upper end of each rope carries loads: a connection does, no hang-off does."""
         joined = self.joined
         return (False,) if joined is None else loaded_ends(joined.system(self.first))
 
@@ -344,21 +348,21 @@ class RopeSystem:
         """Force of all ropes on their upper ends [N], (ropes, PULL_COLUMNS)."""
         return self.pull[None] if self.joined is None else self.joined.pull
 
-    def computed(self, border: Boundary) -> tuple[float, ...]:
+    def computed(self, boundary: Boundary) -> tuple[float, ...]:
         """Return top tension [N] and line out [m] of each rope, then the payload's depth [m].
 
-        border: boundary conditions of the first rope, the present in row 0.
+        boundary: boundary conditions of the first rope, the present in row 0.
         """
-        lengths = self.ropes.border(border).value[:, LINE].tolist()
-        both = zip(self.upper_pulls[:, PULL].tolist(), lengths, strict=False)
+        lengths = self.ropes.present_boundary(boundary).value[:, LINE].tolist()
+        pairs = zip(self.upper_pulls[:, PULL].tolist(), lengths, strict=False)
         depth_m = payload_depth_m(self.ropes.lowest(self.first))
-        return (*(value for rope in both for value in rope), depth_m)
+        return (*(value for pair in pairs for value in pair), depth_m)
 
     @property
     def is_finite(self) -> bool:
         """Whether position, velocity and tension of the first rope are finite."""
         nodes = self.first.state.nodes[:ACCELERATION, : self.first.state.counts[ELEMENTS] + 1]
-        return all(bool(np.isfinite(one).all()) for one in (nodes, self.tension, self.pull))
+        return all(bool(np.isfinite(array).all()) for array in (nodes, self.tension, self.pull))
 
     @property
     def unconverged(self) -> int:
@@ -386,10 +390,10 @@ class RopeSystem:
         """Return a multi-line system with the boundary conditions of steps that lanes will do."""
         joined = self.joined
         assert joined is not None
-        return OpenSteps(joined.system(rope), joined.borders(boundary, steps), steps, began)
+        return OpenSteps(joined.system(rope), joined.boundaries(boundary, steps), steps, began)
 
     def close(self, opened: OpenSteps, pulls: Floats) -> Floats:
-        """Take the result of those that were done; return the first rope's force after each.
+        """Record the steps that were done; return the first rope's force after each.
 
         pulls: (ropes, done, PULL_COLUMNS).
         """
@@ -401,28 +405,28 @@ class RopeSystem:
         first: Floats = pulls[0]
         return first
 
-    def cut(self, whole: Rope, border: Boundary, place: CutPosition) -> float:
-        """Cut a rope; return the length of the lower part [m]. whole: with the effects in use.
+    def cut(self, rope: Rope, boundary: Boundary, position: CutPosition) -> float:
+        """Cut a rope; return the length of the lower part [m]. rope: with the effects in use.
 
         Raises:
             SolverError: the cut cannot be made.
         """
         assert not isinstance(self.ropes, CutRope), "a rope is cut once"
-        self.ropes, lost_m = self.ropes.cut(whole, border, place)
+        self.ropes, lost_m = self.ropes.cut(rope, boundary, position)
         self.first = self.ropes.first
         return lost_m
 
     def regrid(
-        self, first: Rope, mesh: Mesh, level: AccuracyLevel, border: Boundary
+        self, first: Rope, mesh: Mesh, level: AccuracyLevel, boundary: Boundary
     ) -> tuple[Any, ...]:
         """Continue on another accuracy level; return the effects of the first rope on its mesh.
 
-        first: with the effects in use; border: boundary conditions of the first rope, the present
-        in row 0.
+        first: with the effects in use; boundary: boundary conditions of the first rope, the
+        present in row 0.
         """
-        whole = first if self.joined is None else self.joined.system(first)
-        payout = self.ropes.border(border).rate[:, LINE]
-        ends = upper_ends(whole, self.upper_pulls, payout)
+        ropes = first if self.joined is None else self.joined.system(first)
+        payout = self.ropes.present_boundary(boundary).rate[:, LINE]
+        ends = upper_ends(ropes, self.upper_pulls, payout)
         assert not isinstance(self.ropes, CutRope), "its parts keep their elements"
         self.ropes.replace(mesh.changed(self.ropes.all_with(first), level, ends))
         self.first = self.ropes.first
@@ -430,35 +434,35 @@ class RopeSystem:
 
     def arrays(self) -> dict[str, Any]:
         """Return all that the steps change, by name; effects belong to the inputs."""
-        own = {f"rope/{name}": getattr(self.first, name) for name in changing_parts(self.first)}
-        own |= {"rope/tension": self.tension, "rope/pull": self.pull}
-        return own | self.ropes.changing()
+        arrays = {f"rope/{name}": getattr(self.first, name) for name in changing_parts(self.first)}
+        arrays |= {"rope/tension": self.tension, "rope/pull": self.pull}
+        return arrays | self.ropes.state()
 
     def restore(self, arrays: dict[str, Any], effects: tuple[Any, ...]) -> None:
         """Continue from restored arrays and effects."""
-        left = dict(arrays)
-        self.pull, tension = left.pop("rope/pull"), left.pop("rope/tension")
-        parts = {name: left.pop(f"rope/{name}") for name in changing_parts(self.first)}
-        model = left.pop("rope/model", self.first.model)
+        remaining = dict(arrays)
+        self.pull, tension = remaining.pop("rope/pull"), remaining.pop("rope/tension")
+        parts = {name: remaining.pop(f"rope/{name}") for name in changing_parts(self.first)}
+        model = remaining.pop("rope/model", self.first.model)
         self.first = self.first._replace(**parts, effects=effects, model=model)
         self.tension[:] = tension
-        self.ropes.take_back(left, self.first)
+        self.ropes.restore(remaining, self.first)
 
     def moving_arrays(self, effects: tuple[Any, ...]) -> dict[str, Floats]:
         """Return views of all arrays of a checkpoint, by name; effects: those in use."""
-        kept = self.arrays() | {"effects": effects}
+        parts = self.arrays() | {"effects": effects}
         return {
-            name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
+            name: array for name, part in parts.items() for name, array in moving_arrays(name, part)
         }
 
-    def put_back(self, kept: dict[str, Floats], effects: tuple[Any, ...]) -> bool:
+    def restore_checkpoint(self, saved: dict[str, Floats], effects: tuple[Any, ...]) -> bool:
         """Copy the arrays of a checkpoint into those in use; return whether they fit."""
-        if self.moving_arrays(effects).keys() != kept.keys():
+        if self.moving_arrays(effects).keys() != saved.keys():
             return False
         for _ in range(2):  # after the first pass the views have the restored element counts
             for name, array in self.moving_arrays(effects).items():
-                if array.shape == kept[name].shape:
-                    array[...] = kept[name]
+                if array.shape == saved[name].shape:
+                    array[...] = saved[name]
         return True
 
 
@@ -476,13 +480,13 @@ def new_viv_drag(scene: Scene, system: RopeSystem) -> VivDragAmplification | Non
 
 def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, Floats]]:
     """Yield all arrays of a component that a recovery restores, by name."""
-    if name in _NOT_PUT_BACK:
+    if name in _NOT_RESTORED:
         return
     if isinstance(part, np.ndarray):
         yield name, part
     elif isinstance(part, tuple | list):
-        for number, one in enumerate(part):
-            yield from moving_arrays(f"{name}/{number}", one)
+        for number, item in enumerate(part):
+            yield from moving_arrays(f"{name}/{number}", item)
     elif type(part).__module__.startswith(("rope_twin.core", "rope_twin.effects")):
-        for key, one in getattr(part, "__dict__", {}).items():
-            yield from moving_arrays(f"{name}/{key}", one)
+        for key, item in getattr(part, "__dict__", {}).items():
+            yield from moving_arrays(f"{name}/{key}", item)

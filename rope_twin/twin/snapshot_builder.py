@@ -34,7 +34,7 @@ from rope_twin.twin.snapshot import (
 
 
 class Extremes:
-    """Maximum, mean and minimum of a series that arrives in pieces."""
+    """Maximum, mean and minimum of a series that arrives in batches."""
 
     def __init__(self) -> None:
         self.high, self.low = -np.inf, np.inf
@@ -45,7 +45,7 @@ class Extremes:
         if values:
             self.high = max(self.high, *values)
             self.low = min(self.low, *values)
-            self._sum = reduce(add, values, self._sum)  # however they are divided into pieces
+            self._sum = reduce(add, values, self._sum)  # independent of the division into batches
             self._count += len(values)
 
     def join(self, other: Extremes) -> None:
@@ -93,11 +93,11 @@ def rope_shot(
     n = int(rope.state.counts[rows.ELEMENTS])
     downward = slice(None) if from_sheave else slice(None, None, -1)
     tension, (lower_n, upper_n) = rope.work[rows.TENSION, :n], ends_n
-    between = 0.5 * (tension[1:] + tension[:-1])
+    interior = 0.5 * (tension[1:] + tension[:-1])
     return RopeShot(
         name=name,
-        node_position_m=_in_rows(rope.state, rows.POSITION, downward),
-        node_tension_n=np.concatenate(([lower_n], between, [upper_n]))[downward].copy(),
+        node_position_m=_node_vectors(rope.state, rows.POSITION, downward),
+        node_tension_n=np.concatenate(([lower_n], interior, [upper_n]))[downward].copy(),
         element_tension_n=tension[downward].copy(),
         tension_top_n=upper_n,
         line_out_m=line[0],
@@ -105,8 +105,8 @@ def rope_shot(
     )
 
 
-def _in_rows(state: State, first: int, order: slice) -> Vector:
-    """Return the vector at rows `first` of the nodes in this order, (nodes, 3)."""
+def _node_vectors(state: State, first: int, order: slice) -> Vector:
+    """Return the vectors in three rows of the state from `first` on, nodes in order, (nodes, 3)."""
     nodes = state.nodes[first : first + 3, : int(state.counts[rows.ELEMENTS]) + 1]
     return np.ascontiguousarray(nodes[:, order].T)
 
@@ -114,7 +114,7 @@ def _in_rows(state: State, first: int, order: slice) -> Vector:
 def build_snapshot(
     scene: Scene,
     rope: Rope,
-    border: Boundary,
+    boundary: Boundary,
     pull: Vector,
     at: tuple[int, int],
     top: tuple[Extremes, Extremes],
@@ -125,7 +125,7 @@ def build_snapshot(
     Args:
         scene: the scene.
         rope: its first rope, with the effects in use.
-        border: hang-off [m] and line out [m] now, and their rates [m/s], (rows.MOTIONS,) each.
+        boundary: hang-off [m], line out [m] and their rates now [m/s], (rows.MOTIONS,) each.
         pull: magnitude and vector of the force on the hang-off [N], (rows.PULL_COLUMNS,).
         at: time since the start [ns], and number of steps.
         top: tension there since the start, and since the previous snapshot.
@@ -134,42 +134,42 @@ def build_snapshot(
     (stamp_ns, step), (run, recent), ship = at, top, scene.ship
     time_s, state, upper_n = stamp_ns * 1e-9, rope.state, float(pull[rows.PULL])
     lower_n = lower_end_tension(rope, rope.effects, time_s)
-    line = float(border.value[rows.LINE]), float(border.rate[rows.LINE])
-    own = rope_shot(scene.ropes[0].name, rope, (lower_n, upper_n), line)
-    n = len(own.element_tension_n)
+    line = float(boundary.value[rows.LINE]), float(boundary.rate[rows.LINE])
+    first = rope_shot(scene.ropes[0].name, rope, (lower_n, upper_n), line)
+    n = len(first.element_tension_n)
     low_n, high_n = (upper_n, upper_n) if recent.empty else (recent.low, recent.high)
-    most_n = max(run.high, upper_n)
+    max_n = max(run.high, upper_n)
     return Snapshot(
         stamp_ns=stamp_ns,
         step=step,
         step_s=rope.model.step,
-        node_position_m=own.node_position_m,
-        node_velocity_m_per_s=_in_rows(state, rows.VELOCITY, slice(None, None, -1)),
-        node_tension_n=own.node_tension_n,
-        element_tension_n=own.element_tension_n,
+        node_position_m=first.node_position_m,
+        node_velocity_m_per_s=_node_vectors(state, rows.VELOCITY, slice(None, None, -1)),
+        node_tension_n=first.node_tension_n,
+        element_tension_n=first.element_tension_n,
         arc_length_m=(state.s[n] - state.s[: n + 1])[::-1].copy(),
         tension_top_n=upper_n,
         tension_top_min_n=low_n,
         tension_top_max_n=high_n,
         hang_off_force_n=pull[rows.PULL_X :].copy(),
         tension_payload_n=lower_n,
-        hang_off_position_m=border.value[: rows.LINE].copy(),
-        hang_off_velocity_m_per_s=border.rate[: rows.LINE].copy(),
-        heave_m=float(border.value[rows.Z] - ship.hang_off_m[2]),
+        hang_off_position_m=boundary.value[: rows.LINE].copy(),
+        hang_off_velocity_m_per_s=boundary.rate[: rows.LINE].copy(),
+        heave_m=float(boundary.value[rows.Z] - ship.hang_off_m[2]),
         payload_position_m=state.nodes[rows.POSITION : rows.POSITION + 3, 0].copy(),
         payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
-        line_out_m=own.line_out_m,
-        payout_speed_m_per_s=own.payout_speed_m_per_s,
+        line_out_m=first.line_out_m,
+        payout_speed_m_per_s=first.payout_speed_m_per_s,
         fluid_factors=factors_at(rope.effects, time_s),
         motion_ramp=ramp(time_s, ship.motion_ramp_s)[0] if ship_moves else 1.0,
         solver=_solver_health(state.health),
-        strength=(strength_of(scene.ropes[0], most_n, own.element_tension_n),),
+        strength=(strength_of(scene.ropes[0], max_n, first.element_tension_n),),
     )
 
 
-def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> RopeStrength:
-    """Return a rope's maximum tension and MBL; most_n: maximum at its top since the start [N]."""
-    highest_n = max(float(most_n), float(element_tension_n.max()))
+def strength_of(line: RopeLine, max_n: float, element_tension_n: Vector) -> RopeStrength:
+    """Return a rope's maximum tension and MBL; max_n: maximum at its top since the start [N]."""
+    highest_n = max(float(max_n), float(element_tension_n.max()))
     return RopeStrength(line.name, highest_n, line.breaking_load_n)
 
 
@@ -212,10 +212,10 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
     ends = pose.place(body.legs[:, :3])
     legs = hook - ends
-    push, clearance, deck = None, None, part_of(body, Deck)
+    reaction_n, clearance_m, deck = None, None, part_of(body, Deck)
     if deck is not None:
-        push = float(deck_pushes(deck, body, pose)[:, 2].sum())
-        clearance = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
+        reaction_n = float(deck_pushes(deck, body, pose)[:, 2].sum())
+        clearance_m = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
     return amended(
         shot,
         payload_position_m=pose.place(body.middle),
@@ -228,42 +228,42 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
             leg_length_m=np.sqrt((legs * legs).sum(axis=1)),
             leg_end_m=ends,
             hook_m=hook.copy(),
-            deck_push_n=push,
-            deck_clearance_m=clearance,
+            deck_push_n=reaction_n,
+            deck_clearance_m=clearance_m,
         ),
     )
 
 
 def with_compensator(shot: Snapshot, rope: Rope) -> Snapshot:
     """Add the heave compensator at the rope's lower end to the snapshot, if there is one."""
-    for own in rope.effects:
-        if isinstance(own, Compensator) and own.here != 0.0:
-            return amended(shot, compensator=_compensator(own, rope))
+    for effect in rope.effects:
+        if isinstance(effect, Compensator) and effect.here != 0.0:
+            return amended(shot, compensator=_compensator(effect, rope))
     return shot
 
 
-def _compensator(own: Compensator, rope: Rope) -> CompensatorShot:
+def _compensator(compensator: Compensator, rope: Rope) -> CompensatorShot:
     """Return the state of the compensator that is the lowest element of a rope."""
-    state, rest = rope.state, float(rope.state.s[1] - rope.state.s[0])
+    state, rest_length = rope.state, float(rope.state.s[1] - rope.state.s[0])
     low, high = (state.nodes[:, k] for k in (0, 1))
-    span = (high - low)[rows.POSITION : rows.POSITION + 3]
-    length = float(np.sqrt(span @ span))
-    rate = float(span @ (high - low)[rows.VELOCITY : rows.VELOCITY + 3]) / length
+    axis = (high - low)[rows.POSITION : rows.POSITION + 3]
+    length = float(np.sqrt(axis @ axis))
+    rate = float(axis @ (high - low)[rows.VELOCITY : rows.VELOCITY + 3]) / length
     depth = -0.5 * float(low[rows.POSITION + 2] + high[rows.POSITION + 2])
-    k = float(rope.sections[rows.EA, 0]) / rest
-    part = forces(own, length - rest, rate, k, depth)
+    k = float(rope.sections[rows.EA, 0]) / rest_length
+    force = forces(compensator, length - rest_length, rate, k, depth)
     return CompensatorShot(
-        stroke_m=length - rest,
-        stroke_limit_m=own.stroke,
+        stroke_m=length - rest_length,
+        stroke_limit_m=compensator.stroke,
         stroke_rate_m_per_s=rate,
-        tension_n=max(part.pull, 0.0),
-        gas_pressure_pa=part.pressure_pa,
-        gas_force_n=part.gas,
-        damper_n=part.damper,
-        friction_n=part.seal,
-        stop_n=part.stop,
-        water_n=part.water,
-        active_n=part.active,
+        tension_n=max(force.pull, 0.0),
+        gas_pressure_pa=force.pressure_pa,
+        gas_force_n=force.gas,
+        damper_n=force.damper,
+        friction_n=force.seal,
+        stop_n=force.stop,
+        water_n=force.water,
+        active_n=force.active,
     )
 
 
@@ -276,14 +276,14 @@ class RopeShape(NamedTuple):
     position_m: Vector  # (nodes, 3)
     arc_m: Vector  # unstretched, 0 at the upper end, (nodes,)
     element_tension_n: Vector  # (nodes - 1,)
-    loose: bool = False  # its upper end is free: the part below a cut
+    loose: bool = False  # whether its upper end is free: the part below a cut
 
 
 def shape_from_top(line: RopeLine, core: Rope, shot: RopeShot, *, loose: bool = False) -> RopeShape:
     """Return the shape of a rope whose last node in the core is its upper end."""
-    place, tension = shot.node_position_m, shot.element_tension_n
-    s = core.state.s[: len(place)]
-    return RopeShape(shot.name, line, core, place, (s[-1] - s)[::-1].copy(), tension, loose)
+    position, tension = shot.node_position_m, shot.element_tension_n
+    s = core.state.s[: len(position)]
+    return RopeShape(shot.name, line, core, position, (s[-1] - s)[::-1].copy(), tension, loose)
 
 
 def shape_from_sheave(line: RopeLine, core: Rope, shot: RopeShot) -> RopeShape:

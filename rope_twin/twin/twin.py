@@ -463,7 +463,7 @@ class Twin:
 
     def checkpoint(self) -> Checkpoint:
         """Return a copy of all that the steps change, for `return_to`; for the stepping thread."""
-        boundary = self._system.ropes.border(self._motion.boundary)
+        boundary = self._system.ropes.present_boundary(self._motion.boundary)
         effects = self.inputs.current.effects
         arrays = {name: array.copy() for name, array in self._system.moving_arrays(effects).items()}
         extremes = self._record.extremes()
@@ -478,9 +478,9 @@ class Twin:
         """
         fits = checkpoint.level == self.level and checkpoint.cut is self.cut
         if fits:
-            present = self._system.ropes.border(self._motion.boundary)
+            present = self._system.ropes.present_boundary(self._motion.boundary)
             self.revert_current(checkpoint)
-            fits = self._system.put_back(checkpoint.kept, self.inputs.current.effects)
+            fits = self._system.restore_checkpoint(checkpoint.kept, self.inputs.current.effects)
         if fits:
             self._motion.return_to(checkpoint.border, present, self.time_ns)
             self._record.restore_finite(checkpoint.extremes)

@@ -137,7 +137,7 @@ def test_a_running_twin_reports_once_a_second_and_goes_on_after_a_restart(scene:
     assert again.line_events == ()
     assert again.lines == first.lines, "looked at once a second"
     other = ClearanceReport(ClearanceMonitor(scene))
-    other.take_back(json.loads(json.dumps(report.known())))
+    other.restore(json.loads(json.dumps(report.state())))
     for one in (report, other):
         later = one.complete(at(crossed, 3, 1.0))
         assert later.line_events == ()

@@ -101,7 +101,11 @@ def driven(
 def border(twin: Twin) -> Floats:
     """Hang-offs and payouts of all ropes now, values and rates, (2, ropes, MOTIONS)."""
     first = twin.inspect().boundary
-    own = [table[:1] for table in first] if twin.joined is None else twin.joined.border(first)
+    own = (
+        [table[:1] for table in first]
+        if twin.joined is None
+        else twin.joined.present_boundary(first)
+    )
     return np.array(list(own))
 
 

@@ -51,7 +51,9 @@ def live_state(twin: Twin) -> LiveState:
         (end,) = upper_ends(view.rope, view.pull[None], speed)
         return _copied(twin, view.rope, end)
     system = joined.system(view.rope)
-    ends = upper_ends(system, joined.pull, joined.border(view.boundary).rate[:, rows.LINE])
+    ends = upper_ends(
+        system, joined.pull, joined.present_boundary(view.boundary).rate[:, rows.LINE]
+    )
     first, *others = (_copied(twin, *own) for own in zip(system.ropes, ends, strict=True))
     return replace(first, others=tuple(others), joints=system.joints.nodes.copy())
 
