@@ -1,11 +1,11 @@
 """Accuracy levels of a twin (larger steps first, then fewer elements), and overload protection.
 
-A real-time twin changes its accuracy level to keep its deadlines. Load is the computing time of
-cycles over the time available. Down, at once as far as needed: when the load over WINDOW_S exceeds
-FULL, or LATE_CYCLES consecutive cycles took longer than available and ended late. A single stall,
-however long, is neither. Up, one level at a time: when the load, scaled by the work of the level
-above, stayed below ROOM for a waiting time and no cycle was late; the waiting time doubles each
-time that a level taken in this way has to be left again soon.
+A real-time twin changes its accuracy level to meet its deadlines. Load is the computing time of
+cycles over the time available. It steps down, at once as far as needed, when the load over WINDOW_S
+exceeds OVERLOAD_LOAD, or LATE_CYCLES consecutive cycles took longer than available and ended late.
+A single stall, however long, is neither. It steps up, one level at a time, when the load, scaled by
+the work of the level above, stayed below STEP_UP_LOAD for a waiting time and no cycle was late. The
+waiting time doubles each time that a level taken in this way is left again within EARLY_S.
 """
 
 from __future__ import annotations
@@ -25,18 +25,19 @@ from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import AccuracyLevel, KnownError, format_bound
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.pacing import SlotTimes
-from rope_twin.twin.regrid import Grid, UpperEnd, coarse_room, coarser, finer, marks_of
+from rope_twin.twin.regrid import Grid, UpperEnd, coarse_capacity, coarser, finer, marks_of
 
 if TYPE_CHECKING:
     from rope_twin.twin.twin import Twin
 
 WINDOW_S, MIN_CYCLES, LATE_CYCLES = 0.4, 8, 3
-CLIP = 1.5  # maximum load of a single cycle: one long stall is no lack of speed
-FULL, ROOM, FIT = 0.8, 0.4, 0.6  # load: overload, limit to go up, target when going down
-WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
-SOON_S = 30.0  # a level left again within this time was taken too early
+MAX_CYCLE_LOAD = 1.5  # maximum load of a single cycle: one long stall is no lack of speed
+OVERLOAD_LOAD = 0.8  # a higher load is an overload
+STEP_UP_LOAD, TARGET_LOAD = 0.4, 0.6  # maximum load to step up, target of a step down
+WAIT_S, MAX_WAIT_S = 5.0, 80.0
+EARLY_S = 30.0  # a level left again within this time was taken too early
 MAX_MESSAGES = 20
-TRIALS = 5  # number of cycles timed before the start
+TIMED_CYCLES = 5  # number of cycles timed before the start
 
 
 STEPS_NS = (2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000)
@@ -49,7 +50,7 @@ class SceneMesh:
     """Mesh of a rope in the scene, without its material coordinates."""
 
     model: Model
-    room: int
+    capacity: int
 
 
 def scene_level(scene: Scene) -> AccuracyLevel:
@@ -88,7 +89,7 @@ Marks = list[Floats | None]  # of each rope: node coordinates of a finer mesh; N
 
 
 class MeshState(NamedTuple):
-    """Accuracy level in use, and the node coordinates of the finer meshes left so far."""
+    """Accuracy level in use, and the node coordinates of the finer meshes."""
 
     level: AccuracyLevel
     marks: list[Marks]
@@ -108,7 +109,7 @@ class Mesh:
         return MeshState(self.level, self._marks)
 
     def restore(self, state: MeshState) -> None:
-        """Continue from a state; the ropes are restored apart."""
+        """Continue from a state; the ropes are restored separately."""
         self.level, self._marks = state
 
     def changed(
@@ -120,31 +121,33 @@ class Mesh:
             halved = [int(rope.state.counts[ELEMENTS]) >= MIN_HALVED for rope in on_mesh]
             pairs = zip(on_mesh, halved, strict=True)
             marks.append([marks_of(rope) if halve else None for rope, halve in pairs])
-            for r, left in enumerate(marks[-1]):
-                if left is not None:
+            for r, node_marks in enumerate(marks[-1]):
+                if node_marks is not None:
                     on_mesh[r] = coarser(on_mesh[r], ends[r])
         while len(marks) > level.halvings:
-            for r, left in enumerate(marks.pop()):
-                if left is not None:
-                    grid = self._grid(r, on_mesh[r], marks, left)
+            for r, node_marks in enumerate(marks.pop()):
+                if node_marks is not None:
+                    grid = self._grid(r, on_mesh[r], marks, node_marks)
                     on_mesh[r] = finer(on_mesh[r], grid, ends[r])
         self.level, self._marks = level, marks
-        own = self._base[0].model.step  # restores a step that is no whole number of nanoseconds
-        step = own if round(own * 1e9) == level.step_ns else level.step_s
+        scene_step = self._base[
+            0
+        ].model.step  # restores a step that is no whole number of nanoseconds
+        step = scene_step if round(scene_step * 1e9) == level.step_ns else level.step_s
         return [rope._replace(model=rope.model._replace(step=step)) for rope in on_mesh]
 
-    def _grid(self, r: int, rope: Rope, marks: Sequence[Marks], left: Floats) -> Grid:
+    def _grid(self, r: int, rope: Rope, marks: Sequence[Marks], node_marks: Floats) -> Grid:
         """Return a finer mesh of rope r; marks: of the meshes that are finer still."""
-        base, halvings = self._base[r], sum(own[r] is not None for own in marks)
-        room, times = base.room, float(1 << halvings)
+        base, halvings = self._base[r], sum(rope_marks[r] is not None for rope_marks in marks)
+        capacity, factor = base.capacity, float(1 << halvings)
         for _ in range(halvings):
-            room = coarse_room(room, rope.sections)
+            capacity = coarse_capacity(capacity, rope.sections)
         model = base.model._replace(
-            element_length=times * base.model.element_length,
-            split_above=times * base.model.split_above,
-            merge_below=times * base.model.merge_below,
+            element_length=factor * base.model.element_length,
+            split_above=factor * base.model.split_above,
+            merge_below=factor * base.model.merge_below,
         )
-        return Grid(model, room, left)
+        return Grid(model, capacity, node_marks)
 
 
 class OverloadProtection:
@@ -163,9 +166,9 @@ class OverloadProtection:
         self._at = self._levels.index(at)
         self._slots: deque[SlotTimes] = deque()
         self._moved_s = float("-inf")
-        self._look_s = float("-inf")  # time of the next check for spare capacity
+        self._next_check_s = float("-inf")  # time of the next check for spare capacity
         self._went_up = False
-        self._wait_s = self._least_wait_s = wait_s
+        self._wait_s = self._min_wait_s = wait_s
         self.changes = 0
         self.load = 0.0  # over the newest window
         self.reason = ""  # reason of the newest change
@@ -187,57 +190,57 @@ class OverloadProtection:
         while self._slots[0].end_ns * 1e-9 < slot.end_ns * 1e-9 - longest:
             self._slots.popleft()
         self.load, recent = self._load_since(slot.end_ns * 1e-9 - WINDOW_S)
-        if recent >= MIN_CYCLES and self.load > FULL:
+        if recent >= MIN_CYCLES and self.load > OVERLOAD_LOAD:
             return self._step_down(slot)
         if slot.late and len(self._slots) >= LATE_CYCLES:
             newest = [self._slots[-1 - k] for k in range(LATE_CYCLES)]
-            if all(one.late and one.computed_ns > one.period_ns for one in newest):
+            if all(cycle.late and cycle.computed_ns > cycle.period_ns for cycle in newest):
                 return self._step_down(slot)
         return self._at > 0 and self._step_up(slot)
 
     def start_at(self, load: float) -> bool:
-        """Before the first cycle, take a level that fits if the present one has this load."""
-        if load <= FIT:
+        """Before the first cycle, step down to a level that fits, given the load of this one."""
+        if load <= TARGET_LOAD:
             return False
-        words = f"it would take {load:.0%} of the time there is"
-        return self._move(self._fitting(load), float("-inf"), words)
+        reason = f"it would take {load:.0%} of the time there is"
+        return self._move(self._level_for(load), float("-inf"), reason)
 
     def _load_since(self, begin_s: float) -> tuple[float, int]:
-        """Return load and number of the cycles since then; a stall counts at most CLIP."""
+        """Return load and number of the cycles since then, a cycle at most MAX_CYCLE_LOAD."""
         since = takewhile(lambda slot: slot.end_ns * 1e-9 > begin_s, reversed(self._slots))
         loads = [_load(slot) for slot in since]
-        clipped = sum(min(load, CLIP) for load in loads)
+        clipped = sum(min(load, MAX_CYCLE_LOAD) for load in loads)
         return (clipped / len(loads) if loads else 0.0), len(loads)
 
     def _step_down(self, slot: SlotTimes) -> bool:
-        load = median(_load(one) for one in list(self._slots)[-MIN_CYCLES:])
-        target, now_s = self._fitting(load), slot.end_ns * 1e-9
+        load = median(_load(cycle) for cycle in list(self._slots)[-MIN_CYCLES:])
+        target, now_s = self._level_for(load), slot.end_ns * 1e-9
         if target == self._at:
             return False
         if self._went_up:
-            soon = now_s - self._moved_s < SOON_S
-            self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S) if soon else self._least_wait_s
-        had_ms = 1e-6 * slot.period_ns
-        words = f"slots of {had_ms:.0f} ms took {max(load, self.load) * had_ms:.0f} ms"
-        return self._move(target, now_s, words)
+            left_early = now_s - self._moved_s < EARLY_S
+            self._wait_s = min(2.0 * self._wait_s, MAX_WAIT_S) if left_early else self._min_wait_s
+        available_ms = 1e-6 * slot.period_ns
+        reason = f"slots of {available_ms:.0f} ms took {max(load, self.load) * available_ms:.0f} ms"
+        return self._move(target, now_s, reason)
 
     def _step_up(self, slot: SlotTimes) -> bool:
         now_s = slot.end_ns * 1e-9
         if self._moved_s == float("-inf"):  # its first cycle on the initial level
             self._moved_s = now_s
-        if now_s - self._moved_s < self._wait_s or now_s < self._look_s:
+        if now_s - self._moved_s < self._wait_s or now_s < self._next_check_s:
             return False
-        self._look_s = now_s + WINDOW_S
+        self._next_check_s = now_s + WINDOW_S
         load, _ = self._load_since(now_s - self._wait_s)
-        more = self._work(self._levels[self._at - 1]) / self._work(self.level)
-        if load * more > ROOM or any(one.late for one in self._slots):
+        work_ratio = self._work(self._levels[self._at - 1]) / self._work(self.level)
+        if load * work_ratio > STEP_UP_LOAD or any(cycle.late for cycle in self._slots):
             return False
         return self._move(self._at - 1, now_s, f"there is room, {load:.0%} is used")
 
-    def _fitting(self, load: float) -> int:
+    def _level_for(self, load: float) -> int:
         """Return the next level below that reduces this load to one that fits, or the last."""
         for at in range(self._at + 1, len(self._levels)):
-            if load * self._work(self._levels[at]) / self._work(self.level) <= FIT:
+            if load * self._work(self._levels[at]) / self._work(self.level) <= TARGET_LOAD:
                 return at
         return len(self._levels) - 1
 
@@ -270,21 +273,21 @@ class TwinOverloadProtection(OverloadProtection):
         self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:
-        """Return the load of the present level: the minimum of TRIALS cycles on a branch.
+        """Return the load of the present level: the minimum over TIMED_CYCLES cycles of a branch.
 
         steps_s: twin time of a cycle [s]; speed: ratio of twin time to real time.
         """
-        trial = self._twin.branch()
-        steps = max(1, round(steps_s / trial.step_s))
-        least = float("inf")
+        branch = self._twin.branch()
+        steps = max(1, round(steps_s / branch.step_s))
+        min_s = float("inf")
         try:
-            for _ in range(TRIALS):
-                began = time.perf_counter()
-                trial.advance(steps)
-                least = min(least, time.perf_counter() - began)
+            for _ in range(TIMED_CYCLES):
+                begin_s = time.perf_counter()
+                branch.advance(steps)
+                min_s = min(min_s, time.perf_counter() - begin_s)
         except SolverError:
             return 0.0  # the run itself reports the error
-        return least * speed / (steps * trial.step_s)
+        return min_s * speed / (steps * branch.step_s)
 
     def judge(self, slot: SlotTimes) -> bool:
         """Take the timing of a cycle; a cut rope stays on its level."""
@@ -298,19 +301,29 @@ class TwinOverloadProtection(OverloadProtection):
         moved = super()._move(target, now_s, why)
         if moved:
             number, count = self.place
-            way = "up" if self._went_up else "down"
-            words = f"stepping {way} to accuracy level {number} of {count}, {self.words()}: {why}"
-            self.said.append(words)
+            direction = "up" if self._went_up else "down"
+            message = (
+                f"stepping {direction} to accuracy level {number} of {count}, {self.words()}: {why}"
+            )
+            self.said.append(message)
         return moved
 
     def words(self) -> str:
         """Return a description of the present level."""
         error = self._twin.study_error
-        known = error.words if isnan(error.rms_pct) else f"at most {format_bound(error.rms_pct)} %"
-        own, left = (sum(elements_at(self._twin.scene, n)) for n in (0, self.level.halvings))
-        elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
+        error_text = (
+            error.words if isnan(error.rms_pct) else f"at most {format_bound(error.rms_pct)} %"
+        )
+        scene_elements, present_elements = (
+            sum(elements_at(self._twin.scene, n)) for n in (0, self.level.halvings)
+        )
+        elements = (
+            f"{scene_elements} elements"
+            if present_elements == scene_elements
+            else f"{present_elements} elements in place of {scene_elements}"
+        )
         step_ms = 1e3 * self.level.step_s
-        return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"
+        return f"{elements} and steps of {step_ms:g} ms, error of the tension {error_text}"
 
 
 def _load(slot: SlotTimes) -> float:

@@ -34,27 +34,27 @@ from rope_twin.errors import SolverError
 from rope_twin.twin.snapshot import Snapshot
 
 # Real-time priorities, 1 to 99: above ordinary threads, below those of the system.
-STEPPING, OTHERS = 10, 9
+STEPPING_PRIORITY, OTHER_PRIORITY = 10, 9
 
 
 def raise_stepping_thread() -> bool:
     """Raise the priority of this thread, which steps; return whether the system allows it."""
-    return _set(0, STEPPING)
+    return _set_priority(0, STEPPING_PRIORITY)
 
 
 def raise_other_threads() -> None:
     """Raise the priority of all threads of this interpreter to just below the stepping one."""
     for thread in threading.enumerate():
-        _set(thread.native_id, OTHERS)
+        _set_priority(thread.native_id, OTHER_PRIORITY)
 
 
 def reset_threads() -> None:
     """Return all threads of this interpreter to ordinary priority."""
     for thread in threading.enumerate():
-        _set(thread.native_id, 0)
+        _set_priority(thread.native_id, 0)
 
 
-def _set(thread: int | None, priority: int) -> bool:
+def _set_priority(thread: int | None, priority: int) -> bool:
     """Set a thread's priority (0: ordinary); return whether the system allowed it.
 
     thread: its native number; 0: this thread; None: it has ended.
@@ -63,8 +63,8 @@ def _set(thread: int | None, priority: int) -> bool:
         return False
     try:
         policy = os.SCHED_RR if priority else os.SCHED_OTHER
-        own = os.sched_param(priority)
-        os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, own)
+        parameter = os.sched_param(priority)
+        os.sched_setscheduler(thread, policy | os.SCHED_RESET_ON_FORK, parameter)
     except (AttributeError, OSError):
         return False
     return True
@@ -105,7 +105,7 @@ def queue_depth(slot_s: float, speed: float) -> int:
 
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
-GRANTED_POLL_S = 0.002  # between two looks at the inputs of a co-simulation
+GRANTED_POLL_S = 0.002  # polling interval of the inputs of a co-simulation
 SLOT_S = 0.02  # longest publish period of a scalar: 50 Hz
 
 _log = logging.getLogger(__name__)
@@ -154,9 +154,7 @@ class SteadyClock:
 
 
 class GrantedClock:
-    """Clock of a co-simulation: its time is the one that a master has granted, and never runs by
-    itself.
-    """
+    """Clock of a co-simulation: it advances only as far as the master has granted."""
 
     def __init__(self, reach_ns: Callable[[], int | None] = lambda: None) -> None:
         """Begin at time 0.
@@ -168,7 +166,7 @@ class GrantedClock:
         self._changed = threading.Condition()
 
     def grant(self, time_ns: int) -> None:
-        """Grant the time up to this one; an earlier one than before changes nothing."""
+        """Grant the time up to this one; an earlier time than the granted one has no effect."""
         with self._changed:
             self._granted_ns = max(self._granted_ns, time_ns)
             self._changed.notify_all()
@@ -220,7 +218,7 @@ class Pacer:
     def __init__(
         self,
         twin: Steppable,
-        handover: SnapshotQueue,
+        queue: SnapshotQueue,
         steps_per_slot: int,
         speed: float = 1.0,
         clock: Clock | None = None,
@@ -233,7 +231,7 @@ class Pacer:
         """
         self._catch_up = catch_up
         self._twin = twin
-        self._handover = handover
+        self._queue = queue
         self._steps = steps_per_slot
         self.slot_ns = steps_per_slot * twin.step_ns  # twin time of a cycle
         self._last_ns = last_step * twin.step_ns
@@ -243,7 +241,7 @@ class Pacer:
         self._halt = threading.Event()
         self._thread: threading.Thread | None = None
         self._due_ns = 0
-        self._took_ns = 0
+        self._cycle_duration_ns = 0
         self._late_ns: int | None = None
         self._health = PacingHealth(speed=speed)
         self.last: Snapshot | None = None
@@ -287,7 +285,7 @@ class Pacer:
         return health._replace(
             behind_s=max(0, overdue_ns) * 1e-9,
             late_ago_s=None if late_ns is None else (now_ns - late_ns) * 1e-9,
-            lost_snapshots=self._handover.lost,
+            lost_snapshots=self._queue.lost,
         )
 
     def _run(self, origin_ns: int) -> None:
@@ -300,13 +298,13 @@ class Pacer:
             self._clock.wait_until(begin_ns, self._halt)
             if self._halt.is_set():
                 break
-            began_ns = self._clock.now_ns()
+            start_ns = self._clock.now_ns()
             if not self._advance():
                 break
             slot += 1
             due_ns = origin_ns + round(slot * self.period_ns)
-            earliest_ns = began_ns + round(self.period_ns / self._catch_up)
-            late = self._judge(due_ns)
+            earliest_ns = start_ns + round(self.period_ns / self._catch_up)
+            late = self._count_miss(due_ns)
             used_s, processor_s = time.thread_time() - processor_s, time.thread_time()
             self._health = self._health._replace(processor_s=self._health.processor_s + used_s)
             if self._has_changed(late):
@@ -319,12 +317,12 @@ class Pacer:
 
     def _advance(self) -> bool:
         """Run one cycle; return False, with the message kept, if the twin cannot continue."""
-        began_ns = self._clock.now_ns()
+        start_ns = self._clock.now_ns()
         try:
             self._twin.advance(self._steps)
-            computed_ns = self._clock.now_ns() - began_ns
+            computed_ns = self._clock.now_ns() - start_ns
             self.last = self._twin.snapshot()
-            self._took_ns = self._clock.now_ns() - began_ns
+            self._cycle_duration_ns = self._clock.now_ns() - start_ns
         except SolverError as error:
             self._health = self._health._replace(error=str(error))
             return False
@@ -345,16 +343,16 @@ class Pacer:
             granted_s=self._health.granted_s + self.period_ns * 1e-9,
             real_time_factor=factor,
         )
-        self._handover.put(self.last)
+        self._queue.put(self.last)
         return True
 
     def _has_changed(self, late: bool) -> bool:
-        """Report the cycle to the watcher; return whether the next cycles have another length."""
+        """Report the cycle to the watcher; return whether the length of the cycles changes."""
         if self._watch is None:
             return False
         now_ns = self._clock.now_ns()
         try:
-            changed = self._watch(SlotTimes(now_ns, self.period_ns, self._took_ns, late))
+            changed = self._watch(SlotTimes(now_ns, self.period_ns, self._cycle_duration_ns, late))
         except Exception:
             # The twin is unchanged: it continues on its level without further changes.
             _log.exception("overload protection failed; the twin stays on its level")
@@ -366,7 +364,7 @@ class Pacer:
         self.slot_ns = self._steps * self._twin.step_ns
         return True
 
-    def _judge(self, due_ns: int) -> bool:
+    def _count_miss(self, due_ns: int) -> bool:
         """Count the cycle's steps as late if it missed its deadline; return whether it did."""
         now_ns = self._clock.now_ns()
         late_s = (now_ns - due_ns) * 1e-9

@@ -49,13 +49,13 @@ from rope_twin.core.state import (
 )
 from rope_twin.effects.payload import Payload, TwoWayPayload
 
-SPARE = 12  # nodes of a coarser rope beyond half the capacity: events, trial nodes, an odd one
-LEAST_SPARE = TRIALS + 1  # nodes beyond those of a finer rope, so that it can still split
-LEAST_PART = 0.25  # of an even part: an old node nearer to another one is not restored
-LONG = 1.5  # times the element length made at the sheave: a longer part is divided evenly
+SPARE_NODES = 12  # of a coarser rope beyond half the capacity: splits, trial nodes, an odd one
+MIN_SPARE_NODES = TRIALS + 1  # beyond the nodes of a finer rope, so that it can still split
+MIN_PART_FRACTION = 0.25  # of an even part: an old node nearer to another one is not restored
+MAX_LENGTH_RATIO = 1.5  # to the element length made at the sheave: a longer part is divided evenly
 SAG_LIMIT = 0.05  # of a part's length; as in payout, a node further off stays on the chord
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
-HALVINGS = 60
+BISECTIONS = 60
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ class Grid:
     """Mesh of a rope, as needed to return to it."""
 
     model: Model
-    room: int  # capacity of the arrays in nodes
+    capacity: int  # capacity of the arrays in nodes
     marks_m: Floats  # material coordinates of the nodes below the hang-off
 
 
@@ -87,32 +87,32 @@ def upper_ends(ropes: Rope | System, pull: Floats, payout_m_per_s: Floats) -> li
     if isinstance(ropes, System):
         speeds = np.where(loaded, _passing_m_per_s(ropes), payout_m_per_s).tolist()
     forces = pull[:, rows.PULL_X : rows.PULL_Z + 1].copy()
-    return [UpperEnd(*own) for own in zip(forces, speeds, loaded, strict=True)]
+    return [UpperEnd(*fields) for fields in zip(forces, speeds, loaded, strict=True)]
 
 
-def _passing_m_per_s(whole: System) -> Floats:
+def _passing_m_per_s(system: System) -> Floats:
     """Return the rate at which each rope grows at a sheave [m/s], (ropes,); 0 without one."""
-    speeds, sheaves = np.zeros(len(whole.ropes)), whole.sheaves
+    speeds, sheaves = np.zeros(len(system.ropes)), system.sheaves
     if sheaves is not None:
         for r, (of, side) in enumerate(zip(sheaves.of, sheaves.side, strict=True)):
             if of >= 0:
                 flow = int(sheaves.figures[FLOW_COLUMN, of])
-                speeds[r] = float(side) * float(whole.joints.nodes[rows.VELOCITY, flow])
+                speeds[r] = float(side) * float(system.joints.nodes[rows.VELOCITY, flow])
     return speeds
 
 
-def joined_as(whole: System, ropes: Sequence[Rope]) -> System:
-    """Return these ropes in a system with copies of the connections and sheaves of `whole`."""
-    joints, sheaves = whole.joints, whole.sheaves
-    found = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
+def joined_as(system: System, ropes: Sequence[Rope]) -> System:
+    """Return a system of these ropes with copies of the connections and sheaves of `system`."""
+    joints, sheaves = system.joints, system.sheaves
+    joined = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
     if sheaves is not None:
-        flows = with_flows(found.joints, sheaves.figures.shape[1])
-        found = found._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
-    found.joints.nodes[:] = joints.nodes
-    for own, given in zip(found.ropes, ropes, strict=True):
-        n = int(given.state.counts[rows.ELEMENTS])
-        own.work[rows.TENSION, :n] = given.work[rows.TENSION, :n]
-    return found
+        flows = with_flows(joined.joints, sheaves.figures.shape[1])
+        joined = joined._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
+    joined.joints.nodes[:] = joints.nodes
+    for new, old in zip(joined.ropes, ropes, strict=True):
+        n = int(old.state.counts[rows.ELEMENTS])
+        new.work[rows.TENSION, :n] = old.work[rows.TENSION, :n]
+    return joined
 
 
 def element_tension(rope: Rope) -> Floats:
@@ -131,95 +131,97 @@ def marks_of(rope: Rope) -> Floats:
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS])].copy()
 
 
-def coarse_room(room: int, sections: Floats) -> int:
+def coarse_capacity(capacity: int, sections: Floats) -> int:
     """Return the capacity in nodes of the arrays of a coarser rope."""
-    return room // 2 + int(sections.shape[1]) + SPARE
+    return capacity // 2 + int(sections.shape[1]) + SPARE_NODES
 
 
-def coarser(rope: Rope, at: UpperEnd) -> Rope:
+def coarser(rope: Rope, end: UpperEnd) -> Rope:
     """Return the rope on every second node; the force on the hang-off is unchanged."""
     keep, n = _kept_nodes(rope), int(rope.state.counts[rows.ELEMENTS])
-    old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
+    old = elements_of(rope.state, rope.sections, end.payout_m_per_s)
     model = rope.model._replace(
         element_length=2.0 * rope.model.element_length,
         split_above=2.0 * rope.model.split_above,
         merge_below=2.0 * rope.model.merge_below,
     )
-    room = coarse_room(rope.state.s.shape[0], rope.sections)
-    state = _empty(rope, room, rope.state.s[keep])
+    capacity = coarse_capacity(rope.state.s.shape[0], rope.sections)
+    state = _state_on_nodes(rope, capacity, rope.state.s[keep])
     state.nodes[:, : len(keep)] = rope.state.nodes[:, keep]
     weights = _lever_weights(keep, old.rest)
     mass = _node_masses(rope, old)
     lowest = rope.model.first_free
-    for part in (_V, _A):
-        moved = _spread(weights, mass * rope.state.nodes[part, : n + 1]) / _spread(weights, mass)
-        state.nodes[part, lowest : len(keep) - 1] = moved[:, lowest:-1]
-    wanted = _mean_tensions(rope, keep, old)
-    new = elements_of(state, rope.sections, at.payout_m_per_s)
-    wanted_n = np.where(np.isnan(wanted[0]), np.nan, (wanted * new.direction).sum(axis=0))
-    load = _load_at_top(rope, old, at)
-    top = new.direction[:, -1]
+    for vector in (_V, _A):
+        mean = _distributed(weights, mass * rope.state.nodes[vector, : n + 1]) / _distributed(
+            weights, mass
+        )
+        state.nodes[vector, lowest : len(keep) - 1] = mean[:, lowest:-1]
+    mean_force = _mean_tensions(rope, keep, old)
+    new = elements_of(state, rope.sections, end.payout_m_per_s)
+    wanted_n = np.where(np.isnan(mean_force[0]), np.nan, (mean_force * new.direction).sum(axis=0))
+    load = _load_at_top(rope, old, end)
+    direction = new.direction[:, -1]
     if wanted_n[-1] > 0.0:
-        wanted_n[-1] = max(float((0.5 * new.rest[-1] * load - at.pull_n) @ top), 0.0)
-    return _filled(rope._replace(model=model), state, new, wanted_n, at)
+        wanted_n[-1] = max(float((0.5 * new.rest[-1] * load - end.pull_n) @ direction), 0.0)
+    return _filled(rope._replace(model=model), state, new, wanted_n, end)
 
 
-def finer(rope: Rope, grid: Grid, at: UpperEnd) -> Rope:
+def finer(rope: Rope, grid: Grid, end: UpperEnd) -> Rope:
     """Return the rope on a finer mesh: old nodes if paid out, even division of new rope.
 
     Tension and motion between the nodes follow from the balance at the old ones.
     """
     n = int(rope.state.counts[rows.ELEMENTS])
-    old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
-    parent, share = _parts(rope, old, grid)
-    before = np.concatenate([[0.0], np.cumsum(share)[:-1]])
+    old = elements_of(rope.state, rope.sections, end.payout_m_per_s)
+    parent, fraction = _divided_elements(rope, old, grid)
+    start = np.concatenate([[0.0], np.cumsum(fraction)[:-1]])
     first = np.searchsorted(parent, np.arange(n))
-    low = before - before[first][parent]  # start of a part in its old element, 0 to 1
+    lower_fraction = start - start[first][parent]  # start of a part in its old element, 0 to 1
     s = rope.state.s
-    coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
-    room = max(grid.room, len(coordinates) + LEAST_SPARE)
-    state = _empty(rope, room, coordinates)
-    material = material_nodes(rope.state, old, at.payout_m_per_s)
+    coordinates = np.append(s[:n][parent] + lower_fraction * old.rest[parent], s[n])
+    capacity = max(grid.capacity, len(coordinates) + MIN_SPARE_NODES)
+    state = _state_on_nodes(rope, capacity, coordinates)
+    material = material_nodes(rope.state, old, end.payout_m_per_s)
     at_low, at_high = material[:, :-1][:, parent], material[:, 1:][:, parent]
-    state.nodes[:, : len(parent)] = (1.0 - low) * at_low + low * at_high
+    state.nodes[:, : len(parent)] = (1.0 - lower_fraction) * at_low + lower_fraction * at_high
     state.nodes[:, len(parent)] = rope.state.nodes[:, n]
-    force = _forces_of_parts(rope, old, at, (parent, low + 0.5 * share))
+    force = _forces_of_parts(rope, old, end, (parent, lower_fraction + 0.5 * fraction))
     taut = rope.work[rows.TENSION, :n][parent] > 0.0
-    _bend(state, old, (parent, share), np.where(taut, force, 0.0))
-    new = elements_of(state, rope.sections, at.payout_m_per_s)
+    _move_off_chords(state, old, (parent, fraction), np.where(taut, force, 0.0))
+    new = elements_of(state, rope.sections, end.payout_m_per_s)
     wanted_n = np.where(taut, np.maximum((force * new.direction).sum(axis=0), 0.0), np.nan)
-    return _filled(rope._replace(model=grid.model), state, new, wanted_n, at)
+    return _filled(rope._replace(model=grid.model), state, new, wanted_n, end)
 
 
 def _kept_nodes(rope: Rope) -> Ints:
     """Return every second node from the hang-off down, the lower end, and the ends of sections."""
     n = int(rope.state.counts[rows.ELEMENTS])
     ends = rope.sections[rows.END]
-    apart = np.abs(rope.state.s[: n + 1, None] - ends[None, np.isfinite(ends)])
-    borders = sorted({0, n, *np.flatnonzero((apart <= SAME_PLACE).any(axis=1)).tolist()})
-    keep = [0]
-    for low, high in pairwise(borders):
-        keep += reversed(range(high, low, -2))
-    return np.array(keep)
+    distance = np.abs(rope.state.s[: n + 1, None] - ends[None, np.isfinite(ends)])
+    fixed = sorted({0, n, *np.flatnonzero((distance <= SAME_PLACE).any(axis=1)).tolist()})
+    kept = [0]
+    for low, high in pairwise(fixed):
+        kept += reversed(range(high, low, -2))
+    return np.array(kept)
 
 
-def _empty(rope: Rope, room: int, coordinates: Floats) -> State:
+def _state_on_nodes(rope: Rope, capacity: int, coordinates: Floats) -> State:
     """Return a state with nodes at these material coordinates and the previous solver counts."""
-    state = new_state(room)
+    state = new_state(capacity)
     state.counts[rows.ELEMENTS] = len(coordinates) - 1
     state.s[: len(coordinates)] = coordinates
     state.health[:] = rope.state.health
     return state
 
 
-def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats, at: UpperEnd) -> Rope:
+def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats, end: UpperEnd) -> Rope:
     """Return the rope with this state and these element tensions (NaN: no offset)."""
     count = len(wanted_n)
     state.offset[:count] = offsets_for(rope, new, wanted_n)
-    room = state.s.shape[0]
-    work = new_work(columns_for(room), work_rows(rope.effects))
+    capacity = state.s.shape[0]
+    work = new_work(columns_for(capacity), work_rows(rope.effects))
     work[rows.TENSION, :count] = tensions(rope, new, state.offset[:count])
-    effects = on_nodes(rope.effects, state.s[: count + at.loaded], room)
+    effects = on_nodes(rope.effects, state.s[: count + end.loaded], capacity)
     return rope._replace(state=state, work=work, effects=effects)
 
 
@@ -230,17 +232,17 @@ def _lever_weights(keep: Ints, rest: Floats) -> tuple[Ints, Ints, Floats]:
     high = np.minimum(low + 1, len(keep) - 1)
     s = np.concatenate([[0.0], np.cumsum(rest)])
     span = s[keep[high]] - s[keep[low]]
-    share = np.where(span > 0.0, (s - s[keep[low]]) / np.where(span > 0.0, span, 1.0), 0.0)
-    return low, high, share
+    weight = np.where(span > 0.0, (s - s[keep[low]]) / np.where(span > 0.0, span, 1.0), 0.0)
+    return low, high, weight
 
 
-def _spread(weights: tuple[Ints, Ints, Floats], values: Floats) -> Floats:
+def _distributed(weights: tuple[Ints, Ints, Floats], values: Floats) -> Floats:
     """Sums (3, new nodes) of values (3, old nodes) by the lever rule."""
-    low, high, share = weights
+    low, high, weight = weights
     total = np.zeros((3, int(high.max()) + 1))
     for k in range(3):
-        np.add.at(total[k], low, (1.0 - share) * values[k])
-        np.add.at(total[k], high, share * values[k])
+        np.add.at(total[k], low, (1.0 - weight) * values[k])
+        np.add.at(total[k], high, weight * values[k])
     return total
 
 
@@ -266,35 +268,42 @@ def _mean_tensions(rope: Rope, keep: Ints, old: Elements) -> Floats:
     return mean / np.add.reduceat(old.rest, keep[:-1])
 
 
-def _load_at_top(rope: Rope, old: Elements, at: UpperEnd) -> Floats:
-    """Load less inertia per metre of rope at the hang-off [N/m], (3,): its force there less T."""
+def _load_at_top(rope: Rope, old: Elements, end: UpperEnd) -> Floats:
+    """Load less inertia per metre of rope at the hang-off [N/m], (3,).
+
+    It follows from the force on the hang-off less the tension of the top element.
+    """
     tension = rope.work[rows.TENSION, len(old.rest) - 1]
-    load: Floats = (at.pull_n + tension * old.direction[:, -1]) / (0.5 * old.rest[-1])
+    load: Floats = (end.pull_n + tension * old.direction[:, -1]) / (0.5 * old.rest[-1])
     return load
 
 
-def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
+def _divided_elements(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
     """Return the parts of the old elements: element and fraction of its unstretched length."""
     parents: list[int] = []
-    shares: list[float] = []
-    s, length = rope.state.s, grid.model.element_length
-    places = np.searchsorted(grid.marks_m, s[: len(old.rest) + 1], side="right")
-    unit = law_of_lowest(rope.effects) is not None  # an element on all meshes
-    if unit:
-        parents, shares = [0], [1.0]
-    for e, rest in enumerate(old.rest.tolist()[unit:], start=int(unit)):
-        inside = (grid.marks_m[places[e] : places[e + 1]] - s[e]) / rest
+    fractions: list[float] = []
+    s, element_length = rope.state.s, grid.model.element_length
+    first_marks = np.searchsorted(grid.marks_m, s[: len(old.rest) + 1], side="right")
+    has_unit = law_of_lowest(rope.effects) is not None  # a compensator: one element on all meshes
+    if has_unit:
+        parents, fractions = [0], [1.0]
+    for e, rest_length in enumerate(old.rest.tolist()[has_unit:], start=int(has_unit)):
+        marks = (grid.marks_m[first_marks[e] : first_marks[e + 1]] - s[e]) / rest_length
         cuts = [0.0]
-        for cut in inside.tolist():
-            least = LEAST_PART / (len(inside) + 1)
-            if cut > cuts[-1] + least and cut < 1.0 - least:
+        for cut in marks.tolist():
+            min_fraction = MIN_PART_FRACTION / (len(marks) + 1)
+            if cut > cuts[-1] + min_fraction and cut < 1.0 - min_fraction:
                 cuts.append(cut)
         for low, high in pairwise([*cuts, 1.0]):
-            part = (high - low) * rest
-            count = round(part / length) if part > LONG * length else 1
+            length_m = (high - low) * rest_length
+            count = (
+                round(length_m / element_length)
+                if length_m > MAX_LENGTH_RATIO * element_length
+                else 1
+            )
             parents += [e] * count
-            shares += [(high - low) / count] * count
-    return np.array(parents), np.array(shares)
+            fractions += [(high - low) / count] * count
+    return np.array(parents), np.array(fractions)
 
 
 def material_nodes(state: State, old: Elements, payout_m_per_s: float) -> Floats:
@@ -312,46 +321,52 @@ def material_nodes(state: State, old: Elements, payout_m_per_s: float) -> Floats
     return nodes
 
 
-def _forces_of_parts(rope: Rope, old: Elements, at: UpperEnd, parts: tuple[Ints, Floats]) -> Floats:
+def _forces_of_parts(
+    rope: Rope, old: Elements, end: UpperEnd, parts: tuple[Ints, Floats]
+) -> Floats:
     """Force in the middle of each part [N], (3, parts); parts: elements, positions 0 to 1 in them.
 
     It is T·t in the middle of the old element and changes by the load less inertia per metre, which
     is linear between the values from the balance of the old nodes; in the top element it is that of
     its upper end.
     """
-    parent, place = parts
+    parent, position = parts
     n = len(old.rest)
     force = rope.work[rows.TENSION, :n] * old.direction
     load = np.zeros((3, n + 1))
     load[:, 1:n] = -np.diff(force, axis=1) / (0.5 * (old.rest[1:] + old.rest[:-1]))
-    load[:, n] = _load_at_top(rope, old, at)
+    load[:, n] = _load_at_top(rope, old, end)
     load[:, 0] = load[:, 1]
     low, high = load[:, :-1][:, parent], load[:, 1:][:, parent]
     low = np.where(parent == n - 1, high, low)
-    between = 0.5 * (0.5 + place)  # midway between the middles of the element and of the part
-    change: Floats = (place - 0.5) * old.rest[parent] * ((1.0 - between) * low + between * high)
+    middle = 0.5 * (0.5 + position)  # midway between the middles of the element and of the part
+    change: Floats = (position - 0.5) * old.rest[parent] * ((1.0 - middle) * low + middle * high)
     return force[:, parent] - change
 
 
-def _bend(state: State, old: Elements, parts: tuple[Ints, Floats], force: Floats) -> None:
+def _move_off_chords(
+    state: State, old: Elements, parts: tuple[Ints, Floats], force: Floats
+) -> None:
     """Move new nodes off the chord of their element so that its parts lie along their forces."""
-    parent, share = parts
-    size = np.sqrt((force * force).sum(axis=0))
-    along = force / np.where(size > 0.0, size, 1.0)
-    step = old.length[parent] * share * along
+    parent, fraction = parts
+    magnitude = np.sqrt((force * force).sum(axis=0))
+    direction = force / np.where(magnitude > 0.0, magnitude, 1.0)
+    chord = old.length[parent] * fraction * direction
     total = np.zeros((3, len(old.rest)))
     for k in range(3):
-        np.add.at(total[k], parent, step[k])
-    step -= share * total[:, parent]  # closes each element's chain on its chord
-    reached = np.cumsum(step, axis=1)
+        np.add.at(total[k], parent, chord[k])
+    chord -= fraction * total[:, parent]  # closes each element's chain on its chord
+    sum_of_chords = np.cumsum(chord, axis=1)
     first = np.searchsorted(parent, np.arange(len(old.rest)))
-    off = reached - (reached - step)[:, first][:, parent]  # at the upper end of each part
-    sag = np.sqrt((off * off).sum(axis=0))
+    offset = (
+        sum_of_chords - (sum_of_chords - chord)[:, first][:, parent]
+    )  # at the upper end of each part
+    sag = np.sqrt((offset * offset).sum(axis=0))
     longest = np.zeros(len(old.rest))
-    np.maximum.at(longest, parent, sag / (old.rest[parent] * share))
-    off = np.where(longest[parent] <= SAG_LIMIT, off, 0.0)
+    np.maximum.at(longest, parent, sag / (old.rest[parent] * fraction))
+    offset = np.where(longest[parent] <= SAG_LIMIT, offset, 0.0)
     inner = np.flatnonzero(parent[1:] == parent[:-1])
-    state.nodes[_X, :][:, inner + 1] += off[:, inner]
+    state.nodes[_X, :][:, inner + 1] += offset[:, inner]
 
 
 class Elements(NamedTuple):
@@ -372,53 +387,55 @@ def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elemen
     s = state.s[: n + 1]
     rest = np.diff(s)
     section = np.searchsorted(sections[rows.END], s[:-1] + SAME_PLACE, side="right")
-    span = np.diff(state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1)
-    length = np.sqrt((span * span).sum(axis=0) + 1e-16 * rest * rest)
-    direction = span / length
-    apart = np.diff(state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1], axis=1)
-    rate = (direction * apart).sum(axis=0)
+    vector = np.diff(state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1)
+    length = np.sqrt((vector * vector).sum(axis=0) + 1e-16 * rest * rest)
+    direction = vector / length
+    relative_velocity = np.diff(state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1], axis=1)
+    rate = (direction * relative_velocity).sum(axis=0)
     rate[-1] -= payout_m_per_s / rest[-1] * length[-1]
     damper = sections[rows.C][section] / rest * rate
     depth = -float(state.nodes[rows.POSITION + 2, :2].mean())
     return Elements(rest, section, direction, length, damper, float(rate[0]), depth)
 
 
-def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
+def tensions(rope: Rope, elements: Elements, offset: Floats) -> Floats:
     """Tension of elements with these length offsets [N]; 0 where slack, (elements,)."""
-    strain = (of.length + offset - of.rest) / of.rest
-    law, stiffness = sections_law(rope), rope.sections[rows.EA][of.section]
+    strain = (elements.length + offset - elements.rest) / elements.rest
+    law, stiffness = sections_law(rope), rope.sections[rows.EA][elements.section]
     if isinstance(law, FibreLaw):
-        elastic = held_tension(law, of.section, strain)[0]
+        elastic = held_tension(law, elements.section, strain)[0]
     else:
         elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
-        elastic += hold(law, stiffness, of.section, strain)[0]
-    pull: Floats = np.maximum(elastic + of.damper, 0.0)
-    own = law_of_lowest(rope.effects)
-    if own is not None:
-        extension = float(of.length[0] + offset[0] - of.rest[0])
-        k = float(stiffness[0] / of.rest[0])
-        pull[0] = own(extension, of.lowest_rate, k, of.lowest_depth)[0]
-    return pull
+        elastic += hold(law, stiffness, elements.section, strain)[0]
+    tension: Floats = np.maximum(elastic + elements.damper, 0.0)
+    unit_law = law_of_lowest(rope.effects)
+    if unit_law is not None:
+        extension = float(elements.length[0] + offset[0] - elements.rest[0])
+        k = float(stiffness[0] / elements.rest[0])
+        tension[0] = unit_law(extension, elements.lowest_rate, k, elements.lowest_depth)[0]
+    return tension
 
 
-def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
+def offsets_for(rope: Rope, elements: Elements, wanted_n: Floats) -> Floats:
     """Length offsets that give these tensions [m]; 0 where the tension is NaN, (elements,).
 
     The lowest element has none where an effect gives its law: it is the same on all meshes.
     """
-    stiffness = rope.sections[rows.EA][of.section]
-    elastic = wanted_n - of.damper
+    stiffness = rope.sections[rows.EA][elements.section]
+    elastic = wanted_n - elements.damper
     strain, law = elastic / stiffness, sections_law(rope)
     if isinstance(law, FibreLaw):
-        strain = held_strain(law, of.section, elastic)
+        strain = held_strain(law, elements.section, elastic)
     elif rope.law is not None:
         taut = elastic > 0.0
-        strain = np.where(taut, _strains(rope.law, of.section, np.maximum(elastic, 0.0)), strain)
-    offset = of.rest * (1.0 + strain) - of.length
-    found: Floats = np.where(np.isnan(wanted_n), 0.0, offset)
+        strain = np.where(
+            taut, _strains(rope.law, elements.section, np.maximum(elastic, 0.0)), strain
+        )
+    offset = elements.rest * (1.0 + strain) - elements.length
+    offsets: Floats = np.where(np.isnan(wanted_n), 0.0, offset)
     if law_of_lowest(rope.effects) is not None:
-        found[0] = 0.0
-    return found
+        offsets[0] = 0.0
+    return offsets
 
 
 def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
@@ -428,13 +445,13 @@ def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
     """
     high = np.full(len(elastic_n), 1e-3)
     unused = np.zeros(len(elastic_n))
-    while np.any(short := hold(law, unused, section, high)[0] < elastic_n):
-        high = np.where(short, 2.0 * high, high)
+    while np.any(too_low := hold(law, unused, section, high)[0] < elastic_n):
+        high = np.where(too_low, 2.0 * high, high)
     low = np.zeros(len(elastic_n))
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        less = hold(law, unused, section, middle)[0] < elastic_n
-        low, high = np.where(less, middle, low), np.where(less, high, middle)
+        below = hold(law, unused, section, middle)[0] < elastic_n
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     strain: Floats = 0.5 * (low + high)
     return strain
 
@@ -446,18 +463,18 @@ def has_state(effect: Any) -> bool:
 
 def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the effects; those with internal variables get copies of all their arrays."""
-    return tuple(_copy(own) if has_state(own) else own for own in effects)
+    return tuple(_copy(effect) if has_state(effect) else effect for effect in effects)
 
 
 def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
     """Return all arrays of the effects with internal variables, not copied."""
-    return [part for own in effects if has_state(own) for part in own if _is_array(part)]
+    return [part for effect in effects if has_state(effect) for part in effect if _is_array(part)]
 
 
 def with_arrays_of(live: Any, effect: Any) -> Any:
     """Return an effect with the arrays of a live one of its type, if that has internal variables.
 
-    The arrays are not copied. Those that no step writes stay the effect's own.
+    The arrays are not copied. The effect keeps its own arrays that no step changes.
     """
     if not has_state(live):
         return effect
@@ -471,8 +488,8 @@ def on_nodes(
 ) -> tuple[Any, ...]:
     """Return the effects for other nodes of their rope, or of a part of it.
 
-    Current values are interpolated over the rope's material; further rows are those of the nearest
-    node.
+    Internal variables are interpolated over the rope's material; further rows are those of the
+    nearest node.
 
     Args:
         effects: of the rope with its old nodes.
@@ -481,8 +498,10 @@ def on_nodes(
         start_m: coordinate of the new rope's lower end in the old rope [m].
     """
     return tuple(
-        own._replace(memory=_memory_of(own, s, capacity, start_m)) if has_state(own) else own
-        for own in own_copies(effects)
+        effect._replace(memory=_memory_of(effect, s, capacity, start_m))
+        if has_state(effect)
+        else effect
+        for effect in own_copies(effects)
     )
 
 
@@ -500,13 +519,13 @@ def _memory_of(effect: Any, s: Floats, capacity: int, start_m: float) -> Floats:
     old, n = int(memory[3 * k, -1]), len(s)
     marks = memory[3 * k, :old]
     new: Floats = np.zeros((memory.shape[0], capacity + 1))
-    if old == 0:  # the first step will give the values
+    if old == 0:  # the first step sets the values
         return new
     for r in range(k):
         new[r, :n] = np.interp(s, marks, memory[r, :old])
         new[r, n:] = new[r, n - 1]  # of ghost nodes, and of a node where an element splits
     nearest = np.abs(s[:, None] - marks).argmin(axis=1)
     new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
-    new[3 * k + 1 :, -1] = memory[3 * k + 1 :, -1]  # what an effect has once for the rope
+    new[3 * k + 1 :, -1] = memory[3 * k + 1 :, -1]  # values that an effect has once for the rope
     new[3 * k, :n], new[3 * k, -1] = s - start_m, n
     return new

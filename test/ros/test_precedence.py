@@ -18,8 +18,8 @@ from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.pacing import (
-    OTHERS,
-    STEPPING,
+    OTHER_PRIORITY,
+    STEPPING_PRIORITY,
     raise_other_threads,
     raise_stepping_thread,
     reset_threads,
@@ -63,7 +63,7 @@ def waiting() -> Iterator[threading.Thread]:
 def test_every_thread_goes_ahead_and_falls_back(waiting: threading.Thread) -> None:
     raise_other_threads()
     for thread in (threading.current_thread(), waiting):
-        assert place_of(thread) == (os.SCHED_RR, OTHERS)
+        assert place_of(thread) == (os.SCHED_RR, OTHER_PRIORITY)
     reset_threads()
     for thread in (threading.current_thread(), waiting):
         assert place_of(thread) == ORDINARY
@@ -84,7 +84,7 @@ def test_a_paced_twin_steps_ahead_of_all_that_is_beside_it(waiting: threading.Th
         time.sleep(0.01)
     places = {thread.name: place_of(thread) for thread in threading.enumerate()}
     twin.halt()
-    assert places.pop("twin-steps") == (os.SCHED_RR, STEPPING)
-    assert places["twin-publisher"] == (os.SCHED_RR, OTHERS)
-    assert set(places.values()) == {(os.SCHED_RR, OTHERS)}
+    assert places.pop("twin-steps") == (os.SCHED_RR, STEPPING_PRIORITY)
+    assert places["twin-publisher"] == (os.SCHED_RR, OTHER_PRIORITY)
+    assert set(places.values()) == {(os.SCHED_RR, OTHER_PRIORITY)}
     assert place_of(waiting) == place_of(threading.current_thread()) == ORDINARY

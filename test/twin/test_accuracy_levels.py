@@ -19,8 +19,8 @@ from rope_twin.scene.error_bound import RMS, AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.level import (
-    FIT,
     MIN_CYCLES,
+    TARGET_LOAD,
     WAIT_S,
     OverloadProtection,
     TwinOverloadProtection,
@@ -97,8 +97,8 @@ def test_too_much_work_goes_to_the_first_rung_that_fits(load: float) -> None:
         assert slots <= MIN_CYCLES
     work = [10.0 / (r.step_ns / MS * (1 << r.halvings)) for r in machine.levels]
     (at,) = (machine.levels.index(level) for level in machine.taken)
-    assert load * work[at] <= FIT + 1e-9 or at == len(work) - 1
-    assert at == 1 or load * work[at - 1] > FIT - 1e-9
+    assert load * work[at] <= TARGET_LOAD + 1e-9 or at == len(work) - 1
+    assert at == 1 or load * work[at - 1] > TARGET_LOAD - 1e-9
     assert machine.run(load, 12.0) == 0
 
 
