@@ -35,14 +35,14 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
-from rope_twin.twin.ensemble.joined_turn import OFTEN, OFTEN_LEAST, JoinedTurn
+from rope_twin.twin.ensemble.joined_batch import MAX_ALONE_FRACTION, MIN_ALONE_STEPS, JoinedBatch
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,
-    Borders,
     Member,
     MemberResults,
     Scratch,
+    SharedBoundaries,
     Start,
     SteppedMember,
     TwinMember,
@@ -58,15 +58,15 @@ from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.coupled import VivDragAmplification
 
-BATCH_STEPS = 800  # of a batch, in which members share what is done once for many steps
+BATCH_STEPS = 800  # of a batch, whose boundary conditions are computed at once
 SAMPLING_S = 0.5
 MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 AnyMember = SteppedMember | UnstartedMember
-StartKey = tuple[Scene, bool]  # the second: the member is stepped by a twin
+StartKey = tuple[Scene, bool]  # scene, and whether the member is stepped by a twin
 AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
-Made = TypeVar("Made")
-MIN_GROUP = LANES // 2  # minimum members of a group: all lanes cost about as much as these alone
+Result = TypeVar("Result")
+MIN_GROUP = LANES // 2  # members of a group: all lanes cost about as much as so many alone
 
 
 def cores() -> int:
@@ -99,11 +99,11 @@ class Lanes:
     members: int  # in lanes
     alone: dict[str, int]  # others, by reason; "": too few members of their kind
     steps: int  # of all members, done in lanes
-    given_up: int  # steps that lanes left to the single-rope solver
+    given_up: int  # steps of members in groups that the single-rope solver did
 
 
-class _OfThread(threading.local):
-    """Scratch arrays of each thread, made on first use."""
+class _ThreadScratch(threading.local):
+    """Scratch arrays of each thread, allocated on first use."""
 
     def __init__(self, steps: int, watched: bool) -> None:
         self.steps, self.scratch = steps, Scratch(steps, watched)
@@ -154,25 +154,29 @@ class Ensemble:
         self.abreast = abreast
         self.steps = 0
         self._interrupted = False
-        self._own: _OfThread | None = None
-        scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
+        self._thread_scratch: _ThreadScratch | None = None
+        scenes = [_member_scene(scene, variation, k) for k, variation in enumerate(variations)]
         by_twin = [
-            is_joined(one) or not is_known(one, own)
-            for one, own in zip(scenes, variations, strict=True)
+            is_joined(member_scene) or not is_known(member_scene, variation)
+            for member_scene, variation in zip(scenes, variations, strict=True)
         ]
         if watched and any(by_twin):
             what = "multi-line systems, or a winch with tension feedback, are not watched"
             raise InputError("ensemble", what, "step them with `rope_twin run`")
         self._monitors = monitors
         keys = list(dict.fromkeys(zip(scenes, by_twin, strict=True)))
-        find = partial(_find_start, monitors=self._monitors)
-        first = find(keys[0])  # alone: it compiles
-        starts = dict(zip(keys, [first, *self._on_threads(find, keys[1:])], strict=True))
-        self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
+        find_member_start = partial(_find_start, monitors=self._monitors)
+        first = find_member_start(keys[0])  # alone: it compiles
+        starts = dict(
+            zip(keys, [first, *self._on_threads(find_member_start, keys[1:])], strict=True)
+        )
+        self._heaves = {
+            id(variation.heave): variation.heave for variation in variations if variation.heave
+        }
         self._members: list[AnyMember] = []
-        borders = Borders()
-        for key, own in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
-            self._members.append(_new_member(key[0], starts[key], own, borders))
+        boundaries = SharedBoundaries()
+        for key, variation in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
+            self._members.append(_new_member(key[0], starts[key], variation, boundaries))
 
     @property
     def time_ns(self) -> int:
@@ -200,24 +204,28 @@ class Ensemble:
         self._interrupted = True
         while steps > 0:
             batch = min(steps, BATCH_STEPS)
-            if self._own is None or self._own.steps != batch:
-                self._own = _OfThread(batch, self._watched)
-            own = self._own
+            if self._thread_scratch is None or self._thread_scratch.steps != batch:
+                self._thread_scratch = _ThreadScratch(batch, self._watched)
+            local = self._thread_scratch
 
-            def turn(some: list[SteppedMember], batch: int = batch, own: _OfThread = own) -> None:
-                advance_group(some, batch, self._look_steps, own.scratch)
+            def advance_members(
+                group: list[SteppedMember], batch: int = batch, local: _ThreadScratch = local
+            ) -> None:
+                advance_group(group, batch, self._look_steps, local.scratch)
 
-            self._on_threads(turn, self._groups())
+            self._on_threads(advance_members, self._groups())
             self.steps += batch
             steps -= batch
         self._interrupted = False
 
     def _groups(self) -> list[list[SteppedMember]]:
         """Return the members that have not failed, grouped by the members they are stepped with."""
-        going = [
-            one for one in self._members if not isinstance(one, UnstartedMember) and not one.failure
+        running = [
+            member
+            for member in self._members
+            if not isinstance(member, UnstartedMember) and not member.failure
         ]
-        return sort_into_groups(going, self.abreast if len(self) >= MIN_MEMBERS else 1)
+        return sort_into_groups(running, self.abreast if len(self) >= MIN_MEMBERS else 1)
 
     def make_ready(self) -> None:
         """Compile the kernels of the first batch, so that it takes no longer than the next."""
@@ -227,14 +235,14 @@ class Ensemble:
     def lanes(self) -> Lanes:
         """Return how many members are stepped in SIMD lanes next, and why the others are not."""
         groups = self._groups()
-        alone = [some[0] for some in groups if len(some) == 1]
-        words = Counter(one.why_alone for one in alone)
-        own = [one for one in self._members if not isinstance(one, UnstartedMember)]
+        single = [group[0] for group in groups if len(group) == 1]
+        reasons = Counter(member.why_alone for member in single)
+        started = [member for member in self._members if not isinstance(member, UnstartedMember)]
         return Lanes(
-            members=sum(len(some) for some in groups if len(some) > 1),
-            alone=dict(words),
-            steps=sum(one.lane_steps for one in own),
-            given_up=sum(one.given_up for one in own),
+            members=sum(len(group) for group in groups if len(group) > 1),
+            alone=dict(reasons),
+            steps=sum(member.lane_steps for member in started),
+            given_up=sum(member.given_up for member in started),
         )
 
     def figures(self) -> list[MemberResults]:
@@ -258,9 +266,9 @@ class Ensemble:
         """
         member = self._members[number]
         parts = member.watched if isinstance(member, Member) else []
-        found: Floats = np.concatenate(parts) if parts else np.zeros((0, WATCHED))
+        recorded: Floats = np.concatenate(parts) if parts else np.zeros((0, WATCHED))
         parts.clear()
-        return found
+        return recorded
 
     def snapshot(self, number: int) -> Snapshot:
         """Return a frozen copy of a member's present.
@@ -273,7 +281,7 @@ class Ensemble:
             raise InputError(f"member {number}", "it never started", member.failure[:-1])
         return member.snapshot()
 
-    def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
+    def _on_threads(self, work: Callable[[Key], Result], items: Sequence[Key]) -> list[Result]:
         """Apply the work to each item; an interruption waits only for items in progress."""
         if self.threads == 1 or len(items) < 2:
             return [work(item) for item in items]
@@ -285,16 +293,16 @@ class Ensemble:
                 raise
 
 
-def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
-    for change in own.changes:
+def _member_scene(scene: Scene, variation: Variation, number: int) -> Scene:
+    for change in variation.changes:
         where = f"member {number}: {change.path}"
         if change.path.startswith("time."):
             raise SceneError(where, "all members have it in common", "vary something else")
-        if change.path.startswith("sea_state.") and own.heave is None:
+        if change.path.startswith("sea_state.") and variation.heave is None:
             right = "give the member the heave of that sea"
             raise SceneError(where, "a sea moves no ship by itself", right)
     try:
-        return change_scene(scene, own.changes)
+        return change_scene(scene, variation.changes)
     except SceneError as error:
         raise SceneError(f"member {number}: {error}") from error
 
@@ -314,12 +322,14 @@ def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
     except (SceneError, InputError) as error:
         return str(error)
     tension = element_tension(rope).copy()
-    high, wide = rope.work.shape
-    bare = rope._replace(work=np.zeros((0, 0)))
-    return Start(bare, (high, wide), pull, tension, viv_drag)
+    work_rows, columns = rope.work.shape
+    without_scratch = rope._replace(work=np.zeros((0, 0)))
+    return Start(without_scratch, (work_rows, columns), pull, tension, viv_drag)
 
 
-def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: Borders) -> AnyMember:
+def _new_member(
+    scene: Scene, start: AnyStart, variation: Variation, boundaries: SharedBoundaries
+) -> AnyMember:
     """Return a member that begins in this static equilibrium.
 
     Raises:
@@ -328,8 +338,10 @@ def _new_member(scene: Scene, start: AnyStart, own: Variation, borders: Borders)
     if isinstance(start, str):
         return UnstartedMember(scene, start)
     if isinstance(start, Twin):
-        return TwinMember(start, own.heave, own.commands, borders.course(scene, own))
-    return Member(scene, start, borders.of(scene, own))
+        return TwinMember(
+            start, variation.heave, variation.commands, boundaries.of_system(scene, variation)
+        )
+    return Member(scene, start, boundaries.of_rope(scene, variation))
 
 
 def sort_into_groups(
@@ -340,20 +352,20 @@ def sort_into_groups(
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
     groups = []
-    for kind, alike in kinds.items():
-        for first in range(0, len(alike), abreast):
-            some = alike[first : first + abreast]
-            whole = kind is not None and len(some) >= MIN_GROUP
-            groups += [some] if whole else [[member] for member in some]
+    for kind, same_kind in kinds.items():
+        for first in range(0, len(same_kind), abreast):
+            group = same_kind[first : first + abreast]
+            in_lanes = kind is not None and len(group) >= MIN_GROUP
+            groups += [group] if in_lanes else [[member] for member in group]
     return groups
 
 
 def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
     """Compile the SIMD step for groups of several members, if it is not compiled yet."""
     by_types = {}
-    for some in groups:
-        if len(some) > 1 and (kind := some[0].kind()) is not None:
-            by_types[kind.types] = some[0]
+    for group in groups:
+        if len(group) > 1 and (kind := group[0].kind()) is not None:
+            by_types[kind.types] = group[0]
     for member in by_types.values():
         member.new_group().advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
 
@@ -363,26 +375,28 @@ def advance_group(
 ) -> None:
     """Advance the members of a group by a batch of steps.
 
-    Those whose elements change at the same step, as of ropes that are paid out alike, go on as a
-    group of their new number of elements.
+    Members whose number of elements changes at the same step, as of ropes with equal payout,
+    continue as a group of their own.
     """
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
         return
-    joined = [one for one in members if isinstance(one, TwinMember)]
-    if joined:
-        _advance_joined(joined, steps, look_steps, scratch)
+    twin_members = [member for member in members if isinstance(member, TwinMember)]
+    if twin_members:
+        _advance_joined(twin_members, steps, look_steps, scratch)
         return
     waiting = [
-        _Begun(one, one.open_batch(steps, scratch), 0) for one in members if isinstance(one, Member)
+        _Progress(member, member.open_batch(steps, scratch), 0)
+        for member in members
+        if isinstance(member, Member)
     ]
     while waiting:
-        alike = [one for one in waiting if one.goes_with(waiting[0])]
-        waiting = [one for one in waiting if not one.goes_with(waiting[0])]
-        if alike[0].member.kind() is not None and len(alike) >= MIN_GROUP:
-            waiting += _Turn(alike, look_steps, scratch).run()
+        same_kind = [progress for progress in waiting if progress.can_join(waiting[0])]
+        waiting = [progress for progress in waiting if not progress.can_join(waiting[0])]
+        if same_kind[0].member.kind() is not None and len(same_kind) >= MIN_GROUP:
+            waiting += _LaneBatch(same_kind, look_steps, scratch).run()
         else:
-            for member, batch, done in alike:
+            for member, batch, done in same_kind:
                 member.given_up += steps - done
                 member.go_on(batch, done, look_steps, scratch)
 
@@ -390,64 +404,67 @@ def advance_group(
 def _advance_joined(
     members: Sequence[TwinMember], steps: int, look_steps: int, scratch: Scratch
 ) -> None:
-    """Advance multi-line members; those that get other elements go on as another group.
+    """Advance multi-line members to the end of a batch.
 
-    They catch up with the others.
+    Members whose number of elements changes continue as another group until they have done as many
+    steps as the others.
     """
     end = members[0].steps + steps
     for member in members:
         member.offer(steps)
-    while going := [one for one in members if not one.failure and one.steps < end]:
-        begun = min(one.steps for one in going)
-        behind = [one for one in going if one.steps == begun]
-        ahead = min((one.steps for one in going if one.steps > begun), default=end)
-        some = min(ahead - begun, STEPS_PER_CALL)
+    while running := [member for member in members if not member.failure and member.steps < end]:
+        first_step = min(member.steps for member in running)
+        behind = [member for member in running if member.steps == first_step]
+        next_step = min(
+            (member.steps for member in running if member.steps > first_step), default=end
+        )
+        count = min(next_step - first_step, STEPS_PER_CALL)
         for group in sort_into_groups(behind):
-            alike = [one for one in group if isinstance(one, TwinMember)]
-            kind = alike[0].kind()
-            if len(alike) > 1 and isinstance(kind, JoinedKind):
-                JoinedTurn(alike, kind, scratch).run(some, look_steps)
+            same_kind = [member for member in group if isinstance(member, TwinMember)]
+            kind = same_kind[0].kind()
+            if len(same_kind) > 1 and isinstance(kind, JoinedKind):
+                JoinedBatch(same_kind, kind, scratch).run(count, look_steps)
                 continue
-            for member in alike:
-                member.given_up += some
-                member.go_on(some, look_steps)
+            for member in same_kind:
+                member.given_up += count
+                member.go_on(count, look_steps)
 
 
-class _Begun(NamedTuple):
-    """A member, and how many steps of a batch it has done."""
+class _Progress(NamedTuple):
+    """Progress of a member in its batch of steps."""
 
     member: Member
     batch: Batch
     done: int
 
-    def goes_with(self, other: _Begun) -> bool:
-        """Whether both can go on in one group."""
+    def can_join(self, other: _Progress) -> bool:
+        """Return whether both can be stepped in one group."""
         return self.done == other.done and self.member.kind() == other.member.kind()
 
 
-class _Turn:
-    """The rest of a batch for members of one kind that have done as many of its steps."""
+class _LaneBatch:
+    """Remaining steps of a batch, in SIMD lanes, of members of one kind with equal progress."""
 
-    def __init__(self, begun: Sequence[_Begun], look_steps: int, scratch: Scratch) -> None:
-        kind = begun[0].member.kind()
+    def __init__(self, progress: Sequence[_Progress], look_steps: int, scratch: Scratch) -> None:
+        kind = progress[0].member.kind()
         assert kind is not None
         self._look_steps, self._scratch = look_steps, scratch
-        self._first, self._steps = begun[0].done, len(begun[0].batch.pulls)
-        self._before = begun[0].member.steps - self._first
+        self._first, self._steps = progress[0].done, len(progress[0].batch.pulls)
+        self._before = progress[0].member.steps - self._first
         self._time = self._before * round(kind.step * 1e9) * 1e-9
-        self._batches = [one.batch for one in begun]
+        self._batches = [entry.batch for entry in progress]
         self._group = scratch.group(kind)
         self._group.begin(
-            [one.member.rope for one in begun], [one.boundary for one in self._batches]
+            [entry.member.rope for entry in progress], [entry.boundary for entry in self._batches]
         )
-        # By lane, those still in the group.
-        self._members = {lane: one.member for lane, one in enumerate(begun)}
-        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps alone
+        # by lane, those still in the group
+        self._members = {lane: entry.member for lane, entry in enumerate(progress)}
+        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps done alone
         self._tension: dict[int, Floats] = {}  # by lane, after the last step alone
-        self._left: list[_Begun] = []
+        self._left: list[_Progress] = []
 
-    def run(self) -> list[_Begun]:
-        """Do the steps; return the members that left with other elements, and where they are."""
+    def run(self) -> list[_Progress]:
+        """Do the steps; return the members that left with other elements, with their progress."""
         done = self._first
         while self._members and done < self._steps:
             wanted = sum(1 << lane for lane in self._members)
@@ -469,26 +486,26 @@ class _Turn:
         boundary = Boundary(*(table[done - 1 : done + 1] for table in batch.boundary))
         alone = self._alone[lane]
         folds = None if batch.folds is None else np.zeros((1, FOLDS))
-        one = Batch(boundary, np.zeros((1, PULL_COLUMNS)), folds)
-        member.step(one, 0, 1, self._look_steps, work)
+        single_step = Batch(boundary, np.zeros((1, PULL_COLUMNS)), folds)
+        member.step(single_step, 0, 1, self._look_steps, work)
         self._tension[lane] = element_tension(member.rope._replace(work=work)).copy()
         if member.failure:
             self._leave(lane, done - 1)
             return
         alone.append(done)
-        group.pulls[done - 1, :, lane] = one.pulls[0]
+        group.pulls[done - 1, :, lane] = single_step.pulls[0]
         if folds is not None:
             group.folds[done - 1, :, lane] = folds[0]
-        often = len(alone) > OFTEN_LEAST + OFTEN * (done - self._first)
-        if often or state.counts[ELEMENTS] != group.kind.elements:
-            self._leave(lane, done, often)
+        too_often = len(alone) > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * (done - self._first)
+        if too_often or state.counts[ELEMENTS] != group.kind.elements:
+            self._leave(lane, done, too_often)
         else:
             group.put(lane, member.rope)
 
-    def _leave(self, lane: int, done: int, often: bool = False) -> None:
+    def _leave(self, lane: int, done: int, too_often: bool = False) -> None:
         """Take a rope out of the group after `done` steps.
 
-        often: it was alone too often, and completes the batch so.
+        too_often: it was stepped alone too often, and completes the batch in this way.
         """
         member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
         batch, first = self._batches[lane], self._first
@@ -498,20 +515,22 @@ class _Turn:
         steps, slack = group.account(lane, member.rope.state.health)
         if batch.folds is not None:
             batch.folds[first:done] = group.folds[first:done, :, lane]
-            own = [step - 1 - first for step in alone if step <= done]
-            slack = int((np.delete(batch.folds[first:done, LEAST], own) <= 0.0).sum())
+            rows_alone = [step - 1 - first for step in alone if step <= done]
+            slack = int((np.delete(batch.folds[first:done, LEAST], rows_alone) <= 0.0).sum())
         member.lane_steps += steps
         member.given_up += done - first - steps
-        looks = [self._before + step for step in alone]
-        whole = (self._before + done) // self._look_steps
-        whole -= (self._before + first) // self._look_steps
-        member.count_looks(whole - sum(at % self._look_steps == 0 for at in looks), slack)
+        steps_alone = [self._before + step for step in alone]
+        samplings = (self._before + done) // self._look_steps
+        samplings -= (self._before + first) // self._look_steps
+        member.count_looks(
+            samplings - sum(step % self._look_steps == 0 for step in steps_alone), slack
+        )
         member.steps = self._before + done
         batch.pulls[first:done] = group.pulls[first:done, :, lane]
         if member.failure or done == self._steps:
             member.close(batch, done, self._tension[lane])
-        elif often:
+        elif too_often:
             member.given_up += self._steps - done
             member.go_on(batch, done, self._look_steps, self._scratch)
         else:
-            self._left.append(_Begun(member, batch, done))
+            self._left.append(_Progress(member, batch, done))

@@ -1,11 +1,11 @@
 """Fleet: members of one scene that begin from any state and take figures and inputs as arrays.
 
-A forecast or an estimator runs many short simulations of what hangs now, a rope or a multi-line
-system, each with its own heave, line out or payload. The members of a fleet have a mesh
-and a step of their own, coarser than those of the live twin; they are stepped in SIMD lanes like an
-ensemble's (`core/lanes`), but their boundary conditions are arrays, their figures array writes
-without another scene or statics, and the top tension of every step is returned. Least tension and
-the payload's motion are folded in the lanes over each look.
+A forecast or an estimator runs many short simulations of the suspended rope or multi-line system,
+each with its own heave, line out or payload. The members of a fleet have a mesh and a time step of
+their own, coarser than those of the live twin. They are stepped in SIMD lanes like an ensemble's
+(`core/lanes`), but their boundary conditions are arrays, their figures are set by writing to arrays
+without another scene or statics, and the top tension of every step is returned. Minimum tension and
+the payload's motion are reduced in the lanes over each look, a sampling interval.
 
 A member is bit-identical to a `Twin` of the same mesh, step, state and inputs. Members of a scene
 whose effects do not step in lanes step alone.
@@ -47,11 +47,11 @@ if TYPE_CHECKING:
     from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
     from rope_twin.twin.ensemble.fleet_systems import SystemMembers
 
-STRETCH_STEPS = 1200  # at most: a minute of 50 ms
+MAX_RANGE_STEPS = 1200  # a minute of 50 ms
 CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
 # Fraction and minimum number of steps done alone to leave a group: such a step costs about twice as
 # much as one of a member that steps alone throughout, and all others of it are nearly free.
-OFTEN, OFTEN_LEAST = 0.5, 10
+MAX_ALONE_FRACTION, MIN_ALONE_STEPS = 0.5, 10
 
 
 class Record:
@@ -73,35 +73,35 @@ class Record:
         for step, look, member in self._failed:
             self.top[..., step:, member] = np.nan
             self.folds[..., look:, :, member] = np.nan
-        least = self.folds[..., LEAST, :]
-        least[np.isinf(least)] = np.nan
+        min_tension = self.folds[..., LEAST, :]
+        min_tension[np.isinf(min_tension)] = np.nan
 
 
-class Stretch:
-    """Steps of all members that have not failed.
+class StepRange:
+    """Range of steps of all members that have not failed.
 
-    Members of one kind share the lanes, where their states stay for the whole stretch; the compiled
+    Members of one kind share the lanes, where their states stay for the whole range; the compiled
     code is called for a millisecond or two at a time, without the interpreter's lock. A step that a
     lane cannot do (core/lanes/step) is done by the member alone. When elements of a member are
-    added or removed its group stops, and all go on with those that then have as many; members with
-    the same line out get them at the same step. A member that needs many steps alone steps alone to
-    the end.
+    added or removed, its group stops, and all continue with members that then have as many; members
+    with the same line out change at the same step. A member that needs many steps alone steps alone
+    to the end.
     """
 
     def __init__(
         self,
         members: RopeMembers | SystemMembers,
-        course: Any,
+        boundaries: Any,
         record: Record,
         look_steps: int,
         span: tuple[int, int, int],
     ) -> None:
-        """Begin a stretch of steps.
+        """Begin a range of steps.
 
-        course: boundary conditions of the members; look_steps: number of steps of a look; span:
+        boundaries: boundary conditions of the members; look_steps: number of steps of a look; span:
         first step, number of steps, and time at the beginning [ns].
         """
-        self._members, self._course, self._record = members, course, record
+        self._members, self._boundaries, self._record = members, boundaries, record
         self._first, self._steps, time_ns = span
         self._look_steps = look_steps
         self._steps_before = time_ns // round(members.step_s * 1e9)
@@ -111,148 +111,162 @@ class Stretch:
     def groups(self) -> list[Ints]:
         """Return the members that have not failed, in groups to be stepped one after another.
 
-        Members with the same line out at the end are neighbours: they pay out and haul in alike, so
-        that elements are added and removed in all lanes of a group at once.
+        Members with the same line out at the end are neighbours: they have the same payout, so that
+        elements are added and removed in all lanes of a group at once.
         """
         members = np.array(self._members.going, dtype=np.int64)
-        line = self._course.line_out_m[self._first + self._steps]
+        line = self._boundaries.line_out_m[self._first + self._steps]
         if line.ndim:
             members = members[np.argsort(line[members], kind="stable")]
-        return list(self._members.alike(members))
+        return list(self._members.groups_by_kind(members))
 
-    def run(self, members: Ints, own: Scratch) -> None:
-        """Step members of one kind to the end of the stretch, each in a lane of its own."""
+    def run(self, members: Ints, scratch: Scratch) -> None:
+        """Step members of one kind to the end of the range, each in a lane of its own."""
         done = dict.fromkeys(members.tolist(), 0)
         while done:
             first = min(done.values())
-            end = min((at for at in done.values() if at > first), default=self._steps)
-            behind = np.array([k for k, at in done.items() if at == first], dtype=np.int64)
-            for some in sorted(self._members.alike(behind), key=len, reverse=True):
-                kind = self._members.kind_of(int(some[0]))
+            end = min((steps for steps in done.values() if steps > first), default=self._steps)
+            behind = np.array([k for k, steps in done.items() if steps == first], dtype=np.int64)
+            for same_kind in sorted(self._members.groups_by_kind(behind), key=len, reverse=True):
+                kind = self._members.kind_of(int(same_kind[0]))
                 if kind is None:
-                    self._alone(int(some[0]), first, own)
-                    del done[int(some[0])]
+                    self._finish_alone(int(same_kind[0]), first, scratch)
+                    del done[int(same_kind[0])]
                     continue
-                lanes = np.isin(members, some)
-                of = np.where(lanes, members, some[0])  # lanes that are not in use get a copy
-                going = {k: int(members[k]) for k in np.flatnonzero(lanes).tolist()}
-                end, left = self._in_lanes(of, going, kind, (first, end), own)
-                for member in some.tolist():
-                    if member in left and end < self._steps:
+                lanes = np.isin(members, same_kind)
+                # Lanes that are not in use get a copy.
+                lane_members = np.where(lanes, members, same_kind[0])
+                running = {k: int(members[k]) for k in np.flatnonzero(lanes).tolist()}
+                end, remaining = self._in_lanes(lane_members, running, kind, (first, end), scratch)
+                for member in same_kind.tolist():
+                    if member in remaining and end < self._steps:
                         done[member] = end
                     else:
                         del done[member]
 
     def _in_lanes(
-        self, members: Ints, going: dict[int, int], kind: Any, span: tuple[int, int], own: Scratch
+        self,
+        members: Ints,
+        running: dict[int, int],
+        kind: Any,
+        span: tuple[int, int],
+        scratch: Scratch,
     ) -> tuple[int, set[int]]:
         """Step members in lanes, up to a step by which elements of one change.
 
-        members: of all lanes; going: by lane, those to be stepped; span: steps done before and at
-        the end, at most. Returns the steps done, and the members that go on after them.
+        members: of all lanes; running: by lane, those to be stepped; span: steps done before, and
+        at most at the end. Returns the steps done, and the members that continue after them.
         """
-        all_, look, (began, upto) = self._members, self._look_steps, span
-        lanes, done = list(going), began
-        group = self._loaded(members, lanes, kind, span, own)
-        alone = dict.fromkeys(going, 0)
+        fleet_members, look_steps, (first, last) = self._members, self._look_steps, span
+        lanes, done = list(running), first
+        group = self._load_group(members, lanes, kind, span, scratch)
+        alone = dict.fromkeys(running, 0)
         changed: set[int] = set()
-        often: list[tuple[int, int]] = []
-        some = max(1, CALL_NODES // (all_.nodes_of(kind) * LANES))
-        while going and done < upto and not changed:
-            wanted = sum(1 << lane for lane in going)
-            end = min(done + some, upto)
+        too_often: list[tuple[int, int]] = []
+        call_steps = max(1, CALL_NODES // (fleet_members.nodes_of(kind) * LANES))
+        while running and done < last and not changed:
+            wanted = sum(1 << lane for lane in running)
+            end = min(done + call_steps, last)
             late = group.late(self._steps_before + done)
-            run = Run(self._time_s, done, end, wanted, self._first, look, late)
+            run = Run(self._time_s, done, end, wanted, self._first, look_steps, late)
             done, left = group.advance(run)
             for lane in left:
-                member = going[lane]
-                single = all_.alone(member)
-                group.take(lane, single)
-                if self._step_lane(group, lane, member, done - 1, own):
+                member = running[lane]
+                lone = fleet_members.alone(member)
+                group.take(lane, lone)
+                if self._step_lane(group, lane, member, done - 1, scratch):
                     alone[lane] += 1
-                    if all_.has_changed(member, kind):
+                    if fleet_members.has_changed(member, kind):
                         changed.add(member)
-                    elif alone[lane] > OFTEN_LEAST + OFTEN * (done - began):
-                        often.append((member, done))
+                    elif alone[lane] > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * (done - first):
+                        too_often.append((member, done))
                     else:
-                        group.put(lane, single)
+                        group.put(lane, lone)
                         continue
-                group.account(lane, all_.health_of(member))
-                del going[lane]
-        self._harvest(group, members[lanes], lanes, (began, done))
-        if going:
-            all_.take(group, members, list(going))
-        for member, at in often:
-            self._alone(member, at, own)
-        return done, changed.union(going.values())
+                group.account(lane, fleet_members.health_of(member))
+                del running[lane]
+        self._record_lanes(group, members[lanes], lanes, (first, done))
+        if running:
+            fleet_members.take(group, members, list(running))
+        for member, at in too_often:
+            self._finish_alone(member, at, scratch)
+        return done, changed.union(running.values())
 
-    def _loaded(
-        self, members: Ints, lanes: list[int], kind: Any, span: tuple[int, int], own: Scratch
+    def _load_group(
+        self, members: Ints, lanes: list[int], kind: Any, span: tuple[int, int], scratch: Scratch
     ) -> Any:
-        """Return the arrays of a group with its members, and their motion over these steps."""
+        """Return the arrays of a group, filled with its members and their motion in these steps."""
         done, end = span
         looks = (self._first + self._steps - 1) // self._look_steps - self._first_look + 1
-        group = own.group(self._members, kind, self._steps, looks)
+        group = scratch.group(self._members, kind, self._steps, looks)
         self._members.load(group, members, lanes)
-        ahead = Boundary(*(table[..., done : end + 1, :, :] for table in group.boundary))
-        self._course.fill(ahead, members, self._first + done)
-        self._members.place(ahead, members, kind)
+        boundary = Boundary(*(table[..., done : end + 1, :, :] for table in group.boundary))
+        self._boundaries.fill(boundary, members, self._first + done)
+        self._members.place(boundary, members, kind)
         return group
 
-    def _step_lane(self, group: Any, lane: int, member: int, step: int, own: Scratch) -> bool:
+    def _step_lane(self, group: Any, lane: int, member: int, step: int, scratch: Scratch) -> bool:
         """Step one lane alone; return whether the step succeeded."""
         look = (self._first + step) // self._look_steps - self._first_look
-        now = self._step(member, step, own)
-        if now is None:
+        extremes = self._step(member, step, scratch)
+        if extremes is None:
             return False
-        group.pulls[..., step, :, lane] = own.pull[..., 0, :]
-        now[..., LEAST] = np.minimum(now[..., LEAST], group.folds[..., look, LEAST, lane])
-        group.folds[..., look, :, lane] = now
+        group.pulls[..., step, :, lane] = scratch.pull[..., 0, :]
+        extremes[..., LEAST] = np.minimum(extremes[..., LEAST], group.folds[..., look, LEAST, lane])
+        group.folds[..., look, :, lane] = extremes
         return True
 
-    def _harvest(self, group: Any, members: Ints, lanes: list[int], span: tuple[int, int]) -> None:
-        """Record the results of members in these lanes over these steps of the stretch.
+    def _record_lanes(
+        self, group: Any, members: Ints, lanes: list[int], span: tuple[int, int]
+    ) -> None:
+        """Record the results of members in these lanes over these steps of the range.
 
         Those of lanes that left are overwritten later.
         """
-        record, look = self._record, self._look_steps
+        record, look_steps = self._record, self._look_steps
         first, end = self._first + span[0], self._first + span[1]
-        low, high = first // look, (end - 1) // look + 1
-        own = group.folds[..., low - self._first_look : high - self._first_look, :, lanes]
+        first_look, end_look = first // look_steps, (end - 1) // look_steps + 1
+        folds = group.folds[
+            ..., first_look - self._first_look : end_look - self._first_look, :, lanes
+        ]
         pulls = group.pulls[..., slice(*span), rows.PULL, lanes]
         record.top[..., first:end, members] = pulls
-        least = np.minimum(record.folds[..., low:high, LEAST, members], own[..., LEAST, :])
-        record.folds[..., low:high, :, members] = own
-        record.folds[..., low:high, LEAST, members] = least
+        min_tension = np.minimum(
+            record.folds[..., first_look:end_look, LEAST, members], folds[..., LEAST, :]
+        )
+        record.folds[..., first_look:end_look, :, members] = folds
+        record.folds[..., first_look:end_look, LEAST, members] = min_tension
 
-    def _alone(self, member: int, done: int, own: Scratch) -> None:
-        """Step a member by itself to the end of the stretch."""
+    def _finish_alone(self, member: int, done: int, scratch: Scratch) -> None:
+        """Step a member by itself to the end of the range."""
         record = self._record
         for step in range(done, self._steps):
-            now, at = self._step(member, step, own), self._first + step
-            if now is None:
+            extremes, index = self._step(member, step, scratch), self._first + step
+            if extremes is None:
                 return
-            look = at // self._look_steps
-            record.top[..., at, member] = own.pull[..., 0, rows.PULL]
-            now[..., LEAST] = np.minimum(now[..., LEAST], record.folds[..., look, LEAST, member])
-            record.folds[..., look, :, member] = now
+            look = index // self._look_steps
+            record.top[..., index, member] = scratch.pull[..., 0, rows.PULL]
+            extremes[..., LEAST] = np.minimum(
+                extremes[..., LEAST], record.folds[..., look, LEAST, member]
+            )
+            record.folds[..., look, :, member] = extremes
 
-    def _step(self, member: int, step: int, own: Scratch) -> Floats | None:
+    def _step(self, member: int, step: int, scratch: Scratch) -> Floats | None:
         """Step one member alone; return its extremes over the step, or None if it failed."""
-        at, all_ = self._first + step, self._members
-        time_s = self._time_s + step * all_.step_s
-        now = all_.step(member, self._course, at, time_s, own)
-        if now is None:
-            all_.failures[member] = step_failure(self._steps_before + step + 1, time_s)
-            self._record.fail(at, at // self._look_steps, member)
-        return now
+        index, fleet_members = self._first + step, self._members
+        time_s = self._time_s + step * fleet_members.step_s
+        extremes = fleet_members.step(member, self._boundaries, index, time_s, scratch)
+        if extremes is None:
+            fleet_members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
+            self._record.fail(index, index // self._look_steps, member)
+        return extremes
 
 
 __all__ = [
     "FIGURES", "Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "live_state",
 ]  # fmt: skip
 
-LEAP_M = 1.0  # of the line out at the beginning: more stretches the top element beyond any rope
+MAX_LINE_JUMP_M = 1.0  # of the line out at the beginning: more breaks the top element of any rope
 
 
 class Fleet:
@@ -291,8 +305,8 @@ class Fleet:
             raise InputError("fleet", what, right)
         self.scene = at_setting(scene, elements, step_s)
         self.threads = threads
-        made = SystemMembers if is_joined(self.scene) else RopeMembers
-        self._members: RopeMembers | SystemMembers = made(self.scene, members)
+        members_class = SystemMembers if is_joined(self.scene) else RopeMembers
+        self._members: RopeMembers | SystemMembers = members_class(self.scene, members)
         self._step_ns = round(self.scene.time.step_s * 1e9)
         self._time_ns = 0
         self._scratches = [self._members.new_scratch() for _ in range(threads)]
@@ -323,8 +337,8 @@ class Fleet:
         """Set figures of all members as factors on the scene's values; others are kept.
 
         factors: by name of FIGURES, a number or one for each member. The members' motion and state
-        stay as they are: a rope whose weight or stiffness jumps rings. A factor applies to
-        all ropes of a multi-line member, and to all that hangs on them.
+        stay as they are: a rope whose weight or stiffness jumps then oscillates. A factor applies
+        to all ropes of a multi-line member and to its suspended load.
 
         Raises:
             InputError: an unknown figure or one that the scene does not have, a factor that is not
@@ -343,17 +357,17 @@ class Fleet:
         """Continue all members from one state, or each from its own; failed ones start again.
 
         Raises:
-            InputError: as many states as there are no members, states of different times, or one
-                of another mesh.
+            InputError: neither one state nor as many as members, states of different times, or a
+                state of another mesh.
         """
         given = [states] if isinstance(states, FleetState) else list(states)
         if not isinstance(states, FleetState) and len(given) != len(self):
             what = f"{len(given)} states for {len(self)} members"
             raise InputError("fleet", what, "give one, or one for each")
-        if len({one.time_ns for one in given}) > 1:
+        if len({state.time_ns for state in given}) > 1:
             raise InputError("fleet", "states of different times", "give states of one")
-        for one in given:
-            self._members.check(one)
+        for state in given:
+            self._members.check(state)
         self._members.restore(given)
         self._time_ns = given[0].time_ns
         self._members.failures = {}
@@ -383,23 +397,23 @@ class Fleet:
         """
         steps = self._check(inputs, look_steps)
         members = self._members
-        made = Record(members.lead, steps, -(-steps // look_steps), len(self))
-        course = members.course(inputs)
-        for first in range(0, steps, STRETCH_STEPS):
-            some = min(STRETCH_STEPS, steps - first)
-            span = first, some, self._time_ns
-            self._run(Stretch(members, course, made, look_steps, span))
-            self._time_ns += some * self._step_ns
-        made.close()
-        top = made.top.reshape(-1, *made.top.shape[-2:])  # of each rope
-        folds = made.folds.reshape(-1, *made.folds.shape[-3:])
-        lower = folds[members.payload]
+        record = Record(members.lead, steps, -(-steps // look_steps), len(self))
+        boundaries = members.boundaries(inputs)
+        for first in range(0, steps, MAX_RANGE_STEPS):
+            count = min(MAX_RANGE_STEPS, steps - first)
+            span = first, count, self._time_ns
+            self._run(StepRange(members, boundaries, record, look_steps, span))
+            self._time_ns += count * self._step_ns
+        record.close()
+        top = record.top.reshape(-1, *record.top.shape[-2:])  # of each rope
+        folds = record.folds.reshape(-1, *record.folds.shape[-3:])
+        payload_folds = folds[members.payload]
         return FleetRecord(
             top_tension_n=top[0],
             least_tension_n=folds[:, :, LEAST].min(axis=0),
-            payload_depth_m=lower[:, DEPTH],
-            payload_speed_m_per_s=lower[:, SINKING],
-            payload_tension_n=lower[:, LOWEST],
+            payload_depth_m=payload_folds[:, DEPTH],
+            payload_speed_m_per_s=payload_folds[:, SINKING],
+            payload_tension_n=payload_folds[:, LOWEST],
             failures=dict(members.failures),
             hung_tension_n={self.scene.ropes[r].name: top[r] for r in members.hung},
         )
@@ -413,12 +427,14 @@ class Fleet:
         if look_steps < 1:
             raise InputError("fleet", f"a look of {look_steps} steps", "give at least 1")
         first = np.shape(inputs.heave_m)[:1]
-        single = [(one.name, getattr(inputs, one.name)) for one in fields(inputs)]
-        named = [(name, value) for name, value in single if name != "lines"]
+        series = [(field.name, getattr(inputs, field.name)) for field in fields(inputs)]
+        named = [(name, value) for name, value in series if name != "lines"]
         for winch, line in inputs.lines.items():
             self._rope_of(winch)
             words = "line_out_m", "line_speed_m_per_s"
-            named += [(f"{word} of {winch}", own) for word, own in zip(words, line, strict=True)]
+            named += [
+                (f"{word} of {winch}", values) for word, values in zip(words, line, strict=True)
+            ]
         for name, given in named:
             value = np.asarray(given)
             if value.shape[:1] != first or value.shape[1:] not in ((), (len(self),)):
@@ -454,33 +470,33 @@ class Fleet:
             InputError: they cannot.
         """
         members, winch = self._members, winch_of(self.scene, self.scene.ropes[r])
-        least = float(members.marks_m[r][1])
-        longest = members.ropes[r].model.element_length
-        most = winch.most_line_out_m + longest if winch else np.inf
-        if not (least < line_m.min() and line_m.max() <= most):
+        min_m = float(members.marks_m[r][1])
+        element_length_m = members.ropes[r].model.element_length
+        max_m = winch.most_line_out_m + element_length_m if winch else np.inf
+        if not (min_m < line_m.min() and line_m.max() <= max_m):
             what = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
-            right = f"this mesh takes more than {least:g} m, and at most {most:g} m"
+            right = f"this mesh takes more than {min_m:g} m, and at most {max_m:g} m"
             raise InputError(f"fleet: {name}", what, right)
         length, below = members.ends(r)
-        wrong = (abs(line_m[0] - length) > LEAP_M) | (line_m[0] <= below)
+        wrong = (abs(line_m[0] - length) > MAX_LINE_JUMP_M) | (line_m[0] <= below)
         for k in np.flatnonzero(wrong).tolist():
             if k not in members.failures:
-                first = float(np.broadcast_to(line_m[0], (len(self),))[k])
-                what = f"it begins at {first:g} m, member {k} has {length[k]:g} m of rope out"
-                right = f"begin within {LEAP_M:g} m of the member's state"
+                begin_m = float(np.broadcast_to(line_m[0], (len(self),))[k])
+                what = f"it begins at {begin_m:g} m, member {k} has {length[k]:g} m of rope out"
+                right = f"begin within {MAX_LINE_JUMP_M:g} m of the member's state"
                 raise InputError(f"fleet: {name}", what, right)
 
-    def _run(self, stretch: Stretch) -> None:
-        """Do the steps of a stretch."""
-        groups = stretch.groups()
+    def _run(self, step_range: StepRange) -> None:
+        """Do the steps of a range."""
+        groups = step_range.groups()
         if self.threads == 1 or len(groups) == 1:
             for group in groups:
-                stretch.run(group, self._scratches[0])
+                step_range.run(group, self._scratches[0])
             return
 
-        def turn(number: int) -> None:
+        def run_groups(number: int) -> None:
             for group in groups[number :: self.threads]:
-                stretch.run(group, self._scratches[number])
+                step_range.run(group, self._scratches[number])
 
         with ThreadPoolExecutor(self.threads) as pool:
-            list(pool.map(turn, range(self.threads)))
+            list(pool.map(run_groups, range(self.threads)))

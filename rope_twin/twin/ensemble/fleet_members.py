@@ -17,7 +17,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.figures import FIGURES
 from rope_twin.twin.regrid import state_arrays
 
-KINDS_KEPT = 8  # element counts that a thread keeps arrays for
+MAX_KINDS = 8  # kinds of members for which a thread stores arrays
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class FleetInputs:
 
 @dataclass(frozen=True)
 class FleetRecord:
-    """Results of `Fleet.advance`. A last look may be shorter than the others.
+    """Results of `Fleet.advance`. The last look may be shorter than the others.
 
     In multi-line systems the payload is the rigid body of the scene, or else its first payload; its
     tension is that of the first rope that ends there.
@@ -83,8 +83,8 @@ class FleetRecord:
     hung_tension_n: Mapping[str, Floats]  # as top_tension_n, of each rope from a hang-off, by name
 
 
-class Course(NamedTuple):
-    """Boundary conditions at the step borders, (steps + 1,) or (steps + 1, members) each."""
+class BoundarySeries(NamedTuple):
+    """Boundary conditions at the step boundaries, (steps + 1,) or (steps + 1, members) each."""
 
     z_m: Floats  # height of the hang-off
     z_rate: Floats
@@ -92,22 +92,25 @@ class Course(NamedTuple):
     line_speed: Floats
 
     def fill(self, borders: Boundary, members: Ints, first: int) -> None:
-        """Set heave and line out of lanes from border `first` on, (borders, MOTIONS, lanes)."""
+        """Set heave and line out of lanes from step boundary `first` on.
+
+        borders: (boundaries, MOTIONS, lanes).
+        """
         (value, rate), count = borders, len(members)
-        part = slice(first, first + len(value))
+        steps = slice(first, first + len(value))
         columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
-        for (table, column), given in zip(columns, self, strict=True):
-            own = given[part]
-            table[:, column, :count] = own[:, members] if own.ndim > 1 else own[:, None]
+        for (table, column), series in zip(columns, self, strict=True):
+            values = series[steps]
+            table[:, column, :count] = values[:, members] if values.ndim > 1 else values[:, None]
             if count < table.shape[2]:
                 table[:, column, count:] = table[:, column, :1]
 
-    def set_border(self, borders: Boundary, member: int, first: int) -> None:
-        """Set heave and line out of one member over the step from border `first`, (2, MOTIONS)."""
-        (value, rate), part = borders, slice(first, first + 2)
+    def set_step(self, borders: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over step `first`; borders: (2, MOTIONS)."""
+        (value, rate), steps = borders, slice(first, first + 2)
         columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
-        for (table, column), given in zip(columns, self, strict=True):
-            table[:, column] = given[part, member] if given.ndim > 1 else given[part]
+        for (table, column), series in zip(columns, self, strict=True):
+            table[:, column] = series[steps, member] if series.ndim > 1 else series[steps]
 
 
 class Scratch:
@@ -123,13 +126,13 @@ class Scratch:
 
     def group(self, members: Members, kind: Any, steps: int, looks: int) -> Any:
         """Return arrays for members of this kind in lanes."""
-        found = self._groups.get(kind.layout)
-        if found is None or found.steps < steps or found.folds.shape[-3] < looks:
-            if len(self._groups) >= KINDS_KEPT:
+        group = self._groups.get(kind.layout)
+        if group is None or group.steps < steps or group.folds.shape[-3] < looks:
+            if len(self._groups) >= MAX_KINDS:
                 self._groups.clear()
-            found = self._groups[kind.layout] = members.new_group(kind, steps, looks)
-        found.fit(kind)
-        return found
+            group = self._groups[kind.layout] = members.new_group(kind, steps, looks)
+        group.fit(kind)
+        return group
 
 
 class Members(ABC):
@@ -140,14 +143,16 @@ class Members(ABC):
     payload: int = 0  # number of the rope whose lower end is the payload
 
     def __init__(self, scene: Scene, ropes: Sequence[Rope], count: int) -> None:
-        """Take the scene, its ropes with the scene's figures, and the number of members."""
+        """Store the scene, its ropes with the scene's figures, and the number of members."""
         self.scene = scene
         self.count = count
         self.step_s = ropes[0].model.step
         self.factors: dict[str, Floats] = {name: np.ones(count) for name in FIGURES}
         self.failures: dict[int, str] = {}  # members that failed, and why
         # coordinates of the nodes at the scene's length, of each rope
-        self.marks_m = [own.state.s[: own.state.counts[rows.ELEMENTS] + 1].copy() for own in ropes]
+        self.marks_m = [
+            rope.state.s[: rope.state.counts[rows.ELEMENTS] + 1].copy() for rope in ropes
+        ]
 
     @property
     def going(self) -> list[int]:
@@ -160,21 +165,21 @@ class Members(ABC):
         """Ropes of a member with the scene's figures; their state is not in use."""
 
     def check(self, given: FleetState) -> None:
-        """Check that members can have a state.
+        """Check that a state fits the members.
 
         Raises:
-            InputError: they cannot.
+            InputError: it does not.
         """
         right = "give states of a fleet of this scene and mesh"
-        states, own = (given.rope, *given.others), self.ropes
-        if len(states) != len(own):
-            raise InputError("fleet", f"a state of {len(states)} ropes, not {len(own)}", right)
-        for one, rope in zip(states, own, strict=True):
-            if one.nodes.shape != rope.state.nodes.shape:
-                room = rope.state.nodes.shape[1]
-                what = f"a state with space for {one.s.size} nodes, not {room}"
+        states, ropes = (given.rope, *given.others), self.ropes
+        if len(states) != len(ropes):
+            raise InputError("fleet", f"a state of {len(states)} ropes, not {len(ropes)}", right)
+        for state, rope in zip(states, ropes, strict=True):
+            if state.nodes.shape != rope.state.nodes.shape:
+                capacity = rope.state.nodes.shape[1]
+                what = f"a state with space for {state.s.size} nodes, not {capacity}"
                 raise InputError("fleet", what, right)
-        count = sum(len(state_arrays(rope.effects)) for rope in own)
+        count = sum(len(state_arrays(rope.effects)) for rope in ropes)
         if len(given.memories) != count:
             what = f"a state with {len(given.memories)} internal variables, not {count}"
             right = "give states that `Fleet.state` returned for this scene"
@@ -186,14 +191,14 @@ class Members(ABC):
     def kind_of(self, member: int) -> Any:
         """Return what members in lanes must share, or None if the member steps alone."""
 
-    def alike(self, members: Ints) -> Iterator[Ints]:
-        """Yield groups of members of one kind, as many as there are lanes, or one alone."""
+    def groups_by_kind(self, members: Ints) -> Iterator[Ints]:
+        """Yield groups of members of one kind: at most as many as there are lanes, or one alone."""
         kinds: dict[Any, list[int]] = {}
         for k in members.tolist():
             kinds.setdefault(self.kind_of(k) or k, []).append(k)
-        for some in kinds.values():
-            for first in range(0, len(some), LANES):
-                yield np.array(some[first : first + LANES], dtype=np.int64)
+        for same_kind in kinds.values():
+            for first in range(0, len(same_kind), LANES):
+                yield np.array(same_kind[first : first + LANES], dtype=np.int64)
 
     @abstractmethod
     def new_group(self, kind: Any, steps: int, looks: int) -> Any:

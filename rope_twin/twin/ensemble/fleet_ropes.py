@@ -1,6 +1,6 @@
 """Members of a fleet that are one rope each.
 
-Their states are arrays with the members as the first axis. They are what the lanes are filled from
+Their states are arrays with the members as the first axis. Lanes are filled from them
 (`Group.begin_stacked`); a member that takes a step alone does it on views of them.
 """
 
@@ -18,7 +18,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet_members import (
-    Course,
+    BoundarySeries,
     FleetInputs,
     FleetState,
     LiveState,
@@ -50,8 +50,8 @@ class RopeMembers(Members):
         self._rope = rope
         parts: Any = (np.repeat(part[None], count, 0) for part in rope.state)
         self._states = State(*parts)
-        self._effects: list[tuple[Any, ...]] = []  # of each member; shared if without memory
-        self._adopt(rope.effects)
+        self._effects: list[tuple[Any, ...]] = []  # of each member; empty: all share the rope's
+        self._use_effects(rope.effects)
 
     @property
     def ropes(self) -> tuple[Rope, ...]:
@@ -59,7 +59,7 @@ class RopeMembers(Members):
         return (self._rope,)
 
     @property
-    def _remember(self) -> bool:
+    def _have_state(self) -> bool:
         """Whether effects have internal variables."""
         return any(has_state(effect) for effect in self._rope.effects)
 
@@ -68,10 +68,10 @@ class RopeMembers(Members):
         """Reason why members do not step in lanes; "": they do."""
         return why_alone(self._rope)
 
-    def _adopt(self, effects: tuple[Any, ...]) -> None:
-        """Take effects with other data for all members, and their internal variables."""
+    def _use_effects(self, effects: tuple[Any, ...]) -> None:
+        """Use effects with other data for all members, with their internal variables."""
         self._rope = self._rope._replace(effects=effects)
-        self._effects = [own_copies(effects) for _ in range(self.count)] if self._remember else []
+        self._effects = [own_copies(effects) for _ in range(self.count)] if self._have_state else []
         self.scale()
 
     def scale(self) -> None:
@@ -87,18 +87,18 @@ class RopeMembers(Members):
         memories = tuple(array.copy() for array in state_arrays(self._effects_of(member)))
         return FleetState(time_ns, self._state_of(member).copy(), memories)
 
-    def restore(self, given: Sequence[FleetState]) -> None:
+    def restore(self, states: Sequence[FleetState]) -> None:
         """Set states that fit: one for all members, or one for each."""
-        if len(given) == 1:
-            self._set_all(given[0].rope)
+        if len(states) == 1:
+            self._set_all(states[0].rope)
         else:
-            for k, one in enumerate(given):
-                for mine, part in zip(self._states, one.rope, strict=True):
-                    mine[k] = part
+            for k, state in enumerate(states):
+                for array, part in zip(self._states, state.rope, strict=True):
+                    array[k] = part
         for k, effects in enumerate(self._effects):
-            memories = given[min(k, len(given) - 1)].memories
-            for array, then in zip(state_arrays(effects), memories, strict=True):
-                array[...] = then
+            memories = states[min(k, len(states) - 1)].memories
+            for array, saved in zip(state_arrays(effects), memories, strict=True):
+                array[...] = saved
 
     def begin_from(self, live: LiveState) -> None:
         """Set the state of a live twin, on the members' own mesh.
@@ -107,18 +107,18 @@ class RopeMembers(Members):
             InputError: the state is that of another scene.
         """
         state, effects = on_mesh(live, self._rope, self.marks_m[0])
-        self._adopt(effects)
+        self._use_effects(effects)
         self._set_all(state)
 
     def ends(self, r: int) -> tuple[Floats, Floats]:
         """Return coordinates of the uppermost node and the one below [m], (members,)."""
-        all_, s = np.arange(self.count), self._states.s
+        every_member, s = np.arange(self.count), self._states.s
         top = self._states.counts[:, rows.ELEMENTS]
-        return s[all_, top], s[all_, top - 1]
+        return s[every_member, top], s[every_member, top - 1]
 
-    def course(self, inputs: FleetInputs) -> Course:
+    def boundaries(self, inputs: FleetInputs) -> BoundarySeries:
         """Return the boundary conditions of valid inputs."""
-        return Course(
+        return BoundarySeries(
             self.scene.ship.hang_off_m[2] + np.asarray(inputs.heave_m, dtype=float),
             np.asarray(inputs.heave_rate_m_per_s, dtype=float),
             np.asarray(inputs.line_out_m, dtype=float),
@@ -126,9 +126,9 @@ class RopeMembers(Members):
         )
 
     def _set_all(self, state: State) -> None:
-        """Give all members one state."""
-        for mine, part in zip(self._states, state, strict=True):
-            mine[:] = part
+        """Set one state for all members."""
+        for array, part in zip(self._states, state, strict=True):
+            array[:] = part
 
     def _state_of(self, member: int) -> State:
         """Return views of a member's state."""
@@ -142,12 +142,12 @@ class RopeMembers(Members):
 
     def alone(self, member: int) -> Rope:
         """Return a member's rope, which shares its state and internal variables with the fleet."""
-        found = self._alone.get(member)
-        if found is None:
+        rope = self._alone.get(member)
+        if rope is None:
             factors = {name: float(value[member]) for name, value in self.factors.items()}
             rope = scaled_rope(self._rope, factors, self._effects_of(member))
-            found = self._alone[member] = rope._replace(state=self._state_of(member))
-        return found
+            rope = self._alone[member] = rope._replace(state=self._state_of(member))
+        return rope
 
     def kind_of(self, member: int) -> Kind | None:
         """Return what members in lanes must share, or None if the member steps alone."""
@@ -160,8 +160,8 @@ class RopeMembers(Members):
 
     def new_scratch(self) -> Scratch:
         """Return scratch arrays of a thread."""
-        room = columns_for(self._rope.state.s.shape[0])
-        return Scratch(self.lead, new_work(room, self._rope.work.shape[0]))
+        columns = columns_for(self._rope.state.s.shape[0])
+        return Scratch(self.lead, new_work(columns, self._rope.work.shape[0]))
 
     def new_group(self, kind: Kind, steps: int, looks: int) -> Group:
         """Return arrays for members of this kind in lanes."""
@@ -179,7 +179,7 @@ class RopeMembers(Members):
             group.load([self.alone(k) for k in members.tolist()])
 
     def place(self, borders: Boundary, members: Ints, kind: Kind) -> None:
-        """Keep the hang-offs of lanes where they are in x and y, (borders, MOTIONS, lanes)."""
+        """Keep x and y of the hang-offs of lanes; borders: (boundaries, MOTIONS, lanes)."""
         nodes, count = self._states.nodes[members, : rows.Z, kind.elements].T, len(members)
         borders.value[:, : rows.Z, :count] = nodes
         borders.value[:, : rows.Z, count:] = nodes[:, :1]
@@ -205,20 +205,20 @@ class RopeMembers(Members):
         return bool(self._states.counts[member, rows.ELEMENTS] != kind.elements)
 
     def step(
-        self, member: int, course: Course, border: int, time_s: float, own: Scratch
+        self, member: int, boundaries: BoundarySeries, step: int, time_s: float, scratch: Scratch
     ) -> Floats | None:
         """Step one member alone, from a step boundary on.
 
         Returns its extremes over the step, (FOLDS,), or None if it failed. The force on the
-        hang-off is in `own.pull`.
+        hang-off is in `scratch.pull`.
         """
-        work, borders = own.work, own.borders
+        work, boundary = scratch.work, scratch.borders
         assert work is not None
         rope = self.alone(member)._replace(work=work)
         state = rope.state
         n = int(state.counts[rows.ELEMENTS])
-        course.set_border(borders, member, border)
-        borders.value[:, : rows.Z] = state.nodes[: rows.Z, n]
-        if advance(rope, borders, own.pull, time_s, 1) < 1:
+        boundaries.set_step(boundary, member, step)
+        boundary.value[:, : rows.Z] = state.nodes[: rows.Z, n]
+        if advance(rope, boundary, scratch.pull, time_s, 1) < 1:
             return None
         return fold_of(rope)

@@ -3,8 +3,8 @@
 Each has arrays of its own, all copies of one system in static equilibrium. Members of one kind step
 in lanes (core/lanes/joined_group), the others by themselves.
 
-A figure scales all ropes of a system alike: weight, mass and drag of all that hangs at their lower
-ends, stiffness, damping and tangential drag of all ropes.
+A figure scales all ropes of a system equally: weight, mass and drag of the loads at their lower
+ends, stiffness, damping and tangential drag of the ropes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet_members import (
-    Course,
+    BoundarySeries,
     FleetInputs,
     FleetState,
     LiveState,
@@ -42,13 +42,13 @@ from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.regrid import joined_as, own_copies, state_arrays
 
 
-class SystemCourse(NamedTuple):
+class SystemBoundarySeries(NamedTuple):
     """Boundary conditions of the ropes from a hang-off, by number; the main winch's is the first.
 
     Tables have the ropes as their first axis.
     """
 
-    hung: dict[int, Course]
+    hung: dict[int, BoundarySeries]
 
     @property
     def line_out_m(self) -> Floats:
@@ -56,14 +56,14 @@ class SystemCourse(NamedTuple):
         return self.hung[0].line_out_m
 
     def fill(self, borders: Boundary, members: Ints, first: int) -> None:
-        """Set heave and line out of lanes from border `first` on."""
-        for r, own in self.hung.items():
-            own.fill(Boundary(borders.value[r], borders.rate[r]), members, first)
+        """Set heave and line out of lanes from step boundary `first` on."""
+        for r, series in self.hung.items():
+            series.fill(Boundary(borders.value[r], borders.rate[r]), members, first)
 
-    def set_border(self, borders: Boundary, member: int, first: int) -> None:
-        """Set heave and line out of one member over the step from border `first`."""
-        for r, own in self.hung.items():
-            own.set_border(Boundary(borders.value[r], borders.rate[r]), member, first)
+    def set_step(self, borders: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over step `first`."""
+        for r, series in self.hung.items():
+            series.set_step(Boundary(borders.value[r], borders.rate[r]), member, first)
 
 
 def _copy_of(system: System) -> System:
@@ -73,7 +73,7 @@ def _copy_of(system: System) -> System:
     )
 
 
-def _memories(system: System) -> list[Floats]:
+def _internal_variables(system: System) -> list[Floats]:
     """Return the internal variables of all effects, rope by rope, not copied."""
     return [array for rope in system.ropes for array in state_arrays(rope.effects)]
 
@@ -112,40 +112,40 @@ class SystemMembers(Members):
         """Apply the factors to the kernel data."""
         for k, system in enumerate(self._systems):
             factors = {name: float(value[k]) for name, value in self.factors.items()}
-            made = []
-            for base, own in zip(self._base.ropes, system.ropes, strict=True):
-                scaled = scaled_rope(base, factors, own.effects)
-                own.sections[:] = scaled.sections
-                made.append(own._replace(effects=scaled.effects, law=scaled.law))
+            ropes = []
+            for base, rope in zip(self._base.ropes, system.ropes, strict=True):
+                scaled = scaled_rope(base, factors, rope.effects)
+                rope.sections[:] = scaled.sections
+                ropes.append(rope._replace(effects=scaled.effects, law=scaled.law))
             law = scaled_law(self._base.stack.law, factors["axial_stiffness"])
             self._systems[k] = system._replace(
-                ropes=tuple(made), stack=system.stack._replace(law=law)
+                ropes=tuple(ropes), stack=system.stack._replace(law=law)
             )
 
     def state(self, member: int, time_ns: int) -> FleetState:
         """Return a copy of a member's state."""
         system = self._systems[member]
         first, *others = (rope.state.copy() for rope in system.ropes)
-        memories = tuple(array.copy() for array in _memories(system))
+        memories = tuple(array.copy() for array in _internal_variables(system))
         return FleetState(time_ns, first, memories, tuple(others), system.joints.nodes.copy())
 
-    def restore(self, given: Sequence[FleetState]) -> None:
+    def restore(self, states: Sequence[FleetState]) -> None:
         """Set states that fit: one for all members, or one for each."""
         self._kinds.clear()
         for k, system in enumerate(self._systems):
-            one = given[min(k, len(given) - 1)]
-            for rope, state in zip(system.ropes, (one.rope, *one.others), strict=True):
-                for mine, part in zip(rope.state, state, strict=True):
-                    mine[...] = part
-            system.joints.nodes[:] = one.joints
-            for array, then in zip(_memories(system), one.memories, strict=True):
-                array[...] = then
+            saved = states[min(k, len(states) - 1)]
+            for rope, state in zip(system.ropes, (saved.rope, *saved.others), strict=True):
+                for array, part in zip(rope.state, state, strict=True):
+                    array[...] = part
+            system.joints.nodes[:] = saved.joints
+            for array, values in zip(_internal_variables(system), saved.memories, strict=True):
+                array[...] = values
 
     def check(self, given: FleetState) -> None:
-        """Check that members can have a state.
+        """Check that a state fits the members.
 
         Raises:
-            InputError: they cannot.
+            InputError: it does not.
         """
         super().check(given)
         if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
@@ -153,25 +153,26 @@ class SystemMembers(Members):
             raise InputError("fleet", "a state of other connections", right)
 
     def begin_from(self, live: LiveState) -> None:
-        """Set the state of a live twin, on the members' own mesh; connections keep theirs.
+        """Set the state of a live twin, on the members' own mesh; that of connections is unchanged.
 
         Raises:
             InputError: the state is that of another scene.
         """
-        alive, joints = (live, *live.others), live.joints
-        own = self._base.joints.nodes.shape
-        if len(alive) != len(self.ropes) or joints is None or joints.shape != own:
+        live_ropes, joints = (live, *live.others), live.joints
+        shape = self._base.joints.nodes.shape
+        if len(live_ropes) != len(self.ropes) or joints is None or joints.shape != shape:
             what = f"the live state is that of a twin of '{live.scene.name}', with other ropes"
             raise InputError("fleet", what, "begin from a twin of the fleet's scene")
-        both = zip(alive, self.ropes, self.marks_m, strict=True)
-        states, effects = zip(*(on_mesh(*one) for one in both), strict=True)
+        ropes = zip(live_ropes, self.ropes, self.marks_m, strict=True)
+        states, effects = zip(*(on_mesh(*arguments) for arguments in ropes), strict=True)
         self._base = _with_effects(self._base, effects)
         self._kind = joined_kind_of(self._base)
         self._systems = [
-            _with_effects(system, [own_copies(one) for one in effects]) for system in self._systems
+            _with_effects(system, [own_copies(arguments) for arguments in effects])
+            for system in self._systems
         ]
         self.scale()
-        memories = tuple(_memories(self._base))
+        memories = tuple(_internal_variables(self._base))
         first, *others = states
         self.restore([FleetState(live.time_ns, first, memories, tuple(others), joints)])
 
@@ -179,16 +180,17 @@ class SystemMembers(Members):
         """Return coordinates of the uppermost node of rope r and the one below [m], (members,)."""
         states = [system.ropes[r].state for system in self._systems]
         pairs = [
-            own.s[own.counts[rows.ELEMENTS] - 1 : own.counts[rows.ELEMENTS] + 1] for own in states
+            state.s[state.counts[rows.ELEMENTS] - 1 : state.counts[rows.ELEMENTS] + 1]
+            for state in states
         ]
         below, top = np.array(pairs).T
         return top, below
 
-    def course(self, inputs: FleetInputs) -> SystemCourse:
-        """Return the boundary conditions of valid inputs; winches without inputs hold."""
+    def boundaries(self, inputs: FleetInputs) -> SystemBoundarySeries:
+        """Return the boundary conditions of valid inputs; winches without inputs stand still."""
         heave = np.asarray(inputs.heave_m, dtype=float)
         rate = np.asarray(inputs.heave_rate_m_per_s, dtype=float)
-        hung, at = {}, places(self.scene)
+        hung, positions = {}, places(self.scene)
         for r in self.hung:
             name = self.scene.ropes[r].from_
             if r == 0:
@@ -196,11 +198,11 @@ class SystemMembers(Members):
             elif name in inputs.lines:
                 line = inputs.lines[name]
             else:
-                held = np.broadcast_to(self.ends(r)[0], (len(heave), self.count))
-                line = held, np.zeros(len(heave))
-            out, speed = (np.asarray(one, dtype=float) for one in line)
-            hung[r] = Course(at[name][2] + heave, rate, out, speed)
-        return SystemCourse(hung)
+                held_m = np.broadcast_to(self.ends(r)[0], (len(heave), self.count))
+                line = held_m, np.zeros(len(heave))
+            out, speed = (np.asarray(series, dtype=float) for series in line)
+            hung[r] = BoundarySeries(positions[name][2] + heave, rate, out, speed)
+        return SystemBoundarySeries(hung)
 
     # Steps
 
@@ -229,14 +231,14 @@ class SystemMembers(Members):
 
     def nodes_of(self, kind: JoinedKind) -> int:
         """Return the number of nodes that members of this kind step."""
-        return sum(own.elements for own in kind.ropes)
+        return sum(rope.elements for rope in kind.ropes)
 
     def load(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
         """Copy members into a group, and clear its counters and folds; lanes: those in use."""
         group.load([self._systems[k] for k in members.tolist()], lanes)
 
     def place(self, borders: Boundary, members: Ints, kind: JoinedKind) -> None:
-        """Keep the hang-offs of lanes where they are, (ropes, borders, MOTIONS, lanes)."""
+        """Keep x and y of the hang-offs of lanes; borders: (ropes, boundaries, MOTIONS, lanes)."""
         count = len(members)
         for r in self.hung:
             n = kind.ropes[r].elements
@@ -260,25 +262,30 @@ class SystemMembers(Members):
     def has_changed(self, member: int, kind: JoinedKind) -> bool:
         """Return whether a rope of a member has other elements than its kind."""
         return any(
-            int(rope.state.counts[rows.ELEMENTS]) != own.elements
-            for rope, own in zip(self._systems[member].ropes, kind.ropes, strict=True)
+            int(rope.state.counts[rows.ELEMENTS]) != rope_kind.elements
+            for rope, rope_kind in zip(self._systems[member].ropes, kind.ropes, strict=True)
         )
 
     def step(
-        self, member: int, course: SystemCourse, border: int, time_s: float, own: Scratch
+        self,
+        member: int,
+        boundaries: SystemBoundarySeries,
+        step: int,
+        time_s: float,
+        scratch: Scratch,
     ) -> Floats | None:
         """Step one member alone, from a step boundary on.
 
         Returns its extremes over the step, (ropes, FOLDS), or None if it failed. The forces on the
-        upper ends are in `own.pull`.
+        upper ends are in `scratch.pull`.
         """
-        system, borders = self._systems[member], own.borders
-        course.set_border(borders, member, border)
+        system, boundary = self._systems[member], scratch.borders
+        boundaries.set_step(boundary, member, step)
         for r in self.hung:
             state = system.ropes[r].state
             top = state.nodes[: rows.Z, int(state.counts[rows.ELEMENTS])]
-            borders.value[r, :, : rows.Z] = top
-        if advance_joined(system, borders, own.pull, time_s, 1) < 1:
+            boundary.value[r, :, : rows.Z] = top
+        if advance_joined(system, boundary, scratch.pull, time_s, 1) < 1:
             return None
         return np.array([fold_of(rope) for rope in system.ropes])
 
@@ -286,4 +293,6 @@ class SystemMembers(Members):
 def _with_effects(system: System, effects: Sequence[tuple[Any, ...]]) -> System:
     """Return the system with other effects of each rope."""
     pairs = zip(system.ropes, effects, strict=True)
-    return system._replace(ropes=tuple(rope._replace(effects=own) for rope, own in pairs))
+    return system._replace(
+        ropes=tuple(rope._replace(effects=rope_effects) for rope, rope_effects in pairs)
+    )

@@ -1,11 +1,11 @@
 """Member of an ensemble: its variation, one rope with its state, its results, why it failed.
 
-A `Twin` has the boundary conditions and the records of a member of a multi-line scene, or of one
-with tension feedback of its winch: they belong to several ropes, or follow from the rope itself, so
-that no other member can share them. It gets its inputs a batch of steps at a time. Its system of
-ropes can still be stepped in SIMD lanes (twin/ensemble/joined_turn.py).
+A member of a multi-line scene, or with tension feedback of its winch, has a `Twin` of its own for
+boundary conditions and records: they belong to several ropes, or depend on the rope itself, so that
+no other member can share them. It gets its inputs a batch of steps at a time. Its system of ropes
+can still be stepped in SIMD lanes (twin/ensemble/joined_batch.py).
 
-Members with equal inputs share their boundary conditions (`Borders`).
+Members with equal inputs share their boundary conditions (`SharedBoundaries`).
 """
 
 from __future__ import annotations
@@ -66,59 +66,63 @@ class Variation:
     commands: tuple[CommandSample, ...] | None = None  # of the winch; None: the scene's schedule
 
 
-class Borders:
+class SharedBoundaries:
     """Boundary conditions of members; those with equal inputs share them."""
 
     def __init__(self) -> None:
         self._winches: dict[Any, WinchMotion] = {}
         self._borders: dict[Any, SharedBoundary] = {}
 
-    def of(self, scene: Scene, own: Variation) -> SharedBoundary:
+    def of_rope(self, scene: Scene, variation: Variation) -> SharedBoundary:
         """Return the boundary conditions of a member that is one rope."""
-        return self._hung(scene, scene.ropes[0], own, scene.ship.hang_off_m)
+        return self._of_hang_off(scene, scene.ropes[0], variation, scene.ship.hang_off_m)
 
-    def course(self, scene: Scene, own: Variation) -> dict[int, SharedBoundary] | None:
+    def of_system(self, scene: Scene, variation: Variation) -> dict[int, SharedBoundary] | None:
         """Return the motion of the hang-offs of a multi-line scene, by rope.
 
         None: there is one rope, or the payout of a winch depends on its tension.
         """
-        if not is_joined(scene) or not is_known(scene, own):
+        if not is_joined(scene) or not is_known(scene, variation):
             return None
         points = places(scene)
         hung = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
-        return {r: self._hung(scene, line, own, points[line.from_]) for r, line in hung}
+        return {
+            r: self._of_hang_off(scene, line, variation, points[line.from_]) for r, line in hung
+        }
 
-    def _hung(self, scene: Scene, line: RopeLine, own: Variation, at_m: Triple) -> SharedBoundary:
-        """Return the motion of one hang-off at this place, and the payout of its winch."""
+    def _of_hang_off(
+        self, scene: Scene, line: RopeLine, variation: Variation, at_m: Triple
+    ) -> SharedBoundary:
+        """Return the motion of the hang-off at `at_m`, and the payout of its winch."""
         winch, step_s = winch_of(scene, line), scene.time.step_s
         ship = replace(scene.ship, hang_off_m=at_m)
-        commands = own.commands if line.from_ == WINCH else None
-        answered = winch is not None and winch.heave_compensation is not None
-        heaved = (ship, id(own.heave)) if answered else None
+        commands = variation.commands if line.from_ == WINCH else None
+        compensated = winch is not None and winch.heave_compensation is not None
+        heave_key = (ship, id(variation.heave)) if compensated else None
         joined = is_joined(scene)  # else the winch does not depend on the rope, and is shared
         spooled = spooled_rope(scene, line) if joined and winch is not None else None
-        reeled = (line.from_, winch, line.length_m, commands, heaved, spooled)
-        if reeled not in self._winches:
-            made = winch_of_rope(scene, line) if joined else None
-            own_motion = WinchMotion(winch, line.length_m, commands, step_s, made)
-            self._winches[reeled] = own_motion
-        moved = (ship, reeled, id(own.heave))
-        if moved not in self._borders:
-            shared = SharedBoundary(ship, self._winches[reeled], own.heave, step_s)
-            self._borders[moved] = shared
-        return self._borders[moved]
+        winch_key = (line.from_, winch, line.length_m, commands, heave_key, spooled)
+        if winch_key not in self._winches:
+            winch_of_line = winch_of_rope(scene, line) if joined else None
+            winch_motion = WinchMotion(winch, line.length_m, commands, step_s, winch_of_line)
+            self._winches[winch_key] = winch_motion
+        boundary_key = (ship, winch_key, id(variation.heave))
+        if boundary_key not in self._borders:
+            shared = SharedBoundary(ship, self._winches[winch_key], variation.heave, step_s)
+            self._borders[boundary_key] = shared
+        return self._borders[boundary_key]
 
 
-def is_known(scene: Scene, own: Variation) -> bool:
+def is_known(scene: Scene, variation: Variation) -> bool:
     """Return whether the payout of all winches is known in advance."""
     return all(
-        is_known_in_advance(winch, own.commands if name == WINCH else None)
+        is_known_in_advance(winch, variation.commands if name == WINCH else None)
         for name, winch in winches_by_name(scene).items()
     )
 
 
 class Scratch:
-    """Scratch arrays of a thread; nothing in them outlives a call of the step."""
+    """Scratch arrays of a thread; their content is valid within one call of the step."""
 
     def __init__(self, steps: int, watched: bool = False) -> None:
         """Allocate arrays for batches of at most `steps` steps; watched: with folds of each."""
@@ -143,40 +147,40 @@ class Scratch:
 
     def joined(self, kind: JoinedKind, system: System, steps: int) -> JoinedGroup:
         """Return arrays for systems of this kind; those of another layout are dropped."""
-        held = self._joined
-        if held is None or held.kind.layout != kind.layout or held.steps < steps:
-            held = self._joined = JoinedGroup(system, kind, steps)
-        held.fit(kind)
-        return held
+        group = self._joined
+        if group is None or group.kind.layout != kind.layout or group.steps < steps:
+            group = self._joined = JoinedGroup(system, kind, steps)
+        group.fit(kind)
+        return group
 
 
 @dataclass(frozen=True)
 class Batch:
-    """A series of steps: boundary conditions and results."""
+    """Batch of steps: boundary conditions and results."""
 
     boundary: Boundary  # (steps + 1, rows.MOTIONS) each
     pulls: Floats  # result: force on the hang-off [N], (steps, rows.PULL_COLUMNS)
-    folds: Floats | None = None  # result: what a look at each step sees, (steps, FOLDS)
+    folds: Floats | None = None  # result: sampled values of each step, (steps, FOLDS)
 
 
 def element_changes(ropes: Iterable[Rope]) -> int:
     """Return how many elements of these ropes have split or merged since the start."""
     health = (rope.state.health for rope in ropes)
-    return sum(int(one[rows.SPLITS] + one[rows.MERGES]) for one in health)
+    return sum(int(counts[rows.SPLITS] + counts[rows.MERGES]) for counts in health)
 
 
 def fold_of(rope: Rope) -> Floats:
-    """Return what a look at a rope sees, (FOLDS,).
+    """Return the sampled values of a rope, (FOLDS,).
 
-    Least tension of any element and tension of the lowest [N]; depth of the payload [m] and its
+    Minimum tension of all elements and tension of the lowest [N]; depth of the payload [m] and its
     speed downward [m/s], those of its middle if it is a rigid body.
     """
-    state, now, tension = rope.state, np.empty(FOLDS), element_tension(rope)
-    now[LEAST], now[LOWEST] = tension.min(), tension[0]
-    end = (float(state.nodes[place + 2, 0]) for place in (rows.POSITION, rows.VELOCITY))
+    state, fold, tension = rope.state, np.empty(FOLDS), element_tension(rope)
+    fold[LEAST], fold[LOWEST] = tension.min(), tension[0]
+    end = (float(state.nodes[row + 2, 0]) for row in (rows.POSITION, rows.VELOCITY))
     height, speed = lone_middle(rope.effects, *end)
-    now[DEPTH], now[SINKING] = -height, -speed
-    return now
+    fold[DEPTH], fold[SINKING] = -height, -speed
+    return fold
 
 
 @dataclass(frozen=True)
@@ -212,13 +216,13 @@ class UnstartedMember:
     steps = 0
 
     def __init__(self, scene: Scene, failure: str) -> None:
-        """Take the scene, and the reason why there is no equilibrium."""
+        """Store the scene, and the reason why there is no equilibrium."""
         self.scene, self.failure = scene, failure
 
     def figures(self) -> MemberResults:
         """Return results without a finite tension."""
-        none = Extremes()
-        return MemberResults(0, none.high, none.mean, none.low, 0.0, 0, self.failure)
+        empty = Extremes()
+        return MemberResults(0, empty.high, empty.mean, empty.low, 0.0, 0, self.failure)
 
 
 class Member:
@@ -228,7 +232,7 @@ class Member:
         self.scene, self.borders = scene, borders
         self.failure = ""
         self.steps = 0
-        self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
+        self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
         self._step_ns = round(scene.time.step_s * 1e9)
         self.rope = start.rope._replace(  # without scratch arrays
             state=start.rope.state.copy(), effects=own_copies(start.rope.effects)
@@ -269,7 +273,7 @@ class Member:
         self.go_on(Batch(boundary, scratch.pulls[:steps], folds), 0, look_steps, scratch)
 
     def open_batch(self, steps: int, scratch: Scratch) -> Batch:
-        """Return the next batch of steps, with a place of its own for the results."""
+        """Return the next batch of steps, with arrays of its own for the results."""
         pulls = np.zeros((steps, rows.PULL_COLUMNS))
         folds = None if scratch.folds is None else np.zeros((steps, FOLDS))
         return Batch(self.borders.through(self.steps, steps), pulls, folds)
@@ -279,25 +283,25 @@ class Member:
         steps = len(batch.pulls)
         work = scratch.work(self.work_shape)
         while done < steps and not self.failure:
-            some = min(steps - done, look_steps - self.steps % look_steps)
+            count = min(steps - done, look_steps - self.steps % look_steps)
             if self._viv_drag is not None:
-                some = min(some, self._viv_drag.steps_to_sampling(self.steps))
-            done += self.step(batch, done, some, look_steps, work)
+                count = min(count, self._viv_drag.steps_to_sampling(self.steps))
+            done += self.step(batch, done, count, look_steps, work)
         self.close(batch, done, element_tension(self.rope._replace(work=work)).copy())
 
-    def step(self, batch: Batch, done: int, some: int, look_steps: int, work: Floats) -> int:
-        """Do `some` steps of a batch after `done`; return how many, fewer if it failed."""
+    def step(self, batch: Batch, done: int, count: int, look_steps: int, work: Floats) -> int:
+        """Do `count` steps of a batch after `done`; return how many, fewer if it failed."""
         rope = self.rope._replace(work=work)
-        ahead = Boundary(*(table[done : done + some + 1] for table in batch.boundary))
-        pulls = batch.pulls[done : done + some]
-        stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
+        boundary = Boundary(*(table[done : done + count + 1] for table in batch.boundary))
+        pulls = batch.pulls[done : done + count]
+        stepped = advance(rope, boundary, pulls, self.steps * self._step_ns * 1e-9, count)
         self.steps += stepped
-        if stepped < some:
+        if stepped < count:
             self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
             return stepped
         if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
-            now = Boundary(*(table[done + some :] for table in batch.boundary))
-            self._viv_drag.look((rope,), now, self.steps, 0)
+            present = Boundary(*(table[done + count :] for table in batch.boundary))
+            self._viv_drag.look((rope,), present, self.steps, 0)
         if self.steps % look_steps == 0:
             self.count_looks(1, is_slack((rope,)))
         if batch.folds is not None:  # then it looks at every step
@@ -310,10 +314,10 @@ class Member:
         self._value, self._rate = (table[done] for table in batch.boundary)
         if done:
             self._pull = batch.pulls[done - 1].copy()
-            some = Extremes()
-            some.take(batch.pulls[:done, rows.PULL].tolist())
-            self._seen.join(some)
-            self._recent.join(some)
+            batch_extremes = Extremes()
+            batch_extremes.take(batch.pulls[:done, rows.PULL].tolist())
+            self._seen.join(batch_extremes)
+            self._recent.join(batch_extremes)
             if batch.folds is not None:
                 line_out = batch.boundary.value[1 : done + 1, rows.LINE]
                 top = batch.pulls[:done, rows.PULL]
@@ -326,12 +330,12 @@ class Member:
 
     def figures(self) -> MemberResults:
         """Return the results since the start."""
-        seen = self._seen if self.steps else self._recent
+        tension = self._seen if self.steps else self._recent
         return MemberResults(
             steps=self.steps,
-            tension_top_max_n=seen.high,
-            tension_top_mean_n=seen.mean,
-            tension_top_min_n=seen.low,
+            tension_top_max_n=tension.high,
+            tension_top_mean_n=tension.mean,
+            tension_top_min_n=tension.low,
             slack_share=self._slack_looks / self._looks if self._looks else 0.0,
             unconverged_substeps=int(self.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,
@@ -346,13 +350,13 @@ class Member:
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
         border = Boundary(self._value, self._rate)
-        taken = build_snapshot(self.scene, rope, border, self._pull, at, top)
-        amended(taken, doubtful=unconverged > self._unconverged)
+        shot = build_snapshot(self.scene, rope, border, self._pull, at, top)
+        amended(shot, doubtful=unconverged > self._unconverged)
         self._unconverged, self._recent = unconverged, Extremes()
         if self._viv_drag is not None:
             (vibration,) = self._viv_drag.shots((rope,))
-            amended(taken, vibration=vibration)
-        return with_compensator(with_body(taken, rope), rope)
+            amended(shot, vibration=vibration)
+        return with_compensator(with_body(shot, rope), rope)
 
 
 class TwinMember:
@@ -363,12 +367,13 @@ class TwinMember:
         start: Twin,
         heave: HeaveSeries | None,
         commands: Sequence[CommandSample] | None,
-        course: Mapping[int, SharedBoundary] | None = None,
+        boundaries: Mapping[int, SharedBoundary] | None = None,
     ) -> None:
         """Start as a copy of a twin in static equilibrium.
 
-        heave: None: the ship lies still; commands: of the first winch; None: its schedule; course:
-        motion of the hang-offs of a multi-line scene, by rope, or None if it depends on the ropes.
+        heave: None: the ship lies still; commands: of the first winch; None: its schedule;
+        boundaries: motion of the hang-offs of a multi-line scene, by rope, or None if it depends on
+        the ropes.
 
         Raises:
             InputError: the winch rejects a command, or the series moves a hang-off sideways, as
@@ -385,14 +390,14 @@ class TwinMember:
         self._samples = 0  # of the heave, given to the twin
         self._looks = self._slack_looks = 0
         self.failure = ""
-        self.lane_steps = self.given_up = 0  # in SIMD lanes, and in a group but by itself
-        self._course = course
+        self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
+        self._boundaries = boundaries
         self._motion: GivenMotion | None = None
         joined = self.twin.joined
-        if course is not None and joined is not None:
+        if boundaries is not None and joined is not None:
             self._motion = GivenMotion(scene, joined.take_motion)
             self.twin.follow(self._motion)
-            winches = {r: own.winch for r, own in course.items()}
+            winches = {r: boundary.winch for r, boundary in boundaries.items()}
             self.twin.inputs.winch = winches[0]
             joined.share_winches(winches)
         self._kind: JoinedKind | None = None
@@ -411,7 +416,7 @@ class TwinMember:
     @property
     def why_alone(self) -> str:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
-        if self._course is None:
+        if self._boundaries is None:
             return "tension feedback of the winch"
         return why_joined_alone(self.system)
 
@@ -424,7 +429,7 @@ class TwinMember:
 
     def kind(self) -> JoinedKind | None:
         """Return the properties that members of a SIMD group must share; None: none can join."""
-        if self._course is None:
+        if self._boundaries is None:
             return None
         system = self.system
         changes = element_changes(system.ropes)
@@ -447,12 +452,12 @@ class TwinMember:
             self.go_on(steps, look_steps)
 
     def offer(self, steps: int) -> None:
-        """Give the twin the inputs of the next steps; the member fails if one is rejected."""
+        """Pass the inputs of the next steps to the twin; the member fails if one is rejected."""
         now_ns, first = self.twin.time_ns, self.steps
         self.failure = self._offer(now_ns, now_ns + steps * self.twin.step_ns)
-        if self._motion is not None and self._course is not None:
-            given = {r: own.through(first, steps) for r, own in self._course.items()}
-            self._motion.give(first, given)
+        if self._motion is not None and self._boundaries is not None:
+            motion = {r: boundary.through(first, steps) for r, boundary in self._boundaries.items()}
+            self._motion.give(first, motion)
 
     def go_on(self, steps: int, look_steps: int) -> None:
         """Do these steps by itself, and check for slack after every `look_steps`; it may fail."""
@@ -482,7 +487,7 @@ class TwinMember:
         self._slack_looks += slack
 
     def _offer(self, from_ns: int, to_ns: int) -> str:
-        """Give the twin the inputs of a batch; return why it rejects one of the member's own."""
+        """Pass the inputs of a batch to the twin; return why it rejects one of the member's own."""
         faults = []
         if (series := self._heave) is not None:
             stamps, reach_ns = series.stamp_ns, to_ns + LEAD_NS + series.start_ns
@@ -492,7 +497,7 @@ class TwinMember:
                 if at_ns > -LEAD_NS:
                     motion = float(series.position_m[k]), float(series.velocity_m_per_s[k])
                     faults.append(self.twin.offer_heave(at_ns, *motion))
-        if self._course is not None:
+        if self._boundaries is not None:
             return next(filter(None, faults), "")
         for name, winch in winches_by_name(self.scene).items():
             if name == WINCH and self._commands is not None:
@@ -506,12 +511,12 @@ class TwinMember:
 
     def figures(self) -> MemberResults:
         """Return the results since the start; tensions are those of the first rope."""
-        seen = self.twin.statistics()
+        statistics = self.twin.statistics()
         return MemberResults(
-            steps=seen.steps,
-            tension_top_max_n=seen.tension_top_max_n,
-            tension_top_mean_n=seen.tension_top_mean_n,
-            tension_top_min_n=seen.tension_top_min_n,
+            steps=statistics.steps,
+            tension_top_max_n=statistics.tension_top_max_n,
+            tension_top_mean_n=statistics.tension_top_mean_n,
+            tension_top_min_n=statistics.tension_top_min_n,
             slack_share=self._slack_looks / self._looks if self._looks else 0.0,
             unconverged_substeps=int(self.twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,

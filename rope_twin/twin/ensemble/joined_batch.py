@@ -1,9 +1,9 @@
-"""Turn of an ensemble's multi-line members: their systems step in SIMD lanes.
+"""Batch of steps of an ensemble's multi-line members, whose systems are stepped in SIMD lanes.
 
-Their twins prescribe the motion of some steps; lanes do them, and the twins record the result. A
-step that lanes give up is done for the system of that member alone. A member with many of them does
-the rest of these steps by itself; one that gets other elements stops, and goes on with members that
-have as many.
+Their twins prescribe the motion of the steps, the lanes do them, and the twins record the result. A
+step that lanes give up is done for the system of that member alone. A member with many such steps
+does the rest of the batch by itself. A member whose number of elements changes leaves the batch and
+continues with members that have as many.
 """
 
 from __future__ import annotations
@@ -20,11 +20,12 @@ from rope_twin.core.step import advance_joined
 from rope_twin.twin.ensemble.member import Scratch, TwinMember
 from rope_twin.twin.regrid import is_slack
 
-OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
+# A member that was stepped alone more often leaves the lanes.
+MAX_ALONE_FRACTION, MIN_ALONE_STEPS = 0.2, 10
 
 
-class JoinedTurn:
-    """Some steps of members of one kind that have done as many steps before."""
+class JoinedBatch:
+    """Batch of steps of members of one kind that have done equally many steps."""
 
     def __init__(self, members: Sequence[TwinMember], kind: JoinedKind, scratch: Scratch) -> None:
         self._all, self._kind, self._scratch = members, kind, scratch
@@ -35,27 +36,28 @@ class JoinedTurn:
         self._before, self._step_s = members[0].steps, self._kind.ropes[0].step
         self._time = self._before * round(self._step_s * 1e9) * 1e-9
         self._opened = [member.open_steps(steps) for member in members]
-        self._systems = [one.system for one in self._opened]
-        steps = min(one.steps for one in self._opened)
+        self._systems = [opened.system for opened in self._opened]
+        steps = min(opened.steps for opened in self._opened)
         self._group = self._scratch.joined(self._kind, self._systems[0], STEPS_PER_CALL)
-        bounds = [
-            Boundary(*(table[:, : steps + 1] for table in one.boundary)) for one in self._opened
+        boundaries = [
+            Boundary(*(table[:, : steps + 1] for table in opened.boundary))
+            for opened in self._opened
         ]
-        self._group.begin(self._systems, bounds)
+        self._group.begin(self._systems, boundaries)
         self._pulls: dict[int, Floats] = {}  # of members that are done, (ropes, done, ...)
-        self._alone = [0] * len(members)  # steps done by itself, and looks there that found slack
-        self._slack = [0] * len(members)
+        self._alone = [0] * len(members)  # steps done by itself
+        self._slack = [0] * len(members)  # samplings in those that found slack
         self._failed: set[int] = set()
-        self._going = set(range(len(members)))
+        self._running = set(range(len(members)))
         done = 0
-        while self._going and done < steps:
-            wanted = sum(1 << lane for lane in self._going)
+        while self._running and done < steps:
+            wanted = sum(1 << lane for lane in self._running)
             late = self._group.late(self._before + done)
             run = Run(self._time, done, steps, wanted, self._before, look_steps, late)
             done, left = self._group.advance(run)
             for lane in left:
                 self._step_alone(lane, done, steps)
-        for lane in list(self._going):
+        for lane in list(self._running):
             self._group.take(lane, self._systems[lane])
             self._leave(lane, done)
         for lane, (member, opened) in enumerate(zip(members, self._opened, strict=True)):
@@ -74,43 +76,43 @@ class JoinedTurn:
         system, group = self._systems[lane], self._group
         group.take(lane, system)
         self._alone[lane] += 1
-        reached = self._advance(lane, system, done - 1, 1)
-        often = self._alone[lane] > OFTEN_LEAST + OFTEN * done
+        done_alone = self._advance(lane, system, done - 1, 1)
+        too_often = self._alone[lane] > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * done
         changed = any(
-            int(rope.state.counts[0]) != own.elements
-            for rope, own in zip(system.ropes, self._kind.ropes, strict=True)
+            int(rope.state.counts[0]) != kind.elements
+            for rope, kind in zip(system.ropes, self._kind.ropes, strict=True)
         )
-        if not reached:
+        if not done_alone:
             self._failed.add(lane)
             self._leave(lane, done - 1)
         elif changed:
             self._leave(lane, done)
-        elif often:
-            reached = self._advance(lane, system, done, steps - done)
-            if reached < steps - done:
+        elif too_often:
+            done_alone = self._advance(lane, system, done, steps - done)
+            if done_alone < steps - done:
                 self._failed.add(lane)
-            self._leave(lane, done + reached)
+            self._leave(lane, done + done_alone)
         else:
             group.put(lane, system)
 
     def _leave(self, lane: int, done: int) -> None:
-        """Keep the result of a member that takes no further step in lanes."""
-        self._going.discard(lane)
+        """Store the result of a member that takes no further step in lanes."""
+        self._running.discard(lane)
         self._pulls[lane] = self._group.pulls[:, :done, :, lane].copy()
 
     def _advance(self, lane: int, system: System, first: int, steps: int) -> int:
-        """Do steps of one system from step `first` on, with looks; return how many were done."""
-        at, end, look = first, first + steps, self._look_steps
+        """Do steps of one system from step `first` on, with sampling; return how many were done."""
+        at, end, look_steps = first, first + steps, self._look_steps
         while at < end:
-            some = min(end - at, look - (self._before + at) % look)
-            rows = slice(at, at + some + 1)
-            own = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
-            pull: Floats = np.zeros((len(system.ropes), some, PULL_COLUMNS))
-            reached = advance_joined(system, own, pull, self._time + at * self._step_s, some)
-            self._group.pulls[:, at : at + some, :, lane] = pull
-            at += reached
-            if reached < some:
+            count = min(end - at, look_steps - (self._before + at) % look_steps)
+            rows = slice(at, at + count + 1)
+            boundary = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
+            pull: Floats = np.zeros((len(system.ropes), count, PULL_COLUMNS))
+            done = advance_joined(system, boundary, pull, self._time + at * self._step_s, count)
+            self._group.pulls[:, at : at + count, :, lane] = pull
+            at += done
+            if done < count:
                 break
-            if (self._before + at) % look == 0:
+            if (self._before + at) % look_steps == 0:
                 self._slack[lane] += is_slack(system.ropes)
         return at - first
