@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -42,10 +42,6 @@ from rope_twin.twin.ensemble.fleet_systems import SystemMembers
 from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import FIGURES, Factors, checked_factors, figures_of
 from rope_twin.twin.recovery import step_failure
-
-if TYPE_CHECKING:
-    from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
-    from rope_twin.twin.ensemble.fleet_systems import SystemMembers
 
 MAX_RANGE_STEPS = 1200  # a minute of 50 ms
 CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
