@@ -35,7 +35,7 @@ from rope_twin.topics import BY_NAME, is_topic
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 from rope_twin.twin.motion.ship_motion import (
-    MOST_TILT_DEG,
+    MAX_TILT_DEG,
     UNIT_WITHIN,
     SeaRecord,
     ShipPose,
@@ -397,8 +397,7 @@ def _judge(values: Table) -> Faults:
         upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)
         return {
             "with an orientation that is no unit quaternion": np.abs(size - 1.0) > UNIT_WITHIN,
-            f"that heel by more than {MOST_TILT_DEG:g}°": upward
-            < np.cos(np.radians(MOST_TILT_DEG)),
+            f"that heel by more than {MAX_TILT_DEG:g}°": upward < np.cos(np.radians(MAX_TILT_DEG)),
         }
 
 

@@ -22,7 +22,7 @@ from rope_twin.twin.snapshot import CutShot, InputHealth
 
 ANY = "rope"  # name in a message that means no particular rope
 MIN_LENGTH_M = 1.0  # minimum length left at the hang-off, and at the lower end
-AT_LOWER_END = math.inf  # position as close to the lower end as possible
+AT_LOWER_END = math.inf  # the position closest to the lower end that is possible
 _FORM = (
     "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30, or "
     "leg:4@30 where ropes meet"
@@ -38,16 +38,16 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
     plan = read_plan(words)
     if plan is None:
         return None
-    if why := _reason_not_possible(scene):
-        raise InputError(f"cut {words}", why, "run another scene for that")
-    if wrong := _unknown(scene, plan.rope):
-        raise InputError(f"cut {words}", *wrong)
+    if reason := _reason_not_possible(scene):
+        raise InputError(f"cut {words}", reason, "run another scene for that")
+    if fault := _unknown(scene, plan.rope):
+        raise InputError(f"cut {words}", *fault)
     line = scene.ropes[rope_number(scene, plan.rope)]
     winch = winch_of(scene, line)
-    most = winch.most_line_out_m if winch else line.length_m
-    if most < plan.below_m < AT_LOWER_END:
-        what = f"this rope is never longer than {most:g} m"
-        raise InputError(f"cut {words}", what, f"give up to {most - MIN_LENGTH_M:g} m, or end")
+    max_m = winch.most_line_out_m if winch else line.length_m
+    if max_m < plan.below_m < AT_LOWER_END:
+        what = f"this rope is never longer than {max_m:g} m"
+        raise InputError(f"cut {words}", what, f"give up to {max_m - MIN_LENGTH_M:g} m, or end")
     return plan
 
 
@@ -57,7 +57,9 @@ class CutInput:
     def __init__(self, scene: Scene) -> None:
         self.counter = InputCounter("cut")
         self.done: CutShot | None = None
-        self._whole = _reason_not_possible(scene)  # why this rope cannot be cut at all
+        self._whole = _reason_not_possible(
+            scene
+        )  # why no rope of this scene can be cut; "": it can
         self._scene = scene
         # due time [ns], metres below the upper end, number of the rope
         self._waiting: tuple[int, float, int] | None = None
@@ -68,8 +70,8 @@ class CutInput:
         below_m: unstretched distance below the upper end [m].
         """
         fault = self._fault(stamp_ns, below_m, now_ns)
-        if fault is None and (wrong := _unknown(self._scene, rope)):
-            fault = "impossible", *wrong
+        if fault is None and (unknown := _unknown(self._scene, rope)):
+            fault = "impossible", *unknown
         if fault is not None:
             kind, what, right = fault
             return self.counter.refuse(kind, phrase("cut", what, right))
@@ -94,13 +96,13 @@ class CutInput:
             return None
         _, below_m, rope = self._waiting
         self._waiting, line_out_m = None, length_m(rope)
-        most = line_out_m - MIN_LENGTH_M
+        max_m = line_out_m - MIN_LENGTH_M
         if below_m == AT_LOWER_END:
-            below_m = most
-        if not MIN_LENGTH_M <= below_m <= most:
+            below_m = max_m
+        if not MIN_LENGTH_M <= below_m <= max_m:
             what = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
             right = (
-                f"right are {MIN_LENGTH_M:g} to {most:.1f} m, or the lower end; the rope is whole"
+                f"right are {MIN_LENGTH_M:g} to {max_m:.1f} m, or the lower end; the rope is whole"
             )
             self.counter.refuse("impossible", phrase("cut", what, right))
             return None
@@ -108,8 +110,8 @@ class CutInput:
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of the input; empty before the first command."""
-        came = self.counter.accepted or self.counter.refused
-        return {"cut": self.counter.health(now_ns, False)} if came else {}
+        received = self.counter.accepted or self.counter.refused
+        return {"cut": self.counter.health(now_ns, False)} if received else {}
 
     def _fault(
         self, stamp_ns: int | None, below_m: float, now_ns: int
@@ -117,8 +119,8 @@ class CutInput:
         if self._whole:
             return "impossible", self._whole, "run another scene for that"
         if self.done is not None or self._waiting is not None:
-            already = "the rope is cut already" if self.done else "a cut is waiting already"
-            return "repeated", already, "a rope is cut once"
+            reason = "the rope is cut already" if self.done else "a cut is waiting already"
+            return "repeated", reason, "a rope is cut once"
         if math.isnan(below_m):
             return "non_finite", "its place is not a number", "give metres below the hang-off"
         if below_m < MIN_LENGTH_M:
@@ -130,8 +132,8 @@ class CutInput:
             late, right = too_late(stamp_ns, now_ns)
             return "late", late, f"{right}, or leave the stamp 0"
         if stamp_ns > now_ns + AHEAD_NS:
-            far = f"stamp {stamp_ns * 1e-9:.1f} s lies more than {AHEAD_NS * 1e-9:g} s ahead"
-            return "impossible", far, "sender and twin must share one clock"
+            reason = f"stamp {stamp_ns * 1e-9:.1f} s lies more than {AHEAD_NS * 1e-9:g} s ahead"
+            return "impossible", reason, "sender and twin must share one clock"
         return None
 
 

@@ -46,9 +46,9 @@ from rope_twin.twin.winch.winch import Winch
 from rope_twin.vortex.coupled import VivDragAmplification
 
 MARGIN = 1.25  # bound over the largest difference: safety factor of the grid convergence index
-WINDOW_S = 10.0  # largest difference so long: more than a wave period or first axial period
+WINDOW_S = 10.0  # window of the largest difference: more than a wave or first axial period
 SETTLING_S = 20.0  # settling time of a coarse solution that was started during a run
-_PLACE = slice(rows.POSITION, rows.POSITION + 3)
+_POSITION = slice(rows.POSITION, rows.POSITION + 3)
 RATIO = 2  # of the step and element length to the twin's; Richardson extrapolation takes 2
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
 
@@ -58,19 +58,19 @@ class WindowMaximum:
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
-        self._kept: deque[tuple[float, float]] = deque()  # (time, value), values falling
+        self._decreasing: deque[tuple[float, float]] = deque()  # (time, value), values falling
 
     def take(self, time_s: float, value: float) -> None:
         """Add a value."""
-        while self._kept and self._kept[-1][1] <= value:
-            self._kept.pop()
-        self._kept.append((time_s, value))
+        while self._decreasing and self._decreasing[-1][1] <= value:
+            self._decreasing.pop()
+        self._decreasing.append((time_s, value))
 
     def at(self, time_s: float) -> float:
         """Return the maximum over the window that ends at this time; 0 if it is empty."""
-        while self._kept and self._kept[0][0] <= time_s - self._window_s:
-            self._kept.popleft()
-        return self._kept[0][1] if self._kept else 0.0
+        while self._decreasing and self._decreasing[0][0] <= time_s - self._window_s:
+            self._decreasing.popleft()
+        return self._decreasing[0][1] if self._decreasing else 0.0
 
 
 class ErrorInterval(Monitor):
@@ -85,28 +85,28 @@ class ErrorInterval(Monitor):
         self.coarse: CoarseSolution | None = None  # None: the interval is unknown from here on
         self._largest: dict[int, WindowMaximum] = {}  # by rope, of the difference [N]
         self._reason, self._known_from_ns = "", 0  # why it is unknown before this time
-        self.took_s = 0.0  # CPU time since the start
+        self.computing_s = 0.0  # spent on the interval since the start
 
     @property
     def ropes(self) -> tuple[int, ...]:
         """Return the numbers of the ropes that have an interval."""
         return tuple(self._largest)
 
-    def start(self, now: TwinView, present: Chunk) -> None:
+    def start(self, view: TwinView, present: Chunk) -> None:
         """Start a coarse solution in static equilibrium."""
-        self._begin(now, present, at_rest=True)
+        self._begin(view, present, at_rest=True)
 
-    def restart(self, now: TwinView, present: Chunk) -> None:
+    def restart(self, view: TwinView, present: Chunk) -> None:
         """Start a coarse solution from the present state, unless a rope was cut."""
-        if now.cut is None:
-            self._begin(now, present, at_rest=False)
+        if view.cut is None:
+            self._begin(view, present, at_rest=False)
         else:
-            self.cut(now)
+            self.cut(view)
 
-    def cut(self, now: TwinView) -> None:
+    def cut(self, view: TwinView) -> None:
         """End the coarse solution."""
-        assert now.cut is not None
-        at = f"{now.cut.at_s:.2f} s"
+        assert view.cut is not None
+        at = f"{view.cut.at_s:.2f} s"
         self._end(f"unknown since the cut at {at}: the coarse solution has no cut")
 
     def command(self, now_ns: int, rope: int, stamp_ns: int | None, command: WinchCommand) -> None:
@@ -119,51 +119,51 @@ class ErrorInterval(Monitor):
         if self.coarse is not None:
             self.coarse.invalidate()
 
-    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
         """Return the snapshot with the interval of each rope, or why it is unknown."""
-        if self._reason and (self.coarse is None or now.time_ns < self._known_from_ns):
+        if self._reason and (self.coarse is None or view.time_ns < self._known_from_ns):
             return amended(shot, no_error_interval=self._reason)
-        rest_s = now.clock.computing_s - self.took_s
-        cost_pct = 100.0 * self.took_s / rest_s if rest_s > 0.0 else 0.0
+        other_s = view.clock.computing_s - self.computing_s
+        cost_pct = 100.0 * self.computing_s / other_s if other_s > 0.0 else 0.0
         ropes = list(shot.ropes)
         for r in self.ropes if ropes else ():
-            found = self.interval(r, ropes[r].tension_top_n, shot.time_s, cost_pct)
-            ropes[r] = replace(ropes[r], error_interval=found)
+            interval = self.interval(r, ropes[r].tension_top_n, shot.time_s, cost_pct)
+            ropes[r] = replace(ropes[r], error_interval=interval)
         first = self.interval(0, shot.tension_top_n, shot.time_s, cost_pct)
         return amended(shot, error_interval=first, ropes=tuple(ropes))
 
-    def _begin(self, seen: TwinView, now: Chunk, at_rest: bool) -> None:
+    def _begin(self, view: TwinView, present: Chunk, at_rest: bool) -> None:
         if self._scene.listed(WakeOscillatorParams) is not None:
             self._end("unknown with `wake_oscillator`: the phase of its vortices drifts")
             return
-        self.coarse = CoarseSolution(self._scene, now, at_rest, seen.viv_drag)
-        self._largest = {r: WindowMaximum(WINDOW_S) for r in ropes_from_ship(now.ropes)}
+        self.coarse = CoarseSolution(self._scene, present, at_rest, view.viv_drag)
+        self._largest = {r: WindowMaximum(WINDOW_S) for r in ropes_from_ship(present.ropes)}
         self._reason, self._known_from_ns = "", 0
         if not self.coarse.at_rest:
-            self._settle(now.time_ns, "its coarse solution has to settle")
+            self._settle(present.time_ns, "its coarse solution has to settle")
 
     def _end(self, reason: str) -> None:
         """End the coarse solution; the interval is unknown from now on."""
         self.coarse, self._largest, self._reason = None, {}, reason
 
-    def observe(self, now: TwinView, chunk: Chunk) -> None:
+    def observe(self, view: TwinView, chunk: Chunk) -> None:
         """Advance the coarse solution by the steps just done, and compare the top tensions.
 
         A coarse solution whose next state would not be finite starts again from the twin's state.
         """
         if self.coarse is not None and chunk.done:
-            began = time.perf_counter()
+            begin_s = time.perf_counter()
             if stands_on_bed(chunk.ropes):
                 self._settle(chunk.time_ns, "the payload stood on the seabed")
-            followed = self.coarse.follow(chunk)
-            if followed is None:
-                self._begin(now, chunk, at_rest=False)
+            coarse = self.coarse.follow(chunk)
+            if coarse is None:
+                self._begin(view, chunk, at_rest=False)
             else:
                 self.coarse.sample_vortices(chunk)
-                self._compare(chunk, *followed)
-            self.took_s += time.perf_counter() - began
-        if self.coarse is not None and (responding := responding_winches(now)):
-            with now.inputs.lock:
+                self._compare(chunk, *coarse)
+            self.computing_s += time.perf_counter() - begin_s
+        if self.coarse is not None and (responding := responding_winches(view)):
+            with view.inputs.lock:
                 self.coarse.share_winches(responding)
 
     def interval(self, r: int, tension_n: float, time_s: float, cost_pct: float) -> TensionInterval:
@@ -181,11 +181,13 @@ class ErrorInterval(Monitor):
         self._reason = f"unknown until {self._known_from_ns * 1e-9:.1f} s: {why}"
 
     def _compare(self, chunk: Chunk, first: int, coarse_n: Floats) -> None:
-        """Take the differences after every coarse step; first: step of the chunk that ends it."""
-        ends = range(first, chunk.done + 1, RATIO)
+        """Record the differences after every coarse step; first: step of the chunk that ends it."""
+        coarse_ends = range(first, chunk.done + 1, RATIO)
         for r, largest in self._largest.items():
-            own_n = chunk.pulls[r, first - 1 : chunk.done : RATIO, rows.PULL]
-            for end, difference in zip(ends, np.abs(coarse_n[r] - own_n).tolist(), strict=True):
+            twin_n = chunk.pulls[r, first - 1 : chunk.done : RATIO, rows.PULL]
+            for end, difference in zip(
+                coarse_ends, np.abs(coarse_n[r] - twin_n).tolist(), strict=True
+            ):
                 time_s = chunk.time_ns * 1e-9 - (chunk.done - end) * chunk.step_s
                 largest.take(time_s, difference)
 
@@ -203,21 +205,23 @@ def stands_on_bed(ropes: Rope | System) -> bool:
     The rope above it then lies in loops that neither solution resolves, so that their difference
     does not contain the error.
     """
-    ends = [ropes] if isinstance(ropes, Rope) else list(ropes.ropes)
-    joined = [LOOSE] if isinstance(ropes, Rope) else ropes.joints.lower.tolist()
-    bed = next((one for one in ends[0].effects if isinstance(one, Plane | Grid)), None)
+    every_rope = [ropes] if isinstance(ropes, Rope) else list(ropes.ropes)
+    lower_ends = [LOOSE] if isinstance(ropes, Rope) else ropes.joints.lower.tolist()
+    bed = next(
+        (effect for effect in every_rope[0].effects if isinstance(effect, Plane | Grid)), None
+    )
     return bed is not None and any(
-        bool(clearance(bed, rope.state.nodes[_PLACE, :1])[0] <= 0.0)
-        for rope, lower in zip(ends, joined, strict=True)
+        bool(clearance(bed, rope.state.nodes[_POSITION, :1])[0] <= 0.0)
+        for rope, lower in zip(every_rope, lower_ends, strict=True)
         if lower != LOOSE or rope.model.first_free == 0
     )
 
 
-def responding_winches(now: TwinView) -> dict[int, Winch]:
+def responding_winches(view: TwinView) -> dict[int, Winch]:
     """Return the winches that need tension feedback for the next step, by rope number."""
-    winch = now.inputs.winch
-    first = {0: winch} if winch.needs_feedback(now.time_ns) else {}
-    return first | now.ropes.needing_feedback(now.time_ns)
+    winch = view.inputs.winch
+    first = {0: winch} if winch.needs_feedback(view.time_ns) else {}
+    return first | view.ropes.needing_feedback(view.time_ns)
 
 
 class CoarseSolution:
@@ -228,40 +232,40 @@ class CoarseSolution:
     """
 
     def __init__(
-        self, scene: Scene, now: Chunk, at_rest: bool, viv_drag: VivDragAmplification | None
+        self, scene: Scene, chunk: Chunk, at_rest: bool, viv_drag: VivDragAmplification | None
     ) -> None:
         """Coarsen the ropes; at_rest: whether to solve for static equilibrium.
 
         viv_drag: the twin's loosely coupled VIV model.
         """
-        self._scene, (value, rate) = scene, now.border
+        self._scene, (value, rate) = scene, chunk.present_motion
         self._value, self._rate = value, rate  # prescribed motion that it has reached
-        self.top_tensions_n: list[float] = now.pull[:, rows.PULL].tolist()  # after its last step
+        self.top_tensions_n: list[float] = chunk.pull[:, rows.PULL].tolist()  # after its last step
         self.viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
         self.winches: dict[int, CoarseWinch] = {}  # by rope, winches that had tension feedback
         self._waiting = 0  # steps of the twin that it has not done yet
         driven = any(
             (winch.drive or winch.passive_compensation) is not None for _, winch in winches(scene)
         )
-        ropes = now.ropes
+        ropes = chunk.ropes
         self._ropes: Rope | System
         if isinstance(ropes, Rope):
-            (at,) = upper_ends(ropes, now.pull, rate[:, rows.LINE])
-            coarse = copy.deepcopy(ropes) if driven else coarser(ropes, at)
+            (end,) = upper_ends(ropes, chunk.pull, rate[:, rows.LINE])
+            coarse = copy.deepcopy(ropes) if driven else coarser(ropes, end)
             self._effects = SeparateEffects(ropes.effects)
             self._ropes = with_step_of(coarse, ropes)._replace(effects=self._effects.own)
-            found = at_rest and solve_statics(self._ropes, float(value[0, rows.LINE])).found
+            solved = at_rest and solve_statics(self._ropes, float(value[0, rows.LINE])).found
         else:
             self._effects = SeparateEffects(ropes.ropes[0].effects)
-            system = coarsened(ropes, now.pull, rate[:, rows.LINE], not driven)
+            system = coarsened(ropes, chunk.pull, rate[:, rows.LINE], not driven)
             first, *others = system.ropes
             others = [rope._replace(effects=own_copies(rope.effects)) for rope in others]
             first = first._replace(effects=self._effects.own)
             self._ropes = system = system._replace(ropes=(first, *others))
             if self.viv_drag is not None:
                 self.viv_drag.amplify(system.ropes)
-            found = at_rest and solve_reeved_statics(system, value).found
-        self.at_rest = bool(found)  # whether it started in static equilibrium
+            solved = at_rest and solve_reeved_statics(system, value).found
+        self.at_rest = bool(solved)  # whether it started in static equilibrium
 
     def follow(self, chunk: Chunk) -> tuple[int, Floats] | None:
         """Advance by the twin's last steps; None: the next state would not be finite.
@@ -273,34 +277,36 @@ class CoarseSolution:
         steps, self._waiting = divmod(self._waiting + chunk.done, RATIO)
         pulls = np.zeros((len(self._value), steps, rows.PULL_COLUMNS))
         if steps > 0:
-            now, given = (self._value, self._rate), chunk.boundary
-            ahead = Boundary(
+            reached, boundary = (self._value, self._rate), chunk.boundary
+            boundaries = Boundary(
                 *(
-                    np.concatenate([own[:, None], table[:, first : chunk.done + 1 : RATIO]], axis=1)
-                    for own, table in zip(now, given, strict=True)
+                    np.concatenate(
+                        [start[:, None], table[:, first : chunk.done + 1 : RATIO]], axis=1
+                    )
+                    for start, table in zip(reached, boundary, strict=True)
                 )
             )
             self._use_effects_of(chunk.ropes)
             step_s = self._first.model.step
             start_s = chunk.time_ns * 1e-9 - (self._waiting / RATIO + steps) * step_s
-            if self._advance(ahead, pulls, start_s) < steps:
+            if self._advance(boundaries, pulls, start_s) < steps:
                 return None
-            self._value, self._rate = ahead.value[:, steps], ahead.rate[:, steps]
+            self._value, self._rate = boundaries.value[:, steps], boundaries.rate[:, steps]
             self.top_tensions_n = pulls[:, -1, rows.PULL].tolist()
         return first, pulls[:, :, rows.PULL]
 
     def sample_vortices(self, chunk: Chunk) -> None:
         """Sample the loosely coupled VIV model when it is due."""
-        own = self.viv_drag
-        if own is None or self._waiting or own.steps_to_sampling(chunk.steps) > 0:
+        viv_drag = self.viv_drag
+        if viv_drag is None or self._waiting or viv_drag.steps_to_sampling(chunk.steps) > 0:
             return
-        now = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
-        own.look(self.ropes, now, chunk.steps, chunk.currents)
+        boundary = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
+        viv_drag.look(self.ropes, boundary, chunk.steps, chunk.currents)
 
     def share_winches(self, responding: Mapping[int, Winch]) -> None:
         """Copy winches that respond to the tension in the next step, by rope, if not yet there.
 
-        It copies once it has reached the twin's time.
+        Winches are copied once the coarse solution has reached the twin's time.
         """
         if not self._waiting:
             for r in responding.keys() - self.winches.keys():
@@ -319,8 +325,8 @@ class CoarseSolution:
     @property
     def ropes(self) -> tuple[Rope, ...]:
         """Return the coarse ropes."""
-        own = self._ropes
-        return (own,) if isinstance(own, Rope) else own.ropes
+        coarse = self._ropes
+        return (coarse,) if isinstance(coarse, Rope) else coarse.ropes
 
     @property
     def payouts_m(self) -> Floats:
@@ -333,44 +339,46 @@ class CoarseSolution:
         return self.ropes[0]
 
     def _use_effects_of(self, twin: Rope | System) -> None:
-        """Use the twin's present effects (another current), with own copies of those that move."""
-        given = twin.effects if isinstance(twin, Rope) else twin.ropes[0].effects
-        if self._effects.given is given:
+        """Use the twin's present effects (a new current), copies of those that hold a state."""
+        twin_effects = twin.effects if isinstance(twin, Rope) else twin.ropes[0].effects
+        if self._effects.given is twin_effects:
             return
-        effects, own = self._effects.take(given), self._ropes
-        if isinstance(own, Rope):
-            self._ropes = own._replace(effects=effects)
+        effects, coarse = self._effects.take(twin_effects), self._ropes
+        if isinstance(coarse, Rope):
+            self._ropes = coarse._replace(effects=effects)
         else:
-            ropes = (own.ropes[0]._replace(effects=effects), *own.ropes[1:])
-            self._ropes = own._replace(ropes=ropes)
+            ropes = (coarse.ropes[0]._replace(effects=effects), *coarse.ropes[1:])
+            self._ropes = coarse._replace(ropes=ropes)
 
-    def _advance(self, ahead: Boundary, pulls: Floats, start_s: float) -> int:
+    def _advance(self, boundaries: Boundary, pulls: Floats, start_s: float) -> int:
         """Advance through boundaries (ropes, steps + 1, MOTIONS); return the steps done."""
         steps = int(pulls.shape[1])
         if not self.winches:
-            return self._step(ahead, pulls, start_s)
+            return self._step(boundaries, pulls, start_s)
         step_s, pull_n = self._first.model.step, self.top_tensions_n
         for k in range(steps):
             begin_s = start_s + k * step_s
-            part = Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in ahead))
+            step_boundary = Boundary(
+                *(np.ascontiguousarray(table[:, k : k + 2]) for table in boundaries)
+            )
             for r, winch in self.winches.items():
-                own = Boundary(*(table[r] for table in part))
-                winch.prescribe(self.ropes[r], round(begin_s * 1e9), own, pull_n[r])
-            end = np.zeros((len(pulls), 1, rows.PULL_COLUMNS))
-            if self._step(part, end, begin_s) < 1:
+                rope_boundary = Boundary(*(table[r] for table in step_boundary))
+                winch.prescribe(self.ropes[r], round(begin_s * 1e9), rope_boundary, pull_n[r])
+            step_pull = np.zeros((len(pulls), 1, rows.PULL_COLUMNS))
+            if self._step(step_boundary, step_pull, begin_s) < 1:
                 return k
-            pulls[:, k], pull_n = end[:, 0], end[:, 0, rows.PULL].tolist()
-            for table, done in zip(ahead, part, strict=True):
-                table[:, k + 1] = done[:, 1]
+            pulls[:, k], pull_n = step_pull[:, 0], step_pull[:, 0, rows.PULL].tolist()
+            for table, reached in zip(boundaries, step_boundary, strict=True):
+                table[:, k + 1] = reached[:, 1]
         return steps
 
-    def _step(self, ahead: Boundary, pulls: Floats, start_s: float) -> int:
-        own = self._ropes
-        if isinstance(own, Rope):
-            only = Boundary(*(table[0] for table in ahead))
-            done = advance(own, only, pulls[0], start_s, pulls.shape[1])
+    def _step(self, boundaries: Boundary, pulls: Floats, start_s: float) -> int:
+        coarse = self._ropes
+        if isinstance(coarse, Rope):
+            boundary = Boundary(*(table[0] for table in boundaries))
+            done = advance(coarse, boundary, pulls[0], start_s, pulls.shape[1])
         else:
-            done = advance_joined(own, ahead, pulls, start_s, pulls.shape[1])
+            done = advance_joined(coarse, boundaries, pulls, start_s, pulls.shape[1])
         return int(done)
 
 
@@ -382,18 +390,20 @@ class SeparateEffects:
     """
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
-        self._apart = {
-            place: copy.deepcopy(one)
-            for place, one in enumerate(effects)
-            if isinstance(one, RigidBody) or remembers([type(one)])
+        self._copies = {
+            number: copy.deepcopy(effect)
+            for number, effect in enumerate(effects)
+            if isinstance(effect, RigidBody) or remembers([type(effect)])
         }
         self.own = self.take(effects)
 
     def take(self, effects: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Take the twin's present effects (another current); return them with the copies."""
+        """Use the twin's present effects (a new current); return them with the copies."""
         self.given = effects
-        if self._apart:
-            effects = tuple(self._apart.get(place, one) for place, one in enumerate(effects))
+        if self._copies:
+            effects = tuple(
+                self._copies.get(number, effect) for number, effect in enumerate(effects)
+            )
         self.own = effects
         return effects
 
@@ -403,17 +413,17 @@ def with_step_of(rope: Rope, twin: Rope) -> Rope:
     return rope._replace(model=rope.model._replace(step=RATIO * twin.model.step))
 
 
-def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats, halve: bool) -> System:
+def coarsened(system: System, pull: Floats, payout_m_per_s: Floats, halve: bool) -> System:
     """Return a copy of the system with twice the step and, if `halve`, every second node.
 
     pull: force of each rope on its hang-off or upper connection [N], (ropes, PULL_COLUMNS); payout:
     of the ropes that hang from the ship, (ropes,).
     """
     ropes = []
-    for rope, at in zip(whole.ropes, upper_ends(whole, pull, payout_m_per_s), strict=True):
+    for rope, end in zip(system.ropes, upper_ends(system, pull, payout_m_per_s), strict=True):
         enough = int(rope.state.counts[ELEMENTS]) >= MIN_HALVED
-        ropes.append(with_step_of(coarser(rope, at) if halve and enough else rope, rope))
-    return joined_as(whole, ropes)
+        ropes.append(with_step_of(coarser(rope, end) if halve and enough else rope, rope))
+    return joined_as(system, ropes)
 
 
 class CoarseWinch:
@@ -432,24 +442,24 @@ class CoarseWinch:
         self._rest_z = places(scene)[self._line.from_][2]
 
     def take(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> None:
-        """Take a command that the twin's winch has accepted; rejections were counted there."""
+        """Submit a command that the twin's winch has accepted; rejections were counted there."""
         self._winch.take(stamp_ns, command, now_ns)
 
     def invalidate(self) -> None:
         """Invalidate commands that were known in advance."""
         self._winch.invalidate()
 
-    def prescribe(self, rope: Rope, begin_ns: int, borders: Boundary, pull_n: float) -> None:
+    def prescribe(self, rope: Rope, begin_ns: int, boundary: Boundary, pull_n: float) -> None:
         """Set the paid-out length at the end of the step that begins now.
 
-        borders: at the step's beginning and end, (2, rows.MOTIONS) each; the hang-off's motion is
-        already there. pull_n: tension at the hang-off now [N].
+        boundary: at the step's beginning and end, (2, rows.MOTIONS) each, with the hang-off's
+        motion. pull_n: tension at the hang-off now [N].
         """
-        value, rate = borders
+        value, rate = boundary
         feedback = None
         if self._winch.needs_feedback(begin_ns):
             feedback = self._winch.feedback(rope, self._line, pull_n, value, self._rest_z)
-        heaving = float(rate[1, rows.Z])
+        heave_rate = float(rate[1, rows.Z])
         value[1, rows.LINE], rate[1, rows.LINE] = self._winch.step(
-            begin_ns, rope.model.step, heaving, feedback
+            begin_ns, rope.model.step, heave_rate, feedback
         )

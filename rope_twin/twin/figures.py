@@ -6,10 +6,10 @@ strength of the current. A factor scales the fields of the kernel data that the 
 nothing else of the scene follows from it, neither the tolerance of the step nor a damping that the
 scene gives as a fraction of the critical one.
 
-A run takes over learned figures by a ramp. A rope whose weight or stiffness jumps rings at its own
-period, so factors on the scene's figures are led over linearly in time, in stairs of UPDATE_NS from
-the instant at which they were accepted: a replay or a resumed run repeats them to the bit, however
-its steps are divided. The current has a topic of its own and is not taken over.
+A run applies learned figures by a ramp. A rope whose weight or stiffness jumps oscillates at its
+natural period, so factors on the scene's figures change linearly in time, in increments of
+UPDATE_NS from the instant at which they were accepted: a replay or a resumed run is bit-identical,
+however its steps are divided. The current has a topic of its own and is not applied here.
 """
 
 from __future__ import annotations
@@ -54,13 +54,13 @@ _FIELDS: dict[type, dict[str, tuple[str, ...]]] = {
         "oscillating_mass": ("Mz", "dM"),
         "payload_drag": ("kx", "ky", "kz", "dk"),
     },
-    SplashZone: {"payload_drag": ("k",)},  # of which it takes off what is in the air
+    SplashZone: {"payload_drag": ("k",)},  # it reduces the drag of the part in the air
     Drag: {"tangential_drag": ("kt",)},
     OscillatingDrag: {"tangential_drag": ("kt",)},
     Current: _CURRENT,
     RisingCurrent: _CURRENT,
 }
-# Weight and buoyancy of a body are scaled alike; its mass follows by the added mass along z.
+# Weight and buoyancy of a body get one factor; its mass is scaled by way of the added mass along z.
 _BODY: dict[str, tuple[str, ...]] = {
     "submerged_weight": ("W", "g", "hook_weight"),
     "oscillating_mass": ("added", "rising"),
@@ -75,10 +75,10 @@ _INSIDE = {
 }
 _SECTION_ROWS = {"axial_stiffness": rows.EA, "axial_damping": rows.C}
 _TABLE_FIELDS = ("tension", "slope", "curve", "bend")
-MOST_FACTOR = 5.0  # and its inverse: beyond it is another lift
-MOST_RAMP_S = 3600.0
+MAX_FACTOR = 5.0  # and 1/MAX_FACTOR the minimum: beyond them it is another lift
+MAX_RAMP_S = 3600.0
 UPDATE_NS = 100_000_000
-RAMP_S = 20.0  # about two periods of a rope that rings at 10 s
+RAMP_S = 20.0  # about two natural periods of a rope of 10 s
 
 
 def figures_of(rope: Rope) -> tuple[str, ...]:
@@ -103,10 +103,10 @@ def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dic
     known: the figures of the rope.
 
     Raises:
-        InputError: an unknown figure, or a factor that is not finite and positive, or as many
-            factors as there are no members.
+        InputError: an unknown figure, a factor that is not finite and positive, or neither one
+            factor nor one for each member.
     """
-    found = {}
+    checked = {}
     for name, value in given.items():
         if name not in FIGURES:
             raise InputError("figures", f"'{name}' is none", did_you_mean(name, FIGURES))
@@ -122,17 +122,17 @@ def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dic
             what = f"a factor of {float(np.ravel(wrong)[0]):g}"
             right = "give positive numbers, 1.0 for the scene's own value"
             raise InputError(f"figures: {name}", what, right)
-        found[name] = np.broadcast_to(factor, (members,)).copy()
-    return found
+        checked[name] = np.broadcast_to(factor, (members,)).copy()
+    return checked
 
 
 def stacked_sections(sections: Floats, factors: Mapping[str, Floats]) -> Floats:
     """Return the sections of each member, (members, SECTION_ROWS, sections)."""
     (members,) = next(iter(factors.values())).shape
-    found: Floats = np.tile(sections, (members, 1, 1))
+    stacked: Floats = np.tile(sections, (members, 1, 1))
     for name, row in _SECTION_ROWS.items():
-        found[:, row] *= factors[name][:, None]
-    return found
+        stacked[:, row] *= factors[name][:, None]
+    return stacked
 
 
 def stacked_effects(effects: tuple[Any, ...], factors: Mapping[str, Floats]) -> tuple[Any, ...]:
@@ -140,37 +140,37 @@ def stacked_effects(effects: tuple[Any, ...], factors: Mapping[str, Floats]) -> 
     return tuple(_scaled(effect, factors, np.multiply.outer) for effect in effects)
 
 
-def scaled_law(law: Any, share: float) -> Any:
+def scaled_law(law: Any, factor: float) -> Any:
     """Return an axial law with the tensions of a stiffness table multiplied; others as they are."""
     if not isinstance(law, Table):
         return law
-    return law._replace(**{name: share * getattr(law, name) for name in _TABLE_FIELDS})
+    return law._replace(**{name: factor * getattr(law, name) for name in _TABLE_FIELDS})
 
 
 def copied_law(law: Any) -> Any:
     """Return an axial law with own arrays, if it is a stiffness table; others as they are."""
-    return Table(*(one.copy() for one in law)) if isinstance(law, Table) else law
+    return Table(*(table.copy() for table in law)) if isinstance(law, Table) else law
 
 
 def scaled_rope(rope: Rope, factors: Mapping[str, float], effects: tuple[Any, ...]) -> Rope:
-    """Return the rope of one member; effects: its own so far, whose memory it keeps."""
+    """Return the rope of one member; effects: its present ones, with its internal variables."""
     sections = scaled_sections(rope.sections, factors)
     law = scaled_law(rope.law, factors["axial_stiffness"])
     pairs = zip(rope.effects, effects, strict=True)
-    made = [with_arrays_of(own, _scaled(base, factors, np.multiply)) for base, own in pairs]
-    return rope._replace(sections=sections, law=law, effects=tuple(made))
+    scaled = [with_arrays_of(effect, _scaled(base, factors, np.multiply)) for base, effect in pairs]
+    return rope._replace(sections=sections, law=law, effects=tuple(scaled))
 
 
 def _scaled(effect: Any, factors: Mapping[str, Any], times: Any) -> Any:
     """Return kernel data with the figures' fields scaled: times(factor, field)."""
-    inside = _INSIDE.get(type(effect))
-    if inside is not None:
-        inner = _scaled(getattr(effect, inside), factors, times)
-        return effect._replace(**{inside: inner})
+    inner_name = _INSIDE.get(type(effect))
+    if inner_name is not None:
+        inner = _scaled(getattr(effect, inner_name), factors, times)
+        return effect._replace(**{inner_name: inner})
     changed = {}
     for figure, names in _fields_of(effect).items():
         for name in names:
-            changed[name] = _times(factors[figure], getattr(effect, name), times)
+            changed[name] = _scaled_field(factors[figure], getattr(effect, name), times)
     if isinstance(effect, RigidBody):
         changed["added"] = effect.added.copy()
         moved_kg = effect.hook + effect.m + effect.added[2]
@@ -178,19 +178,19 @@ def _scaled(effect: Any, factors: Mapping[str, Any], times: Any) -> Any:
     return effect._replace(**changed)
 
 
-def _times(factor: Any, field: Any, times: Any) -> Any:
+def _scaled_field(factor: Any, field: Any, times: Any) -> Any:
     if isinstance(field, tuple):
-        return tuple(_times(factor, one, times) for one in field)
+        return tuple(_scaled_field(factor, part, times) for part in field)
     value = times(factor, field)
     return value if np.ndim(value) else float(value)
 
 
 def scaled_sections(sections: Floats, factors: Mapping[str, float]) -> Floats:
     """Return sections with axial stiffness and damping multiplied, (SECTION_ROWS, sections)."""
-    found = sections.copy()
+    scaled = sections.copy()
     for name, row in _SECTION_ROWS.items():
-        found[row] *= factors[name]
-    return found
+        scaled[row] *= factors[name]
+    return scaled
 
 
 def scaled_fields(
@@ -200,18 +200,20 @@ def scaled_fields(
 
     Everything else of the effects is kept, whatever their mesh. factors: of all FIGURES.
     """
-    made = []
-    for own, first in zip(effects, base, strict=True):
-        inside = _INSIDE.get(type(own))
-        if inside is not None:
-            (inner,) = scaled_fields((getattr(first, inside),), (getattr(own, inside),), factors)
-            made.append(own._replace(**{inside: inner}))
+    result = []
+    for effect, base_effect in zip(effects, base, strict=True):
+        inner_name = _INSIDE.get(type(effect))
+        if inner_name is not None:
+            (inner,) = scaled_fields(
+                (getattr(base_effect, inner_name),), (getattr(effect, inner_name),), factors
+            )
+            result.append(effect._replace(**{inner_name: inner}))
             continue
-        fields = _fields_of(own)
+        fields = _fields_of(effect)
         names = [name for figure in fields if figure != "current" for name in fields[figure]]
-        scaled = _scaled(first, factors, np.multiply) if names else first
-        made.append(own._replace(**{name: getattr(scaled, name) for name in names}))
-    return tuple(made)
+        scaled = _scaled(base_effect, factors, np.multiply) if names else base_effect
+        result.append(effect._replace(**{name: getattr(scaled, name) for name in names}))
+    return tuple(result)
 
 
 class LearnedFigures:
@@ -228,9 +230,9 @@ class LearnedFigures:
     def offer(
         self, rope: Rope, factors: Mapping[str, float], ramp_s: float, now_ns: int, cut: bool
     ) -> str:
-        """Lead the figures over to factors from now on; return "" or the rejection.
+        """Start a ramp of the figures to these factors; return "" or the rejection.
 
-        Figures that are not named keep what they have.
+        Figures that are not named keep their factors.
         """
         fault = _fault(rope, factors, ramp_s, cut)
         if fault:
@@ -254,10 +256,10 @@ class LearnedFigures:
 
     def at(self, now_ns: int) -> dict[str, float]:
         """Return the factors at a time, by the names of FIGURES; 1: the scene's value."""
-        stair_ns = max(now_ns - self.begin_ns, 0) // UPDATE_NS * UPDATE_NS
-        share = stair_ns / self.ramp_ns if stair_ns < self.ramp_ns else 1.0
-        now = self._before + share * (self._target - self._before)
-        return dict(zip(FIGURES, now.tolist(), strict=True))
+        elapsed_ns = max(now_ns - self.begin_ns, 0) // UPDATE_NS * UPDATE_NS
+        fraction = elapsed_ns / self.ramp_ns if elapsed_ns < self.ramp_ns else 1.0
+        factors = self._before + fraction * (self._target - self._before)
+        return dict(zip(FIGURES, factors.tolist(), strict=True))
 
     def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
         """Return the number of steps before the next update, at most `steps`."""
@@ -271,33 +273,33 @@ class LearnedFigures:
 def _fault(
     rope: Rope, factors: Mapping[str, float], ramp_s: float, cut: bool
 ) -> tuple[str, str] | None:
-    """Return fault and remedy of factors that cannot be taken over, or None."""
+    """Return fault and remedy of factors that are rejected, or None."""
     known = [name for name in figures_of(rope) if name != "current"]
     if cut:
         return "the rope was cut", "figures belong to the whole rope"
     if not factors:
         return "no figure is given", f"give one of {', '.join(known)}"
-    if not 0.0 <= ramp_s <= MOST_RAMP_S:
-        return f"a ramp of {ramp_s:g} s", f"give 0 to {MOST_RAMP_S:g} s"
+    if not 0.0 <= ramp_s <= MAX_RAMP_S:
+        return f"a ramp of {ramp_s:g} s", f"give 0 to {MAX_RAMP_S:g} s"
     for name, value in factors.items():
         if name not in known:
             return f"the scene has no figure '{name}'", f"known: {', '.join(known)}"
-        if not 1.0 / MOST_FACTOR <= value <= MOST_FACTOR:
-            right = f"give {1.0 / MOST_FACTOR:g} to {MOST_FACTOR:g} times the scene's value"
+        if not 1.0 / MAX_FACTOR <= value <= MAX_FACTOR:
+            right = f"give {1.0 / MAX_FACTOR:g} to {MAX_FACTOR:g} times the scene's value"
             return f"{name} of {value:g} times the scene's", right
     return None
 
 
 class FigureBase:
-    """The scene's own figures of a rope, and the factors that are in use."""
+    """Scene's own figures of a rope, and the factors in use."""
 
     def __init__(self, rope: Rope) -> None:
-        """Keep what factors apply to."""
+        """Store the properties that factors apply to."""
         self._sections = rope.sections.copy()
         self._law = copied_law(rope.law)
         self._effects = rope.effects
         self._used: dict[str, float] = {}
-        self._seen: tuple[Any, ...] = ()  # effects that have these factors
+        self._seen: tuple[Any, ...] = ()  # effects with these factors
         self._scaled, self._scaled_law = self._sections, self._law  # sections and law with them
 
     def apply(
@@ -305,19 +307,21 @@ class FigureBase:
     ) -> tuple[Any, ...]:
         """Set factors in the rope's sections and axial law, in place; return the effects with them.
 
-        rope: the present one; effects: those in use, whose memory and current are kept.
+        rope: the present one; effects: those in use, whose internal variables and current are kept.
         """
         used = dict(factors)
-        same = np.array_equal(rope.sections, self._scaled)  # not after a return to an earlier state
+        unchanged = np.array_equal(
+            rope.sections, self._scaled
+        )  # not after a return to an earlier state
         if isinstance(rope.law, Table):
-            same = same and np.array_equal(rope.law.tension, self._scaled_law.tension)
-        if used == self._used and effects is self._seen and same:
+            unchanged = unchanged and np.array_equal(rope.law.tension, self._scaled_law.tension)
+        if used == self._used and effects is self._seen and unchanged:
             return effects
         rope.sections[:] = self._scaled = scaled_sections(self._sections, factors)
         self._scaled_law = scaled_law(self._law, factors["axial_stiffness"])
         if isinstance(rope.law, Table):
-            for mine, scaled in zip(rope.law, self._scaled_law, strict=True):
-                mine[:] = scaled
-        made = scaled_fields(self._effects, effects, factors)
-        self._used, self._seen = used, made
-        return made
+            for array, scaled in zip(rope.law, self._scaled_law, strict=True):
+                array[:] = scaled
+        updated = scaled_fields(self._effects, effects, factors)
+        self._used, self._seen = used, updated
+        return updated

@@ -17,10 +17,10 @@ STUCK_SAMPLES = 3  # minimum number of equal samples, however slowly they arrive
 CLOCK_SAMPLES = 100  # number of offsets kept
 CLOCK_SAMPLES_MIN = 10  # minimum number of offsets to report one
 CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only add to the clocks' difference
-CLOCK_SURE = 3  # of the newest CLOCK_SAMPLES_MIN: so many early ones are no single wrong stamp
+CLOCK_SURE = 3  # early ones of the newest CLOCK_SAMPLES_MIN: more than a single wrong stamp
 CLOCK_WARN_S, CLOCK_ERROR_S = 0.2, 1.0
-CLOCK_WARN_NS = 200_000_000  # also the least step, and the scatter in which one is recognised
-CLOCK_JITTER_NS = 50_000_000  # of the offsets of a sender by its link
+CLOCK_WARN_NS = 200_000_000  # also the smallest step recognised, and the largest scatter for it
+CLOCK_JITTER_NS = 50_000_000  # jitter of the offsets by the sender's link
 SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their time
 
 
@@ -58,7 +58,7 @@ _KINDS = ("accepted", "late", "repeated", "non_finite", "impossible", "stuck", "
 
 
 class InputCounter:
-    """Counts of the samples of one input; `refuse` returns its message to be passed on."""
+    """Counts of the samples of one input; `refuse` returns its message for the caller."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -185,10 +185,10 @@ class SenderClock:
     where it takes many late ones. A replay publishes each sample up to `lead_s` before its time.
     Any offset beyond these is an error of the sender's clock.
 
-    A step of the clock changes the offset of every sample from one to the next: forward beyond what
-    a link can make good, or back, with stamps that run backwards, as no link makes them. Samples
-    wait until CLOCK_SURE agree on the step. From then on their stamps are corrected by it, so that
-    the motion goes on at the times that it had before, unless the step has mended the clock.
+    A step of the clock changes the offset from one sample to the next: forward by more than a link
+    can make good, or back, with stamps that run backwards, which no link causes. Samples are
+    rejected until CLOCK_SURE of them agree on the step. From then on their stamps are corrected by
+    it, so that the motion continues without a gap, unless the step has corrected the clock.
     """
 
     def __init__(self) -> None:
@@ -200,13 +200,13 @@ class SenderClock:
         self._apart: list[int] = []  # offsets of consecutive samples that differ by a step
         self._stepped_ns = 0  # twin time of the newest step
         self._is_broken = False  # whether its correction leaves a gap in the times of the motion
-        self.mended = ""  # a step that has mended the clock, in words, until it is read
+        self.mended = ""  # message on a step that has corrected the clock, until it is read
 
     def take(self, stamp_ns: int, received_ns: int) -> float:
         """Take the stamp and the arrival of a sample, both in twin time [ns].
 
         Returns:
-            Step of its stamp [s] against those before that is not confirmed: + ahead; 0: none.
+            Unconfirmed step of its stamp [s] against earlier stamps: + ahead; 0: none.
         """
         offset_ns, backwards = received_ns - stamp_ns, stamp_ns < self._newest_ns
         self._newest_ns = stamp_ns
@@ -245,7 +245,7 @@ class SenderClock:
                 f"the sender's clock stepped by {-step_ns * 1e-9:+.2f} s at {now_ns * 1e-9:.1f} s, "
                 "its stamps need no correction"
             )
-        while len(self._apart) < CLOCK_SAMPLES_MIN:  # they stand for those to come
+        while len(self._apart) < CLOCK_SAMPLES_MIN:  # repeated in place of samples to come
             self._apart.append(self._apart[0])
         self._offsets.clear()
         self._offsets.extend(self._apart)
@@ -264,9 +264,9 @@ class SenderClock:
     def lateness_s(self) -> float:
         """Arrival minus corrected stamp of the later samples [s]; 0 while unknown.
 
-        A stamp of another clock, such as 0, says nothing of a delay.
+        A stamp of another clock, such as 0, is no measure of a delay.
         """
-        offsets = sorted(one for one in self._offsets if abs(one) <= AHEAD_NS)
+        offsets = sorted(offset for offset in self._offsets if abs(offset) <= AHEAD_NS)
         if len(offsets) < CLOCK_SAMPLES_MIN:
             return 0.0
         late_ns = offsets[int((1.0 - CLOCK_QUANTILE) * (len(offsets) - 1))]
@@ -282,9 +282,8 @@ class SenderClock:
         return offset_s if offset_s > 0.0 else min(0.0, offset_s + self.lead_s)
 
     def shift_ns(self) -> tuple[int, bool]:
-        """Return the correction of stamps [ns], and whether the motion's times have a gap by it.
-
-        The gap is one since the last call.
+        """Return the correction of stamps [ns], and whether its change since the last call leaves a
+        gap in the times of the motion.
         """
         if not self.correct:
             is_broken, self._is_broken = self._is_broken, False

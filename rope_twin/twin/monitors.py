@@ -84,22 +84,22 @@ class Chunk(NamedTuple):
     ropes: Rope | System  # at present, with the effects in use
     boundary: Boundary  # of every rope at the boundaries of the steps, (ropes, steps + 1, MOTIONS)
     pulls: Floats  # force on every upper end after each step [N], (ropes, steps, PULL_COLUMNS)
-    done: int  # steps done: row `done` of the boundary is the present. 0: pulls has the present
+    done: int  # steps done: row `done` of the boundary is the present; 0: so is the row of pulls
     time_ns: int  # the present
     step_s: float
     steps: int  # done since the start of the twin
     currents: int  # current profiles accepted since then
 
     @property
-    def border(self) -> tuple[Floats, Floats]:
+    def present_motion(self) -> tuple[Floats, Floats]:
         """Return value and rate of the prescribed motion at present, (ropes, MOTIONS) each."""
         return self.boundary.value[:, self.done].copy(), self.boundary.rate[:, self.done].copy()
 
     @property
     def pull(self) -> Floats:
         """Return the force on the upper ends at present [N], (ropes, PULL_COLUMNS)."""
-        now: Floats = self.pulls[:, max(self.done - 1, 0)]
-        return now
+        present: Floats = self.pulls[:, max(self.done - 1, 0)]
+        return present
 
 
 class Monitor:
@@ -111,29 +111,29 @@ class Monitor:
 
     notice = ""  # message for the user before the run
 
-    def start(self, now: TwinView, present: Chunk) -> None:
+    def start(self, view: TwinView, present: Chunk) -> None:
         """Start with a twin in static equilibrium."""
-        self.restart(now, present)
+        self.restart(view, present)
 
-    def restart(self, now: TwinView, present: Chunk) -> None:
+    def restart(self, view: TwinView, present: Chunk) -> None:
         """Start from the present: elements have changed, or the ropes are in an earlier state."""
 
-    def steps_to_observation(self, now: TwinView) -> int:
+    def steps_to_observation(self, view: TwinView) -> int:
         """Return after how many further steps it must observe."""
         return STEPS_PER_CALL
 
-    def observe(self, now: TwinView, chunk: Chunk) -> None:
+    def observe(self, view: TwinView, chunk: Chunk) -> None:
         """Observe the steps just done, not more than `steps_to_observation` returned."""
 
-    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
         """Return the snapshot with its results."""
         return shot
 
-    def cut(self, now: TwinView) -> None:
+    def cut(self, view: TwinView) -> None:
         """Continue with a rope that was cut just now."""
 
     def command(self, now_ns: int, rope: int, stamp_ns: int | None, command: WinchCommand) -> None:
-        """Take a command that the winch of a rope has accepted; under the lock of the inputs."""
+        """Observe a command that the winch of a rope has accepted; under the lock of the inputs."""
 
     def invalidate(self) -> None:
         """Invalidate inputs that were known in advance; under the lock of the inputs."""
@@ -142,32 +142,32 @@ class Monitor:
         """Return the state from which `restore` continues, by name; empty for none."""
         return {}
 
-    def restore(self, now: TwinView, present: Chunk, saved: SavedState) -> None:
+    def restore(self, view: TwinView, present: Chunk, saved: SavedState) -> None:
         """Continue in a twin that was restored, as far as the state has this monitor.
 
         Raises:
             StateError: the state is of another monitor.
         """
-        self.restart(now, present)
+        self.restart(view, present)
 
 
-def chunk_of(now: TwinView, pulls: Floats, boundary: Boundary) -> Chunk:
+def chunk_of(view: TwinView, pulls: Floats, boundary: Boundary) -> Chunk:
     """Return the ropes at present and the last steps.
 
-    pulls: force of the first rope after each of them, empty for none; boundary: of the first rope,
-    row 0 is before them.
+    pulls: force of the first rope after each of these steps, empty for none; boundary: of the first
+    rope, row 0 is before these steps.
     """
-    joined, done = now.joined, len(pulls)
+    joined, done = view.joined, len(pulls)
     ropes: Rope | System
     if joined is None:
-        ropes, borders = now.rope, Boundary(*(table[None] for table in boundary))
-        each = pulls[None] if done else now.pull[None, None]
+        ropes, boundaries = view.rope, Boundary(*(table[None] for table in boundary))
+        rope_pulls = pulls[None] if done else view.pull[None, None]
     else:
-        ropes = joined.system(now.rope)
-        borders = joined.moved if done else joined.boundaries(boundary, 0)
-        each = joined.pulls if done else joined.pull[:, None]
-    counts = now.clock.steps, now.inputs.current.changes
-    return Chunk(ropes, borders, each, done, now.time_ns, now.step_s, *counts)
+        ropes = joined.system(view.rope)
+        boundaries = joined.moved if done else joined.boundaries(boundary, 0)
+        rope_pulls = joined.pulls if done else joined.pull[:, None]
+    counts = view.clock.steps, view.inputs.current.changes
+    return Chunk(ropes, boundaries, rope_pulls, done, view.time_ns, view.step_s, *counts)
 
 
 @dataclass(frozen=True)
@@ -239,16 +239,20 @@ class EnergyAccount:
 
     def balance(self) -> EnergyBalance:
         """Return the sums up to the present, with Gregory's corrections at both ends."""
-        now, work = self._now.store, self._work
+        stored, work = self._now.store, self._work
         if len(self._first_rises) == 2:
-            work = work - _steady(*self._last_rises) + _steady(*self._first_rises)
+            work = (
+                work
+                - _smaller_increment(*self._last_rises)
+                + _smaller_increment(*self._first_rises)
+            )
         hang_off, passing, water = work.tolist()
-        change = now.total - self._first.store.total
+        change = stored.total - self._first.store.total
         return EnergyBalance(
             since_s=self._since_s,
-            kinetic_j=now.kinetic,
-            elastic_j=now.elastic,
-            potential_j=now.potential,
+            kinetic_j=stored.kinetic,
+            elastic_j=stored.elastic,
+            potential_j=stored.potential,
             change_j=change,
             hang_off_j=hang_off,
             passing_j=passing,
@@ -267,46 +271,46 @@ class EnergyMonitor(Monitor):
 
     _account: EnergyAccount
 
-    def start(self, now: TwinView, present: Chunk) -> None:
+    def start(self, view: TwinView, present: Chunk) -> None:
         """Open the balance.
 
         Raises:
             SceneError: an effect does not report its energy.
         """
-        _check_effects(now.scene, now.rope)
-        self.restart(now, present)
+        _check_effects(view.scene, view.rope)
+        self.restart(view, present)
 
-    def steps_to_observation(self, now: TwinView) -> int:
+    def steps_to_observation(self, view: TwinView) -> int:
         """Return 1."""
         return 1
 
-    def observe(self, now: TwinView, chunk: Chunk) -> None:
+    def observe(self, view: TwinView, chunk: Chunk) -> None:
         """Add the step just done."""
         if chunk.done:
-            self._account.take(now.step_s, _measured(now))
+            self._account.take(view.step_s, _energy_state(view))
 
-    def amend(self, now: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
         """Return the snapshot with the energy balance."""
         return amended(shot, energy=self._account.balance())
 
-    def restart(self, now: TwinView, present: Chunk) -> None:
-        """Open a new balance, as no step leads to the present."""
-        self._account = EnergyAccount(now.time_ns * 1e-9, _measured(now))
+    def restart(self, view: TwinView, present: Chunk) -> None:
+        """Open a new balance from the present state."""
+        self._account = EnergyAccount(view.time_ns * 1e-9, _energy_state(view))
 
-    def cut(self, now: TwinView) -> None:
-        """Continue with the parts: a cut is no step, so its change of energy does not count."""
-        self._account.restart_at(_measured(now))
+    def cut(self, view: TwinView) -> None:
+        """Continue with the parts; the change of energy by the cut itself is not counted."""
+        self._account.restart_at(_energy_state(view))
 
 
-def _measured(now: TwinView) -> SystemBorder:
+def _energy_state(view: TwinView) -> SystemBorder:
     """Return energy and power of the present state."""
-    return now.ropes.measure(now.rope, now.pull, now.line[1], now.time_ns * 1e-9)
+    return view.ropes.measure(view.rope, view.pull, view.line[1], view.time_ns * 1e-9)
 
 
-def _steady(one: Floats, other: Floats) -> Floats:
-    """Return the smaller of two increments of equal sign, else 0 (no correction at a kink)."""
-    same = np.sign(one) == np.sign(other)
-    return np.where(same, np.sign(one) * np.minimum(np.abs(one), np.abs(other)), 0.0)
+def _smaller_increment(first: Floats, second: Floats) -> Floats:
+    """Return the smaller of two increments of equal sign; 0 for opposite signs, as at a kink."""
+    same = np.sign(first) == np.sign(second)
+    return np.where(same, np.sign(first) * np.minimum(np.abs(first), np.abs(second)), 0.0)
 
 
 def _check_effects(scene: Scene, rope: Rope) -> None:
@@ -338,17 +342,17 @@ class TensionMonitor(Monitor):
         self._slack_steps = slack_steps
         self._checks = self._slack_checks = 0
 
-    def start(self, now: TwinView, present: Chunk) -> None:
+    def start(self, view: TwinView, present: Chunk) -> None:
         """Start in static equilibrium."""
         self._static = present.pull[:, rows.PULL].tolist()
         self._upper = [Extremes() for _ in self._static]
 
-    def steps_to_observation(self, now: TwinView) -> int:
+    def steps_to_observation(self, view: TwinView) -> int:
         """Return the number of steps until the next check for slack."""
-        return self._slack_steps - now.clock.steps % self._slack_steps
+        return self._slack_steps - view.clock.steps % self._slack_steps
 
-    def observe(self, now: TwinView, chunk: Chunk) -> None:
-        """Take the tensions of the steps just done, and check for slack if that is due."""
+    def observe(self, view: TwinView, chunk: Chunk) -> None:
+        """Record the tensions of the steps just done, and check for slack if that is due."""
         for upper, pulls in zip(self._upper, chunk.pulls, strict=True):
             upper.take(pulls[: chunk.done, rows.PULL].tolist())
         if chunk.done and chunk.steps % self._slack_steps == 0:
@@ -356,22 +360,22 @@ class TensionMonitor(Monitor):
             self._checks += 1
             self._slack_checks += is_slack(ropes)
 
-    def cut(self, now: TwinView) -> None:
+    def cut(self, view: TwinView) -> None:
         """Continue with the parts; the lower one of a multi-line system is a further rope."""
-        if now.joined is not None:
+        if view.joined is not None:
             self._upper.append(Extremes())
             self._static.append(0.0)
 
     @property
     def upper_n(self) -> list[Extremes]:
         """Tension at the upper end of each rope in all steps [N]; before the first, the static."""
-        found = []
+        extremes = []
         for upper, static in zip(self._upper, self._static, strict=True):
             if upper.empty:
                 upper = Extremes()
                 upper.take([static])
-            found.append(upper)
-        return found
+            extremes.append(upper)
+        return extremes
 
     @property
     def slack_share(self) -> float:

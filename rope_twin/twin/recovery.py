@@ -52,8 +52,8 @@ class Checkpoint(NamedTuple):
     time_ns: int
     level: AccuracyLevel
     cut: CutShot | None
-    border: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
-    kept: dict[str, rows.Floats]
+    boundary: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
+    arrays: dict[str, rows.Floats]
     effects: tuple[Any, ...]
     extremes: tuple[Extremes, Extremes]  # since the start and since the newest snapshot
 
@@ -63,12 +63,12 @@ class Recovery:
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
-        self._kept: deque[Checkpoint] = deque([twin.checkpoint()], maxlen=CHECKPOINTS)
+        self._checkpoints: deque[Checkpoint] = deque([twin.checkpoint()], maxlen=CHECKPOINTS)
         self._due_ns = _next_due(twin.time_ns)
         self._failed_ns: deque[int] = deque()  # twin times of failures within the window
         self._level = 0  # checkpoints that the newest recovery went back; 0: to the last step
         self._first = ""  # reason of the first failure of the present series
-        self._folder: Path | None = None  # keeps the failure folder while writing is suspended
+        self._folder: Path | None = None  # failure folder while writing is suspended
         self._files = 0  # number of failure files
         self.count = 0  # failed steps recovered from
         self.newest_ns = 0  # twin time of the newest recovery
@@ -121,39 +121,39 @@ class Recovery:
         Raises:
             SolverError: as `advance`.
         """
-        taken = self._twin.snapshot()
-        while not _is_finite(taken):
+        shot = self._twin.snapshot()
+        while not _is_finite(shot):
             self._recover(SolverError(_not_finite(self._twin.time_ns)), level=1)
-            taken = self._twin.snapshot()
+            shot = self._twin.snapshot()
         if not self.count:
-            return taken
-        ago_s = (taken.stamp_ns - self.newest_ns) * 1e-9
-        solver = taken.solver._replace(
+            return shot
+        ago_s = (shot.stamp_ns - self.newest_ns) * 1e-9
+        solver = shot.solver._replace(
             recoveries=self.count, recovered_ago_s=ago_s, recovery=self.reason
         )
-        return amended(taken, solver=solver)
+        return amended(shot, solver=solver)
 
     def _take_checkpoint(self) -> None:
-        """Keep a checkpoint if one is due, or if the kept ones no longer fit the ropes."""
-        twin, newest = self._twin, self._kept[-1]
+        """Store a checkpoint if one is due, or if the stored ones do not fit the ropes."""
+        twin, newest = self._twin, self._checkpoints[-1]
         if self._folder is not None and not self._is_unsettled():
             self._files += 1
             twin.failure_folder = self._folder if self._files < MAX_FAILURE_FILES else None
             self._folder = None
         changed = newest.level is not twin.level or newest.cut is not twin.cut
         if changed:
-            self._kept.clear()
+            self._checkpoints.clear()
         elif twin.time_ns < self._due_ns or self._is_unsettled():
             return
         self._due_ns = _next_due(twin.time_ns)
-        self._kept.append(twin.checkpoint())
+        self._checkpoints.append(twin.checkpoint())
 
     def _is_unsettled(self) -> bool:
         """Return whether the newest failure is so recent that the next step may fail too."""
         return bool(self._failed_ns) and self._twin.time_ns < self._failed_ns[-1] + SETTLED_NS
 
     def _recover(self, error: Exception, level: int = 0) -> None:
-        """Restore the ropes after a failure, from further back if the recovery itself failed."""
+        """Restore the ropes after a failure, from an earlier checkpoint if a recovery failed."""
         twin = self._twin
         now_ns = twin.time_ns
         unsettled = self._is_unsettled()
@@ -182,18 +182,18 @@ class Recovery:
 
     def _go_back(self, level: int) -> str:
         """Restore the ropes from `level` checkpoints back; return a description."""
-        twin, newest = self._twin, self._kept[-1]
+        twin, newest = self._twin, self._checkpoints[-1]
         if level == 0:
             reverted = ""
             if twin.revert_current(newest):
                 reverted = ", with the current profile of before"
             twin.discard_prescribed()
             return f"it went on from the state before that step{reverted}"
-        then = self._kept[max(0, len(self._kept) - level)]
-        if not twin.return_to(then):
+        checkpoint = self._checkpoints[max(0, len(self._checkpoints) - level)]
+        if not twin.return_to(checkpoint):
             twin.discard_prescribed()
             return "it went on from the state before that step: no earlier one fits the rope"
-        return f"it went on from the rope's state at {then.time_ns * 1e-9:.2f} s"
+        return f"it went on from the rope's state at {checkpoint.time_ns * 1e-9:.2f} s"
 
 
 def _next_due(time_ns: int) -> int:
@@ -218,15 +218,15 @@ def _is_finite(shot: Snapshot) -> bool:
 
     Tensions along a rope follow from its nodes' positions.
     """
-    figures = [
+    values = [
         shot.tension_top_n + shot.tension_payload_n + shot.line_out_m + shot.heave_m,
         shot.payout_speed_m_per_s + sum(shot.payload_velocity_m_per_s.tolist()),
         float(np.add.reduce(shot.node_position_m.ravel())),
     ]
     if shot.ropes:
-        figures += [float(np.add.reduce(one.node_position_m.ravel())) for one in shot.ropes]
-        figures += [sum(one.position_m.tolist()) for one in shot.payloads]
-    return all(map(math.isfinite, figures))
+        values += [float(np.add.reduce(one.node_position_m.ravel())) for one in shot.ropes]
+        values += [sum(one.position_m.tolist()) for one in shot.payloads]
+    return all(map(math.isfinite, values))
 
 
 def step_failure(step: int, time_s: float) -> str:

@@ -104,11 +104,11 @@ def falling_effects(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     )
 
 
-_NOTHING = (0.0, 0.0, 0.0)
+_ZERO = (0.0, 0.0, 0.0)
 _WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an effect at the end
     Payload: dict.fromkeys(Payload._fields, 0.0),
     TwoWayPayload: dict.fromkeys(TwoWayPayload._fields, 0.0),
-    SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
+    SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _ZERO, "added": _ZERO, "k": _ZERO},
     Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
     Fairing: {"k": 0.0},
     HullContact: {"k_payload": 0.0},

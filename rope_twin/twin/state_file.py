@@ -10,9 +10,9 @@ The checksum covers all that follows the second line. A file is written whole or
 
 `serialise` returns the plain form of a value: numbers, strings, arrays, containers, NamedTuples,
 dataclasses and objects of this package with all their attributes. An unknown type is an error, so
-that nothing new is silently left out. `deserialise` puts the values back into an object of the same
-structure. Parts of the scene are constant and are left out. In JSON, lists, numbers and strings
-stand for themselves; anything else is an object with one key that names its type: {"array": name},
+that no attribute is silently left out. `deserialise` restores the values into an object of the same
+structure. Parts of the scene are constant and are left out. In JSON, lists, numbers and strings are
+plain; any other value is an object with one key that names its type: {"array": name},
 {"fields": {...}}, {"tuple": [...]}, ...
 
 `AutoSave` saves a running twin: the stepping thread copies the state, another writes it.
@@ -106,10 +106,12 @@ def deserialise(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
         return Counter(content)
     if kind == "fields":
         return _refilled(content, like, arrays, at)
-    likes = like if isinstance(like, tuple) and len(like) == len(content) else [None] * len(content)
+    templates = (
+        like if isinstance(like, tuple) and len(like) == len(content) else [None] * len(content)
+    )
     parts = [
-        deserialise(part, other, arrays, f"{at}/{number}")
-        for number, (part, other) in enumerate(zip(content, likes, strict=True))
+        deserialise(part, template, arrays, f"{at}/{number}")
+        for number, (part, template) in enumerate(zip(content, templates, strict=True))
     ]
     if kind == "tuple":
         return tuple(parts)
@@ -143,8 +145,8 @@ def _refilled(content: dict[str, Any], like: Any, arrays: Arrays, at: str) -> An
     """
     present = _fields(like) if _is_object(like) else {}
     if present.keys() != content.keys():
-        odd = sorted(present.keys() ^ content.keys())
-        raise StateError(f"{at} does not have the same parts ({', '.join(odd)})")
+        mismatched = sorted(present.keys() ^ content.keys())
+        raise StateError(f"{at} does not have the same parts ({', '.join(mismatched)})")
     values = {
         name: deserialise(part, present[name], arrays, f"{at}/{name.lstrip('_')}")
         for name, part in content.items()
@@ -368,7 +370,7 @@ class AutoSave:
         self._requested = True
 
     def keep(self, twin: Twin) -> None:
-        """Save a branch of the twin in place of the present; call it while no thread steps."""
+        """Save a branch of the twin instead of the present; call it while no thread steps."""
         if not self._failed:
             self._store(twin)
 

@@ -53,17 +53,19 @@ def solve_scene_statics(scene: Scene, rope: Rope) -> Floats:
     nodes = rope.state.nodes
     rope = rope._replace(effects=without_motion(rope.effects))
     with no_garbage_collection():
-        end = solve_statics(rope, line.length_m)
+        equilibrium = solve_statics(rope, line.length_m)
     judge_body(scene, rope)
     check_equilibrium(
-        scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
+        scene,
+        equilibrium,
+        float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max()),
     )
     # One step at equilibrium on a copy gives the static tension at the hang-off.
-    spare = rope._replace(state=rope.state.copy())
+    copied = rope._replace(state=rope.state.copy())
     boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
     boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
     pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
-    advance(spare, boundary, pull, 0.0, 1)
+    advance(copied, boundary, pull, 0.0, 1)
     return pull.reshape(rows.PULL_COLUMNS)
 
 
@@ -71,7 +73,7 @@ def judge_body(scene: Scene, rope: Rope) -> None:
     """Check that the rope's rigid body, if any, has an equilibrium position.
 
     Raises:
-        SceneError: it slides away.
+        SceneError: it has none: it slides.
     """
     body = body_of(rope)
     if body is not None and not np.isfinite(pose_of(body).velocity).all():
@@ -80,23 +82,23 @@ def judge_body(scene: Scene, rope: Rope) -> None:
         raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
 
 
-def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
+def check_equilibrium(scene: Scene, equilibrium: Equilibrium, highest_m: float) -> None:
     """Check that ropes can start from this equilibrium; highest_m: z of their highest node [m].
 
     Raises:
         SceneError: there is no equilibrium, or the ropes float.
     """
     where = f"{scene.path}: ropes[0]"
-    if not end.found:
-        left = f"{end.residual_n:.3g} N pull at a node of the best shape found"
-        if not isfinite(end.residual_n):
-            left = "forces on the rope are not finite"
+    if not equilibrium.found:
+        reason = f"{equilibrium.residual_n:.3g} N pull at a node of the best shape found"
+        if not isfinite(equilibrium.residual_n):
+            reason = "forces on the rope are not finite"
         raise SceneError(
             where,
-            f"no static equilibrium ({left})",
+            f"no static equilibrium ({reason})",
             "check that rope and payload sink, or fix the lower end",
         )
-    highest_hang_off_m = max(at[2] for at in places(scene).values())
+    highest_hang_off_m = max(position[2] for position in places(scene).values())
     if highest_m > max(highest_hang_off_m, 0.0) + MAX_FLOAT_HEIGHT_M:
         raise SceneError(
             where,
@@ -111,8 +113,8 @@ def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
     tensions: of the elements of each rope [N]. The first rope is left out if it alone carries the
     suspended load: the sense checks of the scene cover it.
     """
-    held = hung_together(scene)
-    alone = held is not None and len(held.lines) == 1
+    suspended = hung_together(scene)
+    alone = suspended is not None and len(suspended.lines) == 1
     for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
         if number == 0 and alone:
             continue

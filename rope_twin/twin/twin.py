@@ -480,9 +480,9 @@ class Twin:
         if fits:
             present = self._system.ropes.present_boundary(self._motion.boundary)
             self.revert_current(checkpoint)
-            fits = self._system.restore_checkpoint(checkpoint.kept, self.inputs.current.effects)
+            fits = self._system.restore_checkpoint(checkpoint.arrays, self.inputs.current.effects)
         if fits:
-            self._motion.return_to(checkpoint.border, present, self.time_ns)
+            self._motion.return_to(checkpoint.boundary, present, self.time_ns)
             self._record.restore_finite(checkpoint.extremes)
             self.discard_prescribed()
         self._restart_monitors()

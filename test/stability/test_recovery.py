@@ -358,6 +358,6 @@ def test_checkpoints_are_of_full_seconds_and_few(tmp_path: Path) -> None:
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 5.5)
-    times = [one.time_ns for one in recovery._kept]
+    times = [one.time_ns for one in recovery._checkpoints]
     assert times == [CHECKPOINT_NS * k for k in (3, 4, 5)]
     assert len(times) == CHECKPOINTS

@@ -40,7 +40,7 @@ from rope_twin.twin.motion.plausibility import (
     shortest_period_s,
 )
 from rope_twin.twin.motion.ship_motion import (
-    MOST_RATE_RAD_PER_S,
+    MAX_RATE_RAD_PER_S,
     STILL,
     UPRIGHT,
     ShipPose,
@@ -144,7 +144,7 @@ class HangOffTrack(HeaveTrack):
         self._continuity = Continuity(limits)
         speed, acceleration = limits.speed_m_per_s, limits.acceleration_m_per_s2
         self._rates = RateCheck(NOISE_M, speed, acceleration)
-        self._turns = RateCheck(NOISE_RAD, MOST_RATE_RAD_PER_S, MOST_RATE_RAD_PER_S)
+        self._turns = RateCheck(NOISE_RAD, MAX_RATE_RAD_PER_S, MAX_RATE_RAD_PER_S)
         self._judged_ns, self._judged = -JUDGED_NS, UNJUDGED
         self._turned: Vector3 = STILL  # sum of the rotation vectors between poses
         self._orientation = UPRIGHT  # of the newest pose

@@ -32,8 +32,8 @@ Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 STILL: Vector3 = (0.0, 0.0, 0.0)
 UNIT_WITHIN = 1e-3  # tolerance of a unit quaternion's length
-MOST_TILT_DEG = 60.0
-MOST_RATE_RAD_PER_S = 2.0
+MAX_TILT_DEG = 60.0
+MAX_RATE_RAD_PER_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -71,12 +71,12 @@ def pose_fault(pose: ShipPose) -> str:
         return phrase("ship pose", *reason)
     x, y, _, _ = pose.orientation
     tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
-    if tilt > MOST_TILT_DEG:
-        right = f"a ship heels by at most {MOST_TILT_DEG:g}°"
+    if tilt > MAX_TILT_DEG:
+        right = f"a ship heels by at most {MAX_TILT_DEG:g}°"
         return phrase("ship pose", f"it heels by {tilt:.0f}°", right)
     rate = math.sqrt(sum(w * w for w in pose.rate_rad_per_s))
-    if rate > MOST_RATE_RAD_PER_S:
-        right = f"a ship turns by at most {MOST_RATE_RAD_PER_S:g} rad/s"
+    if rate > MAX_RATE_RAD_PER_S:
+        right = f"a ship turns by at most {MAX_RATE_RAD_PER_S:g} rad/s"
         return phrase("ship pose", f"it turns at {rate:.2f} rad/s", right)
     return ""
 
