@@ -36,7 +36,7 @@ from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 from rope_twin.twin.motion.ship_motion import (
     MAX_TILT_DEG,
-    UNIT_WITHIN,
+    UNIT_LENGTH_TOL,
     SeaRecord,
     ShipPose,
     Vector3,
@@ -396,7 +396,7 @@ def _judge(values: Table) -> Faults:
         size = np.sqrt((values[:, _TURN] ** 2).sum(axis=1))
         upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)
         return {
-            "with an orientation that is no unit quaternion": np.abs(size - 1.0) > UNIT_WITHIN,
+            "with an orientation that is no unit quaternion": np.abs(size - 1.0) > UNIT_LENGTH_TOL,
             f"that heel by more than {MAX_TILT_DEG:g}°": upward < np.cos(np.radians(MAX_TILT_DEG)),
         }
 

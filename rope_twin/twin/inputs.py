@@ -156,7 +156,7 @@ class TwinInputs:
             right = "give its rope `end_motion: {from_outside: true}`"
             return phrase("lower_end", "the scene does not let another simulator move it", right)
         with self.lock:
-            refusal = self.lower_end.offer_place(stamp_ns, position_m, velocity_m_per_s)
+            refusal = self.lower_end.offer_position(stamp_ns, position_m, velocity_m_per_s)
             if not refusal:
                 self.validity.invalidate("the lower end is moved from elsewhere")
             return refusal

@@ -37,7 +37,7 @@ def follow(
             pose = poses.pop(0)
             track.offer_pose(change(pose) if pose.stamp_ns >= FAULT_NS else pose)
         up = track.at(now_ns)
-        motion.append((up, *track.aside_at(now_ns)))
+        motion.append((up, *track.lateral_at(now_ns)))
         health.append(track.health(now_ns))
     return health, motion
 

@@ -3,8 +3,8 @@
 They follow from the inputs of a twin (heave or poses, winch commands) and, where the winch needs
 tension feedback, from the rope after the last step.
 
-Those of an ensemble's members are computed a batch of steps at a time. Members with the same inputs
-share them: the member that needs a batch first computes them. They are bit-identical to those of a
+For an ensemble's members they are computed a batch of steps at a time. Members with the same inputs
+share them: the first member that needs a batch computes them. They are bit-identical to those of a
 `Twin` with the same samples.
 """
 
@@ -30,7 +30,7 @@ from rope_twin.twin.motion.heave_track import HeaveSeries, ramp, rejoin_s
 from rope_twin.twin.winch.commands import FEEDBACK_MODES, CommandSample, motion_of, schedule_samples
 from rope_twin.twin.winch.winch import Winch
 
-OFFERED_NS = 8_000_000_000  # commands known in advance reach the winch so much early, at most
+COMMAND_LEAD_NS = 8_000_000_000  # maximum lead of commands known in advance to the winch
 
 
 class Blending:
@@ -64,17 +64,17 @@ class Blending:
         slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
         return value, slope / over_s
 
-    def added(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
+    def add_to(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
         """Add the differences to the other hang-offs' motion; heave moves those without poses."""
         error, rate = self.at(time_ns)
-        still = (0.0, 0.0)
-        led = {}
+        zero = (0.0, 0.0)
+        blended = {}
         for r in range(1, len(error)):
-            moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
-            x, y, z = (np.asarray(moved) + error[r]).tolist()
-            u, v, w = (np.asarray(moving) + rate[r]).tolist()
-            led[r] = ((x, y, z), (u, v, w))
-        return led
+            displacement, velocity = moves.get(r, ((*zero, heave[0]), (*zero, heave[1])))
+            x, y, z = (np.asarray(displacement) + error[r]).tolist()
+            u, v, w = (np.asarray(velocity) + rate[r]).tolist()
+            blended[r] = ((x, y, z), (u, v, w))
+        return blended
 
 
 class Present(NamedTuple):
@@ -115,18 +115,18 @@ class BoundaryConditions:
         """Continue from a state."""
         self.boundary, self.steps, self.blending = state
 
-    def return_to(self, then: rows.Boundary, present: rows.Boundary, time_ns: int) -> None:
+    def return_to(self, earlier: rows.Boundary, present: rows.Boundary, time_ns: int) -> None:
         """Return to an earlier boundary, and blend the hang-offs into their live motion.
 
-        then, present: of all ropes, (ropes, MOTIONS).
+        earlier, present: of all ropes, (ropes, MOTIONS).
         """
-        self.boundary.value[0], self.boundary.rate[0] = (table[0] for table in then)
+        self.boundary.value[0], self.boundary.rate[0] = (table[0] for table in earlier)
         error, rate = self.blending.at(time_ns)
-        moved = [
+        differences = [
             np.nan_to_num((old - new)[: len(error), : rows.LINE])
-            for old, new in zip(then, present, strict=True)
+            for old, new in zip(earlier, present, strict=True)
         ]
-        self.blending.begin(time_ns, error + moved[0], rate + moved[1])
+        self.blending.begin(time_ns, error + differences[0], rate + differences[1])
 
     def until(self, done: int) -> rows.Boundary:
         """Return a copy of the rows up to the boundary after `done` steps."""
@@ -138,85 +138,89 @@ class BoundaryConditions:
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
-    def fill(self, steps: int, inputs: TwinInputs, now: Present) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: Present) -> int:
         """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
         Steps prescribed by an earlier call but not done keep their values. Where a winch needs
         tension feedback, the steps before it must be done first.
         """
         for row in range(self.steps + 1, steps + 1):
-            begin_ns = now.time_ns + (row - 1) * now.step_ns
+            begin_ns = present.time_ns + (row - 1) * present.step_ns
             feedback = inputs.winch.needs_feedback(begin_ns)
             if row > 1 and (feedback or inputs.ropes.needing_feedback(begin_ns)):
                 return row - 1
-            then = Present(begin_ns, now.step_ns, now.rope, now.pull_n)
-            self._fill_border(row, inputs, then, feedback)
+            begin = Present(begin_ns, present.step_ns, present.rope, present.pull_n)
+            self._fill_row(row, inputs, begin, feedback)
             self.steps = row
         return steps
 
-    def _fill_border(self, row: int, inputs: TwinInputs, now: Present, feedback: bool) -> None:
+    def _fill_row(
+        self, row: int, inputs: TwinInputs, present: Present, needs_feedback: bool
+    ) -> None:
         """Set the boundary at the end of the step that begins now.
 
-        feedback: whether the winch needs tension feedback.
+        needs_feedback: whether the winch needs tension feedback.
         """
-        begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
+        begin_ns, end_ns = present.time_ns, present.time_ns + present.step_ns
         rest, rest_z = self._rest, self._rest_z
         value, rate = self.boundary
-        z, v = inputs.heave.at(border_ns)
-        share, share_rate = ramp(border_ns * 1e-9, self._ship.motion_ramp_s)
-        heave = (share * z, share * v + share_rate * z)
+        z, v = inputs.heave.at(end_ns)
+        factor, factor_rate = ramp(end_ns * 1e-9, self._ship.motion_ramp_s)
+        heave = (factor * z, factor * v + factor_rate * z)
         if inputs.heave.posed:  # else x and y have their mean values in every row
-            for k, (aside, moving) in enumerate(inputs.heave.aside_at(border_ns)):
-                value[row, k] = rest[k] + share * aside
-                rate[row, k] = share * moving + share_rate * aside
+            for k, (displacement, velocity) in enumerate(inputs.heave.lateral_at(end_ns)):
+                value[row, k] = rest[k] + factor * displacement
+                rate[row, k] = factor * velocity + factor_rate * displacement
         value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
-        led = border_ns < self.blending.until_ns
-        if led:
+        blended = end_ns < self.blending.until_ns
+        if blended:
             if not inputs.heave.posed:
                 value[row, : rows.Z], rate[row, : rows.Z] = rest, 0.0
-            error, error_rate = self.blending.at(border_ns)
+            error, error_rate = self.blending.at(end_ns)
             value[row, : rows.LINE] += error[0]
             rate[row, : rows.LINE] += error_rate[0]
-        felt = None
-        if feedback:
-            borders = value[row - 1 : row + 1]
-            felt = inputs.winch.feedback(now.rope, self._line, now.pull_n, borders, rest_z)
-        step_s = now.rope.model.step
-        length, speed = inputs.winch.step(begin_ns, step_s, heave[1], felt)
+        feedback = None
+        if needs_feedback:
+            hang_offs = value[row - 1 : row + 1]
+            feedback = inputs.winch.feedback(
+                present.rope, self._line, present.pull_n, hang_offs, rest_z
+            )
+        step_s = present.rope.model.step
+        length, speed = inputs.winch.step(begin_ns, step_s, heave[1], feedback)
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed
-        moves = inputs.heave.further_at(border_ns, (share, share_rate))
-        if led:
-            moves = self.blending.added(moves, heave, border_ns)
+        moves = inputs.heave.further_at(end_ns, (factor, factor_rate))
+        if blended:
+            moves = self.blending.add_to(moves, heave, end_ns)
         inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)
 
 
 class GivenMotion(BoundaryConditions):
-    """Boundary conditions of all ropes of a multi-line system, given a batch of steps ahead.
+    """Boundary conditions of all ropes of a multi-line system, given for a batch of steps.
 
-    The members of an ensemble share them; inputs of the twin do not change them.
+    Members of an ensemble share them; inputs of the twin do not change them.
     """
 
-    def __init__(self, scene: Scene, take: Callable[[Mapping[int, Boundary]], None]) -> None:
-        """Take the scene, and what gets the motion of ropes other than the first."""
+    def __init__(self, scene: Scene, set_motion: Callable[[Mapping[int, Boundary]], None]) -> None:
+        """Prepare for a scene; set_motion: receives the motion of ropes other than the first."""
         super().__init__(scene, rows.STEPS_PER_CALL, scene.ropes[0].length_m)
-        self._take, self._first = take, 0
+        self._take, self._first = set_motion, 0
         self._given: Mapping[int, Boundary] = {}
 
-    def give(self, first: int, given: Mapping[int, Boundary]) -> None:
+    def give(self, first: int, motion: Mapping[int, Boundary]) -> None:
         """Prescribe the motion from the boundary before step `first` on, by rope; read-only."""
-        self._first, self._given = first, given
+        self._first, self._given = first, motion
 
-    def fill(self, steps: int, inputs: TwinInputs, now: Present) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: Present) -> int:
         """Set hang-off and payout of all ropes for these steps, which must have been given."""
-        row = now.time_ns // now.step_ns - self._first
-        part = {
-            r: Boundary(*(table[row : row + steps + 1] for table in own))
-            for r, own in self._given.items()
+        row = present.time_ns // present.step_ns - self._first
+        motion = {
+            r: Boundary(*(table[row : row + steps + 1] for table in boundary))
+            for r, boundary in self._given.items()
         }
-        for table, given in zip(self.boundary, part.pop(0), strict=True):
-            table[: steps + 1] = given
-        self._take(part)
-        inputs.heave.at(now.time_ns + steps * now.step_ns)  # which judges its samples there
+        for table, values in zip(self.boundary, motion.pop(0), strict=True):
+            table[: steps + 1] = values
+        self._take(motion)
+        inputs.heave.at(present.time_ns + steps * present.step_ns)  # its health follows the time
         self.steps = steps
         return steps
 
@@ -244,9 +248,9 @@ def check_commands(
     Raises:
         InputError: the winch rejects a command.
     """
-    trial = Winch(scene, length_m)
+    winch = Winch(scene, length_m)
     for sample in commands:
-        fault = trial.take(sample.stamp_ns, sample.command, max(sample.stamp_ns, 0))
+        fault = winch.take(sample.stamp_ns, sample.command, max(sample.stamp_ns, 0))
         if fault:
             raise InputError(fault)
 
@@ -264,7 +268,7 @@ class WinchMotion:
     ) -> None:
         """Start from `length_m` with these commands; None: the schedule of the scene.
 
-        winch: that of this scene and length, or None for one that does not know its rope.
+        winch: that of this scene and length; None: a new one without properties of its rope.
 
         Raises:
             InputError: the winch rejects a command, or a command needs tension feedback, which
@@ -284,10 +288,10 @@ class WinchMotion:
         self._offered_ns = 0  # commands before have been passed to the winch
 
     def through(self, first: int, steps: int, heave_rate: Floats | None = None) -> Floats:
-        """Paid-out length [m] and its rate [m/s] at the step boundaries, (steps + 1, 2).
+        """Return paid-out length [m] and its rate [m/s] at the step boundaries, (steps + 1, 2).
 
-        Batches come in order, each maybe several times. heave_rate: of the hang-off at the end of
-        each step [m/s]; None: no motion.
+        Batches are requested in order, each any number of times. heave_rate: of the hang-off at the
+        end of each step [m/s]; None: no motion.
         """
         rates = np.zeros(steps) if heave_rate is None else heave_rate
         with self._lock:
@@ -301,12 +305,10 @@ class WinchMotion:
             return self._lines
 
     def _offer(self, now_ns: int) -> None:
-        """Pass the commands of the next seconds to the winch; the trial has shown that it accepts
-        them.
-        """
+        """Pass the commands of the next seconds to the winch; they were checked before."""
         if now_ns < self._offered_ns:
             return
-        to_ns = self._offered_ns = now_ns + OFFERED_NS
+        to_ns = self._offered_ns = now_ns + COMMAND_LEAD_NS
         due = [] if self._commands is not None else schedule_samples(self._scene, now_ns, to_ns)
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
@@ -331,39 +333,39 @@ class SharedBoundary:
 
     @property
     def winch(self) -> Winch:
-        """The winch after the steps that were asked for last."""
+        """The winch after the steps that were requested last."""
         return self._winch.winch
 
     def through(self, first: int, steps: int) -> Boundary:
-        """Motion at the step boundaries, (steps + 1, MOTIONS); read-only.
+        """Return the motion at the step boundaries, (steps + 1, MOTIONS); read-only.
 
         Raises:
             InputError: the heave series or the commands are invalid for these steps.
         """
         with self._lock:
             if (self._first, len(self.boundary.value)) != (first, steps + 1):
-                self.boundary = self._computed(first, steps)
+                self.boundary = self._compute(first, steps)
                 self._first = first
             return self.boundary
 
-    def _computed(self, first: int, steps: int) -> Boundary:
-        made = Boundary(np.zeros((steps + 1, MOTIONS)), np.zeros((steps + 1, MOTIONS)))
-        for table, before in zip(made, self.boundary, strict=True):
-            table[0] = before[-1]
-        made.value[1:, :LINE] = self._ship.hang_off_m
+    def _compute(self, first: int, steps: int) -> Boundary:
+        boundary = Boundary(np.zeros((steps + 1, MOTIONS)), np.zeros((steps + 1, MOTIONS)))
+        for table, last in zip(boundary, self.boundary, strict=True):
+            table[0] = last[-1]
+        boundary.value[1:, :LINE] = self._ship.hang_off_m
         if self._heave is not None:
-            border_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
+            end_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
             build_up = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
-            self._heave.move(made, Times(border_ns, *build_up))
-        lines = self._winch.through(first, steps, made.rate[1:, Z])
-        made.value[1:, LINE] = lines[1:, 0]
-        made.rate[1:, LINE] = lines[1:, 1]
-        return made
+            self._heave.move(boundary, Times(end_ns, *build_up))
+        lines = self._winch.through(first, steps, boundary.rate[1:, Z])
+        boundary.value[1:, LINE] = lines[1:, 0]
+        boundary.rate[1:, LINE] = lines[1:, 1]
+        return boundary
 
 
 @lru_cache(maxsize=16)
 def _ramps(first: int, steps: int, step_ns: int, duration_s: float) -> tuple[Floats, Floats]:
-    """Build-up factor of the ship's motion, and its rate, at the boundaries after `first`."""
-    borders = range(first + 1, first + steps + 1)
-    pairs = np.array([ramp(border * step_ns * 1e-9, duration_s) for border in borders])
+    """Return the build-up factor of the ship's motion and its rate at boundaries after `first`."""
+    boundaries = range(first + 1, first + steps + 1)
+    pairs = np.array([ramp(boundary * step_ns * 1e-9, duration_s) for boundary in boundaries])
     return np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])

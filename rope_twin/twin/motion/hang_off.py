@@ -2,8 +2,9 @@
 
 The first of the two that arrives moves the hang-off from then on; the other is rejected. A pose
 moves it in three directions: heave by the track itself, east and north by two more tracks of the
-same kind, so that gaps, late samples and restarts are treated alike. Where ropes leave the ship at
-further points, each of those has an arm and three tracks of its own; heave moves all of them alike.
+same kind, with the same treatment of gaps, late samples and restarts. Where ropes leave the ship at
+further points, each of those has an arm and three tracks of its own; heave moves all of them
+equally.
 """
 
 from __future__ import annotations
@@ -54,9 +55,9 @@ from rope_twin.twin.motion.ship_motion import (
 )
 from rope_twin.twin.snapshot import InputHealth
 
-FARTHEST_M = 1e5  # east or north of the initial position: a tow of a day
+MAX_DISTANCE_M = 1e5  # east or north of the initial position: a day's tow
 UNLIMITED_M_PER_S = 1e6  # for tracks that take samples validated by another track
-JUDGED_NS = 200_000_000
+ASSESSMENT_NS = 200_000_000
 REQUIRED_NS = 3_000_000_000  # time by which the first sample must have come
 
 
@@ -64,7 +65,7 @@ REQUIRED_NS = 3_000_000_000  # time by which the first sample must have come
 Moves = Mapping[int, tuple[Vector3, Vector3]]
 
 
-def lever_arm(scene: Scene, place_m: Vector3 | None = None) -> Vector3:
+def lever_arm(scene: Scene, position_m: Vector3 | None = None) -> Vector3:
     """Return the vector from the ship's reference point to a point on it, or the hang-off [m].
 
     Both are in the ship's mean position and attitude.
@@ -72,7 +73,7 @@ def lever_arm(scene: Scene, place_m: Vector3 | None = None) -> Vector3:
     Raises:
         InputError: the scene's RAO file is invalid.
     """
-    x, y, z = place_m or scene.ship.hang_off_m
+    x, y, z = position_m or scene.ship.hang_off_m
     a, b, c = reference_point_m(scene)
     return x - a, y - b, z - c
 
@@ -83,10 +84,10 @@ def arm_from_bow(scene: Scene) -> Vector3:
     Raises:
         InputError: the scene's RAO file is invalid.
     """
-    riding = scene.sea_state.on_waves
+    on_waves = scene.sea_state.on_waves
     x, y, z = lever_arm(scene)
-    bow = math.radians(0.0 if riding is None else riding.heading_deg)
-    c, s = math.cos(bow), math.sin(bow)
+    heading = math.radians(0.0 if on_waves is None else on_waves.heading_deg)
+    c, s = math.cos(heading), math.sin(heading)
     return c * x + s * y, c * y - s * x, z
 
 
@@ -95,7 +96,7 @@ class FurtherHangOff:
 
     def __init__(self, rope: int, arm_m: Vector3) -> None:
         self.rope, self._arm = rope, arm_m
-        self._tracks = tuple(_follower() for _ in range(3))
+        self._tracks = tuple(_unchecked_track() for _ in range(3))
 
     @property
     def tracks(self) -> tuple[HeaveTrack, ...]:
@@ -103,22 +104,22 @@ class FurtherHangOff:
         return self._tracks
 
     def offer(self, pose: ShipPose) -> None:
-        """Take a pose that the first hang-off has accepted."""
-        place, velocity = hang_off_motion(pose, self._arm)
-        for track, at, speed in zip(self._tracks, place, velocity, strict=True):
-            track.offer(pose.stamp_ns, at, speed)
+        """Record a pose that the first hang-off has accepted."""
+        position, velocity = hang_off_motion(pose, self._arm)
+        for track, value, speed in zip(self._tracks, position, velocity, strict=True):
+            track.offer(pose.stamp_ns, value, speed)
 
     def at(self, time_ns: int, ramp: tuple[float, float]) -> tuple[Vector3, Vector3]:
         """Return displacement [m] and velocity [m/s] at a time, scaled by a ramp and its rate."""
-        share, rate = ramp
+        factor, rate = ramp
         (x, u), (y, v), (z, w) = (track.at(time_ns) for track in self._tracks)
-        moving = share * u + rate * x, share * v + rate * y, share * w + rate * z
-        return (share * x, share * y, share * z), moving
+        velocity = factor * u + rate * x, factor * v + rate * y, factor * w + rate * z
+        return (factor * x, factor * y, factor * z), velocity
 
 
-def _follower() -> HeaveTrack:
-    """Return a track that takes validated samples."""
-    return HeaveTrack(2.0 * FARTHEST_M, UNLIMITED_M_PER_S)
+def _unchecked_track() -> HeaveTrack:
+    """Return a track for samples that are validated elsewhere."""
+    return HeaveTrack(2.0 * MAX_DISTANCE_M, UNLIMITED_M_PER_S)
 
 
 class HangOffTrack(HeaveTrack):
@@ -128,13 +129,13 @@ class HangOffTrack(HeaveTrack):
         limits = MotionLimits.of(scene.ship)
         super().__init__(limits.heave_m, limits.speed_m_per_s)
         self._arm = lever_arm(scene)
-        at = places(scene)
+        positions = places(scene)
         self._further = tuple(
-            FurtherHangOff(number, lever_arm(scene, at[line.from_]))
+            FurtherHangOff(number, lever_arm(scene, positions[line.from_]))
             for number, line in enumerate(scene.ropes)
-            if number and line.from_ in at
+            if number and line.from_ in positions
         )
-        self._aside = (_follower(), _follower())
+        self._aside = (_unchecked_track(), _unchecked_track())
         self.posed = False  # whether poses move the hang-off
         self.clock = SenderClock()
         self._moved = is_moved(scene)  # the scene's sea moves it: samples must come and vary
@@ -145,7 +146,7 @@ class HangOffTrack(HeaveTrack):
         speed, acceleration = limits.speed_m_per_s, limits.acceleration_m_per_s2
         self._rates = RateCheck(NOISE_M, speed, acceleration)
         self._turns = RateCheck(NOISE_RAD, MAX_RATE_RAD_PER_S, MAX_RATE_RAD_PER_S)
-        self._judged_ns, self._judged = -JUDGED_NS, UNJUDGED
+        self._judged_ns, self._judged = -ASSESSMENT_NS, UNJUDGED
         self._turned: Vector3 = STILL  # sum of the rotation vectors between poses
         self._orientation = UPRIGHT  # of the newest pose
         self._timing = SampleTiming(needed_interval_s(shortest_period_s(scene)))
@@ -191,75 +192,81 @@ class HangOffTrack(HeaveTrack):
             return self.counter.refuse("impossible", phrase("heave", what, right))
         if self._prescribed:
             return super().offer(stamp_ns, position_m, velocity_m_per_s)
-        if waits := self._clock_fault(stamp_ns, received_ns, "heave"):
-            return waits
+        if refusal := self._clock_fault(stamp_ns, received_ns, "heave"):
+            return refusal
         stamp_ns += self._shift_ns(received_ns)
         sample = (position_m, velocity_m_per_s)
-        if self._in_doubt and self._is_settled(stamp_ns, sample):
+        if self._in_doubt and self._is_repeated(stamp_ns, sample):
             return ""
-        within = abs(position_m) <= self._limit_m and math.isfinite(velocity_m_per_s)
-        fault = "" if within else self._number_fault(position_m, velocity_m_per_s)
+        is_possible = abs(position_m) <= self._limit_m and math.isfinite(velocity_m_per_s)
+        fault = "" if is_possible else self._number_fault(position_m, velocity_m_per_s)
         fault = fault or self._fault(stamp_ns, sample, sample[1:], (position_m,), "heave")
         if fault:
             return fault
         rates = self._rates.rates(stamp_ns, (position_m,), (velocity_m_per_s,))
         if rates is None:
-            return self._number_fault(position_m, velocity_m_per_s) or self._sudden("heave")
-        return self._taken(stamp_ns, (position_m,), rates, "heave")
+            return self._number_fault(position_m, velocity_m_per_s) or self._refuse_sudden_rate(
+                "heave"
+            )
+        return self._accept_sample(stamp_ns, (position_m,), rates, "heave")
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Submit a ship pose; return "" or the reason for its rejection."""
-        if waits := self._clock_fault(pose.stamp_ns, received_ns, "ship pose"):
-            return waits
+        if refusal := self._clock_fault(pose.stamp_ns, received_ns, "ship pose"):
+            return refusal
         pose = replace(pose, stamp_ns=pose.stamp_ns + self._shift_ns(received_ns))
         fault = self._pose_fault(pose)
         if fault:
             kind = "impossible" if is_finite(pose) else "non_finite"
             return self.counter.refuse(kind, fault)
-        place, velocity = hang_off_motion(pose, self._arm)
-        if self._in_doubt and self._is_settled(pose.stamp_ns, (place[2], velocity[2])):
-            self._follow(pose, place, velocity)
+        position, velocity = hang_off_motion(pose, self._arm)
+        if self._in_doubt and self._is_repeated(pose.stamp_ns, (position[2], velocity[2])):
+            self._follow(pose, position, velocity)
             return ""
-        moving = (*pose.velocity_m_per_s, *pose.rate_rad_per_s)
-        numbers = (*pose.position_m, *pose.orientation, *moving)
-        fault = self._pose_range(place) or self._fault(
-            pose.stamp_ns, numbers, moving, place, "ship pose"
+        sent_rates = (*pose.velocity_m_per_s, *pose.rate_rad_per_s)
+        numbers = (*pose.position_m, *pose.orientation, *sent_rates)
+        fault = self._pose_range(position) or self._fault(
+            pose.stamp_ns, numbers, sent_rates, position, "ship pose"
         )
         if fault:
             return fault
-        judged = self._with_judged_rates(pose)
-        if judged is None:
+        checked = self._with_checked_rates(pose)
+        if checked is None:
             fault = pose_fault(pose) or self._too_fast(velocity)
-            return self.counter.refuse("impossible", fault) if fault else self._sudden("ship pose")
-        if judged is not pose:
-            velocity = hang_off_motion(judged, self._arm)[1]
-        fault = self._taken(judged.stamp_ns, place, velocity, "ship pose")
+            return (
+                self.counter.refuse("impossible", fault)
+                if fault
+                else self._refuse_sudden_rate("ship pose")
+            )
+        if checked is not pose:
+            velocity = hang_off_motion(checked, self._arm)[1]
+        fault = self._accept_sample(checked.stamp_ns, position, velocity, "ship pose")
         if not fault:
-            self._follow(judged, place, velocity)
+            self._follow(checked, position, velocity)
         return fault
 
     def _fault(
-        self, stamp_ns: int, numbers: Numbers, rates: Numbers, place: Numbers, what: str
+        self, stamp_ns: int, numbers: Numbers, rates: Numbers, position: Numbers, what: str
     ) -> str:
         """Return why a sample with finite numbers is rejected but for its rates, counted; or ""."""
         if fault := self._stamp_fault(stamp_ns):
             return fault
         stuck = self._stuck.is_stuck(stamp_ns, numbers)
         never_moved = not (self._moved or self._stuck.varied)
-        rests = not any(rates) and (self._on_way or never_moved)
-        self._is_stuck = stuck and not (rests or self._prescribed)
+        is_at_rest = not any(rates) and (self._on_way or never_moved)
+        self._is_stuck = stuck and not (is_at_rest or self._prescribed)
         if self._is_stuck:
             fault = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
             right = "the sender is stuck; restart it"
             return self.counter.refuse("stuck", phrase(what, fault, right))
         was_confirmed = self._continuity.confirmed
-        kind, reason = self._continuity.fault(stamp_ns, place, self._rates.noise)
+        kind, reason = self._continuity.fault(stamp_ns, position, self._rates.noise)
         if self._continuity.confirmed and not was_confirmed:  # no rate leads to the new position
             self._rates.forget()
             self._turns.forget()
         return self.counter.refuse(kind, phrase(what, *reason)) if reason else ""
 
-    def _taken(self, stamp_ns: int, place: Numbers, rates: Numbers, what: str) -> str:
+    def _accept_sample(self, stamp_ns: int, position: Numbers, rates: Numbers, what: str) -> str:
         """Accept a sample with checked rates; return "" or why its acceleration is rejected."""
         if self._rates.switched or self._turns.switched:
             self._continuity.forget_rates()
@@ -268,22 +275,22 @@ class HangOffTrack(HeaveTrack):
             return self.counter.refuse("impossible", phrase(what, *reason))
         if self._continuity.confirmed:
             self._drop_samples()
-        self._continuity.accept(stamp_ns, place, rates)
+        self._continuity.accept(stamp_ns, position, rates)
         self._timing.take(stamp_ns, self._asked_ns or 0, self.missing_ns)
-        self._append(stamp_ns, place[-1], rates[-1])
+        self._append(stamp_ns, position[-1], rates[-1])
         return ""
 
-    def _follow(self, pose: ShipPose, place: Vector3, velocity: Vector3) -> None:
+    def _follow(self, pose: ShipPose, position: Vector3, velocity: Vector3) -> None:
         """Pass an accepted pose to the lateral tracks and the further hang-offs."""
         if not self.posed:
-            self._begin_aside()
-        for track, at, speed in zip(self._aside, place, velocity, strict=False):
-            track.offer(pose.stamp_ns, at, speed)
+            self._begin_poses()
+        for track, value, speed in zip(self._aside, position, velocity, strict=False):
+            track.offer(pose.stamp_ns, value, speed)
         for further in self._further:
             further.offer(pose)
 
     def _clock_fault(self, stamp_ns: int, received_ns: int | None, what: str) -> str:
-        """Judge the sender's clock; return why the sample waits for others, counted; or ""."""
+        """Check the sender's clock; return why the sample is not yet confirmed, counted; or ""."""
         if received_ns is None:
             return ""
         if not (step_s := self.clock.take(stamp_ns, received_ns)):
@@ -293,7 +300,7 @@ class HangOffTrack(HeaveTrack):
         return self.counter.refuse("unconfirmed", phrase(what, fault, right))
 
     def _shift_ns(self, received_ns: int | None) -> int:
-        """Return the correction of the newest sample's stamp [ns]; a gap by it is joined."""
+        """Return the correction of the newest sample's stamp [ns]; blend over a gap from it."""
         if received_ns is None:
             return 0
         shift_ns, is_broken = self.clock.shift_ns()
@@ -311,47 +318,47 @@ class HangOffTrack(HeaveTrack):
         for track in self._followers:
             track.drop()
 
-    def _with_judged_rates(self, pose: ShipPose) -> ShipPose | None:
+    def _with_checked_rates(self, pose: ShipPose) -> ShipPose | None:
         """Return the pose with rates that agree with its positions; None: they are impossible."""
         turn = turn_between(self._orientation, pose.orientation)
         self._orientation = pose.orientation
         self._turned = _sum(self._turned, turn)
-        given = sea_velocity(pose)
-        moving = self._rates.rates(pose.stamp_ns, pose.position_m, given)
-        turning = self._turns.rates(pose.stamp_ns, self._turned, pose.rate_rad_per_s)
-        if moving is None or turning is None:
+        sent = sea_velocity(pose)
+        velocity = self._rates.rates(pose.stamp_ns, pose.position_m, sent)
+        turn_rate = self._turns.rates(pose.stamp_ns, self._turned, pose.rate_rad_per_s)
+        if velocity is None or turn_rate is None:
             return None
-        if moving is given and turning is pose.rate_rad_per_s:
+        if velocity is sent and turn_rate is pose.rate_rad_per_s:
             return pose
-        return with_rates(pose, _vector(moving), _vector(turning))
+        return with_rates(pose, _vector(velocity), _vector(turn_rate))
 
-    def _pose_range(self, place: Vector3) -> str:
+    def _pose_range(self, position: Vector3) -> str:
         """Return why the position of the hang-off is out of range, counted; or ""."""
-        if abs(place[2]) > self._limit_m:
-            what = f"the hang-off {place[2]:g} m above its rest"
+        if abs(position[2]) > self._limit_m:
+            what = f"the hang-off {position[2]:g} m above its rest"
             right = f"a ship stays within ±{self._limit_m:g} m (ship.max_heave_m)"
-        elif max(abs(place[0]), abs(place[1])) > FARTHEST_M:
-            what = f"the hang-off {place[0]:g} m east and {place[1]:g} m north of its rest"
-            right = f"right is within {FARTHEST_M:g} m"
+        elif max(abs(position[0]), abs(position[1])) > MAX_DISTANCE_M:
+            what = f"the hang-off {position[0]:g} m east and {position[1]:g} m north of its rest"
+            right = f"right is within {MAX_DISTANCE_M:g} m"
         else:
             return ""
         return self.counter.refuse("impossible", phrase("ship pose", what, right))
 
     def _too_fast(self, velocity: Vector3) -> str:
-        if max(abs(one) for one in velocity) <= self._speed_limit:
+        if max(abs(component) for component in velocity) <= self._speed_limit:
             return ""
-        what = f"the hang-off moving at {max(abs(one) for one in velocity):g} m/s"
+        what = f"the hang-off moving at {max(abs(component) for component in velocity):g} m/s"
         right = f"a ship stays within ±{self._speed_limit:g} m/s"
         return phrase("ship pose", what, right)
 
-    def _sudden(self, what: str) -> str:
+    def _refuse_sudden_rate(self, what: str) -> str:
         """Reject a sample whose rates changed too suddenly, when no others can be derived."""
         fault = "its rate changes faster than a ship can, and too few positions are known"
         right = "position and rate must be of one motion"
         return self.counter.refuse("impossible", phrase(what, fault, right))
 
-    def _begin_aside(self) -> None:
-        """Start motion by poses; until now the hang-off had no lateral motion."""
+    def _begin_poses(self) -> None:
+        """Start motion by poses; up to now the hang-off had no lateral motion."""
         self.posed = True
         for track in self._followers:
             track.rest_until(self._asked_ns)
@@ -359,13 +366,13 @@ class HangOffTrack(HeaveTrack):
     def health(self, now_ns: int) -> InputHealth:
         """Return the health of the input and of its sender.
 
-        The sender is assessed every JUDGED_NS of twin time.
+        The sender is assessed every ASSESSMENT_NS of twin time.
         """
-        if now_ns - self._judged_ns >= JUDGED_NS or now_ns < self._judged_ns:
-            self._judged_ns, self._judged = now_ns, self._judge(now_ns)
+        if now_ns - self._judged_ns >= ASSESSMENT_NS or now_ns < self._judged_ns:
+            self._judged_ns, self._judged = now_ns, self._assess(now_ns)
         return self.counter.health(now_ns, self.stale(now_ns), self._judged)
 
-    def _judge(self, now_ns: int) -> Judgement:
+    def _assess(self, now_ns: int) -> Judgement:
         clock, clock_is_wrong = self.clock.fault()
         faults: list[str] = []
         warnings: list[str] = []
@@ -381,9 +388,9 @@ class HangOffTrack(HeaveTrack):
         for check, names in ((self._rates, "position and velocity"),
                              (self._turns, "orientation and rate of turn")):  # fmt: skip
             if check.disagrees:
-                words = f"{names} disagree: the rate is derived from positions"
-                lasting = check.disagrees_for_s() >= PERSISTENT_NS * 1e-9
-                (faults if lasting else warnings).append(words)
+                message = f"{names} disagree: the rate is derived from positions"
+                is_persistent = check.disagrees_for_s() >= PERSISTENT_NS * 1e-9
+                (faults if is_persistent else warnings).append(message)
         if self._rates.scatters:
             warnings.append(
                 f"its positions scatter by {self._rates.scatter:.2f} m, as of noise or of several "
@@ -395,10 +402,10 @@ class HangOffTrack(HeaveTrack):
             warnings.append(slow)
         if self._rejoining(now_ns):
             warnings.append(f"the motion is led over to the samples in {self._rejoin_s:.3g} s")
-        known = or_none(self.clock.offset_s), or_none(self._timing.interval_s)
-        return Judgement("; ".join(faults), "; ".join(warnings), *known)
+        measured = or_none(self.clock.offset_s), or_none(self._timing.interval_s)
+        return Judgement("; ".join(faults), "; ".join(warnings), *measured)
 
-    def aside_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
+    def lateral_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return displacement [m] and velocity [m/s], east and north, at a time; after `at`."""
         east, north = self._aside
         return east.at(time_ns), north.at(time_ns)

@@ -103,7 +103,7 @@ class HeaveTrack:
 
     def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
         """Submit a sample; return "" or the reason for its rejection."""
-        if self._in_doubt and self._is_settled(stamp_ns, (position_m, velocity_m_per_s)):
+        if self._in_doubt and self._is_repeated(stamp_ns, (position_m, velocity_m_per_s)):
             return ""
         fault = (
             self._number_fault(position_m, velocity_m_per_s)
@@ -128,16 +128,16 @@ class HeaveTrack:
         self._stamps.append(stamp_ns)
         self._samples.append((float(position_m), float(velocity_m_per_s)))
 
-    def _is_settled(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
-        """While in doubt, return whether the sample is known; another one ends the doubt."""
-        place = bisect_right(self._stamps, stamp_ns) - 1
-        if place >= 0 and self._stamps[place] == stamp_ns and self._samples[place] == sample:
+    def _is_repeated(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
+        """After `invalidate`, return whether the sample is a known one; others end this check."""
+        index = bisect_right(self._stamps, stamp_ns) - 1
+        if index >= 0 and self._stamps[index] == stamp_ns and self._samples[index] == sample:
             self._confirmed = True
             return True
-        now = self._asked_ns
-        if now is None or stamp_ns < now or not self._is_possible(*sample):
-            return False  # rejected in the usual way; the doubt stays
-        if not (self._confirmed and place == len(self._stamps) - 1):
+        asked_ns = self._asked_ns
+        if asked_ns is None or stamp_ns < asked_ns or not self._is_possible(*sample):
+            return False  # rejected in the usual way; the check continues
+        if not (self._confirmed and index == len(self._stamps) - 1):
             self.drop()
         self._in_doubt = self._confirmed = False
         return False
@@ -165,29 +165,31 @@ class HeaveTrack:
         if self._stamps and stamp_ns == self._stamps[-1]:
             right = "each sample needs a stamp of its own"
             return refuse("repeated", phrase(name, f"{stamp} came twice", right))
-        now = self._asked_ns
+        asked_ns = self._asked_ns
         if self._stamps and stamp_ns < self._stamps[-1]:
-            if now is not None and now - stamp_ns > AHEAD_NS:  # another clock, whatever their order
-                return refuse("late", phrase(name, *too_late(stamp_ns, now)))
+            if (
+                asked_ns is not None and asked_ns - stamp_ns > AHEAD_NS
+            ):  # another clock, in any order
+                return refuse("late", phrase(name, *too_late(stamp_ns, asked_ns)))
             what = f"{stamp} follows {self._stamps[-1] * 1e-9:.3f} s"
             right = "samples must come in the order of their stamps"
             return refuse("late", phrase(name, what, right))
-        if now is not None and stamp_ns < now:
-            return refuse("late", phrase(name, *too_late(stamp_ns, now, "needed")))
-        ahead_ns = stamp_ns - (now or 0)
+        if asked_ns is not None and stamp_ns < asked_ns:
+            return refuse("late", phrase(name, *too_late(stamp_ns, asked_ns, "needed")))
+        ahead_ns = stamp_ns - (asked_ns or 0)
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
-            return refuse("impossible", too_far_ahead(name, stamp_ns, now or 0))
+            return refuse("impossible", too_far_ahead(name, stamp_ns, asked_ns or 0))
         return ""
 
     def _jump_fault(self, stamp_ns: int, z: float) -> str:
         """Return why a position after the last sample is impossible, counted; or ""."""
         if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
-            seconds = (stamp_ns - self._stamps[-1]) * 1e-9
-            jump = z - self._samples[-1][0]
-            if abs(jump) > self._speed_limit * seconds + JUMP_M:
+            gap_s = (stamp_ns - self._stamps[-1]) * 1e-9
+            jump_m = z - self._samples[-1][0]
+            if abs(jump_m) > self._speed_limit * gap_s + JUMP_M:
                 return self.counter.refuse("impossible", phrase(
-                    self.counter.name, f"it jumps by {jump:.2f} m in {seconds:.3f} s",
+                    self.counter.name, f"it jumps by {jump_m:.2f} m in {gap_s:.3f} s",
                     f"a {self._moves} moves by at most {self._speed_limit:g} m/s"))  # fmt: skip
         return ""
 
@@ -201,10 +203,10 @@ class HeaveTrack:
             return self._given
         if self._on_track and self._segment[0] < time_ns <= self._segment[1]:
             self._asked_ns = time_ns
-            self._given = self._between(time_ns)
+            self._given = self._interpolated(time_ns)
             return self._given
-        after = bisect_right(self._stamps, time_ns)
-        known = after > 0 and (after < len(self._stamps) or self._stamps[-1] == time_ns)
+        next_index = bisect_right(self._stamps, time_ns)
+        known = next_index > 0 and (next_index < len(self._stamps) or self._stamps[-1] == time_ns)
         if known:
             if self._assumed_from is not None and self._asked_ns is not None:
                 self._open_rejoin(self._asked_ns)
@@ -218,12 +220,12 @@ class HeaveTrack:
             if self._assumed_from is None:
                 self._assumed_from = self._last_known()
             since_ns, z, v = self._assumed_from
-            left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
-            self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
-        self._note(time_ns, known)
+            decay = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
+            self._given = (z + v * GAP_DECAY_S * (1.0 - decay), v * decay)
+        self._report_gap(time_ns, known)
         self._on_track = known and not self._rejoining(time_ns)
         self._asked_ns = time_ns
-        self._forget(time_ns)
+        self._drop_old(time_ns)
         return self._given
 
     def _last_known(self) -> tuple[int, float, float]:
@@ -236,7 +238,7 @@ class HeaveTrack:
     def _measured(self, time_ns: int) -> tuple[float, float]:
         """Cubic Hermite between the samples around the time; linear before the first.
 
-        At a sample the piece that ends there holds, whether the next one is known yet or not.
+        At a sample the piece that ends there is evaluated, whether the next one is known or not.
         """
         k = bisect_left(self._stamps, time_ns)
         if k == 0:
@@ -249,15 +251,15 @@ class HeaveTrack:
             d0, d1 = v0 * h, v1 * h
             c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
             self._segment = (begin, end, z0, d0, c2, c3, h)
-        return self._between(time_ns)
+        return self._interpolated(time_ns)
 
-    def _between(self, time_ns: int) -> tuple[float, float]:
+    def _interpolated(self, time_ns: int) -> tuple[float, float]:
         begin, end, z0, d0, c2, c3, h = self._segment
         u = (time_ns - begin) / (end - begin)
         return z0 + u * (d0 + u * (c2 + u * c3)), (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
 
     def _open_rejoin(self, time_ns: int) -> None:
-        """Store the difference of the extrapolated motion from the track that is now known."""
+        """Store the difference between the extrapolated and the measured motion."""
         z, v = self._measured(time_ns)
         self._error = (self._given[0] - z, self._given[1] - v)
         self._error_ns = time_ns
@@ -270,7 +272,7 @@ class HeaveTrack:
         return time_ns - self._error_ns < self._rejoin_s * 1e9
 
     def _rejoin(self, time_ns: int) -> tuple[float, float]:
-        """Return the remaining difference: a cubic to 0 with no kink at either end."""
+        """Return the remaining difference, a cubic to 0 with continuous rates at both ends."""
         if not self._rejoining(time_ns):
             return 0.0, 0.0
         u = (time_ns - self._error_ns) * 1e-9 / self._rejoin_s
@@ -279,7 +281,7 @@ class HeaveTrack:
         slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
         return value, slope / self._rejoin_s
 
-    def _note(self, time_ns: int, known: bool) -> None:
+    def _report_gap(self, time_ns: int, known: bool) -> None:
         """Report the handling of a gap."""
         if known and self._rejoining(time_ns):
             over_s = self._rejoin_s
@@ -296,7 +298,7 @@ class HeaveTrack:
         """Return whether samples have been missing for longer than STALE_NS."""
         return bool(self._stamps) and time_ns - self._stamps[-1] > STALE_NS
 
-    def _forget(self, time_ns: int) -> None:
+    def _drop_old(self, time_ns: int) -> None:
         """Drop samples that no later time needs."""
         if len(self._stamps) > 64 and self._stamps[32] < time_ns - KEEP_NS:
             del self._stamps[:32], self._samples[:32]
@@ -354,9 +356,9 @@ class HeaveSeries:
         aside: x, y [m] and their rates [m/s] of each sample, if the hang-off moves laterally.
         """
         stamps, positions, velocities = zip(*samples, strict=True)
-        moved = np.array(aside).T if aside else None
+        lateral = np.array(aside).T if aside else None
         heave = np.array(positions), np.array(velocities)
-        return cls(np.array(stamps, np.int64), *heave, aside=moved)
+        return cls(np.array(stamps, np.int64), *heave, aside=lateral)
 
     def starting_at(self, start_ns: int) -> HeaveSeries:
         """Return the same samples with twin time 0 at this stamp; arrays are shared."""
@@ -425,8 +427,8 @@ class HeaveSeries:
             return phrase(
                 "heave", f"position {z[k]:g} m, velocity {v[k]:g} m/s at sample {k}",
                 f"a ship stays within ±{HEAVE_LIMIT_M:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s")  # fmt: skip # noqa: E501
-        most = VELOCITY_LIMIT_M_PER_S * np.diff(self.stamp_ns) * 1e-9 + JUMP_M
-        jumps = np.flatnonzero(np.abs(np.diff(z)) > most)
+        max_jump = VELOCITY_LIMIT_M_PER_S * np.diff(self.stamp_ns) * 1e-9 + JUMP_M
+        jumps = np.flatnonzero(np.abs(np.diff(z)) > max_jump)
         if jumps.size:
             at_s = self.stamp_ns[jumps[0]] * 1e-9
             return phrase("heave", f"it jumps by {np.diff(z)[jumps[0]]:.2f} m at {at_s:.2f} s",
@@ -438,20 +440,20 @@ class LowerEndTrack(HeaveTrack):
     """Track of the height of the end, with two more for east and north.
 
     Positions are those of the samples, in the axes of map. The end begins at rest where the scene
-    fixes it, so that the first sample must lie there too, as far as its speed allows.
+    fixes it, so that the first sample must be within reach of that position.
     """
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(LOWER_END_LIMIT_M, VELOCITY_LIMIT_M_PER_S, LOWER_END, LOWER_END)
-        place = scene.ropes[0].fixed_at_m
-        assert place is not None, "a rule of scenes"
-        self._place: Vector3 = place
-        self._aside = (self._follower(), self._follower())
-        self._newest: tuple[int, Vector3] = (0, place)
+        position = scene.ropes[0].fixed_at_m
+        assert position is not None, "a rule of scenes"
+        self._place: Vector3 = position
+        self._aside = (self._unchecked_track(), self._unchecked_track())
+        self._newest: tuple[int, Vector3] = (0, position)
         self._borders: list[tuple[int, Vector3, Vector3]] = []  # of the steps that were prescribed
 
     @staticmethod
-    def _follower() -> HeaveTrack:
+    def _unchecked_track() -> HeaveTrack:
         return HeaveTrack(LOWER_END_LIMIT_M, VELOCITY_LIMIT_M_PER_S, LOWER_END, LOWER_END)
 
     def invalidate(self) -> None:
@@ -460,49 +462,51 @@ class LowerEndTrack(HeaveTrack):
         for track in self._aside:
             track.invalidate()
 
-    def offer_place(self, stamp_ns: int, place_m: Vector3, velocity_m_per_s: Vector3) -> str:
+    def offer_position(self, stamp_ns: int, position_m: Vector3, velocity_m_per_s: Vector3) -> str:
         """Submit position and velocity at a time; return "" or the reason for the rejection."""
         refuse = self.counter.refuse
-        if not all(math.isfinite(one) for one in (*place_m, *velocity_m_per_s)):
-            what = f"position {place_m} m, velocity {velocity_m_per_s} m/s"
+        if not all(math.isfinite(value) for value in (*position_m, *velocity_m_per_s)):
+            what = f"position {position_m} m, velocity {velocity_m_per_s} m/s"
             return refuse("non_finite", phrase(LOWER_END, what, "all must be finite numbers"))
         speed = math.hypot(*velocity_m_per_s)
         if speed > VELOCITY_LIMIT_M_PER_S:
             right = f"give at most {VELOCITY_LIMIT_M_PER_S:g} m/s"
             return refuse("impossible", phrase(LOWER_END, f"a speed of {speed:.1f} m/s", right))
-        before_ns, before = self._newest
-        seconds = (stamp_ns - before_ns) * 1e-9
-        if not self._in_doubt and seconds * 1e9 <= JUMP_WINDOW_NS:
-            jump = math.dist(place_m, before)
-            if jump > VELOCITY_LIMIT_M_PER_S * max(seconds, 0.0) + JUMP_M:
-                what = f"it jumps by {jump:.2f} m to {place_m} m within {seconds:.3f} s"
+        last_ns, last_m = self._newest
+        gap_s = (stamp_ns - last_ns) * 1e-9
+        if not self._in_doubt and gap_s * 1e9 <= JUMP_WINDOW_NS:
+            jump_m = math.dist(position_m, last_m)
+            if jump_m > VELOCITY_LIMIT_M_PER_S * max(gap_s, 0.0) + JUMP_M:
+                what = f"it jumps by {jump_m:.2f} m to {position_m} m within {gap_s:.3f} s"
                 right = f"it begins at {self._place} m and moves by {VELOCITY_LIMIT_M_PER_S:g} m/s"
                 return refuse("impossible", phrase(LOWER_END, what, right))
-        moved = [a - b for a, b in zip(place_m, self._place, strict=True)]
-        fault = self.offer(stamp_ns, moved[2], velocity_m_per_s[2])
+        displacement = [a - b for a, b in zip(position_m, self._place, strict=True)]
+        fault = self.offer(stamp_ns, displacement[2], velocity_m_per_s[2])
         if not fault:
-            for track, at, rate in zip(self._aside, moved, velocity_m_per_s, strict=False):
-                track.offer(stamp_ns, at, rate)
-            self._newest = stamp_ns, place_m
+            for track, value, rate in zip(
+                self._aside, displacement, velocity_m_per_s, strict=False
+            ):
+                track.offer(stamp_ns, value, rate)
+            self._newest = stamp_ns, position_m
         return fault
 
-    def place_at(self, time_ns: int) -> tuple[Vector3, Vector3]:
+    def position_at(self, time_ns: int) -> tuple[Vector3, Vector3]:
         """Return position [m] and velocity [m/s] at a time, called with rising times."""
         (x, u), (y, v), (z, w) = (track.at(time_ns) for track in (*self._aside, self))
         a, b, c = self._place
         return (a + x, b + y, c + z), (u, v, w)
 
     def prescribe(self, effects: Sequence[Any], time_ns: int, step_ns: int, steps: int) -> None:
-        """Write the motion over the next steps to the end among a rope's effects."""
+        """Write the motion over the next steps to the effect that moves the rope's end."""
         end = led_of(effects)
         assert isinstance(end, LedEnd), "a scene that lets its end be led has one"
-        known = {at: (place, rate) for at, place, rate in self._borders}
+        known = {at_ns: (position, rate) for at_ns, position, rate in self._borders}
         self._borders = []
         for row in range(steps + 1):
-            at = time_ns + row * step_ns
-            place, rate = known[at] if at in known else self.place_at(at)
-            self._borders.append((at, place, rate))
-            end.value[row], end.rate[row] = place, rate
+            at_ns = time_ns + row * step_ns
+            position, rate = known[at_ns] if at_ns in known else self.position_at(at_ns)
+            self._borders.append((at_ns, position, rate))
+            end.value[row], end.rate[row] = position, rate
         end.clock[:] = time_ns * 1e-9, step_ns * 1e-9
 
     def health(self, now_ns: int) -> InputHealth:

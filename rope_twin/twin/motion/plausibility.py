@@ -39,16 +39,16 @@ Reason = tuple[()] | tuple[str, str]  # of a rejection: the error and the remedy
 RateSample = tuple[int, Numbers, Numbers, Numbers]
 
 NOISE_M, NOISE_RAD = 0.05, 0.002  # standard deviation of white noise of a good sensor
-NOISE_LEAST = 0.1  # minimum noise assumed, as a fraction of the maximum
-SURE = 4.0 * math.sqrt(2.0)  # standard deviations of a difference of two positions ...
-SURE_LEAP = 6.0 * math.sqrt(2.0)  # ... where a single one decides
+MIN_NOISE_FRACTION = 0.1  # minimum noise assumed, as a fraction of the maximum
+# Standard deviations of a difference of two positions; the second where a single one decides.
+DISAGREEMENT_SIGMAS, LEAP_SIGMAS = 4.0 * math.sqrt(2.0), 6.0 * math.sqrt(2.0)
 RATE_DELAY_S = 0.2  # between position and rate of one sensor
-RATE_BIAS, RATE_SHARE = 1.0, 0.05  # error of a rate: NOISE_... per second, and of its amount
+RATE_BIAS, RATE_FRACTION = 1.0, 0.05  # error of a rate: NOISE_... per second, and its fraction
 RATE_SPIKE = 10.0  # sudden change of a rate that is allowed, in NOISE_... per second
 WINDOWS_NS = 500_000_000, 1_000_000_000, 2_000_000_000
 SCATTER_WARN = 1.6  # times the noise of a good sensor: noise above it, or several senders
-VOTES = 3  # consecutive samples that make a disagreement
-HEALED_NS = 5_000_000_000  # time of agreement after which the sender's rates are used again
+DISAGREEING_SAMPLES = 3  # consecutive samples of a disagreement
+AGREEMENT_NS = 5_000_000_000  # time of agreement after which the sender's rates are used again
 PERSISTENT_NS = 10_000_000_000  # duration after which a disagreement is an error
 RATE_SAMPLES = 40  # maximum number of positions from which a rate is derived ...
 RATE_NOISE = 2.0  # ... and noise of that rate, in NOISE_... per second
@@ -56,7 +56,7 @@ SMOOTHING = 0.02  # weight of a sample in the estimate of noise
 
 BREAK_NS = 1_000_000_000  # between two samples: nothing is integrated across it
 LEAP_NOISE_M = 0.25  # contribution of noise to a jump
-LEAP_LEAST_M = 0.01  # resolution of a sensor
+LEAP_RESOLUTION_M = 0.01  # resolution of a sensor
 REACQUIRE_NS = 2_000_000_000  # gap after which the position must be confirmed again
 CONFIRM_NS, CONFIRM_SAMPLES = 500_000_000, 3  # duration and number of agreeing samples
 ACCELERATION_NS = 400_000_000  # minimum time over which the acceleration is checked
@@ -90,7 +90,7 @@ class Continuity:
         self._trial: list[tuple[int, Numbers]] = []  # first and newest of samples to be confirmed
         self._trial_samples = 0
         self._rates: deque[tuple[int, Numbers]] = deque()  # (stamp, rates) of accepted samples
-        self.confirmed = False  # whether positions are confirmed after a gap or jump, none accepted
+        self.confirmed = False  # whether positions after a gap or jump are confirmed, not yet used
 
     def forget(self) -> None:
         """Accept the next sample at any position."""
@@ -99,7 +99,7 @@ class Continuity:
         self._end_trial()
         self._rates.clear()
 
-    def fault(self, stamp_ns: int, place: Numbers, noise: float) -> tuple[str, Reason]:
+    def fault(self, stamp_ns: int, position: Numbers, noise: float) -> tuple[str, Reason]:
         """Return the kind of rejection and its reason; both empty if the position is plausible.
 
         noise: standard deviation of the noise of positions [m].
@@ -107,7 +107,7 @@ class Continuity:
         if self._last is None:
             return "", ()
         gap_s = (stamp_ns - self._last[0]) * 1e-9
-        leap_m = math.dist(place, self._last[1])
+        leap_m = math.dist(position, self._last[1])
         speed = self._limits.speed_m_per_s
         if leap_m > speed * gap_s + LEAP_NOISE_M:
             self._has_leapt = True
@@ -115,15 +115,15 @@ class Continuity:
             what = f"it jumps by {leap_m:.2f} m in {gap_s:.3f} s"
             right = f"a ship moves by at most {speed:g} m/s (ship.max_hang_off_speed_m_per_s)"
             return "impossible", (what, right)
-        lost = gap_s * 1e9 > REACQUIRE_NS
-        if not (self._trial or lost) and self._is_expected(gap_s, place, noise):
+        after_gap = gap_s * 1e9 > REACQUIRE_NS
+        if not (self._trial or after_gap) and self._is_expected(gap_s, position, noise):
             return "", ()
-        self.confirmed = self._is_confirmed(stamp_ns, place)
+        self.confirmed = self._is_confirmed(stamp_ns, position)
         if self.confirmed:
             return "", ()
-        after = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
+        what = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
         right = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
-        return "unconfirmed", (after, right)
+        return "unconfirmed", (what, right)
 
     def acceleration_fault(self, stamp_ns: int, rates: Numbers, noise: float) -> Reason:
         """Return why these rates [m/s] do not follow the preceding ones; or nothing."""
@@ -133,28 +133,28 @@ class Continuity:
             return ()
         if not ACCELERATION_NS <= stamp_ns - self._rates[0][0] <= BREAK_NS:
             return ()
-        seconds = (stamp_ns - self._rates[0][0]) * 1e-9
+        interval_s = (stamp_ns - self._rates[0][0]) * 1e-9
         change = math.dist(rates, self._rates[0][1])
-        most = self._limits.acceleration_m_per_s2
-        if change <= most * seconds + noise:
+        limit = self._limits.acceleration_m_per_s2
+        if change <= limit * interval_s + noise:
             return ()
-        right = f"a ship's is at most {most:g} m/s² (ship.max_hang_off_acceleration_m_per_s2)"
-        return f"an acceleration of {change / seconds:.1f} m/s²", right
+        right = f"a ship's is at most {limit:g} m/s² (ship.max_hang_off_acceleration_m_per_s2)"
+        return f"an acceleration of {change / interval_s:.1f} m/s²", right
 
     def forget_rates(self) -> None:
         """Skip the next comparison of rates, as they are obtained in another way."""
         self._rates.clear()
 
-    def accept(self, stamp_ns: int, place: Numbers, rates: Numbers) -> None:
+    def accept(self, stamp_ns: int, position: Numbers, rates: Numbers) -> None:
         """Record an accepted sample, with the rates that were used."""
         if self.confirmed:
             self._end_trial()
             self._rates.clear()
-        self._last = stamp_ns, place
+        self._last = stamp_ns, position
         self._has_leapt = False
         self._rates.append((stamp_ns, rates))
 
-    def _is_expected(self, gap_s: float, place: Numbers, noise: float) -> bool:
+    def _is_expected(self, gap_s: float, position: Numbers, noise: float) -> bool:
         """Return whether a position is where the last one, its rate and the limits allow.
 
         A sample after an outlier must be closer: a position within the acceleration limit over so
@@ -163,22 +163,22 @@ class Continuity:
         assert self._last is not None
         rates = self._rates[-1][1]
         expected = [z + v * gap_s for z, v in zip(self._last[1], rates, strict=True)]
-        most = self._limits.acceleration_m_per_s2 * (0.1 if self._has_leapt else 1.0)
-        allowed = SURE_LEAP * noise + LEAP_LEAST_M + 0.5 * most * gap_s * gap_s
-        if math.dist(place, expected) <= allowed:
+        acceleration = self._limits.acceleration_m_per_s2 * (0.1 if self._has_leapt else 1.0)
+        allowed = LEAP_SIGMAS * noise + LEAP_RESOLUTION_M + 0.5 * acceleration * gap_s * gap_s
+        if math.dist(position, expected) <= allowed:
             return True
         self._has_leapt = True
         return False
 
-    def _is_confirmed(self, stamp_ns: int, place: Numbers) -> bool:
+    def _is_confirmed(self, stamp_ns: int, position: Numbers) -> bool:
         """Return whether samples since a gap have agreed with each other for long enough."""
         if self._trial:
-            before_ns, before = self._trial[-1]
-            seconds = (stamp_ns - before_ns) * 1e-9
-            near = self._limits.speed_m_per_s * seconds + LEAP_NOISE_M
-            if seconds * 1e9 > BREAK_NS or math.dist(place, before) > near:
+            last_ns, last = self._trial[-1]
+            gap_s = (stamp_ns - last_ns) * 1e-9
+            reach_m = self._limits.speed_m_per_s * gap_s + LEAP_NOISE_M
+            if gap_s * 1e9 > BREAK_NS or math.dist(position, last) > reach_m:
                 self._end_trial()
-        self._trial = [*self._trial[:1], (stamp_ns, place)]
+        self._trial = [*self._trial[:1], (stamp_ns, position)]
         self._trial_samples += 1
         long_enough = stamp_ns - self._trial[0][0] >= CONFIRM_NS
         return long_enough and self._trial_samples >= CONFIRM_SAMPLES
@@ -196,7 +196,7 @@ class RateCheck:
         self._samples: list[RateSample] = []
         self._stamps: list[int] = []  # of the samples
         self._used: Numbers = ()  # rates used for the newest sample
-        self._roughness = 6.0 * noise * noise  # mean square of second differences of `rest`
+        self._roughness = 6.0 * noise * noise  # mean square of second differences of z - ∫ v dt
         self._votes = 0
         self._since_ns: int | None = None  # beginning of the present disagreement
         self._is_derived = False  # whether the newest rates were derived
@@ -215,7 +215,7 @@ class RateCheck:
     @property
     def noise(self) -> float:
         """Estimated standard deviation of the values' noise, within its limits."""
-        return min(max(self.scatter, NOISE_LEAST * self._noise), self._noise)
+        return min(max(self.scatter, MIN_NOISE_FRACTION * self._noise), self._noise)
 
     @property
     def scatter(self) -> float:
@@ -241,23 +241,23 @@ class RateCheck:
     def rates(self, stamp_ns: int, value: Numbers, rate: Numbers) -> Numbers | None:
         """Take a sample; return the rates to use.
 
-        They are those given while they agree with the values. None: they are impossible, and there
-        are too few values to derive others.
+        They are the given ones while these agree with the values. None: they are impossible, and
+        there are too few values to derive others.
         """
         while self._samples and self._samples[-1][0] >= stamp_ns:
             del self._samples[-1], self._stamps[-1]  # it was rejected for another reason
         if self._samples and stamp_ns - self._samples[-1][0] > BREAK_NS:
             self.forget()
         sudden = self._is_impossible(stamp_ns, rate)
-        self._keep(stamp_ns, value, rate)
-        self._votes = self._votes + 1 if self._is_apart() else 0
-        if sudden or self._votes >= VOTES:
+        self._store(stamp_ns, value, rate)
+        self._votes = self._votes + 1 if self._disagree() else 0
+        if sudden or self._votes >= DISAGREEING_SAMPLES:
             self._newest_bad_ns = stamp_ns
             if self._since_ns is None:
                 self._since_ns = stamp_ns
-        elif self._since_ns is not None and stamp_ns - self._newest_bad_ns > HEALED_NS:
+        elif self._since_ns is not None and stamp_ns - self._newest_bad_ns > AGREEMENT_NS:
             self._since_ns = None
-        derived = self._derived() if self.disagrees else None
+        derived = self._derived_rates() if self.disagrees else None
         if derived is None and sudden:
             return None
         self.switched = (derived is not None) != self._is_derived
@@ -271,53 +271,57 @@ class RateCheck:
             return True
         if not self._used or not self._samples:
             return False
-        seconds = (stamp_ns - self._samples[-1][0]) * 1e-9
-        most = self._acceleration * seconds + RATE_SPIKE * self._noise
-        return max([abs(a - b) for a, b in zip(rate, self._used, strict=True)]) > most
+        interval_s = (stamp_ns - self._samples[-1][0]) * 1e-9
+        max_change = self._acceleration * interval_s + RATE_SPIKE * self._noise
+        return max([abs(a - b) for a, b in zip(rate, self._used, strict=True)]) > max_change
 
-    def _keep(self, stamp_ns: int, value: Numbers, rate: Numbers) -> None:
-        most = self._limit
-        if max(rate) > most or min(rate) < -most:
-            rate = tuple([min(max(one, -most), most) for one in rate])
-        rest = value
+    def _store(self, stamp_ns: int, value: Numbers, rate: Numbers) -> None:
+        limit = self._limit
+        if max(rate) > limit or min(rate) < -limit:
+            rate = tuple([min(max(component, -limit), limit) for component in rate])
+        remainder = value
         if self._samples:
-            before_ns, values, rates, rests = self._samples[-1]
-            half = 0.5e-9 * (stamp_ns - before_ns)
-            moved = zip(value, rate, values, rates, rests, strict=True)
-            rest = tuple([r + z - z0 - half * (v + v0) for z, v, z0, v0, r in moved])
-        self._samples.append((stamp_ns, value, rate, rest))
+            last_ns, values, rates, remainders = self._samples[-1]
+            half_interval = 0.5e-9 * (stamp_ns - last_ns)
+            columns = zip(value, rate, values, rates, remainders, strict=True)
+            remainder = tuple(
+                [r + z - z0 - half_interval * (v + v0) for z, v, z0, v0, r in columns]
+            )
+        self._samples.append((stamp_ns, value, rate, remainder))
         self._stamps.append(stamp_ns)
         if len(self._samples) > 2:
-            pairs = zip(self._samples[-3][3], self._samples[-2][3], rest, strict=True)
-            rough = max([abs(x - 2.0 * y + z) for x, y, z in pairs])
-            rough = min(rough, 10.0 * self._noise) ** 2
-            self._roughness += SMOOTHING * (rough - self._roughness)
-        spare = len(self._samples) > 2 * RATE_SAMPLES
-        if spare and self._samples[RATE_SAMPLES][0] < stamp_ns - WINDOWS_NS[-1] - BREAK_NS:
+            pairs = zip(self._samples[-3][3], self._samples[-2][3], remainder, strict=True)
+            roughness = max([abs(x - 2.0 * y + z) for x, y, z in pairs])
+            roughness = min(roughness, 10.0 * self._noise) ** 2
+            self._roughness += SMOOTHING * (roughness - self._roughness)
+        is_full = len(self._samples) > 2 * RATE_SAMPLES
+        if is_full and self._samples[RATE_SAMPLES][0] < stamp_ns - WINDOWS_NS[-1] - BREAK_NS:
             del self._samples[:RATE_SAMPLES], self._stamps[:RATE_SAMPLES]
 
-    def _is_apart(self) -> bool:
+    def _disagree(self) -> bool:
         """Return whether values and integrated rates differ more than those of a good sensor."""
-        samples, sure = self._samples, SURE * self.noise
-        new, k = samples[-1], len(samples)
+        samples, tolerance = self._samples, DISAGREEMENT_SIGMAS * self.noise
+        newest, k = samples[-1], len(samples)
         for window_ns in WINDOWS_NS:
-            k = bisect_right(self._stamps, new[0] - window_ns, hi=k)
+            k = bisect_right(self._stamps, newest[0] - window_ns, hi=k)
             if k == 0:
                 return False
-            old = samples[k - 1]
-            seconds = (new[0] - old[0]) * 1e-9
-            allowed = sure + RATE_BIAS * self._noise * seconds
-            for a, b, v, w in zip(old[3], new[3], old[2], new[2], strict=True):
-                if abs(b - a) > allowed and abs(b - a) > allowed + self._by_sensor(seconds, v, w):
+            earlier = samples[k - 1]
+            window_s = (newest[0] - earlier[0]) * 1e-9
+            allowed = tolerance + RATE_BIAS * self._noise * window_s
+            for a, b, v, w in zip(earlier[3], newest[3], earlier[2], newest[2], strict=True):
+                if abs(b - a) > allowed and abs(b - a) > allowed + self._sensor_error(
+                    window_s, v, w
+                ):
                     return True
         return False
 
-    def _by_sensor(self, seconds: float, v: float, w: float) -> float:
-        """Return the error of a rate's integral from v to w by delay and inaccuracy."""
+    def _sensor_error(self, seconds: float, v: float, w: float) -> float:
+        """Return the allowed error of a rate's integral from v to w, by delay and inaccuracy."""
         delay = RATE_DELAY_S * min(abs(w - v), self._acceleration * seconds)
-        return delay + RATE_SHARE * seconds * max(abs(v), abs(w))
+        return delay + RATE_FRACTION * seconds * max(abs(v), abs(w))
 
-    def _derived(self) -> Numbers | None:
+    def _derived_rates(self) -> Numbers | None:
         """Return end slopes of parabolas through the last values; None: too few values."""
         samples = self._samples
         if len(samples) < 3:
@@ -326,22 +330,22 @@ class RateCheck:
         # noise σ of values becomes σ·√(192/n³)/h of the slope at the end of n of them
         ratio = self.noise / (RATE_NOISE * self._noise * step_s)
         wanted = math.ceil((192.0 * ratio * ratio) ** (1.0 / 3.0))
-        if self.noise <= NOISE_LEAST * self._noise:
+        if self.noise <= MIN_NOISE_FRACTION * self._noise:
             wanted = 3
         last = samples[-min(max(wanted, 3), RATE_SAMPLES, len(samples)) :]
         times = [(stamp_ns - last[-1][0]) * 1e-9 for stamp_ns, *_ in last]
         columns = zip(*(value for _, value, _, _ in last), strict=True)
         slopes = (end_slope(times, column) for column in columns)
-        return tuple(min(max(one, -self._limit), self._limit) for one in slopes)
+        return tuple(min(max(slope, -self._limit), self._limit) for slope in slopes)
 
 
 def end_slope(times: Sequence[float], values: Sequence[float]) -> float:
     """Return the slope at time 0 of the best-fit parabola through three or more values."""
     s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
     for t, value in zip(times, values, strict=True):
-        z, square = value - values[-1], t * t
-        s1, s2, s3, s4 = s1 + t, s2 + square, s3 + square * t, s4 + square * square
-        y0, y1, y2 = y0 + z, y1 + t * z, y2 + square * z
+        z, t2 = value - values[-1], t * t
+        s1, s2, s3, s4 = s1 + t, s2 + t2, s3 + t2 * t, s4 + t2 * t2
+        y0, y1, y2 = y0 + z, y1 + t * z, y2 + t2 * z
     n = float(len(times))
     determinant = n * (s2 * s4 - s3 * s3) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 * s2)
     # the second unknown by Cramer's rule
@@ -349,13 +353,13 @@ def end_slope(times: Sequence[float], values: Sequence[float]) -> float:
     return upper / determinant
 
 
-INTERPOLATION_SHARE = 1e-4  # allowed interpolation error over the motion's amplitude
+INTERPOLATION_TOL = 1e-4  # allowed interpolation error over the motion's amplitude
 TIMED_SAMPLES = 20  # number of intervals of the median
-MISSING_SHARE = 0.01  # allowed fraction of time without the sample after the step
+MISSING_FRACTION = 0.01  # allowed fraction of time without the sample after the step
 SLOT_S = 0.02  # real-time cycle
 INTERVAL_TOL = 1.02  # allowed jitter of the median interval
 RECORDED_PERIOD_S = 5.0  # 99.9 % of the acceleration variance of recorded heave is slower
-WAVE_SHARE = 0.95  # fraction of the waves' energy above the shortest relevant period
+WAVE_ENERGY_FRACTION = 0.95  # fraction of the waves' energy above the shortest relevant period
 
 
 def is_moved(scene: Scene) -> bool:
@@ -367,8 +371,8 @@ def is_moved(scene: Scene) -> bool:
 def shortest_period_s(scene: Scene) -> float:
     """Return the shortest relevant period of the ship's motion [s].
 
-    For a sine its own; in the scene's waves that above which WAVE_SHARE of their energy lies;
-    otherwise, for a record or a live ship, RECORDED_PERIOD_S.
+    For a sine its period; in the scene's waves the period above which WAVE_ENERGY_FRACTION of their
+    energy lies; otherwise, for a record or a live ship, RECORDED_PERIOD_S.
     """
     if scene.sea_state.heave is not None:
         return scene.sea_state.heave.period_s
@@ -378,13 +382,13 @@ def shortest_period_s(scene: Scene) -> float:
     waves = components_of(params, scene.environment.gravity_m_per_s2)
     order = np.argsort(waves.omega)
     energy = np.cumsum(waves.amplitude_m[order] ** 2)
-    fastest = waves.omega[order][int(np.searchsorted(energy, WAVE_SHARE * energy[-1]))]
+    fastest = waves.omega[order][int(np.searchsorted(energy, WAVE_ENERGY_FRACTION * energy[-1]))]
     return float(2.0 * np.pi / fastest)
 
 
 def needed_interval_s(shortest_period_s: float) -> float:
     """Return the longest interval between samples [s] that keeps the error within its limit."""
-    return math.sqrt(math.sqrt(384.0 * INTERPOLATION_SHARE)) * shortest_period_s / math.tau
+    return math.sqrt(math.sqrt(384.0 * INTERPOLATION_TOL)) * shortest_period_s / math.tau
 
 
 class SampleTiming:
@@ -405,8 +409,8 @@ class SampleTiming:
         if len(self._taken) <= TIMED_SAMPLES // 4:
             return math.nan
         stamps = [stamp for stamp, _, _ in self._taken]
-        between = sorted(b - a for a, b in pairwise(stamps))
-        return between[len(between) // 2] * 1e-9
+        intervals = sorted(b - a for a, b in pairwise(stamps))
+        return intervals[len(intervals) // 2] * 1e-9
 
     def fault(self, lateness_s: float) -> str:
         """Return the message on samples that come too slowly, with the remedy; or "".
@@ -418,15 +422,15 @@ class SampleTiming:
             return ""
         delay_s = interval_s + lateness_s + SLOT_S
         if interval_s > INTERVAL_TOL * self._needed_s:
-            right_s = self._needed_s + lateness_s + SLOT_S
+            sufficient_s = self._needed_s + lateness_s + SLOT_S
             return (
                 f"a sample every {interval_s:.3f} s is too slow: this scene needs one every "
                 f"{self._needed_s:.3f} s ({1.0 / self._needed_s:.1f} Hz) and input_delay_s of "
-                f"{right_s:.2f} s; at the present rate {delay_s:.2f} s"
+                f"{sufficient_s:.2f} s; at the present rate {delay_s:.2f} s"
             )
         first, last = self._taken[0], self._taken[-1]
         asked_ns, missing_ns = last[1] - first[1], last[2] - first[2]
-        if missing_ns <= MISSING_SHARE * asked_ns or asked_ns <= 0:
+        if missing_ns <= MISSING_FRACTION * asked_ns or asked_ns <= 0:
             return ""
         return (
             f"for {100.0 * missing_ns / asked_ns:.0f} % of the time the sample after the step had "

@@ -31,7 +31,7 @@ Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 STILL: Vector3 = (0.0, 0.0, 0.0)
-UNIT_WITHIN = 1e-3  # tolerance of a unit quaternion's length
+UNIT_LENGTH_TOL = 1e-3  # tolerance of a unit quaternion's length
 MAX_TILT_DEG = 60.0
 MAX_RATE_RAD_PER_S = 2.0
 
@@ -56,7 +56,7 @@ def is_finite(pose: ShipPose) -> bool:
 def orientation_fault(orientation: Quaternion) -> tuple[str, ...]:
     """Return why numbers are no rotation, and the remedy; or nothing."""
     size = math.hypot(*orientation)
-    if abs(size - 1.0) <= UNIT_WITHIN:
+    if abs(size - 1.0) <= UNIT_LENGTH_TOL:
         return ()
     what = f"an orientation of length {size:.4g}"
     return what, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1"
@@ -89,8 +89,8 @@ def sea_velocity(pose: ShipPose) -> Vector3:
 def with_rates(pose: ShipPose, velocity_m_per_s: Vector3, rate_rad_per_s: Vector3) -> ShipPose:
     """Return the pose with other rates: velocity in the axes of `map`, turning in the ship's."""
     x, y, z, w = pose.orientation
-    own = turned((-x, -y, -z, w), velocity_m_per_s)
-    return replace(pose, velocity_m_per_s=own, rate_rad_per_s=rate_rad_per_s)
+    velocity_in_ship = turned((-x, -y, -z, w), velocity_m_per_s)
+    return replace(pose, velocity_m_per_s=velocity_in_ship, rate_rad_per_s=rate_rad_per_s)
 
 
 def turn_between(old: Quaternion, new: Quaternion) -> Vector3:

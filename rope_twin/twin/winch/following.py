@@ -182,11 +182,11 @@ class LineTrack(HeaveTrack):
             z, v = self._measured(time_ns)
             dz, dv = self._rejoin(time_ns)
             self._given = z + dz, v + dv
-            self._note(time_ns, known)
+            self._report_gap(time_ns, known)
             self._on_track = known and not self._rejoining(time_ns)
-            self._forget(time_ns)
+            self._drop_old(time_ns)
         else:
-            self._given = self._between(time_ns)
+            self._given = self._interpolated(time_ns)
         self._asked_ns = time_ns
         return self._given
 
@@ -215,7 +215,7 @@ class LineTrack(HeaveTrack):
         gentle = (2.0 * d + math.sqrt(4.0 * d * d + 6.0 * e * a)) / a
         return max(LEAD_S, 1.5 * e / self._speed, gentle)
 
-    def _note(self, time_ns: int, known: bool) -> None:
+    def _report_gap(self, time_ns: int, known: bool) -> None:
         """Report how the line differs from the measured one."""
         self.off_m = 0.0
         if known and self._rejoining(time_ns):
