@@ -131,7 +131,7 @@ class TwinInputs:
             sample = position_m, velocity_m_per_s
             refusal = self.heave.offer(stamp_ns, *sample, received_ns)
             if not refusal and self._judges_motion:
-                self.validity.hear_heave(self.own_motion, stamp_ns, *sample)
+                self.validity.compare_heave(self.own_motion, stamp_ns, *sample)
             return refusal
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
@@ -142,7 +142,7 @@ class TwinInputs:
         with self.lock:
             refusal = self.heave.offer_pose(pose, received_ns)
             if not refusal and self._judges_motion:
-                self.validity.hear_pose(self.own_motion, pose)
+                self.validity.compare_pose(self.own_motion, pose)
             return refusal
 
     def offer_lower_end(

@@ -3,14 +3,14 @@
 After the assurance of digital twins by functional element (DNV-RP-A204): each element (top tension,
 payload depth, slack, fatigue, forecast) supports a decision, and has an index of 0 to 1, the
 smallest of six components: input, numerics, discretisation, validity, residual and history. It is
-never a mean: one broken part is not healed by five good ones. The index falls at once and rises to
-its components over RISE_S. Without a measurement to compare with, or without a known discretisation
-error, it is UNPROVEN at most. An element that does not exist in a run (fatigue that is not counted,
-a forecast that does not run) has no index.
+never a mean: one failed component is not compensated by five good ones. The index falls at once and
+rises to its components over RISE_S. Without a measurement to compare with, or without a known
+discretisation error, it is UNPROVEN at most. An element that does not exist in a run (fatigue that
+is not counted, a forecast that does not run) has no index.
 
-It is evaluated in snapshots, every EVALUATED_NS of twin time, from what the snapshot tells; it acts
-on nothing. The thresholds are those of the project (docs/reference/quality_index.md). The pace of a
-real-time run is left out (`simulation: pacing` has it), as a replay must find the same index.
+It is evaluated every EVALUATED_NS of twin time from a snapshot, and has no effect on the twin. The
+thresholds are those of the project (docs/reference/quality_index.md). Real-time performance is left
+out (`simulation: pacing` has it), as a replay must have the same index.
 """
 
 from __future__ import annotations
@@ -47,35 +47,35 @@ TENSION, DEPTH, SLACK, FATIGUE, FORECAST = ELEMENTS = (
 
 RISE_S = 60.0  # from 0 to 1
 EVALUATED_NS = 200_000_000  # of twin time between two evaluations
-WARNED = 0.6  # at most, while an input or a measurement has a warning
-REFUSED_ALL = 0.5  # share of refused samples in 60 s at which an input is worth nothing
+WARNING_VALUE = 0.6  # maximum while an input or a measurement has a warning
+MAX_REFUSED_FRACTION = 0.5  # fraction of rejected samples in 60 s at which an input's value is 0
 RECENT_S = 60.0  # period of the counts of refused samples
-FAILED_NS = 60_000_000_000  # after a failed step numerics are 0 for so long
-BUILD_UP = "build-up"  # begins the reason of an index that starts below
-BUILDING_UP = 0.5  # while the ship's motion or the forces of the water build up
-TOO_LARGE = 3.0  # a discretisation error of so many tolerances makes 0
+FAILED_NS = 60_000_000_000  # duration of 0 for numerics after a failed step
+BUILD_UP = "build-up"  # first word of the reason during the build-up
+BUILD_UP_VALUE = 0.5  # while the ship's motion or the forces of the water build up
+MAX_ERROR_RATIO = 3.0  # ratio of the discretisation error to its tolerance at which the value is 0
 # tolerances of the discretisation error: RMS bound of the top tension [% of its standard deviation]
 # by the convergence study, and half the error interval [% of the static tension]
 TOLERANCES_PCT = {TENSION: (5.0, 2.0), DEPTH: (10.0, 4.0), SLACK: (5.0, 2.0), FATIGUE: (3.0, 1.0)}
-RMS_GOOD, BIAS_GOOD, WORTHLESS = 1.5, 1.96, 5.0  # residual over its standard uncertainty
-COMPARED_LEAST, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
-DISAGREED = 0.5  # at most, while it does
+RMS_GOOD, BIAS_GOOD, RESIDUAL_BAD = 1.5, 1.96, 5.0  # residual over its standard uncertainty
+MIN_COMPARED, COMPARED_S = 10, 10.0  # readings compared, and the newest one's age at most
+DISAGREEMENT_VALUE = 0.5  # maximum while a residual disagrees
 VARIANCE_GOOD, VARIANCE_BAD = 4.0, 8.0  # normal deviate of the variance of 5 min: from 1 to that
-TOO_GOOD = 0.2  # scatter over the instrument's own uncertainty: less proves nothing
-HISTORY_HOURS, HISTORY_LEAST_S = 24, 600.0  # of comparisons, and before which they tell nothing
-HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # share of the time in agreement
-FAULTS_S, SAME_FAULT_S = 3600.0, 10.0  # that count, and apart by more than that
-EACH_FAULT, FAULTS_AT_LEAST = 0.1, 0.5  # less for each but one, and at least
+MIN_SCATTER = 0.2  # over the instrument's own uncertainty: a smaller scatter proves nothing
+HISTORY_HOURS, MIN_HISTORY_S = 24, 600.0  # period of comparisons, and their minimum duration
+HISTORY_GOOD, HISTORY_BAD = 0.95, 0.8  # fraction of the time in agreement
+FAULTS_S, SAME_FAULT_S = 3600.0, 10.0  # period of the count, minimum interval of two faults
+FAULT_PENALTY, MIN_FAULTS_VALUE = 0.1, 0.5  # reduction for each fault but one, and minimum
 FORECAST_LATE_S, INPUTS_LATE_S = (3.0, 10.0), (5.0, 15.0)  # age of a forecast, and of its inputs
-COVERED, COVERED_BAD = 0.9, 0.5  # share of truths in the bands, as promised, and worth nothing
-FACTOR_GOOD, FACTOR_BAD = 1.5, 3.0  # on the members' spread, that makes the bands hold
+COVERED, COVERED_BAD = 0.9, 0.5  # fraction of truths in the bands: nominal, and of value 0
+FACTOR_GOOD, FACTOR_BAD = 1.5, 3.0  # on the members' spread, for the nominal coverage
 
 # input groups of measurements: they judge the twin and do not drive it
 _TENSIONS, _DEPTHS, _LENGTHS = "top_tension_n", "payload_depth_m", "line_out_m"
 _WORDS = {_TENSIONS: "top tension", _DEPTHS: "payload depth", _LENGTHS: "line out"}
 _SENSORS = WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH
 _JUDGED_BY = dict.fromkeys(ELEMENTS, _TENSIONS) | {DEPTH: _DEPTHS}
-_COMMANDS_ONLY = ("cut",)  # a refused cut leaves the twin as good as it was
+_COMMANDS_ONLY = ("cut",)  # a rejected cut does not reduce the quality
 
 
 class Component(NamedTuple):
@@ -102,36 +102,39 @@ class ElementIndex:
         self.lowest, self.lowest_at_s, self.lowest_reason = 1.0, -1.0, ""
 
     def take(
-        self, parts: tuple[Component, ...], past_s: float, now_s: float, building: bool
+        self, parts: tuple[Component, ...], elapsed_s: float, now_s: float, building_up: bool
     ) -> None:
-        """Take the components, in the order of CAUSES; past_s: since the last evaluation [s]."""
-        if not building:
+        """Update by the components, in the order of CAUSES.
+
+        elapsed_s: since the last evaluation [s].
+        """
+        if not building_up:
             parts = (*parts[:-1], self._with_faults(parts, now_s))
         values = [_ceiling(cause, part) for cause, part in zip(CAUSES, parts, strict=True)]
-        number = min(range(len(values)), key=values.__getitem__)
-        target, why = values[number], parts[number].reason
+        limiting = min(range(len(values)), key=values.__getitem__)
+        target, reason = values[limiting], parts[limiting].reason
         if not self.used or target <= self.index:
-            self.index, self.cause, self.reason = target, CAUSES[number], why
+            self.index, self.cause, self.reason = target, CAUSES[limiting], reason
         else:
-            self.index = min(target, self.index + past_s / RISE_S)
+            self.index = min(target, self.index + elapsed_s / RISE_S)
             if self.index == target:
-                self.cause, self.reason = CAUSES[number], why
+                self.cause, self.reason = CAUSES[limiting], reason
         self.used, self.components = True, tuple(part.value for part in parts)
-        self._settled = self._settled or (self.index == target and not building)
+        self._settled = self._settled or (self.index == target and not building_up)
         if self._settled and (self.lowest_at_s < 0.0 or self.index < self.lowest):
             self.lowest, self.lowest_at_s, self.lowest_reason = self.index, now_s, self.reason
 
     def _with_faults(self, parts: tuple[Component, ...], now_s: float) -> Component:
         """Count the faults of the last hour, and return the component of history with them.
 
-        A fault is a time in which a component other than discretisation and history is at WARNED at
-        most; one that comes and goes within SAME_FAULT_S is the same.
+        A fault is a time in which a component other than discretisation and history is at most
+        WARNING_VALUE; faults within SAME_FAULT_S of each other count as one.
         """
         *present, history = parts
         known = [part for cause, part in zip(CAUSES, present, strict=False)
                  if cause != DISCRETISATION and part.value is not None]  # fmt: skip
-        worst = min(known, key=lambda one: one.value)  # type: ignore[arg-type, return-value]
-        if worst.value is not None and worst.value <= WARNED:
+        worst = min(known, key=lambda part: part.value)  # type: ignore[arg-type, return-value]
+        if worst.value is not None and worst.value <= WARNING_VALUE:
             if now_s - self._faulty_s > SAME_FAULT_S:
                 self._faults.append((now_s, worst.reason))
             self._faulty_s = now_s
@@ -139,18 +142,20 @@ class ElementIndex:
             self._faults.popleft()
         if len(self._faults) < 2:
             return history
-        at_s, why = self._faults[-1]
-        value = max(FAULTS_AT_LEAST, 1.0 - EACH_FAULT * (len(self._faults) - 1))
-        words = f"{len(self._faults)} faults in the last hour, the last one at {at_s:.0f} s: {why}"
-        return _worst((history, Component(value, words)))
+        at_s, reason = self._faults[-1]
+        value = max(MIN_FAULTS_VALUE, 1.0 - FAULT_PENALTY * (len(self._faults) - 1))
+        text = (
+            f"{len(self._faults)} faults in the last hour, the last one at {at_s:.0f} s: {reason}"
+        )
+        return _worst((history, Component(value, text)))
 
-    def leave(self) -> None:
-        """Have no index from now on, until the next components are taken."""
+    def deactivate(self) -> None:
+        """Have no index until the next components are taken."""
         self.used = False
 
     @property
     def result(self) -> Quality:
-        """Return it for a snapshot; before the end of the start-up the lowest is the present."""
+        """Return the index for a snapshot; during the start-up the lowest is the present one."""
         known = self.lowest_at_s >= 0.0
         lowest = (self.lowest, self.lowest_at_s, self.lowest_reason)
         return Quality(
@@ -160,7 +165,7 @@ class ElementIndex:
 
 
 def _ceiling(cause: str, part: Component) -> float:
-    """Return what the index is at most by one component."""
+    """Return the maximum of the index by one component."""
     if part.value is not None:
         return part.value
     return UNPROVEN if cause in (RESIDUAL, DISCRETISATION) else 1.0
@@ -184,69 +189,77 @@ class QualityIndex:
     def judge(self, shot: Snapshot, outside: Iterable[Finding] = ()) -> Snapshot:
         """Return the snapshot with the index of each element, evaluated if that is due.
 
-        outside: what is outside the model's range now; it is read only if that is due.
+        outside: findings outside the model's range now; read only if an evaluation is due.
         """
         if self._at_ns < 0 or shot.stamp_ns - self._at_ns >= EVALUATED_NS:
-            past_s = 0.0 if self._at_ns < 0 else (shot.stamp_ns - self._at_ns) * 1e-9
+            elapsed_s = 0.0 if self._at_ns < 0 else (shot.stamp_ns - self._at_ns) * 1e-9
             self._at_ns = shot.stamp_ns
-            self._evaluate(shot, past_s, validity_of(shot, outside))
-        return amended(shot, quality=tuple(one.result for one in self._elements if one.used))
+            self._evaluate(shot, elapsed_s, validity_of(shot, outside))
+        return amended(
+            shot, quality=tuple(element.result for element in self._elements if element.used)
+        )
 
-    def _evaluate(self, shot: Snapshot, past_s: float, valid: Component) -> None:
-        heard, solved = inputs_of(shot), self._numerics(shot)
-        counted = shot.fatigue is not None or any(one.fatigue is not None for one in shot.ropes)
-        building = shot.motion_ramp < 1.0
+    def _evaluate(self, shot: Snapshot, elapsed_s: float, validity: Component) -> None:
+        inputs, numerics = inputs_of(shot), self._numerics(shot)
+        has_fatigue = shot.fatigue is not None or any(
+            rope.fatigue is not None for rope in shot.ropes
+        )
+        building_up = shot.motion_ramp < 1.0
         histories = {
-            quantity: self._history(number, quantity, shot, past_s)
+            quantity: self._history(number, quantity, shot, elapsed_s)
             for number, quantity in enumerate((_TENSIONS, _DEPTHS))
         }
         for element in self._elements:
             name = element.name
-            if name == FATIGUE and not counted:
+            if name == FATIGUE and not has_fatigue:
                 continue
             score = shot.forecast_score
             if name == FORECAST and score is None:
-                element.leave()
+                element.deactivate()
                 continue
             if name == FORECAST and score is not None:
-                late, known = lateness_of(score, shot.time_s), calibration_of(score)
-                # what its own numerics and mesh miss is in what became of the last ones
-                parts = (_worst((heard, late)), _GOOD, _GOOD, valid, known, _UNKNOWN)
+                late, calibration = lateness_of(score, shot.time_s), calibration_of(score)
+                # The calibration covers the errors of its own numerics and mesh.
+                parts = (_worst((inputs, late)), _GOOD, _GOOD, validity, calibration, _UNKNOWN)
             else:
                 parts = (
-                    heard, solved, discretisation_of(name, shot), valid, residual_of(name, shot),
-                    histories[_JUDGED_BY[name]],
+                    inputs, numerics, discretisation_of(name, shot), validity,
+                    residual_of(name, shot), histories[_JUDGED_BY[name]],
                 )  # fmt: skip
-            element.take(parts, past_s, shot.time_s, building)
+            element.take(parts, elapsed_s, shot.time_s, building_up)
 
     def _numerics(self, shot: Snapshot) -> Component:
         """Return the component of convergence and failed steps."""
         count = shot.solver.unconverged_substeps
-        fresh, self._unconverged = count > self._unconverged, count
+        has_new, self._unconverged = count > self._unconverged, count
         if shot.stamp_ns - self._failed_ns < FAILED_NS:
             return Component(0.0, f"a step failed at {self._failed_ns * 1e-9:.2f} s")
-        if fresh or shot.doubtful:
+        if has_new or shot.doubtful:
             return Component(0.0, "a step did not converge")
         return _GOOD
 
-    def _history(self, number: int, quantity: str, shot: Snapshot, past_s: float) -> Component:
+    def _history(self, number: int, quantity: str, shot: Snapshot, elapsed_s: float) -> Component:
         """Count the time in agreement with measurements, and return its component."""
-        now = [one for one in shot.residuals if one.quantity == quantity and _compares(one, shot)]
+        compared = [
+            residual
+            for residual in shot.residuals
+            if residual.quantity == quantity and _compares(residual, shot)
+        ]
         bins, hour = self._agreed[number], int(shot.time_s // 3600.0)
-        if now and past_s > 0.0:
+        if compared and elapsed_s > 0.0:
             row = bins[hour % HISTORY_HOURS]
             if row[0] != hour:
                 row[:] = hour, 0.0, 0.0
-            row[1] += past_s
-            row[2] += past_s if not any(map(disagrees, now)) else 0.0
+            row[1] += elapsed_s
+            row[2] += elapsed_s if not any(map(disagrees, compared)) else 0.0
         recent = bins[bins[:, 0] > hour - HISTORY_HOURS]
         compared_s = float(recent[:, 1].sum())
-        if compared_s < HISTORY_LEAST_S:
+        if compared_s < MIN_HISTORY_S:
             return Component(None, "too little was compared with measurements")
-        share = float(recent[:, 2].sum()) / compared_s
-        value = 1.0 - falling(share, HISTORY_BAD, HISTORY_GOOD)
-        words = f"{_WORDS[quantity]} agreed with its measurement for {share:.0%} of the last 24 h"
-        return Component(value, words)
+        fraction = float(recent[:, 2].sum()) / compared_s
+        value = 1.0 - falling(fraction, HISTORY_BAD, HISTORY_GOOD)
+        text = f"{_WORDS[quantity]} agreed with its measurement for {fraction:.0%} of the last 24 h"
+        return Component(value, text)
 
 
 def inputs_of(shot: Snapshot) -> Component:
@@ -255,34 +268,34 @@ def inputs_of(shot: Snapshot) -> Component:
 
 
 def _inputs(shot: Snapshot) -> Iterator[Component]:
-    follows = any(name.startswith(LINE_FOLLOWING) for name in shot.inputs)
-    judging = _SENSORS[1:] if follows else _SENSORS  # a line that is followed drives the twin
+    is_followed = any(name.startswith(LINE_FOLLOWING) for name in shot.inputs)
+    comparing = _SENSORS[1:] if is_followed else _SENSORS  # a line that is followed drives the twin
     for name, health in shot.inputs.items():
-        if name.startswith(judging) or name in _COMMANDS_ONLY:
+        if name.startswith(comparing) or name in _COMMANDS_ONLY:
             continue
         yield input_of("inputs" if name == BORDER else name.replace("_", " "), health)
     if shot.winch_at_limit:
-        yield Component(WARNED, f"winch: {shot.winch_at_limit}")
+        yield Component(WARNING_VALUE, f"winch: {shot.winch_at_limit}")
 
 
 def input_of(name: str, health: InputHealth) -> Component:
     """Return the component of one input, in accord with its row of the diagnostics.
 
-    0: it has a fault or is stale (ERROR); WARNED at most: it has a warning, or samples were refused
-    in the last 60 s (WARN), less the larger their share.
+    0: it has a fault or is stale (ERROR); WARNING_VALUE at most: it has a warning, or samples were
+    rejected in the last 60 s (WARN), less the larger their fraction.
     """
     if health.fault or health.stale:
         return Component(0.0, f"{name}: {health.fault or health.note or 'no sample is fresh'}")
     if name == "current" and health.note and health.note != health.refusal:
-        return Component(WARNED, f"{name}: {health.note}")
+        return Component(WARNING_VALUE, f"{name}: {health.note}")
     if not health.recently_refused:
-        return Component(WARNED, f"{name}: {health.warning}") if health.warning else _GOOD
-    refused, taken = health.recently_refused, float(health.accepted)
+        return Component(WARNING_VALUE, f"{name}: {health.warning}") if health.warning else _GOOD
+    refused, accepted = health.recently_refused, float(health.accepted)
     if health.interval_s:
-        taken = min(taken, RECENT_S / health.interval_s)
-    share = refused / (refused + taken)
-    words = f"{name}: samples refused in the last 60 s; last: {health.refusal.removesuffix('.')}"
-    return Component(WARNED * falling(share, 0.0, REFUSED_ALL), words)
+        accepted = min(accepted, RECENT_S / health.interval_s)
+    fraction = refused / (refused + accepted)
+    text = f"{name}: samples refused in the last 60 s; last: {health.refusal.removesuffix('.')}"
+    return Component(WARNING_VALUE * falling(fraction, 0.0, MAX_REFUSED_FRACTION), text)
 
 
 def discretisation_of(element: str, shot: Snapshot) -> Component:
@@ -296,19 +309,19 @@ def discretisation_of(element: str, shot: Snapshot) -> Component:
     static_n = static_n or shot.tension_top_n
     if shot.error_interval is not None and static_n > 0.0:
         error_pct, tolerance = 100.0 * shot.error_interval.bound_n / static_n, by_interval
-        words = f"discretisation error ±{error_pct:.2g} % of the static tension"
+        text = f"discretisation error ±{error_pct:.2g} % of the static tension"
     elif not math.isnan(shot.study_error.rms_pct):
         error_pct, tolerance = shot.study_error.rms_pct, by_study
-        words = f"discretisation error {error_pct:.2g} % of the standard deviation"
+        text = f"discretisation error {error_pct:.2g} % of the standard deviation"
     else:
         return Component(None, f"discretisation error {shot.study_error.words}")
-    value = falling(error_pct, tolerance, TOO_LARGE * tolerance)
-    return Component(value, f"{words}, tolerance {tolerance:g} %")
+    value = falling(error_pct, tolerance, MAX_ERROR_RATIO * tolerance)
+    return Component(value, f"{text}, tolerance {tolerance:g} %")
 
 
 def validity_of(shot: Snapshot, outside: Iterable[Finding] = ()) -> Component:
-    """Return the component of the model's validity now; outside: what is outside its range."""
-    return _worst((*_validity(shot), *(Component(*one) for one in outside)))
+    """Return the component of the model's validity now; outside: findings outside its range."""
+    return _worst((*_validity(shot), *(Component(*finding) for finding in outside)))
 
 
 def _validity(shot: Snapshot) -> Iterator[Component]:
@@ -316,102 +329,104 @@ def _validity(shot: Snapshot) -> Iterator[Component]:
         if rope.utilisation >= 1.0:
             yield Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
     if shot.motion_ramp < 1.0:
-        words = f"{BUILD_UP}: {shot.motion_ramp:.0%} of the ship motion applied"
-        yield Component(BUILDING_UP, words)
+        text = f"{BUILD_UP}: {shot.motion_ramp:.0%} of the ship motion applied"
+        yield Component(BUILD_UP_VALUE, text)
     if any(factor != 1.0 for factor in shot.fluid_factors):
-        yield Component(BUILDING_UP, "the forces of the water are not applied in full")
+        yield Component(BUILD_UP_VALUE, "the forces of the water are not applied in full")
 
 
 def residual_of(element: str, shot: Snapshot) -> Component:
     """Return the component of measured less computed values, or None without a measurement."""
     quantity = _JUDGED_BY[element]
-    compared = [one for one in shot.residuals if one.quantity == quantity]
-    parts = [_residual(one) for one in compared if _compares(one, shot)]
-    sensors = tuple({one.sensors for one in compared})
-    known = [one for one in parts if one.value is not None]
-    if element == DEPTH:  # the line out alone proves no depth, but a wrong one makes it wrong
-        lengths = [one for one in shot.residuals if one.quantity == _LENGTHS]
-        length = _worst(_residual(one) for one in lengths if _compares(one, shot))
+    compared = [residual for residual in shot.residuals if residual.quantity == quantity]
+    parts = [_residual(residual) for residual in compared if _compares(residual, shot)]
+    sensors = tuple({residual.sensors for residual in compared})
+    known = [residual for residual in parts if residual.value is not None]
+    if element == DEPTH:  # a wrong line out makes the depth wrong, a right one does not prove it
+        lengths = [residual for residual in shot.residuals if residual.quantity == _LENGTHS]
+        length = _worst(_residual(residual) for residual in lengths if _compares(residual, shot))
         if length.value is not None and length.value < UNPROVEN:
             known.append(length)
     for name, health in shot.inputs.items():
         if not name.startswith(sensors) or not (known or parts):
             continue
-        heard = input_of(name.replace("_", " "), health)
-        if heard.value == 0.0:
-            return Component(None, heard.reason)  # nothing that can be relied on to compare with
-        if heard is not _GOOD:
-            known.append(heard)
+        sensor = input_of(name.replace("_", " "), health)
+        if sensor.value == 0.0:
+            return Component(None, sensor.reason)  # no reliable measurement to compare with
+        if sensor is not _GOOD:
+            known.append(sensor)
     if known:
         return _worst(known)
     return parts[0] if parts else Component(None, f"no measured {_WORDS[quantity]} to compare with")
 
 
-def _compares(one: Residual, shot: Snapshot) -> bool:
-    """Return whether a comparison has readings enough, and a fresh one."""
-    wait_s = max(COMPARED_S, 3.0 * one.span_s / one.readings)
-    return one.readings >= COMPARED_LEAST and shot.time_s - one.at_s <= wait_s
+def _compares(residual: Residual, shot: Snapshot) -> bool:
+    """Return whether a comparison has enough readings, and a recent one."""
+    wait_s = max(COMPARED_S, 3.0 * residual.span_s / residual.readings)
+    return residual.readings >= MIN_COMPARED and shot.time_s - residual.at_s <= wait_s
 
 
-def _residual(one: Residual) -> Component:
+def _residual(residual: Residual) -> Component:
     """Return the component of one comparison, by RMS and mean over their standard uncertainty."""
-    label = f"{_WORDS[one.quantity]} of '{one.name}'"
-    if one.half_width is None or one.half_width <= 0.0:
+    label = f"{_WORDS[residual.quantity]} of '{residual.name}'"
+    if residual.half_width is None or residual.half_width <= 0.0:
         return Component(None, f"the uncertainty of the measured {label} is not known")
-    sigma = one.half_width / COVERAGE
-    rms, bias = one.rms / sigma, abs(one.mean) / sigma
-    value = min(falling(rms, RMS_GOOD, WORTHLESS), falling(bias, BIAS_GOOD, WORTHLESS))
-    if disagrees(one):
-        value = min(value, DISAGREED)
-    words = f"{label}: residual of 60 s {rms:.2g} times its standard uncertainty"
-    now = Component(value, f"{words}, mean {bias:.2g} times")
-    return _worst((now, *_tested(one, label)))
+    sigma = residual.half_width / COVERAGE
+    rms, bias = residual.rms / sigma, abs(residual.mean) / sigma
+    value = min(falling(rms, RMS_GOOD, RESIDUAL_BAD), falling(bias, BIAS_GOOD, RESIDUAL_BAD))
+    if disagrees(residual):
+        value = min(value, DISAGREEMENT_VALUE)
+    text = f"{label}: residual of 60 s {rms:.2g} times its standard uncertainty"
+    present = Component(value, f"{text}, mean {bias:.2g} times")
+    return _worst((present, *_tested(residual, label)))
 
 
-def _tested(one: Residual, label: str) -> Iterator[Component]:
+def _tested(residual: Residual, label: str) -> Iterator[Component]:
     """Yield the components of the tests over minutes: variance, scatter and slow drift."""
-    tests = one.tests
+    tests = residual.tests
     if tests is None:
         return
-    share = falling(tests.deviate, VARIANCE_GOOD, VARIANCE_BAD)
-    words = f"{label}: residual of {tests.span_s / 60.0:.0f} min {math.sqrt(tests.variance):.2g} "
-    words += "times its standard uncertainty, more than chance explains"
-    yield Component(1.0 - (1.0 - DISAGREED) * (1.0 - share), words)
-    if tests.scatter < TOO_GOOD:
-        words = f"{label}: it scatters by {tests.scatter:.2g} times the instrument's uncertainty, "
-        words += "so that the comparison proves little: state a smaller one, or check its source"
-        yield Component(UNPROVEN, words)
+    value = falling(tests.deviate, VARIANCE_GOOD, VARIANCE_BAD)
+    text = f"{label}: residual of {tests.span_s / 60.0:.0f} min {math.sqrt(tests.variance):.2g} "
+    text += "times its standard uncertainty, more than chance explains"
+    yield Component(1.0 - (1.0 - DISAGREEMENT_VALUE) * (1.0 - value), text)
+    if tests.scatter < MIN_SCATTER:
+        text = f"{label}: it scatters by {tests.scatter:.2g} times the instrument's uncertainty, "
+        text += "so that the comparison proves little: state a smaller one, or check its source"
+        yield Component(UNPROVEN, text)
     if tests.drift is not None:
-        words = f"{label}: its residual has drifted by {tests.drift:+.2g} times its standard "
-        yield Component(DISAGREED, f"{words}uncertainty in the last {tests.drift_s / 60.0:.0f} min")
+        text = f"{label}: its residual has drifted by {tests.drift:+.2g} times its standard "
+        yield Component(
+            DISAGREEMENT_VALUE, f"{text}uncertainty in the last {tests.drift_s / 60.0:.0f} min"
+        )
 
 
 def lateness_of(score: ForecastScore, now_s: float) -> Component:
     """Return the component of a forecast's own age, and that of its inputs."""
     silent_s = now_s - score.at_s
     value = min(falling(silent_s, *FORECAST_LATE_S), falling(score.age_s, *INPUTS_LATE_S))
-    words = f"the last forecast came {silent_s:.0f} s ago, from inputs {score.age_s:.0f} s old"
-    return Component(value, words)
+    text = f"the last forecast came {silent_s:.0f} s ago, from inputs {score.age_s:.0f} s old"
+    return Component(value, text)
 
 
 def calibration_of(score: ForecastScore) -> Component:
-    """Return the component of what became of the last forecasts, or None if nothing judges them.
+    """Return the component of the calibration of recent forecasts, or None without measurements.
 
-    Two standard deviations of a share of n forecasts, each taken as one draw, are allowed.
+    Two standard deviations of a fraction of n forecasts, each one independent draw, are allowed.
     """
     if math.isnan(score.coverage) or score.judged == 0:
         return Component(None, "no measured tension to judge forecasts by")
-    least = COVERED - 2.0 * math.sqrt(COVERED * (1.0 - COVERED) / score.judged)
-    least = max(least, COVERED_BAD + 0.01)
+    min_coverage = COVERED - 2.0 * math.sqrt(COVERED * (1.0 - COVERED) / score.judged)
+    min_coverage = max(min_coverage, COVERED_BAD + 0.01)
     value = min(
-        falling(-score.coverage, -least, -COVERED_BAD),
+        falling(-score.coverage, -min_coverage, -COVERED_BAD),
         falling(score.factor, FACTOR_GOOD, FACTOR_BAD),
     )
-    words = f"{score.coverage:.0%} of the truth in the 90 % bands of the last {score.judged} "
-    return Component(value, f"{words}forecasts, whose spread is widened by {score.factor:.2g}")
+    text = f"{score.coverage:.0%} of the truth in the 90 % bands of the last {score.judged} "
+    return Component(value, f"{text}forecasts, whose spread is widened by {score.factor:.2g}")
 
 
 def _worst(parts: Iterable[Component]) -> Component:
     """Return the smallest of known components; 1 without any."""
-    return min((one for one in parts if one.value is not None),
-               key=lambda one: one.value, default=_GOOD)  # type: ignore[arg-type, return-value]  # fmt: skip
+    return min((part for part in parts if part.value is not None),
+               key=lambda part: part.value, default=_GOOD)  # type: ignore[arg-type, return-value]  # fmt: skip

@@ -1,17 +1,18 @@
 """Checks of measured line out, line speed, tension and payload depth.
 
-A reading whose stamp is out of order or of another clock is refused. Each of its values is judged
-by itself, since a counter that fails says nothing of the load cell: a value is refused if it is not
-finite, beyond what the scene's winch and rope allow, or a jump that the winch's speed limit
-excludes, and the others of the reading are accepted. After a hole longer than HOLE_NS data is
-missing and nothing has jumped: any possible value is accepted, and one that the speed limit does
-not explain is reported as a warning.
+A reading whose stamp is out of order or of another clock is rejected. Each of its values is checked
+separately, since a failing counter does not affect the load cell: a value is rejected if it is not
+finite, out of the range of the scene's winch and rope, or a jump beyond the winch's speed limit;
+the other values of the reading are accepted. After a gap longer than GAP_NS a change of any size is
+possible: any value within the range is accepted, and one that the speed limit does not explain is
+reported as a warning.
 
-A counter that jumps to and fro would be believed after each hole. For a while after such a warning
-places that contradict the accepted ones for longer than HOLE_NS make the counter distrusted: its
-places are refused as unconfirmed until they have followed each other within the speed limit for a
-time of HOLE_NS after the first warning, which doubles with each further one. DOUBT_NS, or twice
-that time if it is longer, without a warning ends the doubt.
+A counter that jumps to and fro would be accepted again after each gap. For a while after such a
+warning, positions (line out or depth) that contradict the accepted ones for longer than GAP_NS make
+the counter distrusted: its positions are rejected as unconfirmed until they have followed each
+other within the speed limit for a time. This time is GAP_NS after the first warning and doubles
+with each further one. It ends after DISTRUST_NS, or twice that time if this is longer, without a
+warning.
 """
 
 from __future__ import annotations
@@ -41,18 +42,18 @@ WINCH_SENSORS, MOTOR, PAYLOAD = "winch", "motor", "payload"  # sources of a meas
 WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH = "winch_measured", "motor_tension", "payload_depth"
 Row = tuple[str, float | None, float | None, float | None]
 Refusal = tuple[str, str, str]  # kind, fault and remedy
-HOLE_NS = 2_000_000_000  # after a longer gap no jump is seen
-DOUBT_NS = 60_000_000_000
+GAP_NS = 2_000_000_000  # after a longer gap a jump is not detected
+DISTRUST_NS = 60_000_000_000
 STALE_NS = 2_000_000_000
-STALE_INTERVALS = 3.0  # a slow sensor is stale after so many of its own intervals
+STALE_INTERVALS = 3.0  # intervals of a slow sensor after which it is stale
 HISTORY_NS = 10_000_000_000  # readings later than this cannot be compared
 SPEED_MARGIN = 1.25  # measured speed allowed over the winch's speed limit
 JUMP_M = 0.2  # allowed sudden change of the line out: slip and resolution of a counter
-FASTEST_M_PER_S = 10.0  # line speed of a winch that can render or slip, and speed of a payload
+MAX_SPEED_M_PER_S = 10.0  # line speed of a winch that can render or slip, and speed of a payload
 DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS = 5.0, 6.0  # scatter of acoustic positioning
-ABOVE_WATER_M = 50.0
-WAY_NS = 5_000_000_000  # over which line out and line speed are compared
-WAY_SHARE, WAY_LAG_S = 0.1, 0.3  # allowed: scale error and delay of the line speed
+MAX_HEIGHT_M = 50.0
+SPEED_WINDOW_NS = 5_000_000_000  # over which line out and line speed are compared
+SPEED_SCALE_TOL, SPEED_LAG_S = 0.1, 0.3  # allowed scale error and delay of the line speed
 _OTHERS = "line speed", "tension"
 TENSION_RANGE = -0.2, 2.0  # of the MBL: an offset may make an unloaded cell negative
 
@@ -98,18 +99,18 @@ class Readings(ABC):
         self.counter, self._topic = InputCounter(name), topic
         self._newest_ns: int | None = None
         self._interval_ns = 0
-        # newest stamp and interval of place, speed and tension
+        # newest stamp and interval of position, speed and tension
         self._came: list[tuple[int, int] | None] = [None] * 3
         self._place: tuple[int, float] | None = None  # newest stamp and value of line out or depth
-        self._heard: tuple[int, float] | None = None  # likewise, accepted or not
+        self._heard: tuple[int, float] | None = None  # newest one, accepted or not
         self._steady_ns = 0  # since when readings have followed each other within the speed limit
         self._confirm_ns = 0  # time for which they must do so after a contradiction
-        self._doubted_ns = 0  # stamp of the newest place that no speed explains and was accepted
+        self._doubted_ns = 0  # stamp of the newest accepted position that no speed explains
         self._distrust = ""  # why readings are refused until they are confirmed
         self.warning = ""  # on the sensor itself, such as a frozen value
-        self.speed_doubt = ""  # why the measured speed does not fit the measured place
+        self.speed_doubt = ""  # why the measured speed does not fit the measured position
         self._leads: deque[int] = deque(maxlen=CLOCK_SAMPLES_MIN)  # stamp minus arrival [ns]
-        # of the last WAY_NS: stamp, place [m], integral of the speed [m] and speed [m/s]
+        # of the last SPEED_WINDOW_NS: stamp, position [m], integral of speed [m], speed [m/s]
         self._ways: deque[tuple[int, float, float, float]] = deque()
 
     def invalidate(self) -> None:
@@ -122,43 +123,47 @@ class Readings(ABC):
     def take(
         self, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None = None
     ) -> tuple[Row, str]:
-        """Take a row; return what of it is accepted, None for the rest, and why that was refused.
+        """Check a row; return it with None for each rejected value, and the first rejection or "".
 
-        A refusal is counted, of several values in a row the first one; "": nothing was refused.
+        Of several rejected values in a row the first one is counted.
 
-        received_ns: its arrival, to see a clock that is ahead; None: unknown.
+        received_ns: its arrival, to detect a clock that is ahead; None: unknown.
         """
         if received_ns is not None:
             self._leads.append(stamp_ns - received_ns)
-        name, place, speed, tension = row
+        name, position, speed, tension = row
         fault = self._stamp_fault(stamp_ns, now_ns)
-        if (place, speed, tension) == (None, None, None):
+        if (position, speed, tension) == (None, None, None):
             right = "give at least one value that is not NaN"
             fault = "non_finite", "nothing is measured", right
         if fault:
             return (name, None, None, None), self._refuse(fault)
-        alone = (name, place, None, None), (name, None, speed, None), (name, None, None, tension)
-        faults = [self._number_fault(one) for one in alone]
-        place, speed, tension = (
+        single_values = (
+            (name, position, None, None),
+            (name, None, speed, None),
+            (name, None, None, tension),
+        )
+        faults = [self._number_fault(single) for single in single_values]
+        position, speed, tension = (
             None if fault else value for value, fault in zip(row[1:], faults, strict=True)
         )
-        if place is not None and (fault := self._jump_fault(stamp_ns, place, now_ns)):
-            place, faults = None, [fault, *faults]
-        refused = next((self._refuse(fault) for fault in faults if fault), "")
-        taken: Row = name, place, speed, tension
-        if taken[1:] != (None, None, None):
-            self._accept(stamp_ns, taken)
-        return taken, refused
+        if position is not None and (fault := self._jump_fault(stamp_ns, position, now_ns)):
+            position, faults = None, [fault, *faults]
+        refusal = next((self._refuse(fault) for fault in faults if fault), "")
+        accepted: Row = name, position, speed, tension
+        if accepted[1:] != (None, None, None):
+            self._accept(stamp_ns, accepted)
+        return accepted, refusal
 
     def _accept(self, stamp_ns: int, row: Row) -> None:
         if self._newest_ns is not None:
             self._interval_ns = stamp_ns - self._newest_ns
         self._newest_ns = stamp_ns
-        for k, (before, value) in enumerate(zip(self._came, row[1:], strict=True)):
+        for k, (last, value) in enumerate(zip(self._came, row[1:], strict=True)):
             if value is not None:
-                self._came[k] = stamp_ns, 0 if before is None else stamp_ns - before[0]
+                self._came[k] = stamp_ns, 0 if last is None else stamp_ns - last[0]
         if row[1] is not None:
-            self._note_way(stamp_ns, row)
+            self._compare_speed(stamp_ns, row)
             self._place = stamp_ns, row[1]
         self.counter.accept(stamp_ns)
 
@@ -166,37 +171,40 @@ class Readings(ABC):
         kind, what, right = fault
         return self.counter.refuse(kind, phrase(self._topic, what, right))
 
-    def _note_way(self, stamp_ns: int, row: Row) -> None:
-        """Compare the change of the measured place with the integral of the measured speed."""
-        _, place, speed, _ = row
-        if place is None or speed is None:
+    def _compare_speed(self, stamp_ns: int, row: Row) -> None:
+        """Compare the change of the measured position with the integral of the measured speed."""
+        _, position, speed, _ = row
+        if position is None or speed is None:
             self.speed_doubt = ""
             return
-        ways = self._ways
-        ran = 0.0
-        if ways:
-            seconds = (stamp_ns - ways[-1][0]) * 1e-9
-            ran = ways[-1][2] + 0.5 * (ways[-1][3] + speed) * seconds
-            if seconds > HOLE_NS * 1e-9:
-                ways.clear()
-        ways.append((stamp_ns, place, ran, speed))
-        while stamp_ns - ways[0][0] > WAY_NS:
-            ways.popleft()
-        since_ns, place_before, ran_before, _ = ways[0]
-        moved, ran = place - place_before, ran - ran_before
-        speeds = [one[3] for one in ways]
-        allowed = self._slip_m + WAY_SHARE * abs(ran) + WAY_LAG_S * (max(speeds) - min(speeds))
+        window = self._ways
+        travel = 0.0
+        if window:
+            interval_s = (stamp_ns - window[-1][0]) * 1e-9
+            travel = window[-1][2] + 0.5 * (window[-1][3] + speed) * interval_s
+            if interval_s > GAP_NS * 1e-9:
+                window.clear()
+        window.append((stamp_ns, position, travel, speed))
+        while stamp_ns - window[0][0] > SPEED_WINDOW_NS:
+            window.popleft()
+        since_ns, first_position, first_travel, _ = window[0]
+        change, travel = position - first_position, travel - first_travel
+        speeds = [entry[3] for entry in window]
+        allowed = (
+            self._slip_m + SPEED_SCALE_TOL * abs(travel) + SPEED_LAG_S * (max(speeds) - min(speeds))
+        )
         self.speed_doubt = ""
-        if abs(moved - ran) > allowed:
+        if abs(change - travel) > allowed:
             self.speed_doubt = (
                 f"in {(stamp_ns - since_ns) * 1e-9:.1f} s the {self._quantity} changed by "
-                f"{moved:+.2f} m, by the line speed {ran:+.2f} m: frozen, or another unit or sign?"
+                f"{change:+.2f} m, by the line speed {travel:+.2f} m: "
+                "frozen, or another unit or sign?"
             )
 
     def _clock_doubt(self, lead_s: float) -> str:
         """Return the warning on a sensor's clock that is ahead, or "".
 
-        Readings may come late (an acoustic way takes seconds), but none before it was made.
+        Readings may arrive late (acoustic transmission takes seconds), but not before their stamps.
         """
         if len(self._leads) < CLOCK_SAMPLES_MIN:
             return ""
@@ -207,21 +215,23 @@ class Readings(ABC):
         return f"{what}: the sensor's clock is ahead"
 
     def health(self, now_ns: int, lead_s: float = SENDER_LEAD_S) -> InputHealth:
-        """Return counts, age and warnings; without readings the twin itself is not at fault.
+        """Return counts, age and warnings; missing readings are no fault of the twin.
 
         lead_s: allowed to a sender, as a replay publishes a reading before its time.
         """
-        words = [one for one in (self.warning, self._distrust, self._clock_doubt(lead_s)) if one]
+        warnings = [
+            text for text in (self.warning, self._distrust, self._clock_doubt(lead_s)) if text
+        ]
         if self._newest_ns is not None and self.stale(now_ns):
             gap_s = (now_ns - self._newest_ns) * 1e-9
-            words.append(f"no reading for {gap_s:.1f} s; nothing is compared")
+            warnings.append(f"no reading for {gap_s:.1f} s; nothing is compared")
         else:
-            words += [
-                f"no {name} for {(now_ns - came[0]) * 1e-9:.1f} s"
-                for name, came in zip((self._quantity, *_OTHERS), self._came, strict=True)
-                if came is not None and _is_stale(*came, now_ns)
+            warnings += [
+                f"no {name} for {(now_ns - newest[0]) * 1e-9:.1f} s"
+                for name, newest in zip((self._quantity, *_OTHERS), self._came, strict=True)
+                if newest is not None and _is_stale(*newest, now_ns)
             ]
-        judged = UNJUDGED._replace(warning="; ".join(words)) if words else UNJUDGED
+        judged = UNJUDGED._replace(warning="; ".join(warnings)) if warnings else UNJUDGED
         return self.counter.health(now_ns, False, judged)
 
     def stale(self, now_ns: int) -> bool:
@@ -232,10 +242,10 @@ class Readings(ABC):
     def _number_fault(self, row: Row) -> Refusal | None:
         """Return why the numbers are rejected, or None."""
         given = (value for value in row[1:] if value is not None)
-        bad = next((value for value in given if not math.isfinite(value)), None)
-        if bad is not None:
+        invalid = next((value for value in given if not math.isfinite(value)), None)
+        if invalid is not None:
             right = "give a finite number, or None (NaN in a message) for none"
-            return "non_finite", f"a value of {bad}", right
+            return "non_finite", f"a value of {invalid}", right
         return self._range_fault(row)
 
     @abstractmethod
@@ -257,48 +267,48 @@ class Readings(ABC):
             return "impossible", fault, right
         return None
 
-    def _jump_fault(self, stamp_ns: int, place: float, now_ns: int) -> Refusal | None:
-        """Return why a place after the last one is impossible, or None; warn after a hole."""
-        heard, self._heard = self._heard, (stamp_ns, place)
-        if heard is None or self._change(heard, self._heard)[1]:
+    def _jump_fault(self, stamp_ns: int, position: float, now_ns: int) -> Refusal | None:
+        """Return why a position after the last one is impossible, or None; warn after a gap."""
+        last, self._heard = self._heard, (stamp_ns, position)
+        if last is None or self._change(last, self._heard)[1]:
             self._steady_ns = stamp_ns
         if self._place is None:
             return None
         gap_ns = stamp_ns - self._place[0]
         quiet_ns = stamp_ns - self._doubted_ns
-        if not self._distrust and quiet_ns > max(DOUBT_NS, 2 * self._confirm_ns):
+        if not self._distrust and quiet_ns > max(DISTRUST_NS, 2 * self._confirm_ns):
             self._confirm_ns = 0
-        change, words = self._change(self._place, self._heard)
-        contradicted = gap_ns > HOLE_NS and heard is not None and heard[0] > self._place[0]
-        distrusted = self._confirm_ns > 0 and contradicted
-        if not words and not distrusted:
+        change, reason = self._change(self._place, self._heard)
+        is_contradicted = gap_ns > GAP_NS and last is not None and last[0] > self._place[0]
+        is_distrusted = self._confirm_ns > 0 and is_contradicted
+        if not reason and not is_distrusted:
             return None
         what = f"{self._quantity} changes by {change:+.2f} m in {gap_ns * 1e-9:.2f} s"
-        if gap_ns <= HOLE_NS:
-            return "impossible", what, words
+        if gap_ns <= GAP_NS:
+            return "impossible", what, reason
         steady_ns = stamp_ns - self._steady_ns
         if steady_ns < self._confirm_ns:
             self._distrust = f"{self._quantity} distrusted, as it jumps to and fro"
             what = f"{self._quantity} steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
             right = f"accepted again after {self._confirm_ns * 1e-9:g} s without a jump"
             return "unconfirmed", what, right
-        self._confirm_ns = max(HOLE_NS, 2 * self._confirm_ns)
+        self._confirm_ns = max(GAP_NS, 2 * self._confirm_ns)
         self._doubted_ns, self._distrust = stamp_ns, ""
-        right = "; ".join(filter(None, (words, "accepted after a gap: was the sensor reset?")))
+        right = "; ".join(filter(None, (reason, "accepted after a gap: was the sensor reset?")))
         self.counter.warn(phrase(self._topic, what, right), now_ns)
         return None
 
-    def _change(self, one: tuple[int, float], other: tuple[int, float]) -> tuple[float, str]:
-        """Return the change of place between two readings [m], and why it is impossible or ""."""
-        change, allowed = other[1] - one[1], self._allowed_m((other[0] - one[0]) * 1e-9)
+    def _change(self, before: tuple[int, float], after: tuple[int, float]) -> tuple[float, str]:
+        """Return the change of position between readings [m], and why it is impossible or ""."""
+        change, allowed = after[1] - before[1], self._allowed_m((after[0] - before[0]) * 1e-9)
         return change, "" if abs(change) <= allowed else f"at most {allowed:.2f} m are possible"
 
     _quantity = ""
-    _slip_m = math.inf  # by so much place and integral of the speed may differ
+    _slip_m = math.inf  # allowed difference of position and integral of the speed
 
     @abstractmethod
     def _allowed_m(self, seconds: float) -> float:
-        """Return the largest change of the place that is possible in a time [m]."""
+        """Return the largest possible change of the position in a time [m]."""
 
 
 def _is_stale(newest_ns: int, interval_ns: int, now_ns: int) -> bool:
@@ -307,14 +317,14 @@ def _is_stale(newest_ns: int, interval_ns: int, now_ns: int) -> bool:
 
 
 def fastest_m_per_s(winch: Winch | None) -> float:
-    """Return the line speed up to which a reading is believed [m/s]; 0 without a winch."""
+    """Return the maximum line speed of a plausible reading [m/s]; 0 without a winch."""
     if winch is None:
         return 0.0
     if winch.drive or winch.passive_compensation:
-        return FASTEST_M_PER_S
+        return MAX_SPEED_M_PER_S
     heave = winch.heave_compensation
-    most = winch.speed_limit_m_per_s + (heave.speed_limit_m_per_s if heave else 0.0)
-    return SPEED_MARGIN * most
+    limit = winch.speed_limit_m_per_s + (heave.speed_limit_m_per_s if heave else 0.0)
+    return SPEED_MARGIN * limit
 
 
 class WinchReadings(Readings):
@@ -325,15 +335,15 @@ class WinchReadings(Readings):
     def __init__(self, scene: Scene, line: RopeLine, source: str) -> None:
         """Make the checks for the winch at the upper end of a rope."""
         suffix = "" if line.from_ == scene.ropes[0].from_ else f" {line.from_}"
-        motor = source == MOTOR
-        name = MOTOR_TENSION if motor else WINCH_MEASURED
-        super().__init__(name + suffix, "winch/motor_tension" if motor else "winch/measured")
+        is_motor = source == MOTOR
+        name = MOTOR_TENSION if is_motor else WINCH_MEASURED
+        super().__init__(name + suffix, "winch/motor_tension" if is_motor else "winch/measured")
         winch, counter = winch_of(scene, line), scene.measured.line_out
         self._most_m = line.length_m if winch is None else winch.most_line_out_m
         self._jump_m = self._slip_m = JUMP_M + counter.resolution_m
         self._bias_m = counter.bias_m
         self._speed = fastest_m_per_s(winch)
-        self._loads = tuple(share * line.breaking_load_n for share in TENSION_RANGE)
+        self._loads = tuple(fraction * line.breaking_load_n for fraction in TENSION_RANGE)
 
     def _range_fault(self, row: Row) -> Refusal | None:
         _, line_out, speed, tension = row
@@ -363,22 +373,24 @@ class DepthReadings(Readings):
         super().__init__("payload_depth", "payload/measured_depth")
         line = scene.ropes[0]
         winch = winch_of(scene, line)
-        most_m = line.length_m if winch is None else winch.most_line_out_m
+        max_length_m = line.length_m if winch is None else winch.most_line_out_m
         if len(scene.ropes) > 1:
-            most_m += sum(one.length_m for one in scene.ropes[1:])
-        lowest_z = min(place[2] for place in places(scene).values())
+            max_length_m += sum(other.length_m for other in scene.ropes[1:])
+        lowest_z = min(position[2] for position in places(scene).values())
         sensor = scene.measured.payload_depth
-        self._deepest_m = 1.2 * most_m - lowest_z + scene.ship.max_heave_m + abs(sensor.bias_m)
+        self._deepest_m = (
+            1.2 * max_length_m - lowest_z + scene.ship.max_heave_m + abs(sensor.bias_m)
+        )
         self._sensor = sensor
 
     def _range_fault(self, row: Row) -> Refusal | None:
         depth = row[1]
-        if depth is not None and not -ABOVE_WATER_M <= depth <= self._deepest_m:
-            right = f"give point.z up from the mean water level, {ABOVE_WATER_M:g} m at most and "
+        if depth is not None and not -MAX_HEIGHT_M <= depth <= self._deepest_m:
+            right = f"give point.z up from the mean water level, {MAX_HEIGHT_M:g} m at most and "
             right += f"{-self._deepest_m:.4g} m at least for this rope"
             return "impossible", f"z of {-depth:g} m", right
         return None
 
     def _allowed_m(self, seconds: float) -> float:
         scatter = self._sensor.uncertainty(self._place[1] if self._place else 0.0) or 0.0
-        return FASTEST_M_PER_S * seconds + max(DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS * scatter)
+        return MAX_SPEED_M_PER_S * seconds + max(DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS * scatter)

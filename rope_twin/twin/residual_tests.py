@@ -34,18 +34,18 @@ from rope_twin.errors import InputError
 
 VARIANCE_S = 300  # of the test of variance
 BIN_S = 10
-LEAST_SPAN_S = 120  # before it tells
-LEAST_READINGS = 10  # of a bin of the variance, and of a minute of the drift
+MIN_SPAN_S = 120  # minimum span of its readings
+MIN_READINGS = 10  # of a bin of the variance, and of a minute of the drift
 FREEDOM_S = 10.0
 BLOCK_S = 60
-SPREAD = 0.25  # of the minutes' means at least [σ]: less is nothing that matters
+MIN_SPREAD = 0.25  # minimum spread of the minutes' means [σ]: a smaller one is irrelevant
 _NS = 1_000_000_000
 REFERENCE = 0.5  # k of the CUSUM: best for a shift of one standard deviation
 RUN_LENGTH = 4 * 7 * 24 * 60  # blocks of a minute between false alarms: four weeks
-SETTLING = 5  # blocks after a tare that are learning, not drift
-LEAST_BLOCKS = 5  # of the reference, before a block is judged
-MOST_SDS = 3.0  # of a judged block: a lone odd one is no drift
-NODES = 80  # of the quadrature
+SETTLING_BLOCKS = 5  # blocks after a tare in which the figures are learned
+MIN_BLOCKS = 5  # of the reference, before a block is tested
+MAX_DEVIATE = 3.0  # of a tested block: a single outlier is no drift
+QUADRATURE_NODES = 80
 _NORMAL = NormalDist()
 
 
@@ -61,19 +61,19 @@ class ResidualTests(NamedTuple):
 
 
 class ResidualMonitor:
-    """Runs both tests on the residuals of one quantity."""
+    """Monitor of the residuals of one quantity by both tests."""
 
     def __init__(self) -> None:
         """Begin without readings."""
         # bin, readings, Σz², Σr/u, Σ(r/u)²: u the instrument's uncertainty
         self._bins: deque[tuple[int, int, float, float, float]] = deque()
-        self._drift = SlowDrift(SPREAD)
+        self._drift = SlowDrift(MIN_SPREAD)
         self._block, self._readings, self._sum = -1, 0, 0.0
         self._found: Drift | None = None
         self.result: ResidualTests | None = None  # at the end of the last bin; None: too little
 
     def take(self, stamp_ns: int, residual: float, sigma: float, instrument: float) -> None:
-        """Take a residual, its standard uncertainty and that of the instrument alone (both > 0)."""
+        """Add a residual, its standard uncertainty and that of the instrument alone (both > 0)."""
         number, z, r = stamp_ns // (BIN_S * _NS), residual / sigma, residual / instrument
         self._take_mean(stamp_ns // (BLOCK_S * _NS), z)
         n, sum_zz, sum_r, sum_rr = 0, 0.0, 0.0, 0.0
@@ -82,34 +82,34 @@ class ResidualMonitor:
         else:
             while self._bins and self._bins[0][0] < number - VARIANCE_S // BIN_S:
                 self._bins.popleft()
-            self.result = self._evaluated()
+            self.result = self._evaluate()
         self._bins.append((number, n + 1, sum_zz + z * z, sum_r + r, sum_rr + r * r))
 
     def _take_mean(self, block: int, z: float) -> None:
         if block != self._block:
-            if self._readings >= LEAST_READINGS:
+            if self._readings >= MIN_READINGS:
                 self._found = self._drift.take(self._sum / self._readings)
             self._block, self._readings, self._sum = block, 0, 0.0
         self._readings += 1
         self._sum += z
 
-    def _evaluated(self) -> ResidualTests | None:
+    def _evaluate(self) -> ResidualTests | None:
         """Return the results of all bins, or None if the readings cover too little."""
-        full = [one for one in self._bins if one[1] >= LEAST_READINGS]
+        full = [row for row in self._bins if row[1] >= MIN_READINGS]
         span_s = float(BIN_S * len(full))
-        if span_s < LEAST_SPAN_S:
+        if span_s < MIN_SPAN_S:
             return None
-        n, sum_zz, sum_r, sum_rr = (sum(one[k] for one in full) for k in range(1, 5))
+        n, sum_zz, sum_r, sum_rr = (sum(row[k] for row in full) for k in range(1, 5))
         variance, mean = sum_zz / n, sum_r / n
-        part = 2.0 / (9.0 * span_s / FREEDOM_S)
-        found = self._found
+        variance_term = 2.0 / (9.0 * span_s / FREEDOM_S)
+        drift = self._found
         return ResidualTests(
             variance=variance,
-            deviate=(variance ** (1.0 / 3.0) - 1.0 + part) / math.sqrt(part),
+            deviate=(variance ** (1.0 / 3.0) - 1.0 + variance_term) / math.sqrt(variance_term),
             scatter=math.sqrt(max(sum_rr / n - mean * mean, 0.0)),
             span_s=span_s,
-            drift=None if found is None else found.offset_n,
-            drift_s=0.0 if found is None else float(BLOCK_S * (found.begun + 1)),
+            drift=None if drift is None else drift.offset_n,
+            drift_s=0.0 if drift is None else float(BLOCK_S * (drift.begun + 1)),
         )
 
 
@@ -129,12 +129,12 @@ def run_length(limit: float, shift: float = 0.0, reference: float = REFERENCE) -
 
 
 def _one_sided(limit: float, shift: float, reference: float) -> float:
-    x, w = np.polynomial.legendre.leggauss(NODES)
+    x, w = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     x, w = 0.5 * limit * (x + 1.0), 0.5 * limit * w
     u = np.append(x, 0.0)  # L at the nodes and at 0
     z = x[None, :] + reference - u[:, None] - shift
     kernel = np.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi) * w
-    at_zero = [_NORMAL.cdf(reference - one - shift) for one in u]
+    at_zero = [_NORMAL.cdf(reference - start - shift) for start in u]
     system = np.eye(len(u)) - np.column_stack([kernel, at_zero])
     return float(np.linalg.solve(system, np.ones(len(u)))[-1])
 
@@ -161,7 +161,7 @@ def limit_for(length: float) -> float:
 
 @dataclass(frozen=True)
 class Drift:
-    """Drift that was found."""
+    """Drift of the offsets."""
 
     begun: int  # blocks before the newest one
     offset_n: float  # mean offset since then, against the reference
@@ -173,8 +173,8 @@ class SlowDrift:
     def __init__(self, spread_n: float, run_length_blocks: float = RUN_LENGTH) -> None:
         """Begin after a tare.
 
-        spread_n: standard deviation that the offsets have at least [N], so that a few alike
-            blocks do not make the rest improbable.
+        spread_n: minimum standard deviation of the offsets [N], so that a few similar blocks do not
+            make all others improbable.
         """
         self._least_n = spread_n
         self._limit = limit_for(run_length_blocks)
@@ -182,7 +182,7 @@ class SlowDrift:
         self.restart()
 
     def restart(self) -> None:
-        """Begin again, after a tare or a change of the load that was meant."""
+        """Start again, after a tare or an intended change of the load."""
         self._skipped = self._count = 0
         self._mean = self._squares = 0.0
         self._sums = [0.0, 0.0]  # up, down
@@ -198,34 +198,34 @@ class SlowDrift:
         """Take the offset of a block [N]; return a drift once it is found. NaN: missing."""
         if not math.isfinite(offset_n):
             return None
-        if self._skipped < SETTLING:
+        if self._skipped < SETTLING_BLOCKS:
             self._skipped += 1
             return None
-        n, found = self._count, None
-        if n >= LEAST_BLOCKS:
+        n, drift = self._count, None
+        if n >= MIN_BLOCKS:
             spread = max(math.sqrt(self._squares / (n - 1)), self._least_n)
             ratio = math.sqrt(n / (n + 1.0)) * (offset_n - self._mean) / spread
-            q = max(-MOST_SDS, min(MOST_SDS, _normal_of_t(ratio, n - 1)))
-            found = self._accumulate(q, offset_n - self._mean)
-        if found is None:  # the reference learns from what is in order
+            deviate = max(-MAX_DEVIATE, min(MAX_DEVIATE, _normal_of_t(ratio, n - 1)))
+            drift = self._accumulate(deviate, offset_n - self._mean)
+        if drift is None:  # blocks without a drift update the reference
             self._count = n + 1
             step = offset_n - self._mean
             self._mean += step / self._count
             self._squares += step * (offset_n - self._mean)
-        return found
+        return drift
 
-    def _accumulate(self, q: float, offset_n: float) -> Drift | None:
-        found = None
+    def _accumulate(self, deviate: float, offset_n: float) -> Drift | None:
+        drift = None
         for k, sign in enumerate((1.0, -1.0)):
-            self._sums[k] = max(0.0, self._sums[k] + sign * q - REFERENCE)
+            self._sums[k] = max(0.0, self._sums[k] + sign * deviate - REFERENCE)
             if self._sums[k] == 0.0:
                 self._since[k], self._offsets[k] = 0, 0.0
                 continue
             self._since[k] += 1
             self._offsets[k] += offset_n
             if self._sums[k] > self._limit:
-                found = Drift(self._since[k] - 1, self._offsets[k] / self._since[k])
-        return found
+                drift = Drift(self._since[k] - 1, self._offsets[k] / self._since[k])
+        return drift
 
 
 def _normal_of_t(t: float, freedom: int) -> float:

@@ -1,7 +1,7 @@
 """Residuals: what a sensor measured less what the twin computed for the same instant.
 
-From the first reading on the twin's own values are kept for HISTORY_NS, one row every SAMPLE_NS,
-and interpolated linearly at the stamp of each reading; a reading of the near future waits for its
+From the first reading on the twin's values are stored for HISTORY_NS, one row every SAMPLE_NS, and
+interpolated linearly at the stamp of each reading; a reading with a future stamp waits for its
 time. A residual should lie in ±1.96·√(u² + t²) in 95 % of the cases, with the standard uncertainty
 u of the instrument (the scene's `measured`) and t of the twin. For the tension t is the half width
 of the error interval over 1.96, or the RMS error bound of the scene's convergence study; where it
@@ -39,14 +39,14 @@ from rope_twin.twin.readings import (
 from rope_twin.twin.residual_tests import ResidualMonitor
 from rope_twin.twin.snapshot import InputHealth, Residual, Snapshot
 
-SAMPLE_NS = 20_000_000  # at least this far apart are the kept values of the twin
+SAMPLE_NS = 20_000_000  # minimum interval of the stored values of the twin
 WINDOW_S = 60  # of the statistics
 COVERAGE = 1.96  # half width of a 95 % interval over its standard deviation
-LEAST_COMPARED = 10  # readings for a standard deviation of the computed tension
-FROZEN_NS, FROZEN_READINGS = 5_000_000_000, 5  # equal readings for so long, while the twin moves
-FROZEN_SHARE, FROZEN_M = 0.02, 0.5  # by more than this share of a tension, or this length
+MIN_COMPARED = 10  # readings for a standard deviation of the computed tension
+FROZEN_NS, FROZEN_READINGS = 5_000_000_000, 5  # duration and number of equal readings
+FROZEN_FRACTION, FROZEN_M = 0.02, 0.5  # change of the twin's tension or length meanwhile
 MISFIT, MISFIT_S = 5.0, 10  # ratio of tensions that no error of cell or twin explains
-WAITING_MOST = 5000  # readings of one sensor that may wait for their time
+MAX_WAITING = 5000  # readings of one sensor that may wait for their time
 Values = tuple[float, ...]
 Follow = Callable[[str, int, float, float | None], None]
 TENSION, LINE_OUT, DEPTH = "top_tension_n", "line_out_m", "payload_depth_m"
@@ -75,7 +75,7 @@ class History:
             del self._times[:32], self._rows[:32]
 
     def at(self, time_ns: int, column: int) -> float | None:
-        """Return a value at a time, interpolated, or None if it was not kept."""
+        """Return a value at a time, interpolated, or None if it is not stored."""
         if not self._times or not self._times[0] <= time_ns <= self._times[-1]:
             return None
         k = bisect_left(self._times, time_ns)
@@ -101,7 +101,7 @@ class Comparison:
         self._newest: tuple[int, float, float, float | None, float | None] | None = None
         # second, readings, Σr, Σr², outside, with an interval, Σc, Σc²: r residual, c computed
         self._bins: deque[tuple[int, int, float, float, int, int, float, float]] = deque()
-        self._level = 0.0  # from which c counts
+        self._level = 0.0  # reference of c
         judged = sensor.uncertainty(1.0) is not None
         self._monitor = ResidualMonitor() if judged else None
         self._equal = (0.0, 0, 0, 0.0, 0.0)  # value, since [ns], readings, range of the computed
@@ -112,9 +112,9 @@ class Comparison:
         return self._sensor.bias
 
     def offer(self, stamp_ns: int, value: float) -> None:
-        """Take an accepted reading; the oldest that waits is dropped if there are too many."""
+        """Record an accepted reading; the oldest that waits is dropped if there are too many."""
         self._waiting.append((stamp_ns, value - self._sensor.bias))
-        if len(self._waiting) > WAITING_MOST:
+        if len(self._waiting) > MAX_WAITING:
             self._waiting.popleft()
 
     def invalidate(self) -> None:
@@ -132,10 +132,14 @@ class Comparison:
             computed = history.at(stamp_ns, self.column)
             if computed is None:
                 continue
-            own = twin
-            if own is None and rms_share is not None and (spread := self._spread()) is not None:
-                own = rms_share * spread
-            self._count(stamp_ns, measured, computed, own)
+            uncertainty = twin
+            if (
+                uncertainty is None
+                and rms_share is not None
+                and (spread := self._spread()) is not None
+            ):
+                uncertainty = rms_share * spread
+            self._count(stamp_ns, measured, computed, uncertainty)
 
     def _count(self, stamp_ns: int, measured: float, computed: float, twin: float | None) -> None:
         """Add a residual to the statistics."""
@@ -143,19 +147,22 @@ class Comparison:
             self._level = computed
         u, r, c = self._sensor.uncertainty(measured), measured - computed, computed - self._level
         self._newest = stamp_ns, measured, computed, u, twin
-        half = _half_width(u, twin)
+        half_width = _half_width(u, twin)
         second = stamp_ns // 1_000_000_000
-        known, outside = int(half is not None), int(half is not None and abs(r) > half)
-        if self._monitor is not None and half and u:
-            self._monitor.take(stamp_ns, r, half / COVERAGE, u)
+        known, outside = (
+            int(half_width is not None),
+            int(half_width is not None and abs(r) > half_width),
+        )
+        if self._monitor is not None and half_width and u:
+            self._monitor.take(stamp_ns, r, half_width / COVERAGE, u)
         if self._bins and self._bins[-1][0] == second:
-            _, n, sum_r, sum_rr, out, with_half, sum_c, sum_cc = self._bins.pop()
+            _, n, sum_r, sum_rr, outside_sum, with_half, sum_c, sum_cc = self._bins.pop()
         else:
-            n, sum_r, sum_rr, out, with_half, sum_c, sum_cc = 0, 0.0, 0.0, 0, 0, 0.0, 0.0
+            n, sum_r, sum_rr, outside_sum, with_half, sum_c, sum_cc = 0, 0.0, 0.0, 0, 0, 0.0, 0.0
         sums = (
             sum_r + r,
             sum_rr + r * r,
-            out + outside,
+            outside_sum + outside,
             with_half + known,
             sum_c + c,
             sum_cc + c * c,
@@ -171,7 +178,7 @@ class Comparison:
 
     @property
     def doubt(self) -> str:
-        """Return the warning on the readings of late, or ""."""
+        """Return the warning on recent readings, or ""."""
         return self.frozen or self.misfit
 
     @property
@@ -180,9 +187,9 @@ class Comparison:
         value, since_ns, count, low, high = self._equal
         if self._newest is None or count < FROZEN_READINGS:
             return ""
-        least = FROZEN_SHARE * abs(high) if self.quantity == TENSION else FROZEN_M
+        min_change = FROZEN_FRACTION * abs(high) if self.quantity == TENSION else FROZEN_M
         equal_ns = self._newest[0] - since_ns
-        if equal_ns < FROZEN_NS or high - low <= least:
+        if equal_ns < FROZEN_NS or high - low <= min_change:
             return ""
         what = f"frozen: {self.quantity} {value:.6g} for {equal_ns * 1e-9:.0f} s"
         return f"{what}, while the twin's moved by {high - low:.3g}"
@@ -195,10 +202,10 @@ class Comparison:
         newest = self._bins[-1][0]
         if newest - self._bins[0][0] < MISFIT_S:
             return ""
-        late = [one for one in self._bins if one[0] > newest - MISFIT_S]
-        n = sum(one[1] for one in late)
-        computed = self._level + sum(one[6] for one in late) / n
-        measured = computed + sum(one[2] for one in late) / n
+        recent = [row for row in self._bins if row[0] > newest - MISFIT_S]
+        n = sum(row[1] for row in recent)
+        computed = self._level + sum(row[6] for row in recent) / n
+        measured = computed + sum(row[2] for row in recent) / n
         if computed <= 0.0 or 1.0 / MISFIT <= measured / computed <= MISFIT:
             return ""
         what = f"it reads {measured / 1e3:.4g} kN where the twin has {computed / 1e3:.4g} kN"
@@ -206,18 +213,18 @@ class Comparison:
 
     def _spread(self) -> float | None:
         """Return the standard deviation of the computed values; None: too few."""
-        n = sum(one[1] for one in self._bins)
-        if n < LEAST_COMPARED:
+        n = sum(row[1] for row in self._bins)
+        if n < MIN_COMPARED:
             return None
-        mean = sum(one[6] for one in self._bins) / n
-        return math.sqrt(max(sum(one[7] for one in self._bins) / n - mean * mean, 0.0))
+        mean = sum(row[6] for row in self._bins) / n
+        return math.sqrt(max(sum(row[7] for row in self._bins) / n - mean * mean, 0.0))
 
     def result(self) -> Residual | None:
         """Return the newest residual and the statistics, or None if nothing was compared yet."""
         if self._newest is None:
             return None
         stamp_ns, measured, computed, u, twin = self._newest
-        n, sum_r, sum_rr, out, known = (sum(one[k] for one in self._bins) for k in range(1, 6))
+        n, sum_r, sum_rr, out, known = (sum(row[k] for row in self._bins) for k in range(1, 6))
         return Residual(
             name=self.name,
             quantity=self.quantity,
@@ -247,8 +254,8 @@ class MeasuredInputs:
 
     def __init__(self, scene: Scene) -> None:
         """Make the checks and comparisons of a scene."""
-        sensors, hung = scene.measured, places(scene)
-        lines = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in hung]
+        sensors, hang_offs = scene.measured, places(scene)
+        lines = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in hang_offs]
         self.names = tuple(line.from_ for _, line in lines)
         self.active = False  # whether a reading was accepted
         self.lead_s = SENDER_LEAD_S  # allowed to senders
@@ -257,9 +264,9 @@ class MeasuredInputs:
         self._winches = tuple(WinchReadings(scene, line, "") for _, line in lines)
         self._motors = tuple(WinchReadings(scene, line, MOTOR) for _, line in lines)
         self._depth = DepthReadings(scene)
-        tells = MOTOR_TENSION if self._motor_tells else WINCH_MEASURED
+        group = MOTOR_TENSION if self._motor_tells else WINCH_MEASURED
         self._tensions = tuple(
-            Comparison(line.from_, TENSION, 2 * r, sensors.tension, tells) for r, line in lines
+            Comparison(line.from_, TENSION, 2 * r, sensors.tension, group) for r, line in lines
         )
         self._lengths = tuple(
             Comparison(line.from_, LINE_OUT, 2 * r + 1, sensors.line_out, WINCH_MEASURED)
@@ -297,14 +304,14 @@ class MeasuredInputs:
     def _offer(
         self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None
     ) -> tuple[Row, str]:
-        """Take a row; return what of it is accepted and why the rest is not."""
+        """Check a row; return it with None for each rejected value, and the first rejection."""
         name, nothing = row[0], (row[0], None, None, None)
         if source == PAYLOAD:
-            taken, refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
-            if (depth_m := taken[1]) is not None:
+            accepted, refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
+            if (depth_m := accepted[1]) is not None:
                 self.active = True
                 self._depths.offer(stamp_ns, depth_m)
-            return taken, refusal
+            return accepted, refusal
         group = self._motors if source == MOTOR else self._winches
         if not name and len(self.names) > 1:
             right = f"name one of {', '.join(self.names)}"
@@ -313,73 +320,82 @@ class MeasuredInputs:
         if name and name not in self.names:
             sentence = phrase("winch", f"there is no '{name}'", did_you_mean(name, self.names))
             return nothing, group[0].counter.refuse("impossible", sentence)
-        at = self.names.index(name) if name else 0
-        taken, refusal = group[at].take(stamp_ns, row, now_ns, received_ns)
-        _, place, _, tension = taken
-        self.active = self.active or taken != nothing
+        index = self.names.index(name) if name else 0
+        accepted, refusal = group[index].take(stamp_ns, row, now_ns, received_ns)
+        _, position, _, tension = accepted
+        self.active = self.active or accepted != nothing
         if tension is not None and (source == MOTOR) == self._motor_tells:
-            self._tensions[at].offer(stamp_ns, tension)
-        if place is not None:
-            self._lengths[at].offer(stamp_ns, place)
-        return taken, refusal
+            self._tensions[index].offer(stamp_ns, tension)
+        if position is not None:
+            self._lengths[index].offer(stamp_ns, position)
+        return accepted, refusal
 
     def invalidate(self) -> None:
         """Drop readings that were known in advance, after a pause or a restart."""
-        for group in self._groups:
-            group.invalidate()
-        for one in (*self._tensions, *self._lengths, self._depths):
-            one.invalidate()
+        for readings in self._groups:
+            readings.invalidate()
+        for comparison in (*self._tensions, *self._lengths, self._depths):
+            comparison.invalidate()
 
     def steps_to_sample(self, steps: int, step_ns: int) -> int:
         """Return after how many steps the next row of the history is due."""
-        every = max(1, SAMPLE_NS // step_ns)
-        return every - steps % every
+        interval = max(1, SAMPLE_NS // step_ns)
+        return interval - steps % interval
 
     def is_due(self, steps: int, step_ns: int) -> bool:
         """Return whether a row of the history is due after this many steps."""
         return steps % max(1, SAMPLE_NS // step_ns) == 0
 
     def record(self, time_ns: int, row: Values) -> None:
-        """Keep the twin's values at a time: of each rope top tension and line out, then depth."""
+        """Store the twin's values at a time: of each rope top tension and line out, then depth."""
         self._history.add(time_ns, row)
 
     def residuals(self, shot: Snapshot) -> tuple[Residual, ...]:
-        """Compare what has come since the last snapshot, and return all residuals."""
-        for r, one in enumerate(self._tensions):
+        """Compare the readings since the last snapshot, and return all residuals."""
+        for r, comparison in enumerate(self._tensions):
             interval = shot.error_interval if r == 0 else None
-            number = one.column // 2
+            number = comparison.column // 2
             if r > 0 and number < len(shot.ropes):
                 interval = shot.ropes[number].error_interval
             twin = None if interval is None else interval.bound_n / COVERAGE
             rms_pct = shot.study_error.rms_pct if r == 0 else math.nan
-            one.look(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
-        for one in self._lengths:
-            one.look(self._history, 0.0, None)  # prescribed to the rope: it has no error of its own
+            comparison.look(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
+        for comparison in self._lengths:
+            comparison.look(
+                self._history, 0.0, None
+            )  # prescribed to the rope: it has no error of its own
         self._depths.look(self._history, None, None)
-        found = (one.result() for one in (*self._tensions, *self._lengths, self._depths))
-        return tuple(one for one in found if one is not None)
+        results = (
+            comparison.result() for comparison in (*self._tensions, *self._lengths, self._depths)
+        )
+        return tuple(comparison for comparison in results if comparison is not None)
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted reading of each sensor group [ns]."""
-        counters = (one.counter for one in self._groups)
-        return {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
+        counters = (counter.counter for counter in self._groups)
+        return {
+            counter.name: counter.newest_ns for counter in counters if counter.newest_ns is not None
+        }
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of each sensor group that has sent anything."""
         if not self._heard:
             return {}
-        for at, one in enumerate(self._winches):
-            tells = () if self._motor_tells else (self._tensions[at],)
-            doubts = [one.speed_doubt, *(part.doubt for part in (*tells, self._lengths[at]))]
-            one.warning = "; ".join(words for words in doubts if words)
+        for index, readings in enumerate(self._winches):
+            tensions = () if self._motor_tells else (self._tensions[index],)
+            doubts = [
+                readings.speed_doubt,
+                *(comparison.doubt for comparison in (*tensions, self._lengths[index])),
+            ]
+            readings.warning = "; ".join(text for text in doubts if text)
         if self._motor_tells:
-            for motor, part in zip(self._motors, self._tensions, strict=True):
-                motor.warning = part.doubt
+            for motor, comparison in zip(self._motors, self._tensions, strict=True):
+                motor.warning = comparison.doubt
         self._depth.warning = self._depths.doubt
         return {
-            one.counter.name: one.health(now_ns, self.lead_s)
-            for one in self._groups
-            if one.counter.accepted or one.counter.refused
+            readings.counter.name: readings.health(now_ns, self.lead_s)
+            for readings in self._groups
+            if readings.counter.accepted or readings.counter.refused
         }
 
     @property

@@ -68,14 +68,14 @@ from rope_twin.twin.validity import ModelRange
 from rope_twin.vortex.line_model import bending_stiffness
 
 LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
-MOST_N = 1e12
+MAX_TENSION_N = 1e12
 SHORTENING_TOL = 1e-3  # of an element's length: less is round-off, or a damper's
 SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest element's own weight
 ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
 PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s",
                   "bed_clearance_m")  # fmt: skip
-LINES = "the two lines"  # around a sheave: the place of the limit line_clearance_m
-AT_LEAST = ("min_tension_n", "bend_radius", "bed_clearance_m", "line_clearance_m")
+LINES = "the two lines"  # around a sheave: to which the limit line_clearance_m belongs
+LOWER_LIMITS = ("min_tension_n", "bend_radius", "bed_clearance_m", "line_clearance_m")
 _STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 
 
@@ -86,7 +86,7 @@ class LoadRules:
         self.limits = limits = scene.limits
         self.ropes = tuple(line.name for line in scene.ropes)
         self.payloads = tuple(payload.name for payload in scene.payloads)
-        self.rests = tuple(line.length_m for line in scene.ropes)
+        self.lengths_m = tuple(line.length_m for line in scene.ropes)
         self.watches_payload = any(getattr(limits, name) is not None for name in PAYLOAD_LIMITS)
         self.allowed_n = tuple(self._allowed_n(scene, r) for r in range(len(scene.ropes)))
         self._lines = scene.ropes
@@ -94,11 +94,11 @@ class LoadRules:
 
     def _allowed_n(self, scene: Scene, r: int) -> float:
         """Return the tension of a rope at which the first of its limits is exceeded [N]."""
-        made_of = [section.rope for section in scene.ropes[r].made_of]
-        most = [self.limits.utilisation * scene.ropes[r].breaking_load_n]
+        ropes = [section.rope for section in scene.ropes[r].made_of]
+        limits_n = [self.limits.utilisation * scene.ropes[r].breaking_load_n]
         if self.limits.tension_n is not None:
-            most.append(self.limits.tension_n)
-        return min(*most, *(_tension_at(rope.strain_at, self.limits.strain) for rope in made_of))
+            limits_n.append(self.limits.tension_n)
+        return min(*limits_n, *(_tension_at(rope.strain_at, self.limits.strain) for rope in ropes))
 
     def strain_at(self, r: int, tension_n: float) -> float:
         """Return the strain of the softest section of a rope under a tension [N]."""
@@ -112,21 +112,23 @@ class LoadRules:
     def supported_n(self, end_n: float) -> float:
         """Return the reaction of deck or bed to a single rope's payload [N].
 
-        end_n: tension at the rope's lower end [N]. The reaction is part of the static tension: a
-        load that is lifted off hangs with all its weight.
+        end_n: tension at the rope's lower end [N]. The reaction is part of the static tension:
+        after lift-off the rope carries the whole weight of the load.
         """
         figures, _ = self._static[0]
         if figures is None or len(self.ropes) > 1:
             return 0.0
-        borne_n = figures.hung.weight_n(self.rests[0]) - end_n
-        return borne_n if borne_n > SUPPORT_TOL * abs(end_n) else 0.0
+        reaction_n = figures.hung.weight_n(self.lengths_m[0]) - end_n
+        return reaction_n if reaction_n > SUPPORT_TOL * abs(end_n) else 0.0
 
     def static_n(self, r: int, start_n: float, line_out_m: float) -> float:
         """Return the static tension of a rope at a payout [N]; start_n: at the start [N]."""
         figures, slope = self._static[r]
         if figures is None:
-            return start_n + slope * (line_out_m - self.rests[r])
-        return start_n + figures.top_tension_n(line_out_m) - figures.top_tension_n(self.rests[r])
+            return start_n + slope * (line_out_m - self.lengths_m[r])
+        return (
+            start_n + figures.top_tension_n(line_out_m) - figures.top_tension_n(self.lengths_m[r])
+        )
 
 
 class LoadRecord:
@@ -138,7 +140,7 @@ class LoadRecord:
         self._start_n = list(start_n)
         self._highest_n = [0.0] * ropes
         self._static_n = list(start_n)
-        self._static_at_m = list(rules.rests)
+        self._static_at_m = list(rules.lengths_m)
         self._amplification = [0.0] * ropes
         self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
         self.landings: Landings | None = None
@@ -148,51 +150,53 @@ class LoadRecord:
         self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
 
     def look(
-        self, taken: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
+        self, shot: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
     ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
         """Return the strength results of each rope and the limits exceeded since the start."""
-        known = len(rules.ropes)
+        count = len(rules.ropes)
         strength = [
-            self._load(taken, r, one, rules) if r < known else one
-            for r, one in enumerate(taken.strength)
+            self._load(shot, r, rope_strength, rules) if r < count else rope_strength
+            for r, rope_strength in enumerate(shot.strength)
         ]
         limits = rules.limits
         if limits.min_tension_n is not None:
-            for r, low_n in enumerate(lowest_n(taken)[:known]):
+            for r, low_n in enumerate(lowest_n(shot)[:count]):
                 if low_n < limits.min_tension_n:
-                    self._break(self._row(r, 3), -low_n, taken.time_s)
+                    self._record_breach(self._row(r, 3), -low_n, shot.time_s)
         if limits.bend_radius:
             for bend in bends:
                 if bend.now.too_tight and bend.now.name in rules.ropes:
                     row = self._row(rules.ropes.index(bend.now.name), 4)
-                    self._break(row, -bend.now.radius_m, taken.time_s)
+                    self._record_breach(row, -bend.now.radius_m, shot.time_s)
         if rules.watches_payload and rules.payloads:
-            self._look_at_payloads(taken, rules)
-        if taken.seabed is not None and rules.payloads:
-            self._look_at_landing(taken, rules)
-        apart = limits.line_clearance_m
-        if apart is not None and taken.lines is not None:
-            distance_m = taken.lines.nearest.distance_m
-            if distance_m < apart:
-                self._break(len(self._found) - 1, -distance_m, taken.time_s)
+            self._check_payloads(shot, rules)
+        if shot.seabed is not None and rules.payloads:
+            self._check_landing(shot, rules)
+        min_clearance_m = limits.line_clearance_m
+        if min_clearance_m is not None and shot.lines is not None:
+            distance_m = shot.lines.nearest.distance_m
+            if distance_m < min_clearance_m:
+                self._record_breach(len(self._found) - 1, -distance_m, shot.time_s)
         self._begun = True
         return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
 
-    def _load(self, taken: Snapshot, r: int, one: RopeStrength, rules: LoadRules) -> RopeStrength:
+    def _load(
+        self, shot: Snapshot, r: int, strength: RopeStrength, rules: LoadRules
+    ) -> RopeStrength:
         """Return a rope's maximum tension, utilisation and dynamic amplification."""
-        if taken.ropes and r > 0:
-            now_n, line_out_m = taken.ropes[r].tension_top_n, taken.ropes[r].line_out_m
+        if shot.ropes and r > 0:
+            now_n, line_out_m = shot.ropes[r].tension_top_n, shot.ropes[r].line_out_m
         else:
             # the first snapshot's maximum includes the static equilibrium, which no step computed
-            now_n = taken.tension_top_max_n if self._begun else one.highest_n
-            line_out_m = taken.line_out_m
-        grown = one.highest_n > self._highest_n[r]
-        current_n = max(now_n, one.highest_n) if grown else now_n
+            now_n = shot.tension_top_max_n if self._begun else strength.highest_n
+            line_out_m = shot.line_out_m
+        has_grown = strength.highest_n > self._highest_n[r]
+        current_n = max(now_n, strength.highest_n) if has_grown else now_n
         peak_n = current_n if r > 0 and self._begun else now_n
         highest_n = self._highest_n[r] = max(self._highest_n[r], current_n)
         if current_n > rules.allowed_n[r]:
-            self._judge_tension(r, current_n, one.breaking_load_n, (taken.time_s, rules))
-        if taken.cut is None:
+            self._check_tension(r, current_n, strength.breaking_load_n, (shot.time_s, rules))
+        if shot.cut is None:
             if abs(line_out_m - self._static_at_m[r]) > LINE_OUT_TOL_M:
                 self._static_at_m[r] = line_out_m
                 self._static_n[r] = rules.static_n(r, self._start_n[r], line_out_m)
@@ -201,10 +205,14 @@ class LoadRecord:
                 self._amplification[r] = peak_n / static_n
         amplification = self._amplification[r]
         return RopeStrength(
-            one.name, highest_n, one.breaking_load_n, self._static_n[r], amplification or None
+            strength.name,
+            highest_n,
+            strength.breaking_load_n,
+            self._static_n[r],
+            amplification or None,
         )
 
-    def _judge_tension(
+    def _check_tension(
         self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
     ) -> None:
         """Record which limits of a rope this tension exceeds; at: the time [s] and the rules."""
@@ -217,57 +225,61 @@ class LoadRecord:
         )
         for number, (value, limit) in enumerate(values):
             if limit is not None and value > limit:
-                self._break(self._row(r, number), value, time_s)
+                self._record_breach(self._row(r, number), value, time_s)
 
-    def _look_at_payloads(self, taken: Snapshot, rules: LoadRules) -> None:
-        limits, deepest, nearest = rules.limits, -math.inf, 0
+    def _check_payloads(self, shot: Snapshot, rules: LoadRules) -> None:
+        limits, deepest, deepest_number = rules.limits, -math.inf, 0
         first = len(rules.ropes) * len(ROPE_LIMITS)
-        for number, (position, velocity) in enumerate(payload_motions(taken, len(rules.payloads))):
+        for number, (position, velocity) in enumerate(payload_motions(shot, len(rules.payloads))):
             row = first + number * len(PAYLOAD_LIMITS)
             x, y, z = velocity.tolist()
             depth_m = -float(position[2])
             if limits.payload_speed_m_per_s is not None:
                 speed = math.sqrt(x * x + y * y + z * z)
                 if speed > limits.payload_speed_m_per_s:
-                    self._break(row, speed, taken.time_s)
+                    self._record_breach(row, speed, shot.time_s)
             if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
-                self._break(row + 1, depth_m, taken.time_s)
+                self._record_breach(row + 1, depth_m, shot.time_s)
             if depth_m > deepest:
-                deepest, nearest = depth_m, number
-        if taken.seabed is None or limits.bed_clearance_m is None:
+                deepest, deepest_number = depth_m, number
+        if shot.seabed is None or limits.bed_clearance_m is None:
             return
-        height_m = taken.seabed.payload_height_m
+        height_m = shot.seabed.payload_height_m
         if height_m < limits.bed_clearance_m:
-            self._break(first + nearest * len(PAYLOAD_LIMITS) + 3, -height_m, taken.time_s)
+            self._record_breach(
+                first + deepest_number * len(PAYLOAD_LIMITS) + 3, -height_m, shot.time_s
+            )
 
-    def _look_at_landing(self, taken: Snapshot, rules: LoadRules) -> None:
-        """Take the sinking speed of this snapshot or the one before, if the bed now carries."""
-        assert taken.seabed is not None
-        motions = payload_motions(taken, len(rules.payloads))
+    def _check_landing(self, shot: Snapshot, rules: LoadRules) -> None:
+        """Record the sinking speed before contact, the larger of this snapshot and the last one, if
+        the bed carries the payload now.
+        """
+        assert shot.seabed is not None
+        motions = payload_motions(shot, len(rules.payloads))
         sinking, lowest = max((-float(v[2]), -k) for k, (_, v) in enumerate(motions))
-        sinking, landed = max(sinking, 0.0), taken.seabed.payload_landed
+        sinking, landed = max(sinking, 0.0), shot.seabed.payload_landed
         if landed and not self._landed:
             speed, known, limit = (
                 max(sinking, self._sinking), self.landings, rules.limits.landing_speed_m_per_s
             )  # fmt: skip
-            first = Landings(1, taken.time_s, speed, taken.time_s, speed)
-            self.landings = first if known is None else known.then(taken.time_s, speed)
+            first = Landings(1, shot.time_s, speed, shot.time_s, speed)
+            self.landings = first if known is None else known.then(shot.time_s, speed)
             if limit is not None and speed > limit:
                 row = len(rules.ropes) * len(ROPE_LIMITS) - lowest * len(PAYLOAD_LIMITS)
-                self._break(row + 2, speed, taken.time_s)
+                self._record_breach(row + 2, speed, shot.time_s)
         self._landed, self._sinking = landed, sinking
 
     def _row(self, r: int, number: int) -> int:
         return r * len(ROPE_LIMITS) + number
 
-    def _break(self, row: int, value: float, time_s: float) -> None:
+    def _record_breach(self, row: int, value: float, time_s: float) -> None:
         """Record that a limit is exceeded now; a lower limit takes the negative value."""
-        found = self._found[row]
-        if found[0] == -math.inf:
-            found[0] = time_s
-        if value > found[2]:
-            found[2:] = [value, time_s]
-        found[1], self._broken = time_s, True
+        breach = self._found[row]
+        if breach[0] == -math.inf:
+            breach[0] = time_s
+        if value > breach[2]:
+            breach[2:] = [value, time_s]
+        breach[1], self._broken = time_s, True
 
     def _breaches(self, rules: LoadRules) -> Iterator[LimitBreach]:
         names = [(key, name) for name in rules.ropes for key in ROPE_LIMITS]
@@ -278,12 +290,12 @@ class LoadRecord:
                 continue
             bent = key == "bend_radius"
             limit = rules.radius_m(name) if bent else getattr(rules.limits, key)
-            value = -worst if key in AT_LEAST else worst
+            value = -worst if key in LOWER_LIMITS else worst
             yield LimitBreach(key, name, float(limit), first_s, last_s, value, worst_s)
 
 
 def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
-    """Return how the static tension of a rope follows its paid-out length.
+    """Return the dependence of a rope's static tension on its paid-out length.
 
     For a single rope with its payload below it, the properties of the lift; for others the weight
     in water of the rope paid out [N/m], 0 without a winch.
@@ -299,7 +311,7 @@ def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
 
 def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
     """Return the tension at which a rope has this strain [N]; infinite if it never has."""
-    low, high = 0.0, MOST_N
+    low, high = 0.0, MAX_TENSION_N
     if strain_at(high) < strain:
         return math.inf
     while high - low > 1e-9 * high:
@@ -308,18 +320,18 @@ def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
     return high
 
 
-def lowest_n(taken: Snapshot) -> list[float]:
+def lowest_n(shot: Snapshot) -> list[float]:
     """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
-    if not taken.ropes:
-        return [min(taken.tension_top_min_n, float(taken.element_tension_n.min()))]
-    return [float(rope.element_tension_n.min()) for rope in taken.ropes]
+    if not shot.ropes:
+        return [min(shot.tension_top_min_n, float(shot.element_tension_n.min()))]
+    return [float(rope.element_tension_n.min()) for rope in shot.ropes]
 
 
-def payload_motions(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+def payload_motions(shot: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
     """Return position [m] and velocity [m/s] of each payload, (3,) each."""
-    if taken.payloads:
-        return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]
-    return [(taken.payload_position_m, taken.payload_velocity_m_per_s)][:count]
+    if shot.payloads:
+        return [(payload.position_m, payload.velocity_m_per_s) for payload in shot.payloads]
+    return [(shot.payload_position_m, shot.payload_velocity_m_per_s)][:count]
 
 
 def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
@@ -329,25 +341,25 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
     the direction in which the rope is clamped at the first node, or None for a free end.
     """
     chord, rest = np.diff(position, axis=0), np.diff(arc)
-    size = np.sqrt((chord * chord).sum(axis=1))[:, None]
-    along = np.divide(chord, size, out=np.zeros_like(chord), where=size > 0.0)
-    found = np.zeros(len(position))
-    turn = np.diff(along, axis=0)
-    found[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest[1:] + rest[:-1])
+    length = np.sqrt((chord * chord).sum(axis=1))[:, None]
+    direction = np.divide(chord, length, out=np.zeros_like(chord), where=length > 0.0)
+    curvature = np.zeros(len(position))
+    turn = np.diff(direction, axis=0)
+    curvature[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest[1:] + rest[:-1])
     if held is not None:
-        found[0] = 2.0 * float(np.linalg.norm(along[0] - held)) / rest[0]
-    return found
+        curvature[0] = 2.0 * float(np.linalg.norm(direction[0] - held)) / rest[0]
+    return curvature
 
 
-def minimum_radii(hung: RopeShape) -> Vector:
+def minimum_radii(shape: RopeShape) -> Vector:
     """Minimum bend radius at the nodes [m], (n,); 0: none is given; the larger at section ends."""
-    given = np.array([own.rope.minimum_bend_radius_m or 0.0 for own in hung.line.made_of])
-    if len(given) == 1:
-        return np.full(len(hung.arc_m), given[0])
-    ends = hung.core.sections[rows.END, : len(given)]
-    s, last = hung.arc_m[-1] - hung.arc_m, len(given) - 1
+    radii = np.array([section.rope.minimum_bend_radius_m or 0.0 for section in shape.line.made_of])
+    if len(radii) == 1:
+        return np.full(len(shape.arc_m), radii[0])
+    ends = shape.core.sections[rows.END, : len(radii)]
+    s, last = shape.arc_m[-1] - shape.arc_m, len(radii) - 1
     below, above = (
-        given[np.minimum(np.searchsorted(ends, s, side=side), last)] for side in ("left", "right")
+        radii[np.minimum(np.searchsorted(ends, s, side=side), last)] for side in ("left", "right")
     )
     return np.asarray(np.maximum(below, above))
 
@@ -366,46 +378,49 @@ class BendMonitor:
     def look(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
         """Return the bend of each monitored rope now; time_s: twin time [s]."""
         return tuple(
-            self._judge(number, hung, time_s)
-            for number, hung in enumerate(ropes)
-            if limits_bends(hung.line) or bending_stiffness(hung.core.effects) > 0.0
+            self._bend_of(number, shape, time_s)
+            for number, shape in enumerate(ropes)
+            if limits_bends(shape.line) or bending_stiffness(shape.core.effects) > 0.0
         )
 
-    def _judge(self, number: int, hung: RopeShape, time_s: float) -> RopeBend:
-        now, position = smallest_radius(hung, time_s)
-        known = Bend(hung.name, *self._tightest[number].tolist())
-        if now.tightness > known.tightness:
-            known = now
+    def _bend_of(self, number: int, shape: RopeShape, time_s: float) -> RopeBend:
+        now, position = smallest_radius(shape, time_s)
+        tightest = Bend(shape.name, *self._tightest[number].tolist())
+        if now.tightness > tightest.tightness:
+            tightest = now
             self._tightest[number] = [getattr(now, name) for name in _STORED]
-        return RopeBend(now, position, known, compressed_length_m(hung))
+        return RopeBend(now, position, tightest, compressed_length_m(shape))
 
 
-def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
+def smallest_radius(shape: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
     """Return the bend closest to its minimum radius, or furthest below it, and its position [m].
 
     For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
     minimum radius, only these count.
     """
-    bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), minimum_radii(hung)
-    at = int(np.argmax(bend * least if least.any() else bend))
-    rest = np.diff(hung.arc_m)[max(at - 1, 0) : at + 1]
-    x, y, z = (float(part) for part in hung.position_m[at])
-    found = Bend(
-        name=hung.name,
-        radius_m=1.0 / float(bend[at]) if bend[at] > 0.0 else math.inf,
-        line_out_m=float(hung.arc_m[at]),
-        at_s=time_s,
-        minimum_m=float(least[at]),
-        element_m=float(rest.mean()),
+    curvature, radii = (
+        curvatures(shape.position_m, shape.arc_m, _clamped_direction(shape)),
+        minimum_radii(shape),
     )
-    return found, (x, y, z)
+    node = int(np.argmax(curvature * radii if radii.any() else curvature))
+    rest_lengths = np.diff(shape.arc_m)[max(node - 1, 0) : node + 1]
+    x, y, z = (float(part) for part in shape.position_m[node])
+    bend = Bend(
+        name=shape.name,
+        radius_m=1.0 / float(curvature[node]) if curvature[node] > 0.0 else math.inf,
+        line_out_m=float(shape.arc_m[node]),
+        at_s=time_s,
+        minimum_m=float(radii[node]),
+        element_m=float(rest_lengths.mean()),
+    )
+    return bend, (x, y, z)
 
 
-def compressed_length_m(hung: RopeShape) -> float:
-    """Return the unstretched length of a stiff rope's elements that are shorter than it [m]."""
-    if bending_stiffness(hung.core.effects) == 0.0:
+def compressed_length_m(shape: RopeShape) -> float:
+    """Return the unstretched length of a stiff rope's compressed elements [m]."""
+    if bending_stiffness(shape.core.effects) == 0.0:
         return 0.0
-    rest, length = np.diff(hung.arc_m), np.linalg.norm(np.diff(hung.position_m, axis=0), axis=1)
+    rest, length = np.diff(shape.arc_m), np.linalg.norm(np.diff(shape.position_m, axis=0), axis=1)
     return float(rest[length < (1.0 - SHORTENING_TOL) * rest].sum())
 
 
@@ -417,14 +432,14 @@ def watches_bends(scene: Scene) -> bool:
 
 def limits_bends(line: RopeLine) -> bool:
     """Return whether a section of the rope has a minimum bend radius."""
-    return any(own.rope.minimum_bend_radius_m is not None for own in line.made_of)
+    return any(section.rope.minimum_bend_radius_m is not None for section in line.made_of)
 
 
-def _held(hung: RopeShape) -> Vector | None:
+def _clamped_direction(shape: RopeShape) -> Vector | None:
     """Return the direction in which the rope's upper end is clamped, downward; None if free."""
-    for own in hung.core.effects:
-        if isinstance(own, Bending) and own.clamp > 0.0 and not hung.loose:
-            return -np.array([own.x, own.y, own.z])
+    for effect in shape.core.effects:
+        if isinstance(effect, Bending) and effect.clamp > 0.0 and not shape.loose:
+            return -np.array([effect.x, effect.y, effect.z])
     return None
 
 
@@ -480,10 +495,10 @@ class RunRecord:
         """Return copies of the extremes since the start and since the newest snapshot."""
         return copy.copy(self.run), copy.copy(self.recent)
 
-    def restore_finite(self, then: tuple[Extremes, Extremes]) -> None:
+    def restore_finite(self, earlier: tuple[Extremes, Extremes]) -> None:
         """Restore earlier extremes if a failed step has left values that are not finite."""
         if not self.run.empty and not math.isfinite(self.run.mean):
-            self.run, self.recent = (copy.copy(one) for one in then)
+            self.run, self.recent = (copy.copy(extremes) for extremes in earlier)
 
     def statistics(self, clock: Clock) -> RunStatistics:
         """Return the statistics since the start."""
@@ -514,12 +529,14 @@ class RunRecord:
         if bed is not None or self.bends is not None:
             shapes = ropes.shapes(rope, shot)
             if bed is not None:
-                found = (touchdown_of(hung, bed) for hung in shapes)
-                added["touchdowns"] = tuple(one for one in found if one is not None)
+                touchdowns = (touchdown_of(shape, bed) for shape in shapes)
+                added["touchdowns"] = tuple(
+                    touchdown for touchdown in touchdowns if touchdown is not None
+                )
             if self.bends is not None:
                 added["bends"] = self.bends.look(shapes, shot.time_s)
-        looked = self.loads.look(shot, self._rules, added.get("bends", ()))
-        added["strength"], added["breaches"] = looked
+        results = self.loads.look(shot, self._rules, added.get("bends", ()))
+        added["strength"], added["breaches"] = results
         added["landings"] = self.loads.landings
         return amended(shot, **added)
 

@@ -38,7 +38,7 @@ class SolverHealth(NamedTuple):
     recovery: str = ""  # reason of the newest recovery and the action taken
 
 
-BORDER = "border"  # among the inputs: a warning on inputs that were kept from the twin
+BORDER = "border"  # among the inputs: a warning on inputs that did not reach the twin
 
 
 class InputHealth(NamedTuple):
@@ -105,7 +105,7 @@ class Landings:
     fastest_m_per_s: float
 
     def then(self, time_s: float, speed_m_per_s: float) -> Landings:
-        """Return these with one more."""
+        """Return these landings and one more."""
         if speed_m_per_s <= self.fastest_m_per_s:
             return replace(self, count=self.count + 1)
         return replace(self, count=self.count + 1, fastest_s=time_s, fastest_m_per_s=speed_m_per_s)
@@ -243,13 +243,13 @@ class Residual:
         return self.measured - self.computed
 
 
-OUTSIDE_SHARE, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
+OUTSIDE_FRACTION, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected outside
 
 
-def disagrees(one: Residual) -> bool:
-    """Return whether so many readings lie outside that `simulation: residuals` warns."""
-    outside = one.outside is not None and one.outside > OUTSIDE_SHARE
-    return outside and one.span_s >= OUTSIDE_SPAN_S
+def disagrees(residual: Residual) -> bool:
+    """Return whether `simulation: residuals` warns, as too many readings lie outside."""
+    outside = residual.outside is not None and residual.outside > OUTSIDE_FRACTION
+    return outside and residual.span_s >= OUTSIDE_SPAN_S
 
 
 class ForecastScore(NamedTuple):
@@ -257,8 +257,8 @@ class ForecastScore(NamedTuple):
 
     at_s: float  # twin time at which it came
     age_s: float  # of the newest input of the forecast, when that was ready
-    coverage: float  # share of the measured tensions inside their 90 % bands; NaN: unknown
-    judged: int  # number of forecasts that it is of
+    coverage: float  # fraction of the measured tensions inside their 90 % bands; NaN: unknown
+    judged: int  # number of forecasts evaluated for it
     factor: float  # on the spread of the members, mean over the lead
 
 
@@ -467,10 +467,10 @@ def first_rope(shot: Snapshot, name: str) -> RopeShot:
 
 def most_damaged(shot: Snapshot) -> tuple[str, MaterialFatigue] | None:
     """Return the rope with the largest damage ("" in a scene of one rope); None: not known."""
-    known = [(one.name, one.fatigue) for one in shot.ropes if one.fatigue is not None]
+    known = [(rope.name, rope.fatigue) for rope in shot.ropes if rope.fatigue is not None]
     if not known:
         return None if shot.fatigue is None else ("", shot.fatigue)
-    return max(known, key=lambda one: float(one[1].used.max()))
+    return max(known, key=lambda rope: float(rope[1].used.max()))
 
 
 @dataclass(frozen=True)
@@ -500,9 +500,9 @@ class EnergyBalance:
         reference is a ten-thousandth of the stored energy: the residual is then its round-off, or
         that of the quadrature over few steps.
         """
-        there = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
-        beside = max(self.exchanged_j, MIN_EXCHANGED_FRACTION * there)
-        return 100.0 * self.residual_j / beside if beside > 0.0 else 0.0
+        stored = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
+        reference = max(self.exchanged_j, MIN_EXCHANGED_FRACTION * stored)
+        return 100.0 * self.residual_j / reference if reference > 0.0 else 0.0
 
     def figures(self) -> dict[str, float]:
         """Return all values by name, with the residual in per cent."""

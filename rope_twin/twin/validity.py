@@ -1,8 +1,8 @@
 """Range in which a scene's model holds, and validity of its convergence study, during a run.
 
 Each finding outside the range has a value for the validity of the quality index (twin/quality.py)
-and says in words what the model does not contain. The scene's own warnings stand for the whole run,
-unless the scene accepts them; all else is judged at snapshots. Nothing here acts on the twin.
+and states what the model does not contain. The scene's own warnings apply to the whole run, unless
+the scene accepts them; all else is checked at snapshots. Nothing here has an effect on the twin.
 
 A convergence study states the discretisation error of one run: the scene from its static
 equilibrium, with its own sea, winch schedule and current, for the duration of the study. A twin
@@ -41,14 +41,15 @@ from rope_twin.twin.motion.ship_motion import STILL, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 
 LINE_FOLLOWING = "line_following"  # input of a winch that follows its measured line
-DOUBTED, OUTSIDE = 0.6, 0.5  # values: an error of unknown size, and one that must be expected
+DOUBTED, OUTSIDE = 0.6, 0.5  # values for an error of unknown size, and for an expected error
 PENETRATION_M = 0.5, 2.0  # of a payload in an elastic bed: from 1 to 0
 LINE_TOL_M = 0.5  # of the measured line out beyond the winch's range
 SPEED_TOL = 1.1  # of the measured line speed over the winch's limit
-HELD_M_PER_S, HELD_SHARE = 0.25, 0.1  # of a current below its last row, and of the depth
-PRIOR_SDS = 3.0  # of a learned figure from the scene's
+# minimum speed of a current extended below its last row, and of that extent over the depth
+EXTENDED_M_PER_S, EXTENDED_FRACTION = 0.25, 0.1
+PRIOR_SIGMAS = 3.0  # of a learned figure from the scene's
 MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less matches the scene's sea
-UNHEARD_NS = 500_000_000  # the sea counts as missing after this time without a sample
+MISSING_NS = 500_000_000  # the sea counts as missing after this time without a sample
 TIME_TOL_NS = 1_000
 CUT_REASON = "the rope was cut"
 OTHER_SCHEDULE = "it resumes from a run with another schedule or sea"
@@ -86,10 +87,9 @@ class ModelRange:
     def outside(
         self, shot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
     ) -> Iterator[Finding]:
-        """Yield what is outside the range.
+        """Yield the findings outside the range.
 
-        effects: kernel data of the first rope's, in use now; factors: learned ones, on the scene's
-        figures.
+        effects: kernel data in use of the first rope; factors: learned ones on the scene's figures.
         """
         yield from self._standing
         yield from self._at_the_surface(shot)
@@ -98,23 +98,23 @@ class ModelRange:
         yield from _below_the_profile(shot, effects)
         if shot.lines is not None and shot.lines.crossings and not self._touching:
             at_m = shot.lines.crossings[0].depth_m
-            words = f"the lines cross at {at_m:.0f} m; contact between them is not modelled"
-            yield Finding(DOUBTED, words)
+            text = f"the lines cross at {at_m:.0f} m; contact between them is not modelled"
+            yield Finding(DOUBTED, text)
         for name, factor in factors.items():
-            spread = 0.01 * getattr(self._prior, f"{name}_pct", math.inf)
-            if abs(math.log(factor)) > PRIOR_SDS * spread:
-                words = f"the learned {name.replace('_', ' ')} is {factor:.3g} times the scene's"
-                yield Finding(DOUBTED, f"{words}: another lift than the one prepared")
+            sigma = 0.01 * getattr(self._prior, f"{name}_pct", math.inf)
+            if abs(math.log(factor)) > PRIOR_SIGMAS * sigma:
+                text = f"the learned {name.replace('_', ' ')} is {factor:.3g} times the scene's"
+                yield Finding(DOUBTED, f"{text}: another lift than the one prepared")
 
     def _at_the_surface(self, shot: Snapshot) -> Iterator[Finding]:
         if not self._surfacing:
             return
-        places = {one.name: one.position_m for one in shot.payloads}
+        positions = {payload.name: payload.position_m for payload in shot.payloads}
         for name, half_m in self._surfacing.items():
-            z = float(places.get(name, shot.payload_position_m)[2])
+            z = float(positions.get(name, shot.payload_position_m)[2])
             if z > -half_m:
-                words = f"payload '{name}' is at the surface, z = {z:.1f} m, without `splash_zone`"
-                yield Finding(OUTSIDE, words)
+                text = f"payload '{name}' is at the surface, z = {z:.1f} m, without `splash_zone`"
+                yield Finding(OUTSIDE, text)
 
     def _below_the_bed(self, shot: Snapshot) -> Iterator[Finding]:
         depth_m = -float(shot.payload_position_m[2])
@@ -124,56 +124,56 @@ class ModelRange:
             )
         if shot.seabed is None:
             return
-        sunk_m = -shot.seabed.payload_height_m
-        if sunk_m > PENETRATION_M[0]:
-            words = f"the payload is {sunk_m:.1f} m in the seabed, whose model is elastic"
-            yield Finding(falling(sunk_m, *PENETRATION_M), words)
+        penetration_m = -shot.seabed.payload_height_m
+        if penetration_m > PENETRATION_M[0]:
+            text = f"the payload is {penetration_m:.1f} m in the seabed, whose model is elastic"
+            yield Finding(falling(penetration_m, *PENETRATION_M), text)
         bed_m = depth_m + shot.seabed.payload_height_m
-        for one in shot.residuals:
-            beyond_m = one.measured - bed_m - (one.half_width or 0.0)
-            if one.quantity == "payload_depth_m" and beyond_m > PENETRATION_M[0]:
-                words = f"the measured depth, {one.measured:.1f} m, is below the scene's seabed"
-                yield Finding(OUTSIDE, f"{words} at {bed_m:.1f} m")
+        for residual in shot.residuals:
+            beyond_m = residual.measured - bed_m - (residual.half_width or 0.0)
+            if residual.quantity == "payload_depth_m" and beyond_m > PENETRATION_M[0]:
+                text = f"the measured depth, {residual.measured:.1f} m, is below the scene's seabed"
+                yield Finding(OUTSIDE, f"{text} at {bed_m:.1f} m")
 
     def _beyond_the_winch(self, shot: Snapshot) -> Iterator[Finding]:
-        """Check the line that a winch follows; one that is commanded stays within its limits."""
+        """Check the line of a winch that follows measurements; commands are limited elsewhere."""
         winch = self._winch
         if winch is None or shot.cut is not None or LINE_FOLLOWING not in shot.inputs:
             return
         low_m, high_m = winch.least_line_out_m - LINE_TOL_M, winch.most_line_out_m + LINE_TOL_M
         if not low_m <= shot.line_out_m <= high_m:
-            words = f"line out of {shot.line_out_m:.1f} m, the scene's winch has "
-            words += f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m"
-            yield Finding(DOUBTED, words)
+            text = f"line out of {shot.line_out_m:.1f} m, the scene's winch has "
+            text += f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m"
+            yield Finding(DOUBTED, text)
         speed = abs(shot.payout_speed_m_per_s)
         if speed > SPEED_TOL * winch.speed_limit_m_per_s:
-            words = f"line speed of {speed:.2f} m/s, the scene's winch has at most "
-            yield Finding(DOUBTED, f"{words}{winch.speed_limit_m_per_s:g} m/s")
+            text = f"line speed of {speed:.2f} m/s, the scene's winch has at most "
+            yield Finding(DOUBTED, f"{text}{winch.speed_limit_m_per_s:g} m/s")
 
 
 def _below_the_profile(shot: Snapshot, effects: tuple[Any, ...]) -> Iterator[Finding]:
-    """Check whether a current from a sensor ends far above the payload, and not at rest."""
-    heard, profile = shot.inputs.get("current"), profile_of(effects)
-    if heard is None or not heard.accepted or profile is None:
+    """Check whether a measured current ends far above the payload with a speed above zero."""
+    current, profile = shot.inputs.get("current"), profile_of(effects)
+    if current is None or not current.accepted or profile is None:
         return
     last_m, end_m = float(profile.z[0]), float(shot.payload_position_m[2])
     speed = float(np.hypot(*(row[0] for row in profile.U[:2])))
-    if speed > HELD_M_PER_S and last_m - end_m > -HELD_SHARE * end_m > 0.0:
-        words = f"the current ends at z = {last_m:g} m with {speed:.2f} m/s, which is used down to "
-        yield Finding(DOUBTED, f"{words}the payload at z = {end_m:.0f} m")
+    if speed > EXTENDED_M_PER_S and last_m - end_m > -EXTENDED_FRACTION * end_m > 0.0:
+        text = f"the current ends at z = {last_m:g} m with {speed:.2f} m/s, which is used down to "
+        yield Finding(DOUBTED, f"{text}the payload at z = {end_m:.0f} m")
 
 
 @functools.lru_cache(maxsize=8)
 def _standing(scene: Scene) -> tuple[Finding, ...]:
     """Return a finding for each warning of the scene on what its model does not contain."""
     return tuple(
-        Finding(DOUBTED, f"the scene warns: {words.removesuffix('.')}")
-        for words in validity_warnings(scene)
+        Finding(DOUBTED, f"the scene warns: {warning.removesuffix('.')}")
+        for warning in validity_warnings(scene)
     )
 
 
 def _half_heights(scene: Scene) -> dict[str, float]:
-    """Return half the height of each payload whose way through the surface is not modelled [m].
+    """Return half the height of each payload whose passage through the surface is not modelled [m].
 
     It is that of a cube of the same volume. Empty: it is modelled, or there is no water.
     """
@@ -181,11 +181,14 @@ def _half_heights(scene: Scene) -> dict[str, float]:
     if modelled or is_air(scene):
         return {}
     if is_joined(scene):
-        own = [one for one in scene.payloads if one.splash_zone is None]
+        unmodelled = [payload for payload in scene.payloads if payload.splash_zone is None]
     else:
-        own = list(scene.payloads[:1])
+        unmodelled = list(scene.payloads[:1])
     density = scene.environment.water_density_kg_per_m3
-    return {one.name: 0.5 * payload_figures(one, density).volume_m3 ** (1.0 / 3.0) for one in own}
+    return {
+        payload.name: 0.5 * payload_figures(payload, density).volume_m3 ** (1.0 / 3.0)
+        for payload in unmodelled
+    }
 
 
 class MotionSample(Protocol):
@@ -232,57 +235,61 @@ class StudyValidity:
             self.invalidate(OTHER_SCHEDULE)
             self.digest = digest
 
-    def hear_heave(
-        self, own: SceneMotion | None, stamp_ns: int, position_m: float, velocity_m_per_s: float
+    def compare_heave(
+        self,
+        scene_motion: SceneMotion | None,
+        stamp_ns: int,
+        position_m: float,
+        velocity_m_per_s: float,
     ) -> None:
         """Compare an accepted heave sample with the scene's own sea.
 
-        own: None if the sea is unknown here; nothing is then compared, unless the scene has no
-        motion.
+        scene_motion: None if the sea is unknown here; nothing is then compared, unless the scene
+        has no motion.
         """
-        if own is None and self._moves:
+        if scene_motion is None and self._moves:
             return
-        expected, heard = self._expected(own, stamp_ns), (position_m, velocity_m_per_s)
+        expected, sample = self._expected(scene_motion, stamp_ns), (position_m, velocity_m_per_s)
         if isinstance(expected, ShipPose):
-            self._judge(stamp_ns, not self._moves and _near((0.0, 0.0), heard))
+            self._record_match(stamp_ns, not self._moves and _matches((0.0, 0.0), sample))
         else:
-            self._judge(stamp_ns, expected is not None and _near(expected, heard))
+            self._record_match(stamp_ns, expected is not None and _matches(expected, sample))
 
-    def hear_pose(self, own: SceneMotion | None, pose: ShipPose) -> None:
-        """Compare an accepted pose with the scene's own sea; own: as in `hear_heave`."""
-        if own is None and self._moves:
+    def compare_pose(self, scene_motion: SceneMotion | None, pose: ShipPose) -> None:
+        """Compare an accepted pose with the scene's sea; scene_motion: as in `compare_heave`."""
+        if scene_motion is None and self._moves:
             return
-        expected = self._expected(own, pose.stamp_ns)
-        self._judge(
+        expected = self._expected(scene_motion, pose.stamp_ns)
+        self._record_match(
             pose.stamp_ns,
-            isinstance(expected, ShipPose) and _near(_numbers(expected), _numbers(pose)),
+            isinstance(expected, ShipPose) and _matches(_numbers(expected), _numbers(pose)),
         )
 
     def _expected(
-        self, own: SceneMotion | None, stamp_ns: int
+        self, scene_motion: SceneMotion | None, stamp_ns: int
     ) -> ShipPose | tuple[float, float] | None:
         """Return the sea's own pose, or heave and its rate, at this stamp; None: no sample."""
-        if own is None:
+        if scene_motion is None:
             return ShipPose(stamp_ns, STILL, STILL)
-        for sample in own.between(stamp_ns, stamp_ns + 1):
+        for sample in scene_motion.between(stamp_ns, stamp_ns + 1):
             return sample.pose or (sample.position_m, sample.velocity_m_per_s)
         return None
 
-    def _judge(self, stamp_ns: int, own: bool) -> None:
-        """Record whether a sample matches; the motion differs from the last matching sample on."""
-        if own:
+    def _record_match(self, stamp_ns: int, matches: bool) -> None:
+        """Record whether a sample matches; the motion differs after the last matching sample."""
+        if matches:
             self._agreed_ns = stamp_ns
         elif self._strange is None:
             since_ns = 0 if self._agreed_ns is None else max(self._agreed_ns, 0)
             why = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
             self._strange = (since_ns, why)
 
-    def look(self, taken: Snapshot, compared: bool) -> None:
+    def look(self, shot: Snapshot, compared: bool) -> None:
         """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
-        now_ns = taken.stamp_ns
+        now_ns = shot.stamp_ns
         if self._why or now_ns == 0:
             return
-        for winch in taken.winches:
+        for winch in shot.winches:
             if winch.off_schedule_s is not None:
                 self._latch(
                     "winch commands differ from the scene's schedule from "
@@ -291,27 +298,27 @@ class StudyValidity:
         if self._strange is not None and now_ns > self._strange[0]:
             self._latch(self._strange[1])
         if self._moves:
-            self._look_at_sea(taken, compared)
+            self._check_sea(shot, compared)
 
-    def _look_at_sea(self, taken: Snapshot, compared: bool) -> None:
+    def _check_sea(self, shot: Snapshot, compared: bool) -> None:
         """Check that samples of the scene's sea arrive and were compared."""
-        heave = taken.inputs.get("heave")
+        heave = shot.inputs.get("heave")
         if not compared:
             self._latch("the ship's motion was not compared with the scene's own sea")
         elif heave is not None and (
-            heave.stale or (heave.accepted == 0 and taken.stamp_ns > UNHEARD_NS)
+            heave.stale or (heave.accepted == 0 and shot.stamp_ns > MISSING_NS)
         ):
-            self._latch(f"samples of the scene's sea are missing at {taken.time_s:.2f} s")
+            self._latch(f"samples of the scene's sea are missing at {shot.time_s:.2f} s")
 
     def _latch(self, why: str) -> None:
         self._why = self._why or why
 
     def claim(self, known: KnownError, time_ns: int) -> KnownError:
         """Return the error known from the study, or why it is unknown for this run at this time."""
-        nothing = math.isnan(known.rms_pct) and math.isnan(known.peak_pct)
-        if why := self._stated if nothing else self._why:
+        is_unknown = math.isnan(known.rms_pct) and math.isnan(known.peak_pct)
+        if why := self._stated if is_unknown else self._why:
             return KnownError(words=f"unknown: {why}")
-        if nothing:
+        if is_unknown:
             return known
         if time_ns > known.seconds * 1e9 + TIME_TOL_NS:
             return KnownError(words=f"unknown: {beyond(known.seconds)}")
@@ -329,5 +336,5 @@ def _numbers(pose: ShipPose) -> tuple[float, ...]:
     )  # fmt: skip
 
 
-def _near(one: tuple[float, ...], other: tuple[float, ...]) -> bool:
-    return all(abs(a - b) <= MOTION_TOL for a, b in zip(one, other, strict=True))
+def _matches(first: tuple[float, ...], second: tuple[float, ...]) -> bool:
+    return all(abs(a - b) <= MOTION_TOL for a, b in zip(first, second, strict=True))

@@ -18,7 +18,7 @@ from rope_twin.messages import Level, statuses
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.quality import (
     DEPTH,
-    DISAGREED,
+    DISAGREEMENT_VALUE,
     ELEMENTS,
     EVALUATED_NS,
     FATIGUE,
@@ -26,7 +26,7 @@ from rope_twin.twin.quality import (
     RISE_S,
     TENSION,
     TOLERANCES_PCT,
-    WARNED,
+    WARNING_VALUE,
     QualityIndex,
     calibration_of,
     discretisation_of,
@@ -101,9 +101,12 @@ def test_fatigue_has_an_index_only_where_it_is_counted() -> None:
         ({"age_s": 0.1}, 1.0),
         ({"stale": True, "note": "no heave for 2 s"}, 0.0),
         ({"fault": "the rates contradict the positions"}, 0.0),
-        ({"warning": "noisy"}, WARNED),
+        ({"warning": "noisy"}, WARNING_VALUE),
         ({"recently_refused": 1200, "interval_s": 0.05, "refusal": "late"}, 0.0),  # half of them
-        ({"recently_refused": 400, "interval_s": 0.05, "refusal": "late"}, 0.5 * WARNED),  # 25 %
+        (
+            {"recently_refused": 400, "interval_s": 0.05, "refusal": "late"},
+            0.5 * WARNING_VALUE,
+        ),  # 25 %
     ],
 )
 def test_the_input_follows_its_health(health: dict[str, object], value: float) -> None:
@@ -175,7 +178,7 @@ def test_old_few_or_unknown_readings_prove_nothing() -> None:
 def test_a_frozen_load_cell_proves_nothing_and_is_named() -> None:
     for health, value in (
         (InputHealth(accepted=9, fault="gone"), None),
-        (InputHealth(accepted=9, warning="frozen: top_tension_n"), WARNED),
+        (InputHealth(accepted=9, warning="frozen: top_tension_n"), WARNING_VALUE),
     ):
         shot = replace(SOUND, residuals=(MEASURED,), inputs={"winch_measured": health})
         found = residual_of(TENSION, shot)
@@ -270,9 +273,13 @@ def test_faults_of_the_last_hour_are_remembered() -> None:
     [
         (ResidualTests(1.0, 0.0, 0.9, 300.0, None, 0.0), 1.0, ""),
         (ResidualTests(3.0, 6.0, 1.7, 300.0, None, 0.0), 0.75, "5 min 1.7 times"),
-        (ResidualTests(9.0, 13.0, 3.0, 300.0, None, 0.0), DISAGREED, "more than chance"),
+        (ResidualTests(9.0, 13.0, 3.0, 300.0, None, 0.0), DISAGREEMENT_VALUE, "more than chance"),
         (ResidualTests(0.1, -6.0, 0.1, 300.0, None, 0.0), UNPROVEN, "proves little"),
-        (ResidualTests(1.0, 0.0, 0.9, 300.0, -0.8, 900.0), DISAGREED, "drifted by -0.8 times"),
+        (
+            ResidualTests(1.0, 0.0, 0.9, 300.0, -0.8, 900.0),
+            DISAGREEMENT_VALUE,
+            "drifted by -0.8 times",
+        ),
     ],
 )
 def test_the_residual_follows_its_tests_over_minutes(
@@ -401,6 +408,6 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
     kept_out = twin.inputs.health()["border"]
     assert kept_out.warning == "ship/heave: malformed"
     shot = replace(UNMEASURED, inputs={"border": kept_out})
-    assert inputs_of(shot).value == WARNED
+    assert inputs_of(shot).value == WARNING_VALUE
     names = [row.name for row in statuses(shot, None)]
     assert "simulation: input border" not in names, "rows of the border tell it"

@@ -8,8 +8,8 @@ from scipy.stats import kstest, t
 
 from rope_twin.errors import InputError
 from rope_twin.twin.residual_tests import (
-    LEAST_BLOCKS,
-    SETTLING,
+    MIN_BLOCKS,
+    SETTLING_BLOCKS,
     SlowDrift,
     _normal_of_t,
     limit_for,
@@ -66,7 +66,7 @@ def test_run_length_without_a_drift_does_not_depend_on_mean_and_spread() -> None
     rng = np.random.default_rng(2)
     for mean, spread in ((0.0, 200.0), (-900.0, 50.0)):
         found = alarms(mean + spread * rng.standard_normal(60_000), SlowDrift(1.0, 300.0))
-        length = 60_000 / len(found) - SETTLING - LEAST_BLOCKS
+        length = 60_000 / len(found) - SETTLING_BLOCKS - MIN_BLOCKS
         error = 300.0 / np.sqrt(len(found))
         assert 300.0 - 4.0 * error < length < 1.5 * 300.0
 
