@@ -1,7 +1,7 @@
 """Commands of a winch (kinds, queues, the schedule of a scene), payout and tension feedback.
 
-A command is validated by its value and its stamp, and kept until it is due. Every runner takes the
-commands of the schedule from here, so that they are equally stamped.
+A command is validated by its value and its stamp, and stored until it is due. Every runner takes
+the commands of the schedule from here, so that their stamps are equal.
 
 Tension feedback is the expected response of the rope to a change of pay-out speed within one step.
 The tension is that of the last step. Over the next one the node below the hang-off continues with
@@ -13,9 +13,9 @@ and springs k in one step h of the implicit Euler rule. Such a chain has at its 
 which is k for long elements and √(EA·m)/h, the impedance over the step, for short ones. A drum that
 uses F - h·D·(V' - parting) as the next tension is stable as long as the rope's true response is
 less than twice that, and the step is shorter than half the time L/c that a wave takes along the
-rope (otherwise its lower end responds within a step, which an endless chain does not). The reported
+rope (otherwise its lower end responds within a step, unlike that of an endless chain). The reported
 tension also includes the acceleration of the half element at the hang-off, which follows the payout
-at once: for the drum that half element is inertia. Rope is counted unstretched, so V takes up V
+at once: for the drum that half element is inertia. V is of unstretched rope, so that it covers V
 times the stretch of the separation.
 """
 
@@ -82,23 +82,25 @@ def find_fault(command: WinchCommand, winch: WinchScene | None, rope: SpooledRop
     if not math.isfinite(value):
         what = f"{kind} {value} {CONTROL_MODES[kind]}"
         return Fault("non_finite", phrase("winch command", what, "it must be a finite number"))
-    return _out_of_reach(command, winch, rope)
+    return _range_fault(command, winch, rope)
 
 
-def _out_of_reach(command: WinchCommand, winch: WinchScene, rope: SpooledRope) -> Fault | None:
+def _range_fault(command: WinchCommand, winch: WinchScene, rope: SpooledRope) -> Fault | None:
     kind, value = command
-    least, most = winch.least_line_out_m, winch.most_line_out_m
+    min_m, max_m = winch.least_line_out_m, winch.most_line_out_m
     if kind == SPEED and abs(value) > MAX_SPEED_M_PER_S:
         right = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
         return _impossible(f"speed {value:g} m/s", right)
-    if kind == LENGTH and not least <= value <= most:
-        right = f"this winch has {least:g} to {most:g} m out"
+    if kind == LENGTH and not min_m <= value <= max_m:
+        right = f"this winch has {min_m:g} to {max_m:g} m out"
         return _impossible(f"length {value:g} m", right)
     if kind == DEPTH and not 0.0 <= value <= MAX_DEPTH_M:
         right = f"depth counts from the mean water level down, 0 to {MAX_DEPTH_M:g} m"
         return _impossible(f"depth {value:g} m", right)
-    if kind == DEPTH and value > (deepest := most * rope.stretch - rope.hang_off_m):
-        right = f"this winch's {most:g} m of rope reach {deepest:.1f} m, stretched until it breaks"
+    if kind == DEPTH and value > (max_depth_m := max_m * rope.stretch - rope.hang_off_m):
+        right = (
+            f"this winch's {max_m:g} m of rope reach {max_depth_m:.1f} m, stretched until it breaks"
+        )
         return _impossible(f"depth {value:g} m", right)
     if kind == TENSION and winch.constant_tension is None:
         what = "'tension' but this winch has no constant tension"
@@ -133,9 +135,9 @@ class CommandQueue:
         self._in_doubt = False  # whether waiting commands are from before a pause
 
     def invalidate(self) -> None:
-        """Let the commander's first new stamp replace the waiting commands, after a pause.
+        """Make the commander's first new stamp replace the waiting commands, after a pause.
 
-        Commands that it repeats from before the pause are known and no fault.
+        Commands repeated from before the pause are ignored.
         """
         self._in_doubt = True
 
@@ -145,14 +147,14 @@ class CommandQueue:
         A command that arrives less than LATE_NS after its stamp is executed at once and reported as
         late. An emergency stop is never rejected for its stamp, nor for a full queue.
         """
-        urgent = command.kind == EMERGENCY_STOP
+        is_stop = command.kind == EMERGENCY_STOP
         if stamp_ns is not None:
             if self._in_doubt and (stamp_ns, *command) in self._done:
                 return ""
             if self._in_doubt and now_ns <= stamp_ns <= now_ns + AHEAD_NS:
                 self._drop_from(stamp_ns)
             fault = self._stamp_fault(stamp_ns, now_ns)
-            if fault is not None and not urgent:
+            if fault is not None and not is_stop:
                 return self.counter.refuse(*fault)
             if fault is not None:
                 self._warn_late(
@@ -164,16 +166,16 @@ class CommandQueue:
                 what = f"'{command.kind}' came {late_ms:.0f} ms after its stamp"
                 right = "it is executed at once; raise the input delay by more than that"
                 self._warn_late(phrase("winch command", what, right), now_ns)
-        one = (stamp_ns, command.kind, float(command.value))
-        if full := self._is_full(one):
+        stamped = (stamp_ns, command.kind, float(command.value))
+        if full := self._full_fault(stamped):
             return self.counter.refuse("impossible", full)
         self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
         if stamp_ns is None:
             self._at_once_ns = now_ns
         else:
             self._newest_ns = stamp_ns
-        if not (urgent and one in self.waiting):
-            self._queue(one)
+        if not (is_stop and stamped in self.waiting):
+            self._queue(stamped)
         return ""
 
     def _stamp_fault(self, stamp_ns: int, now_ns: int) -> tuple[str, str] | None:
@@ -201,20 +203,24 @@ class CommandQueue:
         self.counter.executed_late += 1
         self.counter.warn(sentence, now_ns)
 
-    def _is_full(self, one: Stamped) -> str:
-        """Return why no more commands like this one can wait; "" if they can."""
-        if one[1] == EMERGENCY_STOP:
+    def _full_fault(self, stamped: Stamped) -> str:
+        """Return why the queue is full for a command like this one; "" if it is not."""
+        if stamped[1] == EMERGENCY_STOP:
             return ""
-        most = MAX_AT_ONCE if one[0] is None else MAX_PLANNED
-        if len(self.waiting) < most:
+        limit = MAX_AT_ONCE if stamped[0] is None else MAX_PLANNED
+        if len(self.waiting) < limit:
             return ""
         what = f"{len(self.waiting)} of them wait already"
         return phrase("winch command", what, "send commands when they change, or ten a second")
 
     def forget_plan(self) -> None:
         """Drop commands that wait for their stamps, except stops, as the commander has changed."""
-        kept = (one for one in self.waiting if one[0] is None or one[1] == EMERGENCY_STOP)
-        self.waiting = deque(kept)
+        remaining = (
+            stamped
+            for stamped in self.waiting
+            if stamped[0] is None or stamped[1] == EMERGENCY_STOP
+        )
+        self.waiting = deque(remaining)
         self._newest_ns = None
 
     def put_at_once(self, command: WinchCommand, now_ns: int) -> None:
@@ -222,51 +228,53 @@ class CommandQueue:
         self._at_once_ns = now_ns
         self._queue((None, command.kind, float(command.value)))
 
-    def _queue(self, one: Stamped) -> None:
+    def _queue(self, stamped: Stamped) -> None:
         """Append a command; one without a stamp replaces the planned ones."""
-        if one[0] is None:
+        if stamped[0] is None:
             self.waiting.clear()
             self._newest_ns = None
-        self.waiting.append(one)
+        self.waiting.append(stamped)
 
     def due(self, time_ns: int) -> list[WinchCommand]:
         """Return the commands with stamps up to `time_ns`, in order, and remove them."""
-        found: list[WinchCommand] = []
+        commands: list[WinchCommand] = []
         while self.waiting and _is_due(self.waiting[0], time_ns):
             self._done.append(self.waiting.popleft())
-            found.append(WinchCommand(*self._done[-1][1:]))
-        return found
+            commands.append(WinchCommand(*self._done[-1][1:]))
+        return commands
 
     def last_due(self, time_ns: int) -> WinchCommand | None:
         """Return the last of the commands that `due` would return; None: none is due."""
         last = None
-        for one in self.waiting:
-            if not _is_due(one, time_ns):
+        for stamped in self.waiting:
+            if not _is_due(stamped, time_ns):
                 break
-            last = one
+            last = stamped
         return None if last is None else WinchCommand(*last[1:])
 
     def _drop_from(self, stamp_ns: int) -> None:
         """Drop commands that wait for this time or later; earlier ones stay."""
-        self.waiting = deque(one for one in self.waiting if one[0] is None or one[0] < stamp_ns)
+        self.waiting = deque(
+            stamped for stamped in self.waiting if stamped[0] is None or stamped[0] < stamp_ns
+        )
         self._newest_ns = self.waiting[-1][0] if self.waiting else None
         self._in_doubt = False
 
 
 class SwitchQueue(CommandQueue):
-    """Queue of switches: one for at once goes ahead of planned ones and keeps them."""
+    """Queue of switches: one without a stamp precedes planned ones, which stay."""
 
-    def _queue(self, one: Stamped) -> None:
+    def _queue(self, stamped: Stamped) -> None:
         """Insert a switch without a stamp after the others without one; append a planned one."""
-        if one[0] is not None:
-            self.waiting.append(one)
+        if stamped[0] is not None:
+            self.waiting.append(stamped)
             return
-        ahead = sum(waiting[0] is None for waiting in self.waiting)
-        self.waiting.insert(ahead, one)
+        position = sum(waiting[0] is None for waiting in self.waiting)
+        self.waiting.insert(position, stamped)
 
 
-def _is_due(one: Stamped, time_ns: int) -> bool:
-    return one[0] is None or one[0] <= time_ns
+def _is_due(stamped: Stamped, time_ns: int) -> bool:
+    return stamped[0] is None or stamped[0] <= time_ns
 
 
 COMMAND_PERIOD_NS = 100_000_000  # commands repeat at 10 Hz, so that their absence is detected
@@ -322,15 +330,15 @@ class ScheduleMonitor:
             self.differs_s = time_ns * 1e-9
 
     def _scheduled(self, time_ns: int) -> WinchCommand:
-        rest = WinchCommand(SPEED, 0.0)
-        return rest if self._winch is None else scheduled_motion(self._winch, time_ns)
+        standstill = WinchCommand(SPEED, 0.0)
+        return standstill if self._winch is None else scheduled_motion(self._winch, time_ns)
 
     def _switches_after(self, after_ns: int, time_ns: int) -> list[str]:
         """Return the switches of the schedule with after_ns < instant <= time_ns, in order."""
         if self._winch is None or not self._winch.schedule:
             return []
         instants = sorted(set(_row_instants(self._winch, after_ns + 1, time_ns + 1)))
-        return [word for at_ns in instants for word in _switches_at(self._winch, at_ns)]
+        return [switch for at_ns in instants for switch in _switches_at(self._winch, at_ns)]
 
     def _switches_until(self, time_ns: int) -> int:
         """Return the number of switches in the schedule up to a twin time."""
@@ -340,9 +348,9 @@ class ScheduleMonitor:
         repeat_ns = _repeat_ns(self._winch)
         if not rows or not repeat_ns:
             return sum(at_ns <= time_ns for at_ns in rows)
-        rounds, within_ns = divmod(time_ns, repeat_ns)
+        repetitions, within_ns = divmod(time_ns, repeat_ns)
         rows = [at_ns for at_ns in rows if at_ns < repeat_ns]
-        return rounds * len(rows) + sum(at_ns <= within_ns for at_ns in rows)
+        return repetitions * len(rows) + sum(at_ns <= within_ns for at_ns in rows)
 
 
 def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[CommandSample]:
@@ -360,7 +368,9 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Comm
     stamps.update(_row_instants(winch, from_ns, to_ns))
     samples: list[CommandSample] = []
     for stamp in sorted(stamps):
-        samples += [CommandSample(stamp, WinchCommand(word)) for word in _switches_at(winch, stamp)]
+        samples += [
+            CommandSample(stamp, WinchCommand(switch)) for switch in _switches_at(winch, stamp)
+        ]
         samples.append(CommandSample(stamp, scheduled_motion(winch, stamp)))
     return samples
 
@@ -406,10 +416,15 @@ def _row_instants(winch: Winch, from_ns: int, to_ns: int) -> list[int]:
     rows = [_at_ns(row) for row in winch.schedule]
     if not repeat_ns:
         return [row for row in rows if from_ns <= row < to_ns]
-    rounds = range(from_ns // repeat_ns, max(0, to_ns) // repeat_ns + 1)
-    instants = [again * repeat_ns + row for again in rounds for row in rows if row < repeat_ns]
+    repetitions = range(from_ns // repeat_ns, max(0, to_ns) // repeat_ns + 1)
+    instants = [
+        repetition * repeat_ns + row
+        for repetition in repetitions
+        for row in rows
+        if row < repeat_ns
+    ]
     # the repetition itself is a change too: the schedule restarts
-    instants += [again * repeat_ns for again in rounds if again > 0]
+    instants += [repetition * repeat_ns for repetition in repetitions if repetition > 0]
     return [instant for instant in instants if from_ns <= instant < to_ns]
 
 
@@ -468,7 +483,7 @@ class WinchStep(NamedTuple):
 
 
 def tension_feedback(
-    rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: tuple[float, float]
+    rope: Rope, line: RopeLine, pull_n: float, boundary: Floats, motion: tuple[float, float]
 ) -> TensionFeedback:
     """Return the tension feedback of a rope to its winch.
 
@@ -476,28 +491,28 @@ def tension_feedback(
         rope: with the state at the end of the last step.
         line: its definition in the scene.
         pull_n: its tension at the hang-off then [N].
-        border: hang-off at the beginning and end of the next step, (2, rows.MOTIONS) [m].
-        course: at its beginning heave of the hang-off [m], and acceleration of the payout [m/s²].
+        boundary: hang-off at the beginning and end of the next step, (2, rows.MOTIONS) [m].
+        motion: at its beginning heave of the hang-off [m], and acceleration of the payout [m/s²].
     """
-    state, h, (heave_m, payout_m_per_s2) = rope.state, rope.model.step, course
+    state, h, (heave_m, payout_m_per_s2) = rope.state, rope.model.step, motion
     n = int(state.counts[rows.ELEMENTS])
-    places = state.nodes[rows.POSITION : rows.POSITION + 3]
-    depth = heave_m - float(places[2, 0])
-    way = places[:, n] - places[:, n - 1]
-    long = float(np.linalg.norm(way))
-    moved = (border[1, : rows.LINE] - border[0, : rows.LINE]) / h
+    positions = state.nodes[rows.POSITION : rows.POSITION + 3]
+    depth_m = heave_m - float(positions[2, 0])
+    axis = positions[:, n] - positions[:, n - 1]
+    length = float(np.linalg.norm(axis))
+    hang_off_velocity = (boundary[1, : rows.LINE] - boundary[0, : rows.LINE]) / h
     velocity = state.nodes[rows.VELOCITY : rows.VELOCITY + 3, n - 1]
     rest = float(state.s[n] - state.s[n - 1])
-    stretch = long / rest
-    parting = float(way @ (moved - velocity)) / (long * stretch)
+    stretch = length / rest
+    separation = float(axis @ (hang_off_velocity - velocity)) / (length * stretch)
     section = int(np.searchsorted(rope.sections[rows.END], 0.5 * (state.s[n] + state.s[n - 1])))
     mass = float(rope.sections[rows.PER_METRE, section]) * rest
-    free = pull_n + 0.5 * mass * stretch * payout_m_per_s2
+    free_n = pull_n + 0.5 * mass * stretch * payout_m_per_s2
     if pull_n <= 0.0:
-        return TensionFeedback(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
+        return TensionFeedback(pull_n, free_n, depth_m, separation, 0.0, 0.5 * mass * stretch / h)
     stiffness = line.made_of[section].rope.dynamic_n(pull_n) / rest
     damping = float(rope.sections[rows.C, section]) / rest
-    both, mu = stiffness + damping / h, mass / (h * h)
-    share = 0.5 * stretch * (sqrt(mu * mu + 4.0 * both * mu) - mu) / both
-    brace = share * damping + 0.5 * mass * stretch / h
-    return TensionFeedback(pull_n, free, depth, parting, share * stiffness * h, brace)
+    combined, mu = stiffness + damping / h, mass / (h * h)
+    factor = 0.5 * stretch * (sqrt(mu * mu + 4.0 * combined * mu) - mu) / combined
+    brace = factor * damping + 0.5 * mass * stretch / h
+    return TensionFeedback(pull_n, free_n, depth_m, separation, factor * stiffness * h, brace)

@@ -25,7 +25,7 @@ F is the expected tension at the step's end, as for a drum: F' = F - hold·(V' -
 parting) - brace·(V' - V) with the pay-out speed V' = V_winch + f·v', at least 0. The step is that
 of the implicit Euler rule in v and of the trapezoidal rule in x, so that it stays stable beside a
 stop of any stiffness; it is of first order. At the start the stroke is that of the static tension.
-As for a drum the line given is counted unstretched: the rope moves by its stretch in addition.
+As for a drum the line paid out is unstretched: the rope moves by its stretch in addition.
 """
 
 from __future__ import annotations
@@ -50,11 +50,11 @@ from rope_twin.twin.winch.commands import (
 from rope_twin.twin.winch.control_modes import braking_speed
 
 States = dict[str, float]
-ROUNDS, ROUND_OFF = 80, 1e-13
+MAX_ITERATIONS, RELATIVE_TOL = 80, 1e-13
 
 
 class Component:
-    """Component of a winch; one without states, limit, switch or rope leaves the method out."""
+    """Component of a winch; the defaults are those without states, limit, switch or rope."""
 
     _at_limit = ""
 
@@ -72,7 +72,7 @@ class Component:
         return False
 
     def switch(self, switch: str, time_ns: int) -> None:
-        """Take a switch command, which may be for another component."""
+        """Execute a switch command, which may be for another component."""
 
     def set_total_length(self, whole_m: float) -> None:
         """Set the total length of rope, paid out or on the drum [m]."""
@@ -100,9 +100,9 @@ class Layers(Component):
 
 def adding_components(scene: WinchScene) -> tuple[Compensation | FlyingSheave, ...]:
     """Return the components that add to the motion, in their order."""
-    own, passive = scene.heave_compensation, scene.passive_compensation
-    active = () if own is None else (Compensation(own),)
-    return active if passive is None else (*active, FlyingSheave(passive))
+    active, passive = scene.heave_compensation, scene.passive_compensation
+    components = () if active is None else (Compensation(active),)
+    return components if passive is None else (*components, FlyingSheave(passive))
 
 
 def drum_components(
@@ -132,15 +132,15 @@ class Compensation(Component):
         self._delayed = self._lagged = 0.0  # the velocity after the dead time, and after the lag
         self._at_limit = ""
 
-    def add(self, wanted: Payout, moment: WinchStep) -> Payout:
+    def add(self, wanted: Payout, step: WinchStep) -> Payout:
         """Return the line at the end of the step, including the stroke."""
-        params, h = self._params, moment.step_s
-        self._measure(moment)
+        params, h = self._params, step.step_s
+        self._measure(step)
         target = params.efficiency * self._lagged if self._on else 0.0
         limit = params.speed_limit_m_per_s
         speed = min(max(target, -limit), limit)
-        most = params.acceleration_limit_m_per_s2 * h
-        rate = self._rate + min(max(speed - self._rate, -most), most)
+        max_change = params.acceleration_limit_m_per_s2 * h
+        rate = self._rate + min(max(speed - self._rate, -max_change), max_change)
         rate = self._within_stroke(rate, h)
         self._at_limit = self._limit_words(target, rate)
         stroke = self._stroke + 0.5 * h * (self._rate + rate)
@@ -149,18 +149,18 @@ class Compensation(Component):
         self._stroke, self._rate = stroke, rate
         return Payout(wanted.length_m + self._stroke, wanted.speed_m_per_s + rate)
 
-    def _measure(self, moment: WinchStep) -> None:
+    def _measure(self, step: WinchStep) -> None:
         """Apply dead time and lag to the hang-off's velocity at the end of the step."""
         end_ns, h, lag = (
-            moment.begin_ns + round(moment.step_s * 1e9),
-            moment.step_s,
+            step.begin_ns + round(step.step_s * 1e9),
+            step.step_s,
             self._params.lag_s,
         )
-        self._seen.append((end_ns, moment.heave_m_per_s))
+        self._seen.append((end_ns, step.heave_m_per_s))
         at_ns = end_ns - round(self._params.delay_s * 1e9)
         while len(self._seen) > 2 and self._seen[1][0] <= at_ns:
             self._seen.popleft()
-        before, self._delayed = self._delayed, _read(self._seen, at_ns)
+        before, self._delayed = self._delayed, _velocity_at(self._seen, at_ns)
         if lag > 0.0:  # exact for a velocity that is linear over the step
             slope, keep = (self._delayed - before) / h, math.exp(-h / lag)
             self._lagged = (
@@ -171,12 +171,12 @@ class Compensation(Component):
 
     def _within_stroke(self, rate: float, step_s: float) -> float:
         """Return a rate from which it can still stop within its stroke."""
-        side = math.copysign(1.0, rate)
-        room = self._params.stroke_m - side * self._stroke
-        going = max(side * self._rate, 0.0)
+        sign = math.copysign(1.0, rate)
+        remaining = self._params.stroke_m - sign * self._stroke
+        outward_rate = max(sign * self._rate, 0.0)
         acceleration = self._params.acceleration_limit_m_per_s2
-        return side * min(
-            abs(rate), braking_speed(room - 0.5 * step_s * going, acceleration, step_s)
+        return sign * min(
+            abs(rate), braking_speed(remaining - 0.5 * step_s * outward_rate, acceleration, step_s)
         )
 
     def _limit_words(self, target: float, rate: float) -> str:
@@ -203,7 +203,7 @@ class Compensation(Component):
         }
 
 
-def _read(seen: deque[tuple[int, float]], at_ns: int) -> float:
+def _velocity_at(seen: deque[tuple[int, float]], at_ns: int) -> float:
     """Return the velocity at a time, linear between samples; 0 before the first."""
     (t0, v0), (t1, v1) = seen[0], seen[min(1, len(seen) - 1)]
     if at_ns < t0:
@@ -211,7 +211,7 @@ def _read(seen: deque[tuple[int, float]], at_ns: int) -> float:
     return v0 + (v1 - v0) * min((at_ns - t0) / (t1 - t0), 1.0) if t1 > t0 else v0
 
 
-SLIPS_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
+SLIP_TOL_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
 
 
 class WinchDrum:
@@ -235,43 +235,45 @@ class Drive(Component):
         self._torque = 0.0  # + hauls in [N·m]
         self._at_limit = ""
 
-    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
+    def hold(self, before: Payout, wanted: Payout, step: WinchStep) -> Payout:
         """Return the commanded line, or as far as the torque moves it."""
-        after, self._torque, whole = self.pull(
-            before, wanted, moment, self._params.torque_limit_n_m
+        after, self._torque, sufficient = self.pull(
+            before, wanted, step, self._params.torque_limit_n_m
         )
-        self._at_limit = "" if whole else self._limit_words(before, wanted, after, moment)
+        self._at_limit = "" if sufficient else self._limit_words(before, wanted, after, step)
         return after
 
     def pull(
-        self, before: Payout, wanted: Payout, moment: WinchStep, torque_n_m: float
+        self, before: Payout, wanted: Payout, step: WinchStep, torque_n_m: float
     ) -> tuple[Payout, float, bool]:
-        """Return the line after a step with at most this torque, the torque, and if it sufficed."""
-        feedback, h = moment.feedback, moment.step_s
+        """Return the line after a step with at most this torque, the torque, and whether it was
+        sufficient.
+        """
+        feedback, h = step.feedback, step.step_s
         assert feedback is not None, "tension feedback is missing"
         _, radius = self._machine.layer(before.length_m)
         inertia = self._params.inertia_kg_m2 / (radius * radius * h)
-        stiff, V = inertia + feedback.hold + feedback.brace, before.speed_m_per_s
-        driving = inertia * V + feedback.at_speed(V)
-        needed, limit = driving - stiff * wanted.speed_m_per_s, torque_n_m / radius
+        response, V = inertia + feedback.hold + feedback.brace, before.speed_m_per_s
+        stopping_n = inertia * V + feedback.at_speed(V)  # line pull that stops the drum in the step
+        needed, limit = stopping_n - response * wanted.speed_m_per_s, torque_n_m / radius
         if abs(needed) <= limit:
             return wanted, needed * radius, True
         given = min(max(needed, -limit), limit)
-        speed = (driving - given) / stiff
+        speed = (stopping_n - given) / response
         length = before.length_m + 0.5 * h * (V + speed)
         return Payout(length, speed), given * radius, False
 
-    def rest(self) -> None:
+    def switch_off(self) -> None:
         """Switch the motor off, as the brake holds the drum."""
         self._torque, self._at_limit = 0.0, ""
 
-    def _limit_words(self, before: Payout, wanted: Payout, after: Payout, moment: WinchStep) -> str:
+    def _limit_words(self, before: Payout, wanted: Payout, after: Payout, step: WinchStep) -> str:
         """Return the message on rendering; a runaway drum renders at low tension by its inertia."""
-        assert moment.feedback is not None
+        assert step.feedback is not None
         layer, radius = self._machine.layer(before.length_m)
         limit = self._params.torque_limit_n_m / radius
         return (
-            f"renders: {moment.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
+            f"renders: {step.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
             f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
             f"{wanted.speed_m_per_s:+.2f} m/s is wanted"
         )
@@ -292,20 +294,20 @@ class Brake(Component):
         self._torque = 0.0
         self._at_limit = ""
 
-    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
+    def hold(self, before: Payout, wanted: Payout, step: WinchStep) -> Payout:
         """Return the commanded line if the brake is off, else the line standing or slipping."""
-        if self._due_ns is not None and self._due_ns <= moment.begin_ns:
+        if self._due_ns is not None and self._due_ns <= step.begin_ns:
             self._holds, self._due_ns = self._set, None
         self._at_limit = ""
         if not self._holds:
             self._torque = 0.0
             return wanted
-        self._drive.rest()
+        self._drive.switch_off()
         V = before.speed_m_per_s
-        rest = Payout(before.length_m + 0.5 * moment.step_s * V, 0.0)
+        standstill = Payout(before.length_m + 0.5 * step.step_s * V, 0.0)
         capacity = self._params.holding_torque_n_m
-        after, self._torque, whole = self._drive.pull(before, rest, moment, capacity)
-        if not whole and abs(after.speed_m_per_s) > SLIPS_M_PER_S:
+        after, self._torque, sufficient = self._drive.pull(before, standstill, step, capacity)
+        if not sufficient and abs(after.speed_m_per_s) > SLIP_TOL_M_PER_S:
             speed = after.speed_m_per_s
             self._at_limit = f"the brake slips at {capacity * 1e-3:g} kN·m, {speed:+.2f} m/s"
         return after
@@ -334,31 +336,31 @@ class FlyingSheave(Component):
     def __init__(self, params: PassiveCompensation) -> None:
         self._params, self._spring = params, of(params)
         self._stroke = self._rate = 0.0  # [m], [m/s]
-        self._start: float | None = None  # stroke of the static tension, at which line out is given
+        self._start: float | None = None  # stroke at the static tension, where it adds no line out
         self._speed = 0.0  # pay-out speed at the end of the last step
 
-    def add(self, wanted: Payout, moment: WinchStep) -> Payout:
+    def add(self, wanted: Payout, step: WinchStep) -> Payout:
         """Return the line at the end of the step, including the stroke."""
-        feedback, h, falls = moment.feedback, moment.step_s, self._params.falls
+        feedback, h, falls = step.feedback, step.step_s, self._params.falls
         assert feedback is not None, "tension feedback is missing"
         if self._start is None:
-            held = falls * feedback.pull_n
+            static_n = falls * feedback.pull_n
             self._start = self._stroke = root(
-                lambda x: self._parts(x, 0.0).pull - held, -1.0, self._params.stroke_m + 1.0
+                lambda x: self._parts(x, 0.0).pull - static_n, -1.0, self._params.stroke_m + 1.0
             )
-        free, stiff = feedback.at_speed(self._speed), feedback.hold + feedback.brace
+        free, response = feedback.at_speed(self._speed), feedback.hold + feedback.brace
         inertia = self._params.sheave_mass_kg / h
 
-        def miss(rate: float) -> float:
-            pull = max(free - stiff * (wanted.speed_m_per_s + falls * rate), 0.0)
-            held = self._parts(self._after(rate, h), rate)
-            seal = held.pull - held.seal + self._seal(self._after(rate, h))
-            return inertia * (rate - self._rate) + seal - falls * pull
+        def imbalance(rate: float) -> float:
+            pull = max(free - response * (wanted.speed_m_per_s + falls * rate), 0.0)
+            spring = self._parts(self._after(rate, h), rate)
+            spring_n = spring.pull - spring.seal + self._seal(self._after(rate, h))
+            return inertia * (rate - self._rate) + spring_n - falls * pull
 
         width = 1.0
-        while miss(self._rate - width) > 0.0 or miss(self._rate + width) < 0.0:
+        while imbalance(self._rate - width) > 0.0 or imbalance(self._rate + width) < 0.0:
             width *= 4.0
-        rate = root(miss, self._rate - width, self._rate + width)
+        rate = root(imbalance, self._rate - width, self._rate + width)
         stroke = self._after(rate, h)
         self._spring.memory[SEALS, 0] = self._seal(stroke) / max(self._spring.seal, 1.0)
         self._stroke, self._rate = stroke, rate
@@ -374,9 +376,9 @@ class FlyingSheave(Component):
 
     def _seal(self, stroke: float) -> float:
         """Return the friction of the seals after a step to this stroke [N]."""
-        spring, most = self._spring, self._params.stroke_m
-        moved = min(max(stroke, 0.0), most) - min(max(self._stroke, 0.0), most)
-        z = float(spring.memory[SEALS, 0]) + moved
+        spring, stroke_limit = self._spring, self._params.stroke_m
+        change = min(max(stroke, 0.0), stroke_limit) - min(max(self._stroke, 0.0), stroke_limit)
+        z = float(spring.memory[SEALS, 0]) + change
         return spring.seal * min(max(z, -spring.slip), spring.slip)
 
     def words(self) -> str:
@@ -397,21 +399,25 @@ class FlyingSheave(Component):
         }
 
 
-def root(miss: Callable[[float], float], low: float, high: float) -> float:
+def root(function: Callable[[float], float], low: float, high: float) -> float:
     """Return the zero of a rising function between these bounds, by regula falsi (Illinois)."""
-    below, above, side = miss(low), miss(high), 0
+    low_value, high_value, side = function(low), function(high), 0
     middle = low
-    for _ in range(ROUNDS):
-        if high - low <= ROUND_OFF * (abs(low) + abs(high)) or below >= 0.0 or above <= 0.0:
+    for _ in range(MAX_ITERATIONS):
+        if (
+            high - low <= RELATIVE_TOL * (abs(low) + abs(high))
+            or low_value >= 0.0
+            or high_value <= 0.0
+        ):
             break
-        middle = (low * above - high * below) / (above - below)
-        here = miss(middle)
-        if here == 0.0:
+        middle = (low * high_value - high * low_value) / (high_value - low_value)
+        value = function(middle)
+        if value == 0.0:
             return middle
-        if here < 0.0:
-            above *= 0.5 if side < 0 else 1.0
-            low, below, side = middle, here, -1
+        if value < 0.0:
+            high_value *= 0.5 if side < 0 else 1.0
+            low, low_value, side = middle, value, -1
         else:
-            below *= 0.5 if side > 0 else 1.0
-            high, above, side = middle, here, 1
+            low_value *= 0.5 if side > 0 else 1.0
+            high, high_value, side = middle, value, 1
     return middle

@@ -33,58 +33,58 @@ class Motion(NamedTuple):
         return Motion(x, v, a)
 
 
-def pulse(now: Motion, speed: float, acceleration: float, jerk: float) -> Pieces:
-    """Return the pieces of the fastest way to a speed, without acceleration at the end.
+def pulse(motion: Motion, speed: float, acceleration: float, jerk: float) -> Pieces:
+    """Return the pieces of the fastest motion to a speed, without acceleration at the end.
 
     It is one pulse of acceleration: a rise at the jerk limit, a part at the acceleration limit if
     that is reached, and a fall at the jerk limit. With g the remaining change of speed and a the
     present acceleration, the peak p of the pulse follows from g = (2·p² - a²)/(2·j), as long as it
     stays below the limit.
     """
-    gain = speed - now.v
-    side = 1.0 if gain >= 0.5 * now.a * abs(now.a) / jerk else -1.0
-    gain, a = side * gain, side * now.a
-    peak = math.sqrt(max(jerk * gain + 0.5 * a * a, 0.0))
-    hold = 0.0
+    speed_change = speed - motion.v
+    sign = 1.0 if speed_change >= 0.5 * motion.a * abs(motion.a) / jerk else -1.0
+    speed_change, a = sign * speed_change, sign * motion.a
+    peak = math.sqrt(max(jerk * speed_change + 0.5 * a * a, 0.0))
+    plateau = 0.0
     if peak > acceleration:
         peak = max(acceleration, a)
-        hold = (gain - (2.0 * peak * peak - a * a) / (2.0 * jerk)) / peak
+        plateau = (speed_change - (2.0 * peak * peak - a * a) / (2.0 * jerk)) / peak
     rise = max(peak - a, 0.0) / jerk
-    return (side * jerk, rise), (0.0, max(hold, 0.0)), (-side * jerk, peak / jerk)
+    return (sign * jerk, rise), (0.0, max(plateau, 0.0)), (-sign * jerk, peak / jerk)
 
 
-def along(now: Motion, pieces: Pieces, time_s: float) -> Motion:
+def motion_after(motion: Motion, pieces: Pieces, time_s: float) -> Motion:
     """Return the motion after a time along the pieces; no acceleration after the last one."""
-    left = time_s
+    remaining = time_s
     for jerk, length in pieces:
-        now = now.later(jerk, min(length, left))
-        left -= min(length, left)
-        if left <= 0.0:
-            return now
-    return Motion(now.x + left * now.v, now.v, 0.0)
+        motion = motion.later(jerk, min(length, remaining))
+        remaining -= min(length, remaining)
+        if remaining <= 0.0:
+            return motion
+    return Motion(motion.x + remaining * motion.v, motion.v, 0.0)
 
 
-def reach(now: Motion, pieces: Pieces) -> tuple[float, float]:
-    """Return the lowest and highest position on the way [m]."""
-    low = high = now.x
+def position_range(motion: Motion, pieces: Pieces) -> tuple[float, float]:
+    """Return the minimum and maximum position over the pieces [m]."""
+    low = high = motion.x
     for jerk, length in pieces:
         if length <= 0.0:
             continue
-        for t in (*_turns(now, jerk, length), length):
-            x = now.later(jerk, t).x
+        for t in (*_reversal_times(motion, jerk, length), length):
+            x = motion.later(jerk, t).x
             low, high = min(low, x), max(high, x)
-        now = now.later(jerk, length)
+        motion = motion.later(jerk, length)
     return low, high
 
 
-def _turns(now: Motion, jerk: float, length: float) -> list[float]:
+def _reversal_times(motion: Motion, jerk: float, length: float) -> list[float]:
     """Return the times within a piece at which the speed is zero: v + a·t + j·t²/2 = 0."""
     if jerk == 0.0:
-        roots = [-now.v / now.a] if now.a != 0.0 else []
+        roots = [-motion.v / motion.a] if motion.a != 0.0 else []
     else:
-        inner = now.a * now.a - 2.0 * jerk * now.v
-        root = math.sqrt(inner) if inner > 0.0 else 0.0
-        roots = [(-now.a - root) / jerk, (-now.a + root) / jerk] if inner > 0.0 else []
+        discriminant = motion.a * motion.a - 2.0 * jerk * motion.v
+        root = math.sqrt(discriminant) if discriminant > 0.0 else 0.0
+        roots = [(-motion.a - root) / jerk, (-motion.a + root) / jerk] if discriminant > 0.0 else []
     return [t for t in roots if 0.0 < t < length]
 
 
@@ -101,21 +101,21 @@ class AccelerationLimited:
 
     def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
         """Return the line one step later, and whether it must brake."""
-        target_speed, held = target.speed_m_per_s, False
+        target_speed, brakes = target.speed_m_per_s, False
         if target_speed == line.speed_m_per_s == 0.0:  # shortcut of most steps
             return line, False
         outward = target_speed > 0.0
-        room = target.high_m - line.length_m if outward else line.length_m - target.low_m
-        outgoing = max(math.copysign(1.0, target_speed) * line.speed_m_per_s, 0.0)
-        braking = braking_speed(room - 0.5 * step_s * outgoing, self._acceleration, step_s)
+        distance = target.high_m - line.length_m if outward else line.length_m - target.low_m
+        outward_speed = max(math.copysign(1.0, target_speed) * line.speed_m_per_s, 0.0)
+        braking = braking_speed(distance - 0.5 * step_s * outward_speed, self._acceleration, step_s)
         if abs(target_speed) > braking:
             target_speed = (
                 math.copysign(braking, target_speed) if braking > SPEED_TOL_M_PER_S else 0.0
             )
-            held = True
-        gaining = abs(target_speed) > abs(line.speed_m_per_s)
-        follow = _follow_evenly if held and gaining else _follow
-        return follow(line, target_speed, self._acceleration, step_s), held
+            brakes = True
+        accelerates = abs(target_speed) > abs(line.speed_m_per_s)
+        follow = _follow_evenly if brakes and accelerates else _follow
+        return follow(line, target_speed, self._acceleration, step_s), brakes
 
     def follow_line(self, line: Payout) -> None:
         """Do nothing, as the profile has no state."""
@@ -130,37 +130,39 @@ class JerkLimited:
 
     def move(self, line: Payout, target: LineTarget, step_s: float) -> tuple[Payout, bool]:
         """Return the line one step later, and whether it must brake."""
-        now = Motion(line.length_m, line.speed_m_per_s, self._acceleration)
-        ahead = target.high_m - now.x if target.speed_m_per_s > 0.0 else now.x - target.low_m
-        there = abs(ahead) < POSITION_TOL_M and abs(now.v) < SPEED_TOL_M_PER_S
-        wanted = 0.0 if there else target.speed_m_per_s
-        going = along(now, pulse(now, wanted, self._most, self._jerk), step_s)
-        held = not self._stops(going, target)
-        after = self._hardest(now, going, target, step_s) if held else going
+        start = Motion(line.length_m, line.speed_m_per_s, self._acceleration)
+        distance = target.high_m - start.x if target.speed_m_per_s > 0.0 else start.x - target.low_m
+        has_arrived = abs(distance) < POSITION_TOL_M and abs(start.v) < SPEED_TOL_M_PER_S
+        wanted = 0.0 if has_arrived else target.speed_m_per_s
+        continued = motion_after(start, pulse(start, wanted, self._most, self._jerk), step_s)
+        brakes = not self._can_stop(continued, target)
+        after = self._hardest_braking(start, continued, target, step_s) if brakes else continued
         self._acceleration = after.a
-        return Payout(after.x, after.v), held
+        return Payout(after.x, after.v), brakes
 
     def follow_line(self, line: Payout) -> None:
         """Reset the acceleration."""
         self._acceleration = 0.0
 
-    def _hardest(self, now: Motion, going: Motion, target: LineTarget, step_s: float) -> Motion:
+    def _hardest_braking(
+        self, start: Motion, continued: Motion, target: LineTarget, step_s: float
+    ) -> Motion:
         """Return the motion between continuing and braking that just stops within the lengths."""
-        stop = along(now, pulse(now, 0.0, self._most, self._jerk), step_s)
+        stop = motion_after(start, pulse(start, 0.0, self._most, self._jerk), step_s)
         low, high, best = 0.0, 1.0, stop
         for _ in range(BISECTIONS):
-            share = 0.5 * (low + high)
-            jerk = (stop.a + share * (going.a - stop.a) - now.a) / step_s
-            trial = along(now, ((jerk, step_s),), step_s)
-            if self._stops(trial, target):
-                low, best = share, trial
+            fraction = 0.5 * (low + high)
+            jerk = (stop.a + fraction * (continued.a - stop.a) - start.a) / step_s
+            trial = motion_after(start, ((jerk, step_s),), step_s)
+            if self._can_stop(trial, target):
+                low, best = fraction, trial
             else:
-                high = share
+                high = fraction
         return best
 
-    def _stops(self, motion: Motion, target: LineTarget) -> bool:
+    def _can_stop(self, motion: Motion, target: LineTarget) -> bool:
         """Return whether the fastest stop from this motion stays within the target's lengths."""
-        lowest, highest = reach(motion, pulse(motion, 0.0, self._most, self._jerk))
+        lowest, highest = position_range(motion, pulse(motion, 0.0, self._most, self._jerk))
         return lowest >= target.low_m and highest <= target.high_m
 
 
@@ -170,17 +172,19 @@ MotionProfile = AccelerationLimited | JerkLimited
 def braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
     """Return the largest speed v at the end of a step from which the line still stops in time.
 
-    v²/(2·a) + v·h/2 = room: braking from v, and v's part of the step itself (the other half, of the
-    speed at the step's start, is subtracted from the room by the caller).
+    v²/(2·a) + v·h/2 = room_m, the distance left: braking from v, and v's part of the step itself
+    (the caller subtracts the other half, of the speed at the step's start, from room_m).
     """
-    lag = 0.5 * acceleration * step_s
-    return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + lag * lag) - lag
+    offset = 0.5 * acceleration * step_s
+    return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + offset * offset) - offset
 
 
 def _follow_evenly(line: Payout, target_speed: float, acceleration: float, step_s: float) -> Payout:
     """Return the line after constant acceleration, within the distance of `braking_speed`."""
-    most = acceleration * step_s
-    speed = line.speed_m_per_s + min(max(target_speed - line.speed_m_per_s, -most), most)
+    max_change = acceleration * step_s
+    speed = line.speed_m_per_s + min(
+        max(target_speed - line.speed_m_per_s, -max_change), max_change
+    )
     return Payout(line.length_m + step_s * 0.5 * (line.speed_m_per_s + speed), speed)
 
 
@@ -268,17 +272,17 @@ class DepthControl:
         assert feedback is not None, "tension feedback is missing"
         beyond = feedback.depth_m - line.length_m
         if self._beyond is not None:
-            share = -math.expm1(-step_s / DEPTH_SMOOTHING_S)
-            beyond = self._beyond + share * (beyond - self._beyond)
+            weight = -math.expm1(-step_s / DEPTH_SMOOTHING_S)
+            beyond = self._beyond + weight * (beyond - self._beyond)
         self._beyond = beyond
-        wanted = self._depth - beyond
-        least, most = self._scene.least_line_out_m, self._scene.most_line_out_m
-        length = min(max(wanted, least), most)
+        wanted_m = self._depth - beyond
+        min_m, max_m = self._scene.least_line_out_m, self._scene.most_line_out_m
+        length_m = min(max(wanted_m, min_m), max_m)
         self._at_end = (
-            f"a depth of {self._depth:g} m needs {wanted:.1f} m of line; the winch has {least:g} "
-            f"to {most:g} m" if length != wanted else ""
+            f"a depth of {self._depth:g} m needs {wanted_m:.1f} m of line; the winch has {min_m:g} "
+            f"to {max_m:g} m" if length_m != wanted_m else ""
         )  # fmt: skip
-        return _towards(length, line, self._scene)
+        return _towards(length_m, line, self._scene)
 
     def words(self) -> str:
         """Return the payout limit, if the depth is out of reach."""
@@ -308,13 +312,13 @@ class TensionControl:
         """Return the target: pay out if the tension is too high, haul in if it is too low."""
         assert feedback is not None, "tension feedback is missing"
         limit, gain = self._scene.speed_limit_m_per_s, 1e-3 * self._gains.gain_m_per_s_per_kn
-        answer, V = feedback.hold + feedback.brace, line.speed_m_per_s
+        response, V = feedback.hold + feedback.brace, line.speed_m_per_s
         if self._gains.integral_time_s is not None:
             error = gain * (feedback.pull_n - self._tension)
-            grown = self._integral + step_s / self._gains.integral_time_s * error
-            self._integral = min(max(grown, -limit), limit)  # anti-windup at the speed limit
-        above = feedback.at_speed(V) - self._tension
-        self._asked = (gain * above + self._integral) / (1.0 + gain * answer)
+            integral = self._integral + step_s / self._gains.integral_time_s * error
+            self._integral = min(max(integral, -limit), limit)  # anti-windup at the speed limit
+        excess = feedback.at_speed(V) - self._tension
+        self._asked = (gain * excess + self._integral) / (1.0 + gain * response)
         return _limited(self._asked, self._scene)
 
     def words(self) -> str:

@@ -1,20 +1,20 @@
 """A winch that follows its measured line out instead of commands.
 
-Between readings the cubic Hermite polynomial through line out and line speed holds, as for heave
-(`HeaveTrack`). After the last reading its speed is kept for HOLD_S and then ramped to rest at the
-winch's acceleration limit. When readings come back, or come late, the line is led over to them by a
-cubic whose speed and acceleration stay within the winch's limits; so it is at the start, where the
-scene's length differs from the measured one. What is measured is followed beyond the winch's limits
-too, and reported.
+Between readings the line follows the cubic Hermite polynomial through line out and line speed, as
+for heave (`HeaveTrack`). After the last reading its speed is kept for HOLD_S and then ramped to
+zero at the winch's acceleration limit. When readings come back, or come late, the line is blended
+into them by a cubic whose speed and acceleration stay within the winch's limits; likewise at the
+start, if the scene's length differs from the measured one. Readings beyond the winch's limits are
+followed too, and reported.
 
-A counter of resolution r says that the line out is within r/2 of its reading. There the length
-predicted from the last one and the line speed is kept, and at the edge otherwise: rounding makes no
-steps of the line. Where no line speed is measured, it is the slope of the readings; if two of them
-lie so close that it exceeds what the winch can do, the last speed is kept, and that is reported.
+With a counter of resolution r the line out is within r/2 of its reading. The length predicted from
+the last one and the line speed is used within that range, and limited to it: rounding causes no
+steps of the line. If no line speed is measured, it is the slope of the readings; if two of them are
+so close that it exceeds the winch's maximum speed, the last speed is kept, and that is reported.
 
-Stamps by arrival are wrong for what was held up on its way, and a burst of such readings would
-move the line in a moment. Of two readings that imply a speed beyond what the winch can do the
-earlier one is left out, and that is reported, as long as the line is not on its way to it yet.
+Stamps by arrival are wrong for delayed readings, and a burst of them would move the line in an
+instant. Of two readings that imply a speed beyond the winch's maximum the earlier one is dropped,
+and that is reported, unless the line already moves towards it.
 """
 
 from __future__ import annotations
@@ -42,22 +42,22 @@ from rope_twin.twin.winch.commands import (
 from rope_twin.twin.winch.winch import END_FRACTION, Winch
 
 HOLD_S = 1.0
-LEAD_S = 0.5  # least time in which the line is led over to the readings
+MIN_BLEND_S = 0.5  # minimum time in which the line is blended into the readings
 SLOPE_NS = 1_000_000_000  # readings of a counter with a resolution from which a speed is derived
-SLOPE_READINGS = 3  # of one without
-HOLE_NS = 2_000_000_000  # after a longer gap nothing is predicted
+SLOPE_READINGS = 3  # the same of a counter without a resolution
+GAP_NS = 2_000_000_000  # after a longer gap nothing is predicted
 REQUIRED_NS = 3_000_000_000  # time by which the first reading must have come
 STALE_INTERVALS = 2.0
-OFF_M = 0.1  # a larger difference from the measured line out is a warning
-HELD_UP_M = 0.02  # beyond what speed and resolution explain: readings contradict each other
-UNLIMITED = 1e6
+DIFFERENCE_WARN_M = 0.1  # a larger difference from the measured line out is a warning
+CONTRADICTION_TOL_M = 0.02  # of readings, beyond the change by speed and resolution
+NO_LIMIT = 1e6
 
 
 class LineTrack(HeaveTrack):
     """Measured line out over twin time; the line is at rest before the first reading."""
 
     def __init__(self, length_m: float, scene: WinchScene, resolution_m: float, name: str) -> None:
-        super().__init__(UNLIMITED, UNLIMITED)
+        super().__init__(NO_LIMIT, NO_LIMIT)
         self.counter.name = name
         self._speed = max(scene.speed_limit_m_per_s, 1e-3)
         self._acceleration = scene.acceleration_limit_m_per_s2
@@ -67,11 +67,11 @@ class LineTrack(HeaveTrack):
         self._anchor = (0, length_m, 0.0)  # from which the line runs on without readings
         self._is_fresh = False  # whether a reading came while the line was extrapolated
         self.remark = ""  # on a difference of the line from the measured one
-        self.off_m = 0.0  # that difference while it is led over
+        self.off_m = 0.0  # that difference while it is blended
         self._timing = SampleTiming(math.inf)
         self._fastest = fastest_m_per_s(scene)
         self._doubt = ""  # about a speed derived from the readings
-        self._late_s = 0.0  # by so much the newest reading came after it was needed
+        self._late_s = 0.0  # delay of the newest reading
 
     @property
     def newest_ns(self) -> int | None:
@@ -80,29 +80,29 @@ class LineTrack(HeaveTrack):
 
     def take(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a reading that was checked."""
-        now = self._asked_ns or 0
+        now_ns = self._asked_ns or 0
         if self._stamps and stamp_ns <= self._stamps[-1]:
             return
-        self._late_s = max(0.0, (now - stamp_ns) * 1e-9)
+        self._late_s = max(0.0, (now_ns - stamp_ns) * 1e-9)
         recent = self._recent
-        if recent and stamp_ns - recent[-1][0] > HOLE_NS:
+        if recent and stamp_ns - recent[-1][0] > GAP_NS:
             recent.clear()
         recent.append((stamp_ns, length_m))
         while len(recent) > SLOPE_READINGS and (
             self._resolution == 0.0 or stamp_ns - recent[1][0] > SLOPE_NS
         ):
             recent.popleft()
-        self._timing.take(stamp_ns, now, self.missing_ns)
-        self._leave_out(stamp_ns, length_m, now)
-        if not self._stamps or self._stamps[-1] < now:
+        self._timing.take(stamp_ns, now_ns, self.missing_ns)
+        self._drop_contradicted(stamp_ns, length_m, now_ns)
+        if not self._stamps or self._stamps[-1] < now_ns:
             self._is_fresh = True
-        speed = self._derived() if speed_m_per_s is None else speed_m_per_s
-        self._append(stamp_ns, self._within(stamp_ns, length_m, speed), speed)
+        speed = self._derived_speed() if speed_m_per_s is None else speed_m_per_s
+        self._append(stamp_ns, self._within_resolution(stamp_ns, length_m, speed), speed)
 
     def warning(self) -> str:
         """Return the warnings on a line that differs from the measured one and on its readings."""
-        off = self.remark if abs(self.off_m) > OFF_M else ""
-        notes = off, self._doubt, self._timing.fault(self._late_s)
+        remark = self.remark if abs(self.off_m) > DIFFERENCE_WARN_M else ""
+        notes = remark, self._doubt, self._timing.fault(self._late_s)
         return "; ".join(words for words in notes if words)
 
     def stale(self, time_ns: int) -> bool:
@@ -111,23 +111,30 @@ class LineTrack(HeaveTrack):
         usual_ns = 0 if math.isnan(interval_s) else round(STALE_INTERVALS * interval_s * 1e9)
         return bool(self._stamps) and time_ns - self._stamps[-1] > max(STALE_NS, usual_ns)
 
-    def _leave_out(self, stamp_ns: int, length_m: float, now: int) -> None:
-        """Drop readings, not used yet, that no winch could have left for this one in the time."""
-        used_ns, slack, first = max(now, self._segment[1]), self._resolution + HELD_UP_M, None
+    def _drop_contradicted(self, stamp_ns: int, length_m: float, now_ns: int) -> None:
+        """Drop readings, not used yet, from which no winch could have reached this one in time."""
+        used_ns, slack, first_dropped = (
+            max(now_ns, self._segment[1]),
+            self._resolution + CONTRADICTION_TOL_M,
+            None,
+        )
         k = len(self._stamps) - 1
         while k >= 0 and self._stamps[k] > used_ns:
             seconds = (stamp_ns - self._stamps[k]) * 1e-9
             if abs(length_m - self._samples[k][0]) > self._fastest * seconds + slack:
-                first = k
+                first_dropped = k
             k -= 1
-        if first is None:
+        if first_dropped is None:
             return
-        earlier, seconds = self._samples[first][0], (stamp_ns - self._stamps[first]) * 1e-9
-        words = f"{earlier:.2f} m and {length_m:.2f} m {seconds:.3f} s later: the winch is not so "
-        self.counter.warn(words + "fast; the earlier one was held up and is left out", now)
-        del self._stamps[first:], self._samples[first:]
+        dropped_m, seconds = (
+            self._samples[first_dropped][0],
+            (stamp_ns - self._stamps[first_dropped]) * 1e-9,
+        )
+        text = f"{dropped_m:.2f} m and {length_m:.2f} m {seconds:.3f} s later: the winch is not so "
+        self.counter.warn(text + "fast; the earlier one was held up and is left out", now_ns)
+        del self._stamps[first_dropped:], self._samples[first_dropped:]
 
-    def _derived(self) -> float:
+    def _derived_speed(self) -> float:
         """Return the speed by the readings, or the last one where they lie too close for it."""
         speed, self._doubt = self._slope(), ""
         if abs(speed) <= self._fastest:
@@ -144,12 +151,12 @@ class LineTrack(HeaveTrack):
         times = [(stamp_ns - newest_ns) * 1e-9 for stamp_ns, _ in self._recent]
         return end_slope(times, [length for _, length in self._recent])
 
-    def _within(self, stamp_ns: int, length_m: float, speed: float) -> float:
-        """Return the predicted length where the reading allows it, or the nearest that it does."""
-        if not self._stamps or stamp_ns - self._stamps[-1] > HOLE_NS:
+    def _within_resolution(self, stamp_ns: int, length_m: float, speed: float) -> float:
+        """Return the predicted length, limited to the resolution around the reading."""
+        if not self._stamps or stamp_ns - self._stamps[-1] > GAP_NS:
             return length_m
-        before, rate = self._samples[-1]
-        predicted = before + 0.5e-9 * (stamp_ns - self._stamps[-1]) * (rate + speed)
+        last_m, rate = self._samples[-1]
+        predicted = last_m + 0.5e-9 * (stamp_ns - self._stamps[-1]) * (rate + speed)
         half = 0.5 * self._resolution
         return min(max(predicted, length_m - half), length_m + half)
 
@@ -163,7 +170,7 @@ class LineTrack(HeaveTrack):
         self._error_ns = -(10**18)
 
     def continue_from(self, line: Payout) -> None:
-        """Continue from this line, and lead it over to the readings."""
+        """Continue from this line, and blend it into the readings."""
         self._given, self._on_track = (line.length_m, line.speed_m_per_s), False
         self._open_rejoin(self._asked_ns or 0)
 
@@ -197,12 +204,12 @@ class LineTrack(HeaveTrack):
         since_ns, z, v = self._anchor
         if self._stamps:
             since_ns, (z, v) = self._stamps[-1], self._samples[-1]
-        after = (time_ns - since_ns) * 1e-9
-        if after <= HOLD_S:
-            return z + v * after, v
-        ramp = min(after - HOLD_S, abs(v) / self._acceleration)
-        less = math.copysign(self._acceleration, v) * ramp
-        return z + v * (HOLD_S + ramp) - 0.5 * less * ramp, v - less
+        gap_s = (time_ns - since_ns) * 1e-9
+        if gap_s <= HOLD_S:
+            return z + v * gap_s, v
+        ramp_s = min(gap_s - HOLD_S, abs(v) / self._acceleration)
+        lost_speed = math.copysign(self._acceleration, v) * ramp_s
+        return z + v * (HOLD_S + ramp_s) - 0.5 * lost_speed * ramp_s, v - lost_speed
 
     def _rejoin_duration(self) -> float:
         """Return the time of the cubic from the given line to the measured one [s].
@@ -212,8 +219,8 @@ class LineTrack(HeaveTrack):
         """
         e, d = abs(self._error[0]), abs(self._error[1])
         a = self._acceleration
-        gentle = (2.0 * d + math.sqrt(4.0 * d * d + 6.0 * e * a)) / a
-        return max(LEAD_S, 1.5 * e / self._speed, gentle)
+        by_acceleration = (2.0 * d + math.sqrt(4.0 * d * d + 6.0 * e * a)) / a
+        return max(MIN_BLEND_S, 1.5 * e / self._speed, by_acceleration)
 
     def _report_gap(self, time_ns: int, known: bool) -> None:
         """Report how the line differs from the measured one."""
@@ -221,15 +228,15 @@ class LineTrack(HeaveTrack):
         if known and self._rejoining(time_ns):
             left_s = self._rejoin_s - (time_ns - self._error_ns) * 1e-9
             self.off_m = self._rejoin(time_ns)[0]
-            off = f"{self.off_m:+.2f} m from the measured line out"
-            self.remark = f"{off}, led over to it in {left_s:.0f} s"
+            difference = f"{self.off_m:+.2f} m from the measured line out"
+            self.remark = f"{difference}, led over to it in {left_s:.0f} s"
         elif known:
             self.remark = ""
         elif not self._stamps:
             self.remark = "no line out was measured yet; the line stands"
         else:
-            missing = (time_ns - self._stamps[-1]) * 1e-9
-            self.remark = f"no measured line out for {missing:.2f} s; the last speed runs out"
+            missing_s = (time_ns - self._stamps[-1]) * 1e-9
+            self.remark = f"no measured line out for {missing_s:.2f} s; the last speed runs out"
 
 
 class FollowingWinch(Winch):
@@ -291,17 +298,17 @@ class FollowingWinch(Winch):
         self._last, self._begun_ns = (self._line, step_s), time_ns
         length, speed = self._track.at(time_ns + round(step_s * 1e9))
         length += self._offset
-        least = max(END_FRACTION * scene.least_line_out_m, self._end_m)
-        held = min(max(length, least), scene.most_line_out_m)
-        words = []
-        if held != length:
-            words.append(f"line out {length:.2f} m cannot be followed; held at {held:g} m")
+        min_m = max(END_FRACTION * scene.least_line_out_m, self._end_m)
+        limited = min(max(length, min_m), scene.most_line_out_m)
+        messages = []
+        if limited != length:
+            messages.append(f"line out {length:.2f} m cannot be followed; held at {limited:g} m")
             speed = 0.0
         if abs(speed) > scene.speed_limit_m_per_s:
             limit = scene.speed_limit_m_per_s
-            words.append(f"follows {speed:+.2f} m/s, beyond the speed limit of {limit:g} m/s")
-        self.at_limit = "; ".join(words)
-        self._line = self._nominal = Payout(held, speed)
+            messages.append(f"follows {speed:+.2f} m/s, beyond the speed limit of {limit:g} m/s")
+        self.at_limit = "; ".join(messages)
+        self._line = self._nominal = Payout(limited, speed)
         return self._line
 
     def continue_from(self, line: Payout) -> None:
@@ -324,8 +331,8 @@ class FollowingWinch(Winch):
                 judged = judged._replace(fault=track.remark)
         else:
             judged = judged._replace(warning=track.warning())
-        own = track.counter.health(now_ns, track.stale(now_ns), judged)
-        return super().health(now_ns) | {track.counter.name: own}
+        track_health = track.counter.health(now_ns, track.stale(now_ns), judged)
+        return super().health(now_ns) | {track.counter.name: track_health}
 
     def shot(self) -> WinchShot | None:
         """Return its state for operators; it is off the schedule from its first reading on."""

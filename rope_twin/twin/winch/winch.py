@@ -87,7 +87,7 @@ class Winch:
         name: str = WINCH,
         rope: SpooledRope = UNKNOWN_ROPE,
     ) -> None:
-        """Create the winch of the hang-off `name`; hung: properties of its rope."""
+        """Create the winch of the hang-off `name`; rope: properties of its rope."""
         self._commands = CommandQueue(command_input(name))
         self._switches = SwitchQueue(switch_input(name))
         self.counter, self._name = self._commands.counter, name
@@ -110,9 +110,9 @@ class Winch:
         )
 
     def invalidate(self) -> None:
-        """Let the commander's first new stamp replace the waiting commands, after a pause.
+        """Make the commander's first new stamp replace the waiting commands, after a pause.
 
-        Commands that it repeats from before the pause are known and no fault.
+        Commands repeated from before the pause are ignored.
         """
         self._commands.invalidate()
         self._switches.invalidate()
@@ -126,8 +126,10 @@ class Winch:
     def payout_m_per_s2(self) -> float:
         """Acceleration of the payout at the end of the last step, of the core's cubic [m/s²]."""
         before, step_s = self._last
-        way = (self._line.length_m - before.length_m) / step_s
-        return (4.0 * self._line.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * way) / step_s
+        mean_speed = (self._line.length_m - before.length_m) / step_s
+        return (
+            4.0 * self._line.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * mean_speed
+        ) / step_s
 
     def needs_feedback(self, time_ns: int) -> bool:
         """Return whether its step from this time on needs tension feedback."""
@@ -137,14 +139,14 @@ class Winch:
         return (self._kind if due is None else due.kind) in FEEDBACK_MODES
 
     def feedback(
-        self, rope: Rope, line: RopeLine, pull_n: float, border: Floats, rest_z_m: float
+        self, rope: Rope, line: RopeLine, pull_n: float, boundary: Floats, rest_z_m: float
     ) -> TensionFeedback:
         """Return the tension feedback of its rope; arguments as of `tension_feedback`.
 
         rest_z_m: mean height of the hang-off [m].
         """
-        course = float(border[0, Z]) - rest_z_m, self.payout_m_per_s2
-        return tension_feedback(rope, line, pull_n, border, course)
+        motion = float(boundary[0, Z]) - rest_z_m, self.payout_m_per_s2
+        return tension_feedback(rope, line, pull_n, boundary, motion)
 
     def take(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command (stamp None: at once); return "" or the reason for its rejection."""
@@ -182,12 +184,12 @@ class Winch:
         self._switches.forget_plan()
         if kind == NEW_COMMANDER:
             return
-        wanted = self._scene.when_commander_lost
+        action = self._scene.when_commander_lost
         what = f"its commander was lost at {now_ns * 1e-9:.2f} s"
-        self.counter.warn(phrase("winch command", what, _WHEN_LOST[wanted]), now_ns)
-        if wanted != HOLD_SPEED:
+        self.counter.warn(phrase("winch command", what, _WHEN_LOST[action]), now_ns)
+        if action != HOLD_SPEED:
             self._commands.put_at_once(WinchCommand(SPEED, 0.0), now_ns)
-        if wanted == SET_THE_BRAKE:
+        if action == SET_THE_BRAKE:
             self._switches.put_at_once(WinchCommand(SET_BRAKE), now_ns)
 
     def refuse(self, command: WinchCommand, sentence: str, kind: str = "impossible") -> str:
@@ -198,14 +200,16 @@ class Winch:
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted command and switch by input name [ns]."""
         counters = (self._commands.counter, self._switches.counter)
-        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+        return {
+            counter.name: counter.newest_ns for counter in counters if counter.newest_ns is not None
+        }
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of the inputs by name; of switches if the winch has any."""
         by_name = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
-        own = self._switches.counter
-        if self._has_switches or own.refused:
-            by_name[own.name] = own.health(now_ns, False)
+        switches = self._switches.counter
+        if self._has_switches or switches.refused:
+            by_name[switches.name] = switches.health(now_ns, False)
         return by_name
 
     def stale(self, now_ns: int) -> bool:
@@ -227,16 +231,16 @@ class Winch:
         """Advance from `time_ns` by one step; return payout and speed at its end.
 
         Commands with stamps up to `time_ns` take effect now, in order. heave_m_per_s: velocity of
-        the hang-off at the step's end; felt: tension feedback, if it `needs_feedback`.
+        the hang-off at the step's end; feedback: tension feedback, if it `needs_feedback`.
         """
         if self._commands.waiting or self._switches.waiting:
-            self._obey(time_ns)
+            self._execute_due(time_ns)
         if self._scene is None:
             return self._line
         self._last, self._begun_ns = (self._line, step_s), time_ns
         self.at_limit = self._follow(step_s, feedback)
         if self._adding or self._limiting:
-            self._pass_parts(WinchStep(time_ns, step_s, heave_m_per_s, feedback))
+            self._apply_components(WinchStep(time_ns, step_s, heave_m_per_s, feedback))
         else:
             self._line = self._nominal
         if self._line.length_m < self._end_m:
@@ -263,7 +267,7 @@ class Winch:
         """
         shift = left_m - self._line.length_m
         self._line, self._nominal = (
-            one._replace(length_m=one.length_m + shift) for one in (self._line, self._nominal)
+            line._replace(length_m=line.length_m + shift) for line in (self._line, self._nominal)
         )
         before, step_s = self._last
         self._last = before._replace(length_m=before.length_m + shift), step_s
@@ -275,32 +279,34 @@ class Winch:
             most_line_out_m=self._scene.most_line_out_m - lost_m,
         )
         self._modes, self._end_m = control_modes(scene), END_FRACTION * scene.least_line_out_m
-        for part in self._parts:
+        for part in self._components:
             part.set_total_length(scene.most_line_out_m)
-        stands = self._kind not in (LENGTH, DEPTH)
-        self._take_up(WinchCommand(self._kind, self._value) if stands else WinchCommand(SPEED, 0.0))
+        continues = self._kind not in (LENGTH, DEPTH)
+        self._set_mode(
+            WinchCommand(self._kind, self._value) if continues else WinchCommand(SPEED, 0.0)
+        )
 
     def shot(self) -> WinchShot | None:
         """Return its state for operators; None without a winch."""
         if self._scene is None:
             return None
         figures: dict[str, float] = {}
-        for part in self._parts:
+        for part in self._components:
             figures |= part.figures(self._line)
         mode = EMERGENCY_STOP if self._stopped else self._kind
         self._monitor.look(self._begun_ns, WinchCommand(self._kind, self._value), self._stopped)
-        own = self._name, mode, self._value, self.at_limit, tuple(figures.items())
-        return WinchShot(*own, self._monitor.differs_s)
+        fields = self._name, mode, self._value, self.at_limit, tuple(figures.items())
+        return WinchShot(*fields, self._monitor.differs_s)
 
     @property
-    def _parts(self) -> tuple[Component, ...]:
+    def _components(self) -> tuple[Component, ...]:
         return (*self._adding, *self._reporting, *self._limiting)
 
-    def _obey(self, time_ns: int) -> None:
+    def _execute_due(self, time_ns: int) -> None:
         """Execute the commands that are due; no motion during an emergency stop."""
         switches, motions = self._switches.due(time_ns), self._commands.due(time_ns)
         if switches:
-            self._monitor.switches([one.kind for one in switches], self._begun_ns, time_ns)
+            self._monitor.switches([command.kind for command in switches], self._begun_ns, time_ns)
         for command in switches:
             if refusal := self.forbids(command.kind):
                 self._switches.counter.refuse("impossible", refusal)
@@ -314,11 +320,11 @@ class Winch:
                     self._commands.counter.refuse("impossible", sentence)
             return
         for command in motions:
-            self._take_up(command)
+            self._set_mode(command)
         if motions:
             self._monitor.motion(motions[-1], time_ns)
 
-    def _take_up(self, command: WinchCommand) -> None:
+    def _set_mode(self, command: WinchCommand) -> None:
         self._kind, self._value = command
         for number, mode in enumerate(self._modes):
             if mode.kind == command.kind:
@@ -328,10 +334,10 @@ class Winch:
     def _switch(self, switch: str, time_ns: int) -> None:
         if switch == EMERGENCY_STOP or (switch == RESET and self._stopped):
             self._stopped = switch == EMERGENCY_STOP
-            self._take_up(WinchCommand(SPEED, 0.0))
+            self._set_mode(WinchCommand(SPEED, 0.0))
         if switch == COMPENSATE:  # compensation starts at mid-stroke from the present line
             self._nominal = self._nominal._replace(length_m=self._line.length_m)
-        for part in self._parts:
+        for part in self._components:
             part.switch(switch, time_ns)
 
     def _follow(self, step_s: float, feedback: TensionFeedback | None) -> str:
@@ -347,31 +353,35 @@ class Winch:
             profile.follow_line(self._nominal)
             return "emergency stop: no motion is obeyed until it is reset"
         outward = target.speed_m_per_s > 0.0
-        self._nominal, held = profile.move(self._nominal, target, step_s)
+        self._nominal, brakes = profile.move(self._nominal, target, step_s)
         limit = scene.most_line_out_m if outward else scene.least_line_out_m
-        if held and limit == (target.high_m if outward else target.low_m) and self._kind != LENGTH:
+        if (
+            brakes
+            and limit == (target.high_m if outward else target.low_m)
+            and self._kind != LENGTH
+        ):
             return f"held at the {'most' if outward else 'least'} line out, {limit:g} m"
         return mode.words()
 
-    def _pass_parts(self, moment: WinchStep) -> None:
+    def _apply_components(self, step: WinchStep) -> None:
         """Apply the components to the nominal line."""
         wanted = self._nominal
         for adding in self._adding:
-            wanted = adding.add(wanted, moment)
+            wanted = adding.add(wanted, step)
         line = wanted
         for limiting in self._limiting:
-            line = limiting.hold(self._line, line, moment)
+            line = limiting.hold(self._line, line, step)
         if line != wanted:
             assert self._scene is not None
-            most = self._scene.most_line_out_m
-            if line.length_m > most:  # a drum that renders until it is empty
-                line = Payout(most, 0.0)
-            self._give_way(line, wanted)
+            max_m = self._scene.most_line_out_m
+            if line.length_m > max_m:  # a drum that renders until it is empty
+                line = Payout(max_m, 0.0)
+            self._shift_nominal(line, wanted)
         self._line = line
-        limits = (self.at_limit, *(part.words() for part in self._parts))
+        limits = (self.at_limit, *(part.words() for part in self._components))
         self.at_limit = "; ".join(words for words in limits if words)
 
-    def _give_way(self, line: Payout, wanted: Payout) -> None:
+    def _shift_nominal(self, line: Payout, wanted: Payout) -> None:
         """Move the nominal line by the difference of the actual line from its target.
 
         A drive keeps its target speed; behind a brake the line restarts from standstill.
