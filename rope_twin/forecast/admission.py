@@ -100,7 +100,7 @@ class Admission:
         if not self._simulates:
             return ""
         if stamp_ns > self._simulated_ns + AHEAD_NS:
-            return too_far_ahead(what, stamp_ns, self._simulated_ns)
+            return phrase(what, *too_far_ahead(stamp_ns, self._simulated_ns))
         if stamp_ns < self._simulated_ns - AHEAD_NS:
             return phrase(what, *too_late(stamp_ns, self._simulated_ns))
         return ""

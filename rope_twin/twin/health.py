@@ -7,7 +7,6 @@ from collections import Counter, deque
 from itertools import islice
 from typing import NamedTuple
 
-from rope_twin.errors import phrase
 from rope_twin.twin.snapshot import InputHealth
 
 AHEAD_NS = 10_000_000_000  # a stamp further in the future means a wrong clock
@@ -24,10 +23,10 @@ CLOCK_JITTER_NS = 50_000_000  # jitter of the offsets by the sender's link
 SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their time
 
 
-def too_far_ahead(what: str, stamp_ns: int, now_ns: int) -> str:
-    """Return the rejection message of a sample from too far in the future."""
+def too_far_ahead(stamp_ns: int, now_ns: int) -> tuple[str, str]:
+    """Return the fault and the remedy for a sample from too far in the future."""
     ahead = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
-    return phrase(what, ahead, "sender and twin must share one clock")
+    return ahead, "sender and twin must share one clock"
 
 
 def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:

@@ -262,9 +262,7 @@ class Readings(ABC):
             what = f"{at} follows {newest_ns * 1e-9:.3f} s"
             return "late", what, "readings must come in the order of their stamps"
         if stamp_ns > now_ns + AHEAD_NS:
-            what = too_far_ahead("", stamp_ns, now_ns).removeprefix(": ")
-            fault, _, right = what.rstrip(".").partition("; ")
-            return "impossible", fault, right
+            return ("impossible", *too_far_ahead(stamp_ns, now_ns))
         return None
 
     def _jump_fault(self, stamp_ns: int, position: float, now_ns: int) -> Refusal | None:

@@ -179,7 +179,7 @@ class HeaveTrack:
         ahead_ns = stamp_ns - (asked_ns or 0)
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
-            return refuse("impossible", too_far_ahead(name, stamp_ns, asked_ns or 0))
+            return refuse("impossible", phrase(name, *too_far_ahead(stamp_ns, asked_ns or 0)))
         return ""
 
     def _jump_fault(self, stamp_ns: int, z: float) -> str:

@@ -196,7 +196,7 @@ class CommandQueue:
             what = f"{stamp_s} lies before a command that was executed at once"
             return "late", phrase("winch command", what, "give a stamp that is still to come")
         if stamp_ns > now_ns + AHEAD_NS:
-            return "impossible", too_far_ahead("winch command", stamp_ns, now_ns)
+            return "impossible", phrase("winch command", *too_far_ahead(stamp_ns, now_ns))
         return None
 
     def _warn_late(self, sentence: str, now_ns: int) -> None:
