@@ -26,7 +26,7 @@ from rope_twin.scene.schema import Scene, Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.motion.hang_off import Moves
-from rope_twin.twin.motion.heave_track import HeaveSeries, ramp, rejoin_s
+from rope_twin.twin.motion.heave_track import HeaveSeries, blending_cubic, ramp, rejoin_s
 from rope_twin.twin.winch.commands import FEEDBACK_MODES, CommandSample, motion_of, schedule_samples
 from rope_twin.twin.winch.winch import Winch
 
@@ -36,8 +36,7 @@ COMMAND_LEAD_NS = 8_000_000_000  # maximum lead of commands known in advance to 
 class Blending:
     """Blending of each hang-off into the live motion after a return to an earlier state.
 
-    The difference decays to zero in the time and as the cubic of a gap in the heave samples: it has
-    the difference and its rate at its beginning and zero at its end.
+    The difference decays to zero as after a gap in the heave samples (`blending_cubic`).
     """
 
     def __init__(self, ropes: int) -> None:
@@ -59,10 +58,7 @@ class Blending:
             return np.zeros_like(self._error), np.zeros_like(self._rate)
         over_s = self._over_s
         u = 1.0 - (self.until_ns - time_ns) * 1e-9 / over_s
-        e, d = self._error, self._rate * over_s
-        value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
-        slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
-        return value, slope / over_s
+        return blending_cubic(self._error, self._rate, u, over_s)
 
     def add_to(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
         """Add the differences to the other hang-offs' motion; heave moves those without poses."""

@@ -25,7 +25,7 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,22 @@ def rejoin_s(leap_m: float) -> float:
     Faster, it would jerk a lift that hangs at rest: a false snap load.
     """
     return max(REJOIN_S, math.sqrt(6.0 * abs(leap_m) / REJOIN_M_PER_S2))
+
+
+Difference = TypeVar("Difference", float, NDArray[np.float64])
+
+
+def blending_cubic(
+    error: Difference, rate: Difference, u: float, duration_s: float
+) -> tuple[Difference, Difference]:
+    """Return a difference that is blended out, and its rate, at a fraction u of the duration.
+
+    It is the cubic from the difference and its rate at u = 0 to zero for both at u = 1.
+    """
+    d = rate * duration_s
+    value = error * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
+    slope = error * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
+    return value, slope / duration_s
 
 
 class HeaveTrack:
@@ -272,14 +288,11 @@ class HeaveTrack:
         return time_ns - self._error_ns < self._rejoin_s * 1e9
 
     def _rejoin(self, time_ns: int) -> tuple[float, float]:
-        """Return the remaining difference, a cubic to 0 with continuous rates at both ends."""
+        """Return the remaining difference and its rate."""
         if not self._rejoining(time_ns):
             return 0.0, 0.0
         u = (time_ns - self._error_ns) * 1e-9 / self._rejoin_s
-        e, d = self._error[0], self._error[1] * self._rejoin_s
-        value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
-        slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
-        return value, slope / self._rejoin_s
+        return blending_cubic(*self._error, u, self._rejoin_s)
 
     def _report_gap(self, time_ns: int, known: bool) -> None:
         """Report the handling of a gap."""
