@@ -25,7 +25,15 @@ from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import AccuracyLevel, KnownError, format_bound
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.pacing import SlotTimes
-from rope_twin.twin.regrid import Grid, UpperEnd, coarse_capacity, coarser, finer, marks_of
+from rope_twin.twin.regrid import (
+    Grid,
+    UpperEnd,
+    coarse_capacity,
+    coarse_model,
+    coarser,
+    finer,
+    marks_of,
+)
 
 if TYPE_CHECKING:
     from rope_twin.twin.twin import Twin
@@ -139,15 +147,10 @@ class Mesh:
     def _grid(self, r: int, rope: Rope, marks: Sequence[Marks], node_marks: Floats) -> Grid:
         """Return a finer mesh of rope r; marks: of the meshes that are finer still."""
         base, halvings = self._base[r], sum(rope_marks[r] is not None for rope_marks in marks)
-        capacity, factor = base.capacity, float(1 << halvings)
+        capacity, ratio = base.capacity, float(1 << halvings)
         for _ in range(halvings):
             capacity = coarse_capacity(capacity, rope.sections)
-        model = base.model._replace(
-            element_length=factor * base.model.element_length,
-            split_above=factor * base.model.split_above,
-            merge_below=factor * base.model.merge_below,
-        )
-        return Grid(model, capacity, node_marks)
+        return Grid(coarse_model(base.model, ratio), capacity, node_marks)
 
 
 class OverloadProtection:

@@ -136,15 +136,20 @@ def coarse_capacity(capacity: int, sections: Floats) -> int:
     return capacity // 2 + int(sections.shape[1]) + SPARE_NODES
 
 
+def coarse_model(model: Model, ratio: float) -> Model:
+    """Return the model of a mesh whose elements are longer by this ratio."""
+    return model._replace(
+        element_length=ratio * model.element_length,
+        split_above=ratio * model.split_above,
+        merge_below=ratio * model.merge_below,
+    )
+
+
 def coarser(rope: Rope, end: UpperEnd) -> Rope:
     """Return the rope on every second node; the force on the hang-off is unchanged."""
     keep, n = _kept_nodes(rope), int(rope.state.counts[rows.ELEMENTS])
     old = elements_of(rope.state, rope.sections, end.payout_m_per_s)
-    model = rope.model._replace(
-        element_length=2.0 * rope.model.element_length,
-        split_above=2.0 * rope.model.split_above,
-        merge_below=2.0 * rope.model.merge_below,
-    )
+    model = coarse_model(rope.model, 2.0)
     capacity = coarse_capacity(rope.state.s.shape[0], rope.sections)
     state = _state_on_nodes(rope, capacity, rope.state.s[keep])
     state.nodes[:, : len(keep)] = rope.state.nodes[:, keep]
