@@ -117,9 +117,10 @@ def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dic
         if factor.ndim > 1 or factor.size not in (1, members):
             what = f"{factor.size} factors for {members} members"
             raise InputError(f"figures: {name}", what, "give one, or one for each")
-        wrong = factor[~(np.isfinite(factor) & (factor > 0.0))] if factor.ndim else factor
-        if not (np.isfinite(factor) & (factor > 0.0)).all():
-            what = f"a factor of {float(np.ravel(wrong)[0]):g}"
+        values = np.ravel(factor)
+        invalid = values[~(np.isfinite(values) & (values > 0.0))]
+        if invalid.size:
+            what = f"a factor of {float(invalid[0]):g}"
             right = "give positive numbers, 1.0 for the scene's own value"
             raise InputError(f"figures: {name}", what, right)
         checked[name] = np.broadcast_to(factor, (members,)).copy()

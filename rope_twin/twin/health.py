@@ -253,11 +253,11 @@ class SenderClock:
     @property
     def offset_s(self) -> float:
         """Arrival minus stamp [s]; NaN while too few samples came with their time of arrival."""
-        slow_s = self._quantile_s(CLOCK_QUANTILE)
-        if math.isnan(slow_s):
-            return slow_s
+        if len(self._offsets) < CLOCK_SAMPLES_MIN:
+            return math.nan
+        low_ns = sorted(self._offsets)[int(CLOCK_QUANTILE * (len(self._offsets) - 1))]
         newest = sorted(islice(reversed(self._offsets), CLOCK_SAMPLES_MIN))
-        return min(slow_s, newest[CLOCK_SURE - 1] * 1e-9)
+        return min(low_ns * 1e-9, newest[CLOCK_SURE - 1] * 1e-9)
 
     @property
     def lateness_s(self) -> float:
@@ -319,8 +319,3 @@ class SenderClock:
             return f"{what}; its stamps are corrected by {shift}", False
         right = "synchronise the clocks, or set correct_sender_clocks"
         return f"{what}; {right}", abs(excess_s) > CLOCK_ERROR_S
-
-    def _quantile_s(self, share: float) -> float:
-        if len(self._offsets) < CLOCK_SAMPLES_MIN:
-            return math.nan
-        return sorted(self._offsets)[int(share * (len(self._offsets) - 1))] * 1e-9
