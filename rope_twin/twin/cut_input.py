@@ -184,10 +184,10 @@ def read_plan(words: str) -> PlannedCut | None:
     """
     if not words:
         return None
-    name, _, rest = words.rpartition(":")
-    place, _, time = rest.partition("@")
+    name, _, position_and_time = words.rpartition(":")
+    position, _, time = position_and_time.partition("@")
     try:
-        below_m = AT_LOWER_END if place.strip() == "end" else float(place)
+        below_m = AT_LOWER_END if position.strip() == "end" else float(position)
         at_s = float(time)
     except ValueError as error:
         raise InputError(f"cut {words}", "that is no place and time", _FORM) from error

@@ -175,10 +175,10 @@ class ErrorInterval(Monitor):
         low = max(tension_n - bound, 0.0)
         return TensionInterval(low, tension_n + bound, bound, cost_pct)
 
-    def _settle(self, time_ns: int, why: str) -> None:
+    def _settle(self, time_ns: int, reason: str) -> None:
         """Make the interval unknown for the settling time from now on."""
         self._known_from_ns = time_ns + round(SETTLING_S * 1e9)
-        self._reason = f"unknown until {self._known_from_ns * 1e-9:.1f} s: {why}"
+        self._reason = f"unknown until {self._known_from_ns * 1e-9:.1f} s: {reason}"
 
     def _compare(self, chunk: Chunk, first: int, coarse_n: Floats) -> None:
         """Record the differences after every coarse step; first: step of the chunk that ends it."""

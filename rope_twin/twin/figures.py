@@ -97,7 +97,7 @@ def _fields_of(effect: Any) -> Mapping[str, tuple[str, ...]]:
     return _BODY if isinstance(effect, RigidBody) else _FIELDS.get(type(effect), {})
 
 
-def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dict[str, Floats]:
+def checked_factors(factors: Factors, known: tuple[str, ...], members: int) -> dict[str, Floats]:
     """Return factors as arrays, (members,) each.
 
     known: the figures of the rope.
@@ -107,7 +107,7 @@ def checked_factors(given: Factors, known: tuple[str, ...], members: int) -> dic
             factor nor one for each member.
     """
     checked = {}
-    for name, value in given.items():
+    for name, value in factors.items():
         if name not in FIGURES:
             raise InputError("figures", f"'{name}' is none", did_you_mean(name, FIGURES))
         if name not in known:

@@ -92,7 +92,7 @@ class TwinInputs:
         self._winch_names, self._lines = tuple(winches_by_name(scene)), scene.ropes
         first_rope_name = () if is_joined(scene) else (scene.ropes[0].name,)
         self._first_winch_names = ("", WINCH, *first_rope_name)
-        self.own_motion: SceneMotion | None = None  # reference for the accepted motion
+        self.scene_motion: SceneMotion | None = None  # reference for the accepted motion
         self._judges_motion, self.motion_judged = True, False
 
     def state(self) -> InputState:
@@ -112,7 +112,7 @@ class TwinInputs:
         compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
         compared.
         """
-        self.own_motion, self._judges_motion = scene_motion, scene_motion is not None
+        self.scene_motion, self._judges_motion = scene_motion, scene_motion is not None
         self.motion_judged = True
 
     def offer_heave(
@@ -131,7 +131,7 @@ class TwinInputs:
             sample = position_m, velocity_m_per_s
             refusal = self.heave.offer(stamp_ns, *sample, received_ns)
             if not refusal and self._judges_motion:
-                self.validity.compare_heave(self.own_motion, stamp_ns, *sample)
+                self.validity.compare_heave(self.scene_motion, stamp_ns, *sample)
             return refusal
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
@@ -142,7 +142,7 @@ class TwinInputs:
         with self.lock:
             refusal = self.heave.offer_pose(pose, received_ns)
             if not refusal and self._judges_motion:
-                self.validity.compare_pose(self.own_motion, pose)
+                self.validity.compare_pose(self.scene_motion, pose)
             return refusal
 
     def offer_lower_end(
@@ -280,10 +280,10 @@ class TwinInputs:
             self.current.effects = self._base.apply(factors, first, self.current.effects)
             self.ropes.scale(factors)
 
-    def take_remark(self, words: str) -> str:
+    def take_remark(self, remark: str) -> str:
         """Report inputs that did not reach the twin, as WARN for a minute; return ""."""
         with self.lock:
-            self.border.warn(words, self._clock.time_ns)
+            self.border.warn(remark, self._clock.time_ns)
         return ""
 
     def _follow(self, winch: str, stamp_ns: int, length_m: float, speed: float | None) -> None:

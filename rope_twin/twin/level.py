@@ -251,7 +251,7 @@ class OverloadProtection:
         """Return the work for a second of twin time, in any unit."""
         return 1.0 / (level.step_s * (1 << level.halvings))
 
-    def _move(self, target: int, now_s: float, why: str) -> bool:
+    def _move(self, target: int, now_s: float, reason: str) -> bool:
         if target == self._at:
             return False
         self._twin.set_level(self._levels[target])
@@ -260,7 +260,7 @@ class OverloadProtection:
         self._moved_s = now_s
         self._slots.clear()
         self.changes += 1
-        self.reason = why
+        self.reason = reason
         return True
 
 
@@ -300,16 +300,14 @@ class TwinOverloadProtection(OverloadProtection):
         """Return the steps of an element in a second of twin time."""
         return sum(elements_at(self._twin.scene, level.halvings)) / level.step_s
 
-    def _move(self, target: int, now_s: float, why: str) -> bool:
-        moved = super()._move(target, now_s, why)
-        if moved:
+    def _move(self, target: int, now_s: float, reason: str) -> bool:
+        has_moved = super()._move(target, now_s, reason)
+        if has_moved:
             number, count = self.place
             direction = "up" if self._went_up else "down"
-            message = (
-                f"stepping {direction} to accuracy level {number} of {count}, {self.words()}: {why}"
-            )
-            self.said.append(message)
-        return moved
+            level = f"accuracy level {number} of {count}, {self.words()}"
+            self.said.append(f"stepping {direction} to {level}: {reason}")
+        return has_moved
 
     def words(self) -> str:
         """Return a description of the present level."""

@@ -184,58 +184,58 @@ NO_MONITORS = Monitors()
 ENERGY, ERROR_INTERVAL = Monitors(energy=True), Monitors(error_interval=True)
 
 
-def new_monitors(scene: Scene, asked: Monitors) -> tuple[Monitor, ...]:
+def new_monitors(scene: Scene, requested: Monitors) -> tuple[Monitor, ...]:
     """Return the monitors of a new twin, not started; they are imported only if asked for.
 
     Raises:
         InputError: a monitor is not possible for the scene.
     """
     monitors: list[Monitor] = []
-    if asked.error_interval:
+    if requested.error_interval:
         from rope_twin.twin.error_interval import ErrorInterval
 
         monitors.append(ErrorInterval(scene))
-    if asked.energy:
+    if requested.energy:
         monitors.append(EnergyMonitor())
-    if asked.slack_steps:
-        monitors.append(TensionMonitor(asked.slack_steps))
-    if asked.vortex:
+    if requested.slack_steps:
+        monitors.append(TensionMonitor(requested.slack_steps))
+    if requested.vortex:
         from rope_twin.twin.vortex_monitor import VortexMonitor
 
-        monitors.append(VortexMonitor(scene, asked.vortex))
+        monitors.append(VortexMonitor(scene, requested.vortex))
     return tuple(monitors)
 
 
 class EnergyAccount:
     """Energy sums over the steps, from the state at which it was opened."""
 
-    def __init__(self, time_s: float, border: SystemBorder) -> None:
+    def __init__(self, time_s: float, start: SystemBorder) -> None:
         self._since_s = time_s
-        self._first = self._now = border
+        self._first = self._now = start
         self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
         # increments of power over the first two and the last two steps, times step/12
         self._first_rises: list[Floats] = []
         self._last_rises: deque[Floats] = deque(maxlen=2)
         self._damped = self._exchanged = 0.0
 
-    def take(self, step_s: float, border: SystemBorder) -> None:
+    def take(self, step_s: float, end: SystemBorder) -> None:
         """Add a step of this length [s] that ended at this state."""
-        before, after = np.array(self._now.power), np.array(border.power)
+        before, after = np.array(self._now.power), np.array(end.power)
         work = 0.5 * step_s * (before + after)
-        loss = lost(self._now, border, step_s)
-        changes = np.array(border.store) - np.array(self._now.store)
-        moved = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
+        loss = lost(self._now, end, step_s)
+        changes = np.array(end.store) - np.array(self._now.store)
+        exchanged = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
         self._last_rises.append(step_s / 12.0 * (after - before))
         if len(self._first_rises) < 2:
             self._first_rises.append(self._last_rises[-1])
         self._work = self._work + work
         self._damped += loss
-        self._exchanged += 0.5 * float(moved)
-        self._now = border
+        self._exchanged += 0.5 * float(exchanged)
+        self._now = end
 
-    def restart_at(self, border: SystemBorder) -> None:
+    def restart_at(self, state: SystemBorder) -> None:
         """Start the next step from this state, as the rope's elements have changed."""
-        self._now = border
+        self._now = state
 
     def balance(self) -> EnergyBalance:
         """Return the sums up to the present, with Gregory's corrections at both ends."""

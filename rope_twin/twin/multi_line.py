@@ -239,9 +239,9 @@ class MultiLineRopes(OtherRopes):
             sections = rope.sections
             self._stack.sections[r, :, : sections.shape[1]] = sections
 
-    def take_motion(self, given: Mapping[int, Boundary]) -> None:
+    def take_motion(self, motions: Mapping[int, Boundary]) -> None:
         """Set the motion of the hang-offs at the boundaries of the next steps, by rope."""
-        for r, motion in given.items():
+        for r, motion in motions.items():
             for table, values in zip(self._boundary, motion, strict=True):
                 table[r, : len(values)] = values
 
@@ -371,7 +371,7 @@ class MultiLineRopes(OtherRopes):
             struts=strut_shots(state),
             sheaves=sheave_shots(state),
             winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
-            winch_at_limit="; ".join(words for words in limits if words),
+            winch_at_limit="; ".join(limit for limit in limits if limit),
             inputs=inputs,
             solver=solver,
             seabed=contact(state),

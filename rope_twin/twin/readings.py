@@ -241,8 +241,8 @@ class Readings(ABC):
 
     def _number_fault(self, row: Row) -> Refusal | None:
         """Return why the numbers are rejected, or None."""
-        given = (value for value in row[1:] if value is not None)
-        invalid = next((value for value in given if not math.isfinite(value)), None)
+        values = (value for value in row[1:] if value is not None)
+        invalid = next((value for value in values if not math.isfinite(value)), None)
         if invalid is not None:
             right = "give a finite number, or None (NaN in a message) for none"
             return "non_finite", f"a value of {invalid}", right

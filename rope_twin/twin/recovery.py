@@ -164,17 +164,17 @@ class Recovery:
         self._failed_ns.append(now_ns)
         while self._failed_ns[0] <= now_ns - FAILURE_WINDOW_NS:
             self._failed_ns.popleft()
-        why = _reason(error)
+        reason = _reason(error)
         if not unsettled:
-            self._first = why
+            self._first = reason
         if len(self._failed_ns) >= MAX_FAILURES:
             within = f"within {FAILURE_WINDOW_NS * 1e-9:g} s of twin time"
-            words = f"the twin gives up after {len(self._failed_ns)} failed steps {within}"
+            message = f"the twin gives up after {len(self._failed_ns)} failed steps {within}"
             raise SolverError(
-                f"{words}; the first since it last went well: {self._first}."
+                f"{message}; the first since it last went well: {self._first}."
             ) from error
         self._level, self.newest_ns, self.count = level, now_ns, self.count + 1
-        self.reason = f"{why}; {self._go_back(level)}"
+        self.reason = f"{reason}; {self._go_back(level)}"
         twin.invalidate_error(f"a step failed at {now_ns * 1e-9:.2f} s")
         if twin.failure_folder is not None:  # the first failure's file is the most useful one
             self._folder, twin.failure_folder = twin.failure_folder, None
@@ -224,8 +224,10 @@ def _is_finite(shot: Snapshot) -> bool:
         float(np.add.reduce(shot.node_position_m.ravel())),
     ]
     if shot.ropes:
-        values += [float(np.add.reduce(one.node_position_m.ravel())) for one in shot.ropes]
-        values += [sum(one.position_m.tolist()) for one in shot.payloads]
+        values += [
+            float(np.add.reduce(shot_part.node_position_m.ravel())) for shot_part in shot.ropes
+        ]
+        values += [sum(shot_part.position_m.tolist()) for shot_part in shot.payloads]
     return all(map(math.isfinite, values))
 
 

@@ -299,7 +299,7 @@ class MeasuredInputs:
             if self._winches[self.names.index(name)].speed_doubt:
                 speed = None
             follow(name, stamp_ns, line_out - self._lengths[0].bias, speed)
-        return next((words for words in refusals if words), "")
+        return next((refusal_text for refusal_text in refusals if refusal_text), "")
 
     def _offer(
         self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None

@@ -359,8 +359,8 @@ def _with_zero_section(law: Table) -> Table:
     return Table(*(np.vstack([getattr(law, name), zero_rows[name]]) for name in Table._fields))
 
 
-def _state_from(part: Nodes, room: int) -> State:
-    state = new_state(room)
+def _state_from(part: Nodes, capacity: int) -> State:
+    state = new_state(capacity)
     n = len(part.offset)
     state.counts[rows.ELEMENTS] = n
     state.nodes[:, : n + 1], state.s[: n + 1], state.offset[:n] = part.motion, part.s, part.offset
@@ -543,11 +543,11 @@ def _find_system_accelerations(
             what = "the forces at its new end are not finite"
             raise SolverError("the rope's cut", what, "check the scene")
         for r in parts:
-            _copy_accelerations(system.ropes[r], trial.ropes[r], held=r == parts[0])
+            _copy_accelerations(system.ropes[r], trial.ropes[r], is_held=r == parts[0])
         system.joints.nodes[_A, -1] = trial.joints.nodes[_A, -1]
 
 
-def _copy_accelerations(rope: Rope, trial: Rope, *, held: bool) -> None:
-    """Copy accelerations from a trial step; held: except that of the upper end."""
-    n = int(rope.state.counts[rows.ELEMENTS]) + (0 if held else 1)
+def _copy_accelerations(rope: Rope, trial: Rope, *, is_held: bool) -> None:
+    """Copy accelerations from a trial step; is_held: except that of the upper end."""
+    n = int(rope.state.counts[rows.ELEMENTS]) + (0 if is_held else 1)
     rope.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

@@ -309,7 +309,7 @@ class OpenSteps(NamedTuple):
     system: System
     boundary: Boundary  # (ropes, steps + 1, MOTIONS)
     steps: int
-    began: float  # instant at which their processing began, of time.perf_counter [s]
+    begin_s: float  # instant at which their processing began, of time.perf_counter [s]
 
 
 class RopeSystem:
@@ -386,11 +386,11 @@ class RopeSystem:
             self.pull = pulls[done - 1].copy()
         return pulls[:done]
 
-    def open(self, rope: Rope, boundary: Boundary, steps: int, began: float) -> OpenSteps:
+    def open(self, rope: Rope, boundary: Boundary, steps: int, begin_s: float) -> OpenSteps:
         """Return a multi-line system with the boundary conditions of steps that lanes will do."""
         joined = self.joined
         assert joined is not None
-        return OpenSteps(joined.system(rope), joined.boundaries(boundary, steps), steps, began)
+        return OpenSteps(joined.system(rope), joined.boundaries(boundary, steps), steps, begin_s)
 
     def close(self, opened: OpenSteps, pulls: Floats) -> Floats:
         """Record the steps that were done; return the first rope's force after each.

@@ -340,14 +340,16 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
     position: nodes (n, 3) [m]; arc: their unstretched arc length [m], (n,); held: unit vector of
     the direction in which the rope is clamped at the first node, or None for a free end.
     """
-    chord, rest = np.diff(position, axis=0), np.diff(arc)
+    chord, rest_lengths = np.diff(position, axis=0), np.diff(arc)
     length = np.sqrt((chord * chord).sum(axis=1))[:, None]
     direction = np.divide(chord, length, out=np.zeros_like(chord), where=length > 0.0)
     curvature = np.zeros(len(position))
     turn = np.diff(direction, axis=0)
-    curvature[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest[1:] + rest[:-1])
+    curvature[1:-1] = (
+        2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest_lengths[1:] + rest_lengths[:-1])
+    )
     if held is not None:
-        curvature[0] = 2.0 * float(np.linalg.norm(direction[0] - held)) / rest[0]
+        curvature[0] = 2.0 * float(np.linalg.norm(direction[0] - held)) / rest_lengths[0]
     return curvature
 
 
@@ -384,12 +386,12 @@ class BendMonitor:
         )
 
     def _bend_of(self, number: int, shape: RopeShape, time_s: float) -> RopeBend:
-        now, position = smallest_radius(shape, time_s)
+        present, position = smallest_radius(shape, time_s)
         tightest = Bend(shape.name, *self._tightest[number].tolist())
-        if now.tightness > tightest.tightness:
-            tightest = now
-            self._tightest[number] = [getattr(now, name) for name in _STORED]
-        return RopeBend(now, position, tightest, compressed_length_m(shape))
+        if present.tightness > tightest.tightness:
+            tightest = present
+            self._tightest[number] = [getattr(present, name) for name in _STORED]
+        return RopeBend(present, position, tightest, compressed_length_m(shape))
 
 
 def smallest_radius(shape: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
@@ -420,8 +422,11 @@ def compressed_length_m(shape: RopeShape) -> float:
     """Return the unstretched length of a stiff rope's compressed elements [m]."""
     if bending_stiffness(shape.core.effects) == 0.0:
         return 0.0
-    rest, length = np.diff(shape.arc_m), np.linalg.norm(np.diff(shape.position_m, axis=0), axis=1)
-    return float(rest[length < (1.0 - SHORTENING_TOL) * rest].sum())
+    rest_lengths, length = (
+        np.diff(shape.arc_m),
+        np.linalg.norm(np.diff(shape.position_m, axis=0), axis=1),
+    )
+    return float(rest_lengths[length < (1.0 - SHORTENING_TOL) * rest_lengths].sum())
 
 
 def watches_bends(scene: Scene) -> bool:

@@ -272,10 +272,10 @@ class Twin:
         Raises:
             SolverError: the next state would not be finite.
         """
-        began, clock = time.perf_counter(), self._clock
+        begin_s, clock = time.perf_counter(), self._clock
         rope, steps = self._prescribe(steps)
         pulls = self._system.advance(rope, self._motion.boundary, clock.time_ns * 1e-9, steps)
-        self._complete(pulls, steps, began)
+        self._complete(pulls, steps, begin_s)
         return len(pulls)
 
     def follow(self, motion: GivenMotion) -> None:
@@ -285,15 +285,15 @@ class Twin:
 
     def open_steps(self, steps: int) -> OpenSteps:
         """Prescribe at most this number of steps of a multi-line system, for SIMD lanes to do."""
-        began = time.perf_counter()
+        begin_s = time.perf_counter()
         rope, steps = self._prescribe(steps)
-        return self._system.open(rope, self._motion.boundary, steps, began)
+        return self._system.open(rope, self._motion.boundary, steps, begin_s)
 
     def close_steps(self, opened: OpenSteps, pulls: rows.Floats, wanted: int) -> None:
         """Complete steps that lanes did, as `advance` does; pulls: (ropes, done, PULL_COLUMNS)."""
-        self._complete(self._system.close(opened, pulls), wanted, opened.began)
+        self._complete(self._system.close(opened, pulls), wanted, opened.begin_s)
 
-    def _complete(self, pulls: rows.Floats, steps: int, began: float) -> None:
+    def _complete(self, pulls: rows.Floats, steps: int, begin_s: float) -> None:
         """Record the steps just done; raises SolverError if they are fewer than `steps`."""
         clock, motion, done = self._clock, self._motion, len(pulls)
         clock.advance(done, self.step_ns)
@@ -302,7 +302,7 @@ class Twin:
         motion.forget(done)
         self._system.ropes.forget(done, motion.steps)
         self._observe(pulls, boundary)
-        clock.computing_s += time.perf_counter() - began
+        clock.computing_s += time.perf_counter() - begin_s
         if done < steps:
             raise SolverError(step_failure(clock.steps + 1, clock.time_ns * 1e-9))
 
@@ -565,7 +565,7 @@ class Twin:
         inputs = self.inputs
         with inputs.lock:
             shared: dict[int, Any] = {
-                id(item): item for item in (self.scene, inputs.own_motion) if item is not None
+                id(item): item for item in (self.scene, inputs.scene_motion) if item is not None
             }
             shared[id(inputs.lock)] = threading.Lock()
             return copy.deepcopy(self, shared)

@@ -281,8 +281,8 @@ class StudyValidity:
             self._agreed_ns = stamp_ns
         elif self._strange is None:
             since_ns = 0 if self._agreed_ns is None else max(self._agreed_ns, 0)
-            why = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
-            self._strange = (since_ns, why)
+            reason = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
+            self._strange = (since_ns, reason)
 
     def look(self, shot: Snapshot, compared: bool) -> None:
         """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
@@ -310,14 +310,14 @@ class StudyValidity:
         ):
             self._latch(f"samples of the scene's sea are missing at {shot.time_s:.2f} s")
 
-    def _latch(self, why: str) -> None:
-        self._why = self._why or why
+    def _latch(self, reason: str) -> None:
+        self._why = self._why or reason
 
     def claim(self, known: KnownError, time_ns: int) -> KnownError:
         """Return the error known from the study, or why it is unknown for this run at this time."""
         is_unknown = math.isnan(known.rms_pct) and math.isnan(known.peak_pct)
-        if why := self._stated if is_unknown else self._why:
-            return KnownError(words=f"unknown: {why}")
+        if reason := self._stated if is_unknown else self._why:
+            return KnownError(words=f"unknown: {reason}")
         if is_unknown:
             return known
         if time_ns > known.seconds * 1e9 + TIME_TOL_NS:

@@ -57,14 +57,14 @@ class VortexMonitor(Monitor):
 
     lines: dict[Numbers, RopeMonitor]  # by the ropes of the line
 
-    def __init__(self, scene: Scene, asked: MonitorSettings) -> None:
-        check_monitors(asked, shedding_model(scene), model_beside(scene) is not None)
-        self._asked = asked
+    def __init__(self, scene: Scene, settings: MonitorSettings) -> None:
+        check_monitors(settings, shedding_model(scene), model_beside(scene) is not None)
+        self._asked = settings
         self._damages: dict[int, RopeDamage] = {}  # by rope
-        vibrates = model_beside(scene) is not None or asked.vibration == FREQUENCY_DOMAIN
-        for number, line in enumerate(scene.ropes if asked.fatigue else ()):
+        vibrates = model_beside(scene) is not None or settings.vibration == FREQUENCY_DOMAIN
+        for number, line in enumerate(scene.ropes if settings.fatigue else ()):
             bends = vibrates or bending_stiffness_of(scene, line) > 0.0
-            if (damage := damage_of(scene, number, asked.fatigue, bends)) is not None:
+            if (damage := damage_of(scene, number, settings.fatigue, bends)) is not None:
                 self._damages[number] = damage
         self._due: dict[Numbers, int] = {}  # step of the next sampling
 
@@ -138,9 +138,11 @@ class VortexMonitor(Monitor):
         for numbers in self._numbers(view):
             line = before.get(numbers)
             if line is None:  # a part of a line of several ropes, with other modes than the whole
-                (whole,) = (old for old_numbers, old in before.items() if numbers[0] in old_numbers)
+                (whole_line,) = (
+                    old for old_numbers, old in before.items() if numbers[0] in old_numbers
+                )
                 line = self._new_monitor(view, numbers, replace(self._asked, vibration=""))
-                line.counting_from_ns = whole.counting_from_ns
+                line.counting_from_ns = whole_line.counting_from_ns
             elif cut in numbers:
                 line.cut()
             self.lines[numbers] = line
@@ -194,12 +196,14 @@ class VortexMonitor(Monitor):
             return [(r,) for r in range(len(view.scene.ropes))]
         return lines_of(joined.system(view.rope), len(view.scene.ropes))
 
-    def _new_monitor(self, view: TwinView, numbers: Numbers, asked: MonitorSettings) -> RopeMonitor:
+    def _new_monitor(
+        self, view: TwinView, numbers: Numbers, settings: MonitorSettings
+    ) -> RopeMonitor:
         vortices = coupled_settings(view.scene)
         interval = view.step_s, steps_in_slot(view.step_s)
         damages = tuple(self._damages[r] for r in numbers if r in self._damages)
         rope = one_rope([view.ropes.all_with(view.rope)[r] for r in numbers])
-        return RopeMonitor(asked, vortices, rope, interval, damages, view.viv_drag, numbers[-1])
+        return RopeMonitor(settings, vortices, rope, interval, damages, view.viv_drag, numbers[-1])
 
 
 def _cut_rope(view: TwinView) -> int:

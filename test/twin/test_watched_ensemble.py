@@ -73,7 +73,7 @@ def test_watched_steps_are_those_of_a_fleet(
 
 def border_motion(ensemble: Ensemble, member: int) -> tuple[np.ndarray, ...]:
     """Return heave, its rate, line out and line speed of a member at all step borders."""
-    borders = ensemble._members[member].borders
+    borders = ensemble._members[member].boundaries
     steps = round(SECONDS / ensemble.step_s)
     value, rate = borders.through(0, steps)
     rest_m = ensemble.scene.ship.hang_off_m[2]

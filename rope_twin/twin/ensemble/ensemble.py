@@ -470,8 +470,8 @@ class _LaneBatch:
             wanted = sum(1 << lane for lane in self._members)
             late = self._group.late(self._before + done)
             run = Run(self._time, done, self._steps, wanted, self._before, self._look_steps, late)
-            done, left = self._group.advance(run)
-            for lane in left:
+            done, undone_lanes = self._group.advance(run)
+            for lane in undone_lanes:
                 self._step_alone(lane, done)
         for lane in list(self._members):
             self._leave(lane, done)

@@ -165,8 +165,8 @@ class StepRange:
             end = min(done + call_steps, last)
             late = group.late(self._steps_before + done)
             run = Run(self._time_s, done, end, wanted, self._first, look_steps, late)
-            done, left = group.advance(run)
-            for lane in left:
+            done, undone_lanes = group.advance(run)
+            for lane in undone_lanes:
                 member = running[lane]
                 lone = fleet_members.alone(member)
                 group.take(lane, lone)
@@ -411,7 +411,7 @@ class Fleet:
             payload_speed_m_per_s=payload_folds[:, SINKING],
             payload_tension_n=payload_folds[:, LOWEST],
             failures=dict(members.failures),
-            hung_tension_n={self.scene.ropes[r].name: top[r] for r in members.hung},
+            hung_tension_n={self.scene.ropes[r].name: top[r] for r in members.from_ship},
         )
 
     def _check(self, inputs: FleetInputs, look_steps: int) -> int:
@@ -427,12 +427,13 @@ class Fleet:
         named = [(name, value) for name, value in series if name != "lines"]
         for winch, line in inputs.lines.items():
             self._rope_of(winch)
-            words = "line_out_m", "line_speed_m_per_s"
+            suffixes = "line_out_m", "line_speed_m_per_s"
             named += [
-                (f"{word} of {winch}", values) for word, values in zip(words, line, strict=True)
+                (f"{suffix} of {winch}", values)
+                for suffix, values in zip(suffixes, line, strict=True)
             ]
-        for name, given in named:
-            value = np.asarray(given)
+        for name, values_given in named:
+            value = np.asarray(values_given)
             if value.shape[:1] != first or value.shape[1:] not in ((), (len(self),)):
                 right = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
                 raise InputError(f"fleet: {name}", f"shape {value.shape}", right)
@@ -452,12 +453,12 @@ class Fleet:
         Raises:
             InputError: there is no such winch.
         """
-        names = [self.scene.ropes[r].from_ for r in self._members.hung[1:]]
+        names = [self.scene.ropes[r].from_ for r in self._members.from_ship[1:]]
         known = [name for name in winches_by_name(self.scene) if name in names]
         if winch not in known:
             right = did_you_mean(winch, known) if known else "the scene has the main winch alone"
             raise InputError("fleet: lines", f"there is no other winch '{winch}'", right)
-        return self._members.hung[1 + names.index(winch)]
+        return self._members.from_ship[1 + names.index(winch)]
 
     def _check_line(self, name: str, r: int, line_m: Floats) -> None:
         """Check that members can have this line out of rope r, (steps + 1,) or (..., members).
@@ -474,8 +475,8 @@ class Fleet:
             right = f"this mesh takes more than {min_m:g} m, and at most {max_m:g} m"
             raise InputError(f"fleet: {name}", what, right)
         length, below = members.ends(r)
-        wrong = (abs(line_m[0] - length) > MAX_LINE_JUMP_M) | (line_m[0] <= below)
-        for k in np.flatnonzero(wrong).tolist():
+        is_wrong = (abs(line_m[0] - length) > MAX_LINE_JUMP_M) | (line_m[0] <= below)
+        for k in np.flatnonzero(is_wrong).tolist():
             if k not in members.failures:
                 begin_m = float(np.broadcast_to(line_m[0], (len(self),))[k])
                 what = f"it begins at {begin_m:g} m, member {k} has {length[k]:g} m of rope out"

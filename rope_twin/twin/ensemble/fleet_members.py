@@ -91,12 +91,12 @@ class BoundarySeries(NamedTuple):
     line_out_m: Floats
     line_speed: Floats
 
-    def fill(self, borders: Boundary, members: Ints, first: int) -> None:
+    def fill(self, boundary: Boundary, members: Ints, first: int) -> None:
         """Set heave and line out of lanes from step boundary `first` on.
 
-        borders: (boundaries, MOTIONS, lanes).
+        boundary: (boundaries, MOTIONS, lanes).
         """
-        (value, rate), count = borders, len(members)
+        (value, rate), count = boundary, len(members)
         steps = slice(first, first + len(value))
         columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
         for (table, column), series in zip(columns, self, strict=True):
@@ -105,9 +105,9 @@ class BoundarySeries(NamedTuple):
             if count < table.shape[2]:
                 table[:, column, count:] = table[:, column, :1]
 
-    def set_step(self, borders: Boundary, member: int, first: int) -> None:
-        """Set heave and line out of one member over step `first`; borders: (2, MOTIONS)."""
-        (value, rate), steps = borders, slice(first, first + 2)
+    def set_step(self, boundary: Boundary, member: int, first: int) -> None:
+        """Set heave and line out of one member over step `first`; boundary: (2, MOTIONS)."""
+        (value, rate), steps = boundary, slice(first, first + 2)
         columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
         for (table, column), series in zip(columns, self, strict=True):
             table[:, column] = series[steps, member] if series.ndim > 1 else series[steps]
@@ -120,7 +120,7 @@ class Scratch:
         """Allocate arrays; lead: axes before those of a rope."""
         self.work = work  # of the step, for members that have none of their own
         size = (*lead, 2, rows.MOTIONS)
-        self.borders = Boundary(np.zeros(size), np.zeros(size))
+        self.boundary = Boundary(np.zeros(size), np.zeros(size))
         self.pull: Floats = np.zeros((*lead, 1, rows.PULL_COLUMNS))
         self._groups: dict[Any, Any] = {}
 
@@ -139,7 +139,7 @@ class Members(ABC):
     """Members of one scene and mesh."""
 
     lead: tuple[int, ...]  # axes of results before their own: none, or the ropes
-    hung: tuple[int, ...]  # numbers of the ropes from a hang-off, the main winch's first
+    from_ship: tuple[int, ...]  # numbers of the ropes from a hang-off, the main winch's first
     payload: int = 0  # number of the rope whose lower end is the payload
 
     def __init__(self, scene: Scene, ropes: Sequence[Rope], count: int) -> None:
@@ -164,14 +164,14 @@ class Members(ABC):
     def ropes(self) -> tuple[Rope, ...]:
         """Ropes of a member with the scene's figures; their state is not in use."""
 
-    def check(self, given: FleetState) -> None:
+    def check(self, state_given: FleetState) -> None:
         """Check that a state fits the members.
 
         Raises:
             InputError: it does not.
         """
         right = "give states of a fleet of this scene and mesh"
-        states, ropes = (given.rope, *given.others), self.ropes
+        states, ropes = (state_given.rope, *state_given.others), self.ropes
         if len(states) != len(ropes):
             raise InputError("fleet", f"a state of {len(states)} ropes, not {len(ropes)}", right)
         for state, rope in zip(states, ropes, strict=True):
@@ -180,8 +180,8 @@ class Members(ABC):
                 what = f"a state with space for {state.s.size} nodes, not {capacity}"
                 raise InputError("fleet", what, right)
         count = sum(len(state_arrays(rope.effects)) for rope in ropes)
-        if len(given.memories) != count:
-            what = f"a state with {len(given.memories)} internal variables, not {count}"
+        if len(state_given.memories) != count:
+            what = f"a state with {len(state_given.memories)} internal variables, not {count}"
             right = "give states that `Fleet.state` returned for this scene"
             raise InputError("fleet", what, right)
 

@@ -36,7 +36,7 @@ class RopeMembers(Members):
     """Ropes of one scene and mesh."""
 
     lead = ()
-    hung = (0,)
+    from_ship = (0,)
 
     def __init__(self, scene: Scene, count: int) -> None:
         """Begin in static equilibrium.
@@ -178,11 +178,11 @@ class RopeMembers(Members):
         else:
             group.load([self.alone(k) for k in members.tolist()])
 
-    def place(self, borders: Boundary, members: Ints, kind: Kind) -> None:
-        """Keep x and y of the hang-offs of lanes; borders: (boundaries, MOTIONS, lanes)."""
+    def place(self, boundary: Boundary, members: Ints, kind: Kind) -> None:
+        """Keep x and y of the hang-offs of lanes; boundary: (boundaries, MOTIONS, lanes)."""
         nodes, count = self._states.nodes[members, : rows.Z, kind.elements].T, len(members)
-        borders.value[:, : rows.Z, :count] = nodes
-        borders.value[:, : rows.Z, count:] = nodes[:, :1]
+        boundary.value[:, : rows.Z, :count] = nodes
+        boundary.value[:, : rows.Z, count:] = nodes[:, :1]
 
     def take(self, group: Group, members: Ints, lanes: list[int]) -> None:
         """Copy the states of these lanes back to their members, with solver counts."""
@@ -212,7 +212,7 @@ class RopeMembers(Members):
         Returns its extremes over the step, (FOLDS,), or None if it failed. The force on the
         hang-off is in `scratch.pull`.
         """
-        work, boundary = scratch.work, scratch.borders
+        work, boundary = scratch.work, scratch.boundary
         assert work is not None
         rope = self.alone(member)._replace(work=work)
         state = rope.state

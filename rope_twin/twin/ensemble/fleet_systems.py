@@ -48,22 +48,22 @@ class SystemBoundarySeries(NamedTuple):
     Tables have the ropes as their first axis.
     """
 
-    hung: dict[int, BoundarySeries]
+    by_rope: dict[int, BoundarySeries]
 
     @property
     def line_out_m(self) -> Floats:
         """Line out of the main winch [m]."""
-        return self.hung[0].line_out_m
+        return self.by_rope[0].line_out_m
 
-    def fill(self, borders: Boundary, members: Ints, first: int) -> None:
+    def fill(self, boundary: Boundary, members: Ints, first: int) -> None:
         """Set heave and line out of lanes from step boundary `first` on."""
-        for r, series in self.hung.items():
-            series.fill(Boundary(borders.value[r], borders.rate[r]), members, first)
+        for r, series in self.by_rope.items():
+            series.fill(Boundary(boundary.value[r], boundary.rate[r]), members, first)
 
-    def set_step(self, borders: Boundary, member: int, first: int) -> None:
+    def set_step(self, boundary: Boundary, member: int, first: int) -> None:
         """Set heave and line out of one member over step `first`."""
-        for r, series in self.hung.items():
-            series.set_step(Boundary(borders.value[r], borders.rate[r]), member, first)
+        for r, series in self.by_rope.items():
+            series.set_step(Boundary(boundary.value[r], boundary.rate[r]), member, first)
 
 
 def _copy_of(system: System) -> System:
@@ -92,7 +92,7 @@ class SystemMembers(Members):
         self._base = _copy_of(built.system(built.first))
         super().__init__(scene, self._base.ropes, count)
         self.lead = (len(self._base.ropes),)
-        self.hung = tuple(np.flatnonzero(self._base.joints.upper == LOOSE).tolist())
+        self.from_ship = tuple(np.flatnonzero(self._base.joints.upper == LOOSE).tolist())
         self.payload = payload_rope(scene)
         self._systems = [_copy_of(self._base) for _ in range(count)]
         self._kind = joined_kind_of(self._base)  # of all, whatever their elements
@@ -141,14 +141,14 @@ class SystemMembers(Members):
             for array, values in zip(_internal_variables(system), saved.memories, strict=True):
                 array[...] = values
 
-    def check(self, given: FleetState) -> None:
+    def check(self, state_given: FleetState) -> None:
         """Check that a state fits the members.
 
         Raises:
             InputError: it does not.
         """
-        super().check(given)
-        if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
+        super().check(state_given)
+        if state_given.joints is None or state_given.joints.shape != self._base.joints.nodes.shape:
             right = "give states of a fleet of this scene and mesh"
             raise InputError("fleet", "a state of other connections", right)
 
@@ -190,8 +190,8 @@ class SystemMembers(Members):
         """Return the boundary conditions of valid inputs; winches without inputs stand still."""
         heave = np.asarray(inputs.heave_m, dtype=float)
         rate = np.asarray(inputs.heave_rate_m_per_s, dtype=float)
-        hung, positions = {}, places(self.scene)
-        for r in self.hung:
+        from_ship, positions = {}, places(self.scene)
+        for r in self.from_ship:
             name = self.scene.ropes[r].from_
             if r == 0:
                 line = inputs.line_out_m, inputs.line_speed_m_per_s
@@ -201,8 +201,8 @@ class SystemMembers(Members):
                 held_m = np.broadcast_to(self.ends(r)[0], (len(heave), self.count))
                 line = held_m, np.zeros(len(heave))
             out, speed = (np.asarray(series, dtype=float) for series in line)
-            hung[r] = BoundarySeries(positions[name][2] + heave, rate, out, speed)
-        return SystemBoundarySeries(hung)
+            from_ship[r] = BoundarySeries(positions[name][2] + heave, rate, out, speed)
+        return SystemBoundarySeries(from_ship)
 
     # Steps
 
@@ -237,16 +237,16 @@ class SystemMembers(Members):
         """Copy members into a group, and clear its counters and folds; lanes: those in use."""
         group.load([self._systems[k] for k in members.tolist()], lanes)
 
-    def place(self, borders: Boundary, members: Ints, kind: JoinedKind) -> None:
-        """Keep x and y of the hang-offs of lanes; borders: (ropes, boundaries, MOTIONS, lanes)."""
+    def place(self, boundary: Boundary, members: Ints, kind: JoinedKind) -> None:
+        """Keep x and y of the hang-offs of lanes; boundary: (ropes, boundaries, MOTIONS, lanes)."""
         count = len(members)
-        for r in self.hung:
+        for r in self.from_ship:
             n = kind.ropes[r].elements
             nodes = np.array(
                 [self._systems[k].ropes[r].state.nodes[: rows.Z, n] for k in members.tolist()]
             ).T
-            borders.value[r, :, : rows.Z, :count] = nodes
-            borders.value[r, :, : rows.Z, count:] = nodes[:, :1]
+            boundary.value[r, :, : rows.Z, :count] = nodes
+            boundary.value[r, :, : rows.Z, count:] = nodes[:, :1]
 
     def take(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
         """Copy the states of these lanes back to their members, with solver counts."""
@@ -279,9 +279,9 @@ class SystemMembers(Members):
         Returns its extremes over the step, (ropes, FOLDS), or None if it failed. The forces on the
         upper ends are in `scratch.pull`.
         """
-        system, boundary = self._systems[member], scratch.borders
+        system, boundary = self._systems[member], scratch.boundary
         boundaries.set_step(boundary, member, step)
-        for r in self.hung:
+        for r in self.from_ship:
             state = system.ropes[r].state
             top = state.nodes[: rows.Z, int(state.counts[rows.ELEMENTS])]
             boundary.value[r, :, : rows.Z] = top

@@ -54,8 +54,8 @@ class JoinedBatch:
             wanted = sum(1 << lane for lane in self._running)
             late = self._group.late(self._before + done)
             run = Run(self._time, done, steps, wanted, self._before, look_steps, late)
-            done, left = self._group.advance(run)
-            for lane in left:
+            done, undone_lanes = self._group.advance(run)
+            for lane in undone_lanes:
                 self._step_alone(lane, done, steps)
         for lane in list(self._running):
             self._group.take(lane, self._systems[lane])

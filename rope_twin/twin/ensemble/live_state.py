@@ -205,12 +205,14 @@ def _wanted_tensions(live: LiveState, old: Elements, new: Elements, coordinates:
     return np.where(wanted >= 0.0, wanted, np.nan)
 
 
-def _means_between_slack(force: Floats, rest: Floats, s: Floats, coordinates: Floats) -> Floats:
+def _means_between_slack(
+    force: Floats, rest_lengths: Floats, s: Floats, coordinates: Floats
+) -> Floats:
     """Return the mean force of each span of coordinates, (3, spans); NaN: part of it is slack."""
     slack = np.isnan(force[0])
-    taut = np.where(slack, 0.0, force) * rest
+    taut = np.where(slack, 0.0, force) * rest_lengths
     total = np.concatenate([np.zeros((3, 1)), np.cumsum(taut, axis=1)], axis=1)
-    length = np.concatenate([[0.0], np.cumsum(np.where(slack, rest, 0.0))])
+    length = np.concatenate([[0.0], np.cumsum(np.where(slack, rest_lengths, 0.0))])
     spans: Ints = np.arange(3)
     at_nodes = np.stack([np.interp(coordinates, s, total[k]) for k in spans])
     slack_length = np.diff(np.interp(coordinates, s, length))

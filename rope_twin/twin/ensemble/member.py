@@ -85,9 +85,10 @@ class SharedBoundaries:
         if not is_joined(scene) or not is_known(scene, variation):
             return None
         points = places(scene)
-        hung = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
+        from_ship = [(r, line) for r, line in enumerate(scene.ropes) if line.from_ in points]
         return {
-            r: self._of_hang_off(scene, line, variation, points[line.from_]) for r, line in hung
+            r: self._of_hang_off(scene, line, variation, points[line.from_])
+            for r, line in from_ship
         }
 
     def _of_hang_off(
@@ -228,8 +229,8 @@ class UnstartedMember:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
-        self.scene, self.borders = scene, borders
+    def __init__(self, scene: Scene, start: Start, boundaries: SharedBoundary) -> None:
+        self.scene, self.boundaries = scene, boundaries
         self.failure = ""
         self.steps = 0
         self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
@@ -241,7 +242,7 @@ class Member:
         self.work_shape = start.work_shape  # of the scratch array of its steps
         self._kind, self._kind_changes = kind_of(self.rope), 0
         self._tension, self._pull = start.tension, start.pull
-        self._value, self._rate = (table[0] for table in borders.boundary)
+        self._value, self._rate = (table[0] for table in boundaries.boundary)
         self._seen, self._recent = Extremes(), Extremes()
         self._recent.take([float(start.pull[rows.PULL])])
         self._looks = self._slack_looks = 0
@@ -268,7 +269,7 @@ class Member:
 
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `look_steps` steps; the member may fail."""
-        boundary = self.borders.through(self.steps, steps)
+        boundary = self.boundaries.through(self.steps, steps)
         folds = None if scratch.folds is None else scratch.folds[:steps]
         self.go_on(Batch(boundary, scratch.pulls[:steps], folds), 0, look_steps, scratch)
 
@@ -276,7 +277,7 @@ class Member:
         """Return the next batch of steps, with arrays of its own for the results."""
         pulls = np.zeros((steps, rows.PULL_COLUMNS))
         folds = None if scratch.folds is None else np.zeros((steps, FOLDS))
-        return Batch(self.borders.through(self.steps, steps), pulls, folds)
+        return Batch(self.boundaries.through(self.steps, steps), pulls, folds)
 
     def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
         """Complete a batch of which `done` steps are done, and close it; the member may fail."""
@@ -349,8 +350,8 @@ class Member:
         rope = self.rope._replace(work=work)
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
-        border = Boundary(self._value, self._rate)
-        shot = build_snapshot(self.scene, rope, border, self._pull, at, top)
+        boundary = Boundary(self._value, self._rate)
+        shot = build_snapshot(self.scene, rope, boundary, self._pull, at, top)
         amended(shot, doubtful=unconverged > self._unconverged)
         self._unconverged, self._recent = unconverged, Extremes()
         if self._viv_drag is not None:

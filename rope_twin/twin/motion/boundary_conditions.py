@@ -97,8 +97,8 @@ class BoundaryConditions:
         """Allocate boundary conditions for `steps` steps; length_m: payout at the start [m]."""
         self._ship, self._line = scene.ship, scene.ropes[0]
         *self._rest, self._rest_z = scene.ship.hang_off_m
-        borders = (steps + 1, rows.MOTIONS)
-        self.boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
+        shape = (steps + 1, rows.MOTIONS)
+        self.boundary = rows.Boundary(np.zeros(shape), np.zeros(shape))
         self.boundary.value[:] = [*scene.ship.hang_off_m, length_m]
         self.steps = 0  # number of steps prescribed in advance
         self.blending = Blending(len(scene.ropes))  # after a return to an earlier state
@@ -158,20 +158,20 @@ class BoundaryConditions:
         needs_feedback: whether the winch needs tension feedback.
         """
         begin_ns, end_ns = present.time_ns, present.time_ns + present.step_ns
-        rest, rest_z = self._rest, self._rest_z
+        mean, mean_z = self._rest, self._rest_z
         value, rate = self.boundary
         z, v = inputs.heave.at(end_ns)
         factor, factor_rate = ramp(end_ns * 1e-9, self._ship.motion_ramp_s)
         heave = (factor * z, factor * v + factor_rate * z)
         if inputs.heave.posed:  # else x and y have their mean values in every row
             for k, (displacement, velocity) in enumerate(inputs.heave.lateral_at(end_ns)):
-                value[row, k] = rest[k] + factor * displacement
+                value[row, k] = mean[k] + factor * displacement
                 rate[row, k] = factor * velocity + factor_rate * displacement
-        value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
+        value[row, rows.Z], rate[row, rows.Z] = mean_z + heave[0], heave[1]
         blended = end_ns < self.blending.until_ns
         if blended:
             if not inputs.heave.posed:
-                value[row, : rows.Z], rate[row, : rows.Z] = rest, 0.0
+                value[row, : rows.Z], rate[row, : rows.Z] = mean, 0.0
             error, error_rate = self.blending.at(end_ns)
             value[row, : rows.LINE] += error[0]
             rate[row, : rows.LINE] += error_rate[0]
@@ -179,7 +179,7 @@ class BoundaryConditions:
         if needs_feedback:
             hang_offs = value[row - 1 : row + 1]
             feedback = inputs.winch.feedback(
-                present.rope, self._line, present.pull_n, hang_offs, rest_z
+                present.rope, self._line, present.pull_n, hang_offs, mean_z
             )
         step_s = present.rope.model.step
         length, speed = inputs.winch.step(begin_ns, step_s, heave[1], feedback)

@@ -86,13 +86,13 @@ class HeaveTrack:
         limit_m: float = HEAVE_LIMIT_M,
         speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S,
         name: str = "heave",
-        moved: str = "ship",
+        moved_object: str = "ship",
     ) -> None:
         """Set the maximum position [m] and the maximum speed of accepted samples.
 
-        name: of the input; moved: what it moves, in words.
+        name: of the input; moved_object: the object that it moves, for messages.
         """
-        self.counter, self._moves = InputCounter(name), moved
+        self.counter, self._moves = InputCounter(name), moved_object
         self.missing_ns = 0  # total time without a sample after the requested time
         self._limit_m, self._speed_limit = limit_m, speed_limit_m_per_s
         self._rejoin_s = REJOIN_S  # duration of the newest blending

@@ -115,8 +115,8 @@ def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
     rx, ry, rz = arm_m
     wx, wy, wz = pose.rate_rad_per_s
     tx, ty, tz = turned(pose.orientation, arm_m)
-    moving = (vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx)
-    return (px + tx - rx, py + ty - ry, pz + tz - rz), turned(pose.orientation, moving)
+    velocity = (vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx)
+    return (px + tx - rx, py + ty - ry, pz + tz - rz), turned(pose.orientation, velocity)
 
 
 def attitude(roll: float, pitch: float, yaw: float) -> Quaternion:

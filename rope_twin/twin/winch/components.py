@@ -203,9 +203,9 @@ class Compensation(Component):
         }
 
 
-def _velocity_at(seen: deque[tuple[int, float]], at_ns: int) -> float:
+def _velocity_at(samples: deque[tuple[int, float]], at_ns: int) -> float:
     """Return the velocity at a time, linear between samples; 0 before the first."""
-    (t0, v0), (t1, v1) = seen[0], seen[min(1, len(seen) - 1)]
+    (t0, v0), (t1, v1) = samples[0], samples[min(1, len(samples) - 1)]
     if at_ns < t0:
         return 0.0
     return v0 + (v1 - v0) * min((at_ns - t0) / (t1 - t0), 1.0) if t1 > t0 else v0
@@ -258,10 +258,10 @@ class Drive(Component):
         needed, limit = stopping_n - response * wanted.speed_m_per_s, torque_n_m / radius
         if abs(needed) <= limit:
             return wanted, needed * radius, True
-        given = min(max(needed, -limit), limit)
-        speed = (stopping_n - given) / response
+        pull_n = min(max(needed, -limit), limit)
+        speed = (stopping_n - pull_n) / response
         length = before.length_m + 0.5 * h * (V + speed)
-        return Payout(length, speed), given * radius, False
+        return Payout(length, speed), pull_n * radius, False
 
     def switch_off(self) -> None:
         """Switch the motor off, as the brake holds the drum."""

@@ -103,7 +103,7 @@ class LineTrack(HeaveTrack):
         """Return the warnings on a line that differs from the measured one and on its readings."""
         remark = self.remark if abs(self.off_m) > DIFFERENCE_WARN_M else ""
         notes = remark, self._doubt, self._timing.fault(self._late_s)
-        return "; ".join(words for words in notes if words)
+        return "; ".join(text for text in notes if text)
 
     def stale(self, time_ns: int) -> bool:
         """Return whether readings have been missing for longer than is usual for the counter."""

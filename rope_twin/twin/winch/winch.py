@@ -379,7 +379,7 @@ class Winch:
             self._shift_nominal(line, wanted)
         self._line = line
         limits = (self.at_limit, *(part.words() for part in self._components))
-        self.at_limit = "; ".join(words for words in limits if words)
+        self.at_limit = "; ".join(text for text in limits if text)
 
     def _shift_nominal(self, line: Payout, wanted: Payout) -> None:
         """Move the nominal line by the difference of the actual line from its target.
