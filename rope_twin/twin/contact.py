@@ -142,7 +142,7 @@ def touchdown_at(position: Vector, arc: Vector, height: Vector) -> tuple[float, 
 def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
     """Return the present contact with the hull; none if the scene does not list the effect.
 
-    The position is the middle of the element that is pressed most.
+    The position is the middle of the element with the largest normal force.
     """
     hull = next((effect for effect in rope.effects if isinstance(effect, HullContact)), None)
     if hull is None:

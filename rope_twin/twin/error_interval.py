@@ -7,8 +7,8 @@ bodies are the same. Where elements and step are of second order, its tension
 differs from the rope's by three times the rope's error (Richardson 1911); where they are of first
 order (slack, landing, a winch with tension feedback, waves that decay within an element), by the
 error itself. The bound is therefore the whole difference, with a margin. The difference passes
-through zero while the error does not, and after an impact it may vanish while both still ring: so
-the largest difference of the last seconds counts.
+through zero while the error does not, and after an impact it may vanish while both still oscillate:
+the largest difference of the last seconds is used.
 
 Where the coarse solution cannot follow the rope, the interval is unknown, with the reason.
 """
@@ -270,8 +270,8 @@ class CoarseSolution:
     def follow(self, chunk: Chunk) -> tuple[int, Floats] | None:
         """Advance by the twin's last steps; None: the next state would not be finite.
 
-        Return the number of the twin's steps after which the first of its own steps ended, and its
-        top tensions [N] after each of its steps, (ropes, steps): every `RATIO` steps of the twin.
+        Return the number of the twin's steps up to the end of the first coarse step, and the coarse
+        top tensions [N] after each coarse step, (ropes, steps): every `RATIO` steps of the twin.
         """
         first = RATIO - self._waiting
         steps, self._waiting = divmod(self._waiting + chunk.done, RATIO)

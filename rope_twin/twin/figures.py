@@ -249,7 +249,7 @@ class LearnedFigures:
         self.begin_ns, self.ramp_ns = now_ns, round(ramp_s * 1e9)
         self.counter.accept(now_ns)
         changed = ", ".join(f"{name} {value:.4g}" for name, value in factors.items())
-        self.counter.say(
+        self.counter.set_note(
             f"learned figures are taken over from {now_ns * 1e-9:.2f} s in {ramp_s:g} s, as "
             f"factors on the scene's: {changed}"
         )

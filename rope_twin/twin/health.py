@@ -100,7 +100,7 @@ class InputCounter:
         """Report for RECENT_NS an accepted sample that is suspicious."""
         self._warning, self._warned_ns = sentence, now_ns
 
-    def say(self, remark: str) -> None:
+    def set_note(self, remark: str) -> None:
         """Set the note on the present handling of the input; "" clears it."""
         self._remark = remark
 

@@ -377,7 +377,7 @@ class CurrentInput:
             )
             self.counter.warn(phrase("current", what, right), now_ns)
         points = [(float(z), tuple(velocity)) for z, *velocity in profile.tolist()]
-        self.counter.say(strong_current("current", points))
+        self.counter.set_note(strong_current("current", points))
         return ""
 
     def revert(self, effects: tuple[Any, ...], now_ns: int) -> bool:

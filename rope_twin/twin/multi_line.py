@@ -51,7 +51,7 @@ from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 
 class OtherRopes:
-    """Base of the ropes that a twin steps: what it has beyond the first of them.
+    """Ropes of a twin other than the first, with their winches and boundary conditions; a base.
 
     The twin owns the first rope with that rope's winch and hang-off; a single-line scene has no
     others.
@@ -234,7 +234,7 @@ class MultiLineRopes(OtherRopes):
         self._stack_sections()
 
     def _stack_sections(self) -> None:
-        """Copy the ropes' sections to where the steps read them."""
+        """Copy the ropes' sections into the stacked arrays that the steps read."""
         for r, rope in enumerate(self.all_with(self.first)):
             sections = rope.sections
             self._stack.sections[r, :, : sections.shape[1]] = sections

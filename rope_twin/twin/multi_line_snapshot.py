@@ -145,12 +145,12 @@ def _rope_shot(state: SystemState, r: int, name: str) -> RopeShot:
     lower_n = lower_end_tension(rope, state.effects, state.time_s)
     ends_n = lower_n, float(state.pull[r, rows.PULL])
     if runs_over_sheave(state.scene, state.scene.ropes[r]):
-        return rope_shot(name, rope, ends_n, _stretch(state, r), from_sheave=True)
+        return rope_shot(name, rope, ends_n, _line_over_sheave(state, r), from_sheave=True)
     line = float(state.payout.value[r]), float(state.payout.rate[r])
     return rope_shot(name, rope, ends_n, line)
 
 
-def _stretch(state: SystemState, r: int) -> tuple[float, float]:
+def _line_over_sheave(state: SystemState, r: int) -> tuple[float, float]:
     """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
     sheaves = state.system.sheaves
     assert sheaves is not None

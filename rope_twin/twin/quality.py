@@ -79,7 +79,7 @@ _COMMANDS_ONLY = ("cut",)  # a rejected cut does not reduce the quality
 
 
 class Component(NamedTuple):
-    """A component's value, 0 to 1, and what limits it in words; None: unknown."""
+    """Value of a component, 0 to 1, and the reason of its limit; None: unknown."""
 
     value: float | None
     reason: str = ""
@@ -182,7 +182,7 @@ class QualityIndex:
         self._agreed = np.zeros((2, HISTORY_HOURS, 3))  # hour, seconds compared, seconds in accord
 
     def fail(self, now_ns: int) -> None:
-        """Record a failed step from which the run goes on."""
+        """Record a failed step after which the run continues."""
         self._failed_ns = now_ns
         self._at_ns -= EVALUATED_NS  # the next snapshot evaluates it
 

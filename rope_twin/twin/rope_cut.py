@@ -6,12 +6,12 @@ loses ¼·m·ξ·(1 - ξ)·|Δv|² of the element's mass m). The node is then th
 with the half element that it has there. Both ends start with the acceleration of the forces left on
 them, from a step of a microsecond taken twice.
 
-The upper part hangs on as before, with nothing at its lower end. The lower part has a free upper
-end. The step holds the uppermost node of a rope, so this part continues beyond its end in a section
+The upper part stays suspended, with nothing at its lower end. The lower part has a free upper end.
+The step prescribes the uppermost node of a rope, so this part continues beyond its end in a section
 without mass, volume, area, stiffness and damping, which transmits no force: the end is exactly
-free. The node that holds that section moves ahead of the end along it, so that the end's tangent is
-the rope's own. For effects with bending stiffness the section is so long that it does not resist;
-VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
+free. The node at the end of that section moves ahead of the free end along the rope, so that the
+tangent at the free end is the rope's own. With bending stiffness the section is long enough not to
+resist; VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
 
 Each part has its own arrays of effects with internal variables (core/loads/memory), so that
 neither changes the state of the other. Nodes keep their values; the node inserted at the cut takes

@@ -1,6 +1,6 @@
 """Record of a run: extremes of tension, utilisation, the scene's limits, and bends.
 
-Each snapshot is completed by what is observed there.
+Snapshots are completed with the results.
 
 The tension at the upper end of each rope is checked after every step; the tension along a rope, the
 payload's motion and bends are checked at snapshots (50 Hz in every run). The strain is that of the

@@ -375,8 +375,8 @@ class SheaveShot:
 class Snapshot:
     """One instant of the twin; rows run from the hang-off (row 0) down to the payload.
 
-    In a multi-line scene these rows describe the first rope, and its lower end stands for the
-    payload. After a cut they describe the part that hangs on; the payload is the lower part's.
+    In a multi-line scene these rows describe the first rope, with its lower end as payload. After a
+    cut they describe the upper part; the payload is that of the lower part.
 
     Frame `map` (east, north, up; z = 0 at mean water level).
     """
@@ -433,8 +433,8 @@ class Snapshot:
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
     # force of the rope on its lower end, x, y, z, where the scene moves that end; else none
     lower_end_force_n: tuple[float, ...] = ()
-    residuals: tuple[Residual, ...] = ()  # of what is measured, once it was compared
-    forecast_score: ForecastScore | None = None  # of the forecasts heard; None: none runs
+    residuals: tuple[Residual, ...] = ()  # of measured quantities, once compared
+    forecast_score: ForecastScore | None = None  # of received forecasts; None: none runs
     quality: tuple[Quality, ...] = ()  # index of each functional element
 
     @property

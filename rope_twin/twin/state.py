@@ -1,7 +1,7 @@
 """State of a twin: everything that changes while it runs, named part by part.
 
-`Twin.save`, `Twin.restore` and checkpoints use it. What the scene or the caller gives (models,
-limits, scratch arrays, locks) is no part of it.
+`Twin.save`, `Twin.restore` and checkpoints use it. Data of the scene or the caller (models, limits,
+scratch arrays, locks) is not part of it.
 
 A run resumes bit-identically from a saved state, which holds a `TwinState`: the ropes, every
 effect's arrays, the inputs with their stored and rejected samples, the prescribed motion, clock and

@@ -89,7 +89,7 @@ class Twin:
         """Build the twin of a scene with the monitors that a run asks for."""
         self._monitors = new_monitors(scene, monitors)  # first, as they may reject the scene
         self.scene = scene
-        self.restored = False  # whether it began at a saved state
+        self.restored = False  # whether it resumed from a saved state
         self.failure_folder: Path | None = None  # for the state from which a step failed
         self._clock = Clock()
         self._system = RopeSystem(scene, rows.STEPS_PER_CALL)

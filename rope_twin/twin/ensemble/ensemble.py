@@ -66,7 +66,7 @@ StartKey = tuple[Scene, bool]  # scene, and whether the member is stepped by a t
 AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
 Result = TypeVar("Result")
-MIN_GROUP = LANES // 2  # members of a group: all lanes cost about as much as so many alone
+MIN_GROUP = LANES // 2  # members of a group: a step of all lanes costs about as much as these alone
 
 
 def cores() -> int:
@@ -130,7 +130,7 @@ class Ensemble:
             look_s: interval at which each rope is checked for slack [s].
             threads: number of parallel threads; None: as many as there are cores.
             abreast: maximum number of ropes in one SIMD step; 1: all step alone.
-            watched: record every step of each rope (`watched`), and look for slack at every step.
+            watched: record every step of each rope (`watched`), and check it for slack.
             monitors: of the members that have a twin of their own (`twin_of`).
 
         A member without a static equilibrium to start from is marked as failed, like one that fails
@@ -259,10 +259,10 @@ class Ensemble:
         return member.twin if isinstance(member, TwinMember) else None
 
     def watched(self, number: int) -> Floats:
-        """Return what was recorded of a member since the last call, (steps, WATCHED).
+        """Return the recorded steps of a member since the last call, (steps, WATCHED).
 
-        Columns are the top tension [N], those of a look (`fold_of`), and the line out [m]. It has
-        fewer rows than steps if the member failed, none without `watched`.
+        Columns are the top tension [N], the sampled values (`fold_of`), and the line out [m]. There
+        are fewer rows than steps if the member failed, none without `watched`.
         """
         member = self._members[number]
         parts = member.watched if isinstance(member, Member) else []

@@ -52,17 +52,17 @@ class FleetState:
 
 @dataclass(frozen=True)
 class FleetInputs:
-    """Motion at the step borders, the first being the present.
+    """Motion at the step boundaries, of which the first is the present.
 
-    Each is (steps + 1,) for all members, or (steps + 1, members). All hang-offs heave alike.
+    Each is (steps + 1,) for all members, or (steps + 1, members). All hang-offs have this heave.
     """
 
     heave_m: Floats  # height of the hang-offs relative to their rest
     heave_rate_m_per_s: Floats
     line_out_m: Floats  # of the main winch
     line_speed_m_per_s: Floats
-    # line out and line speed of other winches, by the name of their hang-off; one that is not
-    # named holds the line that it has out
+    # line out and line speed of other winches, by the name of their hang-off; a winch that is not
+    # named stands still
     lines: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
 
 
@@ -189,7 +189,7 @@ class Members(ABC):
 
     @abstractmethod
     def kind_of(self, member: int) -> Any:
-        """Return what members in lanes must share, or None if the member steps alone."""
+        """Return the properties that members in lanes must share; None: it is stepped alone."""
 
     def groups_by_kind(self, members: Ints) -> Iterator[Ints]:
         """Yield groups of members of one kind: at most as many as there are lanes, or one alone."""

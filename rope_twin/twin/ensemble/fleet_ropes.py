@@ -150,7 +150,7 @@ class RopeMembers(Members):
         return rope
 
     def kind_of(self, member: int) -> Kind | None:
-        """Return what members in lanes must share, or None if the member steps alone."""
+        """Return the properties that members in lanes must share; None: it is stepped alone."""
         if self._kind is None:
             return None
         elements = int(self._states.counts[member, rows.ELEMENTS])

@@ -211,7 +211,7 @@ class SystemMembers(Members):
         return self._systems[member]
 
     def kind_of(self, member: int) -> JoinedKind | None:
-        """Return what members in lanes must share, or None if the member steps alone."""
+        """Return the properties that members in lanes must share; None: it is stepped alone."""
         if self._kind is None:
             return None
         system = self._systems[member]

@@ -305,7 +305,7 @@ class Member:
             self._viv_drag.look((rope,), present, self.steps, 0)
         if self.steps % look_steps == 0:
             self.count_looks(1, is_slack((rope,)))
-        if batch.folds is not None:  # then it looks at every step
+        if batch.folds is not None:  # then every step is sampled
             batch.folds[done] = fold_of(rope)
         return stepped
 

@@ -1,7 +1,7 @@
 """Heave of the hang-off: stamped samples, interpolated at any later time; series known before.
 
-Between samples the cubic Hermite polynomial through position and velocity holds. While the sample
-after the requested time is missing, the last one is extrapolated with a velocity that decays
+Between samples the motion is the cubic Hermite polynomial through position and velocity. While the
+sample after the requested time is missing, the last one is extrapolated with a velocity that decays
 (GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
 come back, the extrapolated motion is blended into the measured one within REJOIN_S, or longer where
 a jump is too large for that. Nothing else is smoothed, and the health reports when either happens.
@@ -57,7 +57,7 @@ Vector3 = tuple[float, float, float]
 def rejoin_s(leap_m: float) -> float:
     """Return the time in which a leap is blended [s]; the cubic's acceleration is 6·leap/T².
 
-    Faster, it would jerk a lift that hangs at rest: a false snap load.
+    A shorter time would jerk a suspended load at rest: a false snap load.
     """
     return max(REJOIN_S, math.sqrt(6.0 * abs(leap_m) / REJOIN_M_PER_S2))
 
@@ -298,14 +298,16 @@ class HeaveTrack:
         """Report the handling of a gap."""
         if known and self._rejoining(time_ns):
             over_s = self._rejoin_s
-            self.counter.say(f"samples are back; the motion is led over to them in {over_s:.3g} s")
+            self.counter.set_note(
+                f"samples are back; the motion is led over to them in {over_s:.3g} s"
+            )
         elif known:
-            self.counter.say("")
+            self.counter.set_note("")
         elif not self._stamps:
-            self.counter.say(f"no sample yet; the {self._moves} lies still")
+            self.counter.set_note(f"no sample yet; the {self._moves} lies still")
         else:
             missing = (time_ns - self._stamps[-1]) * 1e-9
-            self.counter.say(f"no sample for {missing:.2f} s; the last motion dies away")
+            self.counter.set_note(f"no sample for {missing:.2f} s; the last motion dies away")
 
     def stale(self, time_ns: int) -> bool:
         """Return whether samples have been missing for longer than STALE_NS."""

@@ -23,7 +23,7 @@ mass m, hangs in f falls of the rope and is held by the spring, whose tension is
 
 F is the expected tension at the step's end, as for a drum: F' = F - hold·(V' -
 parting) - brace·(V' - V) with the pay-out speed V' = V_winch + f·v', at least 0. The step is that
-of the implicit Euler rule in v and of the trapezoidal rule in x, so that it stays stable beside a
+of the implicit Euler rule in v and of the trapezoidal rule in x, so that it stays stable with a
 stop of any stiffness; it is of first order. At the start the stroke is that of the static tension.
 As for a drum the line paid out is unstretched: the rope moves by its stretch in addition.
 """

@@ -64,7 +64,7 @@ class LineTrack(HeaveTrack):
         self._resolution = resolution_m
         self._recent: deque[tuple[int, float]] = deque()
         self._given = (length_m, 0.0)
-        self._anchor = (0, length_m, 0.0)  # from which the line runs on without readings
+        self._anchor = (0, length_m, 0.0)  # start of an extrapolation without readings
         self._is_fresh = False  # whether a reading came while the line was extrapolated
         self.remark = ""  # on a difference of the line from the measured one
         self.off_m = 0.0  # that difference while it is blended
@@ -161,7 +161,7 @@ class LineTrack(HeaveTrack):
         return min(max(predicted, length_m - half), length_m + half)
 
     def drop(self) -> None:
-        """Drop all readings: the line goes on from its present motion."""
+        """Drop all readings: the line continues with its present motion."""
         self._stamps.clear()
         self._samples.clear()
         self._recent.clear()
@@ -214,8 +214,8 @@ class LineTrack(HeaveTrack):
     def _rejoin_duration(self) -> float:
         """Return the time of the cubic from the given line to the measured one [s].
 
-        With the differences e and d of length and speed its highest speed beside the measured one
-        is at most 1.5·e/T + d, its highest acceleration 6·e/T² + 4·d/T.
+        With the differences e and d of length and speed its maximum speed relative to the measured
+        line is at most 1.5·e/T + d, its maximum acceleration 6·e/T² + 4·d/T.
         """
         e, d = abs(self._error[0]), abs(self._error[1])
         a = self._acceleration
@@ -324,7 +324,7 @@ class FollowingWinch(Winch):
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of the inputs by name: commands, and the line that is followed."""
         track = self._track
-        track.counter.say(track.remark)
+        track.counter.set_note(track.remark)
         judged = UNJUDGED
         if track.newest_ns is None:
             if now_ns > REQUIRED_NS:

@@ -1,4 +1,4 @@
-"""Winch: stamped commands become payout, within its limits and those of its components.
+"""Winch: it converts stamped commands into payout within its limits and those of its components.
 
 Payout L is the unstretched length of rope below the hang-off. A command (speed, length, depth or
 tension) sets the control mode, whose target the motion profile follows within the limits of
@@ -247,7 +247,7 @@ class Winch:
             self._line = self._nominal = Payout(self._end_m, 0.0)
             self.at_limit = "the end of the rope that was cut is at the sheave"
         stale = "the command is no longer repeated; its last speed is kept"
-        self.counter.say(stale if self.stale(time_ns) else "")
+        self.counter.set_note(stale if self.stale(time_ns) else "")
         return self._line
 
     def continue_from(self, line: Payout) -> None:
@@ -314,7 +314,7 @@ class Winch:
                 self._switch(command.kind, time_ns)
         if self._stopped:
             for command in motions:
-                if command != WinchCommand(SPEED, 0.0):  # zero speed is what it does
+                if command != WinchCommand(SPEED, 0.0):  # it is at zero speed already
                     what = f"'{command.kind}' in an emergency stop"
                     sentence = phrase("winch command", what, "reset it first")
                     self._commands.counter.refuse("impossible", sentence)
