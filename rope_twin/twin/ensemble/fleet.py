@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -423,21 +422,21 @@ class Fleet:
         if look_steps < 1:
             raise InputError("fleet", f"a look of {look_steps} steps", "give at least 1")
         first = np.shape(inputs.heave_m)[:1]
-        series = [(field.name, getattr(inputs, field.name)) for field in fields(inputs)]
-        named = [(name, value) for name, value in series if name != "lines"]
-        for winch, line in inputs.lines.items():
+        series = [
+            ("heave_m", inputs.heave_m),
+            ("heave_rate_m_per_s", inputs.heave_rate_m_per_s),
+            ("line_out_m", inputs.line_out_m),
+            ("line_speed_m_per_s", inputs.line_speed_m_per_s),
+        ]
+        for winch, (out, speed) in inputs.lines.items():
             self._rope_of(winch)
-            suffixes = "line_out_m", "line_speed_m_per_s"
-            named += [
-                (f"{suffix} of {winch}", values)
-                for suffix, values in zip(suffixes, line, strict=True)
-            ]
-        for name, values_given in named:
-            value = np.asarray(values_given)
-            if value.shape[:1] != first or value.shape[1:] not in ((), (len(self),)):
+            series += (f"line_out_m of {winch}", out), (f"line_speed_m_per_s of {winch}", speed)
+        for name, values in series:
+            shape = np.shape(values)
+            if shape[:1] != first or shape[1:] not in ((), (len(self),)):
                 right = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
-                raise InputError(f"fleet: {name}", f"shape {value.shape}", right)
-            if not np.isfinite(value).all():
+                raise InputError(f"fleet: {name}", f"shape {shape}", right)
+            if not np.isfinite(values).all():
                 raise InputError(f"fleet: {name}", "a value is not finite", "fill gaps before")
         steps = first[0] - 1 if first else 0
         if steps < 1:
