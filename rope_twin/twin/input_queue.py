@@ -170,8 +170,8 @@ def calls_of(plain: Any) -> tuple[Call, ...]:
 def _call(method: str, arguments: Any, named: Any) -> Call:
     if not (method.startswith("offer_") or method in (_INVALIDATE, _REMARK, SET_LEVEL)):
         raise ValueError(f"'{method}' is no input")
-    values_by_name = {str(name): _value(value) for name, value in named.items()}
-    return Call(method, tuple(_value(value) for value in arguments), values_by_name)
+    named_values = {str(name): _value(value) for name, value in named.items()}
+    return Call(method, tuple(_value(value) for value in arguments), named_values)
 
 
 def _plain(value: Any) -> Any:

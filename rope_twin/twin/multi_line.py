@@ -100,8 +100,8 @@ class OtherRopes:
 
     def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
         """Return the winches that need tension feedback for the step from then on, by rope."""
-        hung = {r: self._winches[r] for r in self._from_ship}
-        return {r: winch for r, winch in hung.items() if winch.needs_feedback(time_ns)}
+        winches = {r: self._winches[r] for r in self._from_ship}
+        return {r: winch for r, winch in winches.items() if winch.needs_feedback(time_ns)}
 
     def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
         """Report to the winch of another rope the length cut off and the length left [m]."""
@@ -361,8 +361,8 @@ class MultiLineRopes(OtherRopes):
         )
         ropes = rope_shots(state, shot)
         strength = [
-            strength_of(line, max(max_n, one.tension_top_n), one.element_tension_n)
-            for line, max_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
+            strength_of(line, max(max_n, rope.tension_top_n), rope.element_tension_n)
+            for line, max_n, rope in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
         ]
         completed = amended(
             shot,
@@ -370,7 +370,7 @@ class MultiLineRopes(OtherRopes):
             payloads=payload_shots(state),
             struts=strut_shots(state),
             sheaves=sheave_shots(state),
-            winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
+            winches=(*shot.winches, *filter(None, (w.shot() for w in self._winches[1:]))),
             winch_at_limit="; ".join(limit for limit in limits if limit),
             inputs=inputs,
             solver=solver,

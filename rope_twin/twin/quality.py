@@ -341,7 +341,7 @@ def residual_of(element: str, shot: Snapshot) -> Component:
     compared = [residual for residual in shot.residuals if residual.quantity == quantity]
     parts = [_residual(residual) for residual in compared if _compares(residual, shot)]
     sensors = tuple({residual.sensors for residual in compared})
-    known = [residual for residual in parts if residual.value is not None]
+    known = [part for part in parts if part.value is not None]
     if element == DEPTH:  # a wrong line out makes the depth wrong, a right one does not prove it
         lengths = [residual for residual in shot.residuals if residual.quantity == _LENGTHS]
         length = _worst(_residual(residual) for residual in lengths if _compares(residual, shot))

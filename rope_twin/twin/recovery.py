@@ -224,10 +224,8 @@ def _is_finite(shot: Snapshot) -> bool:
         float(np.add.reduce(shot.node_position_m.ravel())),
     ]
     if shot.ropes:
-        values += [
-            float(np.add.reduce(shot_part.node_position_m.ravel())) for shot_part in shot.ropes
-        ]
-        values += [sum(shot_part.position_m.tolist()) for shot_part in shot.payloads]
+        values += [float(np.add.reduce(rope.node_position_m.ravel())) for rope in shot.ropes]
+        values += [sum(payload.position_m.tolist()) for payload in shot.payloads]
     return all(map(math.isfinite, values))
 
 

@@ -299,7 +299,7 @@ class MeasuredInputs:
             if self._winches[self.names.index(name)].speed_doubt:
                 speed = None
             follow(name, stamp_ns, line_out - self._lengths[0].bias, speed)
-        return next((refusal_text for refusal_text in refusals if refusal_text), "")
+        return next(filter(None, refusals), "")
 
     def _offer(
         self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None
@@ -372,7 +372,7 @@ class MeasuredInputs:
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted reading of each sensor group [ns]."""
-        counters = (counter.counter for counter in self._groups)
+        counters = (readings.counter for readings in self._groups)
         return {
             counter.name: counter.newest_ns for counter in counters if counter.newest_ns is not None
         }

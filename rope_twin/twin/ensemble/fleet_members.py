@@ -164,14 +164,14 @@ class Members(ABC):
     def ropes(self) -> tuple[Rope, ...]:
         """Ropes of a member with the scene's figures; their state is not in use."""
 
-    def check(self, state_given: FleetState) -> None:
+    def check(self, given: FleetState) -> None:
         """Check that a state fits the members.
 
         Raises:
             InputError: it does not.
         """
         right = "give states of a fleet of this scene and mesh"
-        states, ropes = (state_given.rope, *state_given.others), self.ropes
+        states, ropes = (given.rope, *given.others), self.ropes
         if len(states) != len(ropes):
             raise InputError("fleet", f"a state of {len(states)} ropes, not {len(ropes)}", right)
         for state, rope in zip(states, ropes, strict=True):
@@ -180,8 +180,8 @@ class Members(ABC):
                 what = f"a state with space for {state.s.size} nodes, not {capacity}"
                 raise InputError("fleet", what, right)
         count = sum(len(state_arrays(rope.effects)) for rope in ropes)
-        if len(state_given.memories) != count:
-            what = f"a state with {len(state_given.memories)} internal variables, not {count}"
+        if len(given.memories) != count:
+            what = f"a state with {len(given.memories)} internal variables, not {count}"
             right = "give states that `Fleet.state` returned for this scene"
             raise InputError("fleet", what, right)
 

@@ -141,14 +141,14 @@ class SystemMembers(Members):
             for array, values in zip(_internal_variables(system), saved.memories, strict=True):
                 array[...] = values
 
-    def check(self, state_given: FleetState) -> None:
+    def check(self, given: FleetState) -> None:
         """Check that a state fits the members.
 
         Raises:
             InputError: it does not.
         """
-        super().check(state_given)
-        if state_given.joints is None or state_given.joints.shape != self._base.joints.nodes.shape:
+        super().check(given)
+        if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
             right = "give states of a fleet of this scene and mesh"
             raise InputError("fleet", "a state of other connections", right)
 
@@ -168,7 +168,7 @@ class SystemMembers(Members):
         self._base = _with_effects(self._base, effects)
         self._kind = joined_kind_of(self._base)
         self._systems = [
-            _with_effects(system, [own_copies(arguments) for arguments in effects])
+            _with_effects(system, [own_copies(rope_effects) for rope_effects in effects])
             for system in self._systems
         ]
         self.scale()
