@@ -20,6 +20,7 @@ from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
+from rope_twin.messages.status import counted
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene, measure
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names
@@ -291,7 +292,8 @@ def run_import(args: argparse.Namespace) -> int:
     if args.json:
         print_json({"scene": args.out, "left_out": list(found.left_out), "warnings": warnings})
         return ExitCode.OK
-    print(f"{args.out}: {len(scene.ropes)} ropes, {len(scene.payloads)} payloads")
+    parts = counted(len(scene.ropes), "rope"), counted(len(scene.payloads), "payload")
+    print(f"{args.out}: {', '.join(parts)}")
     for words in found.left_out:
         print(f"not imported: {words}")
     for warning in warnings:
@@ -331,7 +333,7 @@ def run_export(args: argparse.Namespace) -> int:
     if args.json:
         print_json({"files": files, "left_out": list(left_out)})
         return ExitCode.OK
-    counts = f"{len(deck.lines)} lines, {len(deck.points)} points"
+    counts = f"{counted(len(deck.lines), 'line')}, {counted(len(deck.points), 'point')}"
     print(f"{' and '.join(map(str, files))}: {counts}")
     for words in left_out:
         print(f"not exported: {words}")

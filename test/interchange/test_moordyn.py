@@ -328,6 +328,8 @@ def test_the_commands_write_files_and_json(
     shown = json.loads(capsys.readouterr().out)
     assert shown["scene"] == str(out)
     assert any("dtM" in one for one in shown["left_out"])
+    assert main(words[:-1]) == 0
+    assert capsys.readouterr().out.startswith(f"{out}: 1 rope, 1 payload\n")
     assert main(["scene", "export", "smooth_2km", "--out", str(deck)]) == 1
     assert "give --moordyn" in capsys.readouterr().err
 
