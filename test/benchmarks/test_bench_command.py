@@ -220,7 +220,7 @@ def test_the_page_that_we_ship_is_the_one_that_is_written(
         return [line for line in lines if not any(words in line for words in machine)]
 
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    shipped, _, _ = page.partition("\n## Beside other codes")  # that one: test_peers
+    shipped, _, _ = page.partition("\n## Comparison with other programs")  # that one: test_peers
     written = as_markdown(replace(measured, seconds=speed.FULL.seconds), curves, many)
     assert prose(shipped) == prose(written)
     assert shipped.count("\n| smooth_2km |") == len(speed.FULL.nodes) * len(speed.FULL.steps_s) + 1
