@@ -23,9 +23,11 @@ from validation.learning import command as learning_command
 from validation.learning import fault_command
 from validation.page import (
     CONVERGENCE_PICTURE,
+    HEAD,
     MARKED,
     PAGE,
     PICTURES,
+    VERDICTS,
     as_json,
     draw_case,
     flat_rows,
@@ -38,8 +40,7 @@ from validation.page import (
 )
 
 PROGRAM = "python -m validation"
-HEAD = ("quantity", "ours", "published", "tolerance", "met")
-HARD_HEAD = "| id | hard | held against | nearest to its limit | figure | limit | holds |"
+HARD_HEAD = "| id | case | reference | quantity nearest to its limit | value | limit | result |"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -118,7 +119,7 @@ def _validate(args: argparse.Namespace) -> int:
         print(markdown_table(as_json(row) for row in rows))
     else:
         met, seconds = sum(row.ok for row in rows), sum(row.seconds for row in rows)
-        print(f"{met} of {len(rows)} cases are met, {seconds:.0f} s")
+        print(f"{met} of {len(rows)} cases pass, {seconds:.0f} s")
     if args.into is not None:
         page = write_page(keep_results(rows, args.into), args.into)
         print(page, file=sys.stderr)
@@ -150,7 +151,7 @@ def _converge(args: argparse.Namespace) -> int:
 def _print_case(row: Row) -> None:
     result = as_json(row)
     print(f"{result['id']}: {result['about']} ({result['source']})")
-    print_table([HEAD, *(cells[1:-1] for cells in table_rows(result))])
+    print_table([HEAD[1:-1], *(cells[1:-1] for cells in table_rows(result))])
     for note in result["notes"]:
         print(f"* {note}")
     print(flush=True)
@@ -163,7 +164,7 @@ def _hard_cases(args: argparse.Namespace) -> int:
     if args.markdown:
         print(f"{HARD_HEAD}\n|{' --- |' * 7}", flush=True)
     elif not args.json:
-        print(f"{'case':<{width}}  holds  {'figure':>12}  {'limit':>12}  what", flush=True)
+        print(f"{'case':<{width}}  result  {'value':>12}  {'limit':>12}  quantity", flush=True)
     rows = []
     for row in run_each(chosen):
         rows.append(row)
@@ -173,7 +174,7 @@ def _hard_cases(args: argparse.Namespace) -> int:
         print(json.dumps([_hard_json(row) for row in rows], indent=1, ensure_ascii=False))
     elif not args.markdown:
         held = sum(row.ok for row in rows)
-        print(f"{held} of {len(rows)} hold, {sum(row.seconds for row in rows):.0f} s")
+        print(f"{held} of {len(rows)} pass, {sum(row.seconds for row in rows):.0f} s")
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -182,13 +183,13 @@ def _hard_text(row: Row, width: int) -> str:
     worst = row.worst
     figure, limit = _cells(worst)
     lines = [
-        f"{row.case.id:<{width}}  {'yes' if row.ok else 'NO':<5}  {figure:>12}  {limit:>12}  "
+        f"{row.case.id:<{width}}  {VERDICTS[row.ok]:<6}  {figure:>12}  {limit:>12}  "
         f"{worst.quantity}"
     ]
     for finding in row.found.findings:
         if not finding.ok and finding is not worst:
             figure, limit = _cells(finding)
-            lines.append(f"{'':<{width}}         {figure:>12}  {limit:>12}  {finding.quantity}")
+            lines.append(f"{'':<{width}}          {figure:>12}  {limit:>12}  {finding.quantity}")
     return "\n".join(lines)
 
 
@@ -201,7 +202,7 @@ def _cells(finding: Finding) -> tuple[str, str]:
 def _hard_markdown(row: Row) -> str:
     case, worst = row.case, row.worst
     cells = (f"`{case.id}`", case.about, case.source, worst.quantity, *_cells(worst))
-    return f"| {' | '.join(cells)} | {'yes' if row.ok else 'NO'} |"
+    return f"| {' | '.join(cells)} | {VERDICTS[row.ok]} |"
 
 
 def _hard_json(row: Row) -> dict[str, Any]:

@@ -20,7 +20,8 @@ RESULTS, PAGE, PICTURES = "validation", "validation.md", "images"
 CONVERGENCE, CONVERGENCE_PICTURE = "convergence.json", "validation_convergence.png"
 BEGIN, END = "<!-- written by python -m validation -->", "<!-- end of what is written -->"
 MARKED = MarkedPage(PAGE, BEGIN, END)
-HEAD = ["id", "quantity", "ours", "published", "tolerance", "met", "source"]
+HEAD = ["id", "quantity", "rope_twin", "reference", "tolerance", "result", "source"]
+VERDICTS = {True: "pass", False: "FAIL", None: "-"}  # None: shown for information
 
 
 def as_json(row: Row) -> dict[str, Any]:
@@ -72,7 +73,7 @@ def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
 def table_rows(result: dict[str, Any]) -> list[list[str]]:
     """Return the cells of HEAD for a case's plain results."""
     if result["refusal"]:
-        return [[result["id"], result["refusal"], "", "", "", "NO", result["source"]]]
+        return [[result["id"], result["refusal"], "", "", "", VERDICTS[False], result["source"]]]
     return [
         [
             result["id"],
@@ -82,7 +83,7 @@ def table_rows(result: dict[str, Any]) -> list[list[str]]:
             if row["published"][-1:].isdigit()
             else row["published"],
             row["tolerance"],
-            {True: "yes", False: "NO", None: "-"}[row["met"]],
+            VERDICTS[row["met"]],
             result["source"],
         ]
         for row in result["rows"]
@@ -135,14 +136,13 @@ def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
 
 def _body(results: list[dict[str, Any]]) -> Iterable[str]:
     missed = [result["id"] for result in results if not result["met"]]
-    yield f"{len(results) - len(missed)} of {len(results)} cases are met."
+    yield f"{len(results) - len(missed)} of {len(results)} cases pass."
     if missed:
-        yield f"Not met: {', '.join(missed)}; why stands with each."
+        yield f"Not passed: {', '.join(missed)}; the reason is given with each case."
     for result in results:
         yield f"\n### {result['id']}: {result['about']}\n"
         yield f"Source: {result['source']}. Takes {result['seconds']:.0f} s.\n"
-        head = ("quantity", "ours", "published", "tolerance", "met")
-        yield page_table([head, *(cells[1:-1] for cells in table_rows(result))])
+        yield page_table([HEAD[1:-1], *(cells[1:-1] for cells in table_rows(result))])
         for note in result["notes"]:
             yield f"\n{note}"
         if result["picture"]:
@@ -169,7 +169,7 @@ def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
         return
     names = " and ".join(dict.fromkeys(row["case"] for row in rows))
     yield f"\n### Convergence of {names} over element length and step\n"
-    yield "`python -m validation --convergence`; off is off the finest run of a sweep.\n"
+    yield "`python -m validation --convergence`; errors relative to the finest run of a sweep.\n"
     yield from (f"- {row['words']}" for row in rows)
     yield f"\n{page_table(vortex_convergence.table(rows))}"
     yield f"\n![convergence]({PICTURES}/{CONVERGENCE_PICTURE})"

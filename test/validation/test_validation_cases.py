@@ -92,7 +92,7 @@ def test_a_run_of_some_cases_keeps_the_others(tmp_path: Path) -> None:
     assert text.startswith("head\n")
     assert text.endswith("tail\n")
     assert "old" not in text
-    assert f"Not met: {two.id}" in text
+    assert f"Not passed: {two.id};" in text
     (tmp_path / "validation.md").write_text("no marks")
     with pytest.raises(InputError, match="it has no lines"):
         write_page(results, tmp_path)
