@@ -364,7 +364,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
             if name in MOTION_TOPICS:
                 paced.border.take_motion(name, data, publisher, arrival_ns)
             elif name in MEASURED_TOPICS:
-                paced.border.take_measurement(name, data, arrival_ns)
+                paced.border.take_measurement(name, data, publisher, arrival_ns)
             elif name in WINCH_TOPICS:
                 sender = self._senders.name(name, info) or publisher_name(publisher)
                 paced.border.seats.name_holders(

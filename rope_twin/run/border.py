@@ -1,9 +1,10 @@
 """Input border: checks messages from outside before they reach a twin.
 
 A message that cannot be decoded, comes from a second sender of the ship motion, or from a node that
-does not command the winch is rejected here, counted and reported. The twin itself checks whether
-the values are plausible (`Twin.offer_*`). One sender of motion is used at a time; another one is
-accepted once the first has been silent for SILENT_S.
+does not command the winch is rejected here, counted and reported, and so are the values of a second
+sender of a measured quantity. The twin itself checks whether the values are plausible
+(`Twin.offer_*`). One sender is used at a time; another one is accepted once the first has been
+silent for SILENT_S, or for INTERVALS of a slow sensor's own intervals.
 """
 
 from __future__ import annotations
@@ -34,16 +35,19 @@ from rope_twin.topics import (
     FORECAST_RISK,
     INPUTS,
     LOWER_END,
+    MEASURED_DEPTH,
     MEASURED_TOPICS,
     MOTION_TOPICS,
 )
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_motion import ShipPose
-from rope_twin.twin.readings import Measurement
+from rope_twin.twin.readings import Measurement, Row
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
-SILENT_S = 0.5  # silence of the sender of motion after which another one is accepted
+SILENT_S = 0.5  # silence of a sender after which another one is accepted ...
+INTERVALS, LONGEST_S = 3.0, 10.0  # ... or so many intervals of a measured quantity, up to so long
+MOST_SENSORS = 1000  # quantities of winches of which the sender is selected
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 REMARK_S = 5.0  # between two remarks to the twin
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
@@ -71,13 +75,17 @@ class Refusals:
         return len(self._recent)
 
 
-class MotionSender:
-    """Selects one of several senders of a motion topic.
+class SelectedSender:
+    """Selects one of several senders of a motion topic, or of a measured quantity.
 
-    A sender that replaces another, as after a restart, is ignored for SILENT_S and then accepted.
+    A sender that replaces another, as after a restart, is ignored until the first has been silent
+    for long enough, and then accepted.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, longest_s: float = SILENT_S) -> None:
+        """Set the longest silence after which another sender is accepted [s]."""
+        self._longest_s = longest_s
+        self._silent_s = SILENT_S
         self._sender: object = None
         self._heard_s = -math.inf
         self._refused = False  # whether another one was rejected since the last accepted message
@@ -85,10 +93,14 @@ class MotionSender:
 
     def admit(self, sender: object, now_s: float) -> bool:
         """Return whether a message of this sender is accepted; `sender` is any identifier."""
-        if sender != self._sender and now_s - self._heard_s < SILENT_S:
-            self._refused = True
-            return False
+        quiet_s = now_s - self._heard_s
+        if sender != self._sender:
+            if quiet_s < self._silent_s:
+                self._refused = True
+                return False
+            quiet_s = 0.0
         self.mixed = self.mixed or (self._refused and sender == self._sender)
+        self._silent_s = min(max(SILENT_S, INTERVALS * quiet_s), self._longest_s)
         self._sender, self._heard_s, self._refused = sender, now_s, False
         return True
 
@@ -113,8 +125,10 @@ class InputBorder:
         self._twin, self._inputs, self._now_s = twin, inputs, now_s
         self._lock = threading.Lock()
         self._malformed = {name: Refusals() for name in (*INPUTS, FORECAST_RISK)}
-        self._strangers = {name: Refusals() for name in MOTION_TOPICS}
-        self._senders = {name: MotionSender() for name in MOTION_TOPICS}
+        self._strangers = {name: Refusals() for name in (*MOTION_TOPICS, *MEASURED_TOPICS)}
+        self._senders = {name: SelectedSender() for name in MOTION_TOPICS}
+        # by topic, winch and number of the quantity in a row
+        self._sensors: dict[tuple[str, str, int], SelectedSender] = {}
         self._ignored = 0
         self._latched: set[str] = set()  # winches whose stop waits for the simulation to go on
         self._remarked_s = -math.inf
@@ -151,10 +165,7 @@ class InputBorder:
         with self._lock:
             now_s = self._now_s()
             if not self._senders[topic].admit(sender, now_s):
-                right = "stop one of the two senders"
-                note = phrase(topic, "a second sender publishes it too and is ignored", right)
-                self._strangers[topic].add(note, now_s)
-                self._remark(note, now_s)
+                self._remark(self._refuse_stranger(topic, "it", now_s), now_s)
                 return
         arrival_ns = None if received_ns is None else received_ns - epoch_ns
         stamp_ns, sample = content
@@ -233,15 +244,54 @@ class InputBorder:
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             self._inputs.offer_cut(at_ns, below_m, rope)
 
-    def take_measurement(self, topic: str, data: bytes, received_ns: int | None = None) -> None:
-        """Accept or reject a message on one of MEASURED_TOPICS; received_ns: as of motion."""
+    def take_measurement(
+        self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
+    ) -> None:
+        """Accept or reject a message on one of MEASURED_TOPICS; arguments as of motion.
+
+        Several nodes may share a topic, each with its own winch or quantity.
+        """
         content = self._read(topic, lambda: read_measurement(topic, data))
-        if content is not None and (epoch_ns := self._epoch()) is not None:
-            measurement = content._replace(stamp_ns=content.stamp_ns - epoch_ns)
+        if content is None or (epoch_ns := self._epoch()) is None:
+            return
+        with self._lock:
+            rows = self._admitted(topic, content.rows, sender)
+        if rows:
+            measurement = content._replace(stamp_ns=content.stamp_ns - epoch_ns, rows=rows)
             arrival_ns = None if received_ns is None else received_ns - epoch_ns
             self._inputs.offer_measurement(measurement, arrival_ns)
             if self.listener is not None:
                 self.listener(measurement)
+
+    def _admitted(self, topic: str, rows: tuple[Row, ...], sender: object) -> tuple[Row, ...]:
+        """Return the rows without the values of a second sender; call it under the lock."""
+        now_s = self._now_s()
+        found: list[Row] = []
+        for name, *values in rows:
+            winch = self._twin.inputs.winch_called(name) if name else ""
+            refused = []
+            for k, value in enumerate(values):
+                key = topic, winch, k
+                if value is None:
+                    continue
+                if key not in self._sensors and len(self._sensors) < MOST_SENSORS:
+                    self._sensors[key] = SelectedSender(LONGEST_S)
+                if key in self._sensors and not self._sensors[key].admit(sender, now_s):
+                    values[k] = None
+                    refused.append(_quantities(topic)[k])
+            if refused:
+                what = " and ".join(refused) + (f" of '{name}'" if name else "")
+                self._refuse_stranger(topic, what, now_s)
+            if not refused or any(value is not None for value in values):
+                found.append((name, values[0], values[1], values[2]))
+        return tuple(found)
+
+    def _refuse_stranger(self, topic: str, what: str, now_s: float) -> str:
+        """Count a message of a second sender; return the sentence."""
+        publishes = f"a second sender publishes {what} too and is ignored"
+        note = phrase(topic, publishes, "stop one of the two senders")
+        self._strangers[topic].add(note, now_s)
+        return note
 
     def take_current(self, data: bytes) -> None:
         """Accept or reject a `current` message; it has no stamp and applies from now on."""
@@ -273,8 +323,9 @@ class InputBorder:
 
     @property
     def mixed(self) -> str:
-        """Return in words which motion several senders sent in turn; "": none."""
+        """Return in words which inputs several senders sent in turn; "": none."""
         names = [name for name, one in self._senders.items() if one.mixed]
+        names += sorted({key[0] for key, one in self._sensors.items() if one.mixed})
         return f"{', '.join(names)}: several senders, one of them used" if names else ""
 
     def _read(self, topic: str, read: Callable[[], Content]) -> Content | None:
@@ -348,12 +399,18 @@ def _messages_row(
 
 
 def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:
-    """Return the row on second senders of the ship motion."""
+    """Return the row on second senders of the ship motion and of measured quantities."""
     values = {f"{topic}: of others": str(one.count) for topic, one in strangers.items()}
-    notes = [one.note for one in strangers.values() if one.recent(now_s)]
+    notes = {topic: one.note for topic, one in strangers.items() if one.recent(now_s)}
     if notes:
-        return Status(SENDERS_ROW, Level.ERROR, " ".join(notes), values)
-    return Status(SENDERS_ROW, Level.OK, "one sender of ship motion", values)
+        level = Level.ERROR if any(topic in MOTION_TOPICS for topic in notes) else Level.WARN
+        return Status(SENDERS_ROW, level, " ".join(notes.values()), values)
+    return Status(SENDERS_ROW, Level.OK, "one sender of each input", values)
+
+
+def _quantities(topic: str) -> tuple[str, str, str]:
+    """Return the names of the values in a row."""
+    return "depth" if topic == MEASURED_DEPTH else "line out", "line speed", "tension"
 
 
 _MOTION_READERS: dict[str, Callable[[bytes], tuple[int, ShipPose | tuple[float, float]]]] = {

@@ -183,7 +183,7 @@ class LoneTwin:
             self._border.take_current(data)
         elif message.topic in JUDGING:
             arrival_ns = EPOCH_NS + message.received_ns
-            self._border.take_measurement(message.topic, data, arrival_ns)
+            self._border.take_measurement(message.topic, data, message.sender, arrival_ns)
         else:
             self._senders.add(message.sender)
             self._border.take_order(message.topic, data, message.sender)

@@ -7,16 +7,24 @@ from collections.abc import Callable
 
 import pytest
 
-from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
+from rope_twin.messages import (
+    Level,
+    Status,
+    encode_current,
+    encode_heave,
+    encode_measurement,
+    encode_order,
+)
 from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.inputs import encode_pose
 from rope_twin.messages.reports import encode_forecast
-from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
+from rope_twin.run.border import LONGEST_S, MESSAGES_ROW, SENDERS_ROW, InputBorder, SelectedSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
 from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.motion.ship_motion import ShipPose
+from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
@@ -166,12 +174,54 @@ def test_a_listener_hears_motion_as_it_comes(rig: Rig) -> None:
 
 def test_a_sender_that_takes_over_is_followed() -> None:
     """It is not heard while the first one still is, and the two do not count as mixed."""
-    sender = MotionSender()
+    sender = SelectedSender()
     assert sender.admit("one", 0.0)
     assert not sender.admit("other", 0.4)
     assert sender.admit("other", 0.6)
     assert sender.admit("other", 0.7)
     assert not sender.mixed
+
+
+def measured(rig: Rig, sender: str, stamp_s: float, **values: float) -> None:
+    reading = Measurement.of_winch(0, **values)
+    topic, data = encode_measurement(EPOCH_NS + round(stamp_s * 1e9), reading)
+    rig.border.take_measurement(topic, data, sender)
+
+
+def test_of_two_senders_of_a_measured_quantity_the_first_is_heard(rig: Rig) -> None:
+    """A mean of two load cells is no residual of either."""
+    for k in range(4):
+        measured(rig, "monitor", 0.02 * k, line_out_m=200.0, tension_n=167e3)
+        measured(rig, "spare", 0.02 * k + 0.01, line_out_m=200.1, tension_n=170e3)
+        rig.now_s += 0.02
+    taken = [arguments[0].rows[0] for _, arguments in rig.calls()]
+    assert taken == [("winch", 200.0, None, 167e3)] * 4
+    row = rig.row(SENDERS_ROW)
+    assert row.level == Level.WARN
+    assert "a second sender publishes line out and tension of 'winch' too" in row.message
+    assert row.values["winch/measured: of others"] == "4"
+    assert rig.border.mixed.startswith("winch/measured")
+
+
+def test_two_senders_may_share_a_topic_with_a_quantity_each(rig: Rig) -> None:
+    for k in range(4):
+        measured(rig, "counter", 0.02 * k, line_out_m=200.0)
+        measured(rig, "cell", 0.02 * k + 0.01, tension_n=167e3)
+        rig.now_s += 0.02
+    assert len(rig.calls()) == 8
+    assert rig.row(SENDERS_ROW).level == Level.OK
+
+
+def test_a_slow_sensor_keeps_its_topic_between_its_readings() -> None:
+    """Each of two sensors at 0.5 Hz is silent for a second before the other sends."""
+    sender = SelectedSender(LONGEST_S)
+    assert sender.admit("one", 0.0)
+    assert sender.admit("one", 2.0)
+    for second in (3.0, 5.0, 7.0):
+        assert not sender.admit("other", second)
+        assert sender.admit("one", second + 1.0)
+    assert sender.mixed
+    assert sender.admit("other", 15.0), "one has been silent for more than three intervals"
 
 
 @pytest.mark.parametrize(
