@@ -277,9 +277,9 @@ class FaultWatch:
         end_s = min(until_s, known_s, reference.at_s + CAPACITY_S)
         means = round(1.0 / MEAN_S)
         first_s = tests.now_s
-        whole = means * int((end_s - first_s + 1e-6) / 1.0)
-        if whole < means:
+        if end_s < first_s + 1.0 - 1e-6:  # -inf: no tension is left
             return self.alarm
+        whole = means * int(end_s - first_s + 1e-6)
         end_s = first_s + MEAN_S * whole
         self._model.extend(self._prediction, end_s)
         residual, columns, predicted = self._innovations(reference, first_s, end_s)

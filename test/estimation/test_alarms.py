@@ -122,6 +122,16 @@ def test_a_lift_in_order_raises_no_alarm() -> None:
     assert len(estimator.results) == 3
 
 
+def test_a_tension_that_is_gone_for_good_does_not_end_the_tests() -> None:
+    """All its samples are dropped by then; the tests go on where it comes back."""
+    watch, estimator = watched()
+    tested_s, kept = watch.now_s, estimator.model.lift
+    gone = deepcopy(kept)
+    gone.drop_before(1e6)
+    assert watch.advance(gone.known_until_s(0.0)) is None
+    assert watch.now_s == tested_s
+
+
 def test_a_lost_payload_is_found_by_the_plain_rule() -> None:
     """Within 3 s, with its beginning; learning waits until the alarm is acknowledged."""
     watch, estimator = watched(weight=0.0)
