@@ -170,7 +170,10 @@ SENSORS = [
 def test_what_a_real_sensor_does_is_no_fault(
     tmp_path: Path, period_s: float, delay_s: float, rate_hz: float
 ) -> None:
-    """White noise of 5 cm in position, and 0.2 s between position and rate: nothing is flagged."""
+    """White noise of 5 cm in position, and 0.2 s between position and rate: all is used.
+
+    That such noise moves the rope from sample to sample is said, and nothing else.
+    """
     noise, omega = random.Random(3), 2.0 * math.pi / period_s
 
     def sensor(time_s: float) -> tuple[float, float]:
@@ -178,7 +181,11 @@ def test_what_a_real_sensor_does_is_no_fault(
         return 1.5 * math.sin(omega * time_s) + noise.gauss(0.0, 0.05), rate
 
     found = run(Twin(usual(tmp_path)), as_it_is, 30.0, rate_hz=rate_hz, motion=sensor)
-    assert found.level(0.0, 30.0) is Level.OK, found.messages()
+    assert found.level(0.0, 30.0) is Level.WARN, found.messages()
+    assert all(words.startswith("its positions scatter by at least")
+               for words in found.messages().split(" | "))  # fmt: skip
+    assert "disagree" not in found.messages()
+    assert "rejected" not in found.messages()
 
 
 def test_a_stuck_sender_counts_as_missing(tmp_path: Path) -> None:

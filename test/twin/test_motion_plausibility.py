@@ -114,6 +114,38 @@ def test_a_stuck_pose_is_refused() -> None:
     assert health[-1].stuck > 100
 
 
+def swung(rate_hz: float, resolution_m: float, repeats: int) -> InputHealth:
+    """Health after 30 s of a heave of 0.8 m in 8 s in whole digits; each sample comes so often."""
+    track, omega = HangOffTrack(load_scene("shallow_lift")), 2.0 * math.pi / 8.0
+    for k in range(round(30.0 * rate_hz)):
+        t = (k - k % repeats) / rate_hz
+        z = resolution_m * round(0.8 * math.sin(omega * t) / resolution_m)
+        stamp_ns = round(k / rate_hz * 1e9)
+        assert track.offer(stamp_ns, z, 0.8 * omega * math.cos(omega * t)) == ""
+        track.at(stamp_ns)
+    return track.health(30_000_000_000)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "resolution_m", "repeats", "warned"),
+    [
+        (10.0, 0.01, 1, False),
+        (50.0, 0.001, 1, False),
+        (500.0, 1e-6, 1, False),
+        (50.0, 0.01, 1, True),
+        (100.0, 1e-6, 2, True),
+        (50.0, 1e-6, 5, True),
+    ],
+)
+def test_positions_that_move_by_jerks_are_reported(
+    rate_hz: float, resolution_m: float, repeats: int, warned: bool
+) -> None:
+    """A speed of 0.2 m/s between samples is 4 kN on 40 mm wire, whose √(EA·m) is 22 kN·s/m."""
+    health = swung(rate_hz, resolution_m, repeats)
+    assert ("which the rope feels" in health.warning) == warned
+    assert health.refused == 0
+
+
 def test_equal_values_count_as_stuck_after_a_second() -> None:
     """However often they come, and not before; another value ends it."""
     stuck = StuckDetector()

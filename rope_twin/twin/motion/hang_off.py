@@ -396,6 +396,12 @@ class HangOffTrack(HeaveTrack):
                 f"its positions scatter by {self._rates.scatter:.2f} m, as of noise or of several "
                 "senders"
             )
+        elif self._rates.is_jittery:
+            warnings.append(
+                f"its positions scatter by at least {self._rates.jitter:.2f} m/s over an interval, "
+                "which the rope feels: repeated samples, coarse digits or noise; send each "
+                "measurement once, with more digits, or fewer a second"
+            )
         if clock:
             (faults if clock_is_wrong else warnings).append(clock)
         if slow := self._timing.fault(self.clock.lateness_s):

@@ -47,6 +47,8 @@ RATE_BIAS, RATE_FRACTION = 1.0, 0.05  # error of a rate: NOISE_... per second, a
 RATE_SPIKE = 10.0  # sudden change of a rate that is allowed, in NOISE_... per second
 WINDOWS_NS = 500_000_000, 1_000_000_000, 2_000_000_000
 SCATTER_WARN = 1.6  # times the noise of a good sensor: noise above it, or several senders
+JITTER_WARN = 2.0  # noise of the rate between two samples, in NOISE_... per second ...
+JITTER_MOST = 6.0  # ... of which one sample adds at most so much: a single one is no noise
 DISAGREEING_SAMPLES = 3  # consecutive samples of a disagreement
 AGREEMENT_NS = 5_000_000_000  # time of agreement after which the sender's rates are used again
 PERSISTENT_NS = 10_000_000_000  # duration after which a disagreement is an error
@@ -197,6 +199,7 @@ class RateCheck:
         self._stamps: list[int] = []  # of the samples
         self._used: Numbers = ()  # rates used for the newest sample
         self._roughness = 6.0 * noise * noise  # mean square of second differences of z - ∫ v dt
+        self._jitter = 0.0  # mean square of the noise of the rate between two samples
         self._votes = 0
         self._since_ns: int | None = None  # beginning of the present disagreement
         self._is_derived = False  # whether the newest rates were derived
@@ -226,6 +229,20 @@ class RateCheck:
     def scatters(self) -> bool:
         """Whether the values are noisier than those of a good sensor."""
         return self.scatter > SCATTER_WARN * self._noise
+
+    @property
+    def jitter(self) -> float:
+        """Estimated noise of the rate at which the values move from sample to sample.
+
+        White noise σ of the values at an interval h is √2·σ/h of that rate, which the rope feels: a
+        wave of tension √(EA·m) times the speed runs down from each sample.
+        """
+        return math.sqrt(self._jitter)
+
+    @property
+    def is_jittery(self) -> bool:
+        """Whether that noise is more than a rate's own inaccuracy explains."""
+        return self.jitter > JITTER_WARN * self._noise
 
     @property
     def derived_noise(self) -> float:
@@ -294,6 +311,12 @@ class RateCheck:
             roughness = max([abs(x - 2.0 * y + z) for x, y, z in pairs])
             roughness = min(roughness, 10.0 * self._noise) ** 2
             self._roughness += SMOOTHING * (roughness - self._roughness)
+            (t0, *_, r0), (t1, *_, r1), (t2, *_) = self._samples[-3:]
+            early, late = (t1 - t0) * 1e-9, (t2 - t1) * 1e-9
+            triples = zip(r0, r1, remainder, strict=True)
+            jitter = max([abs((z - y) / late - (y - x) / early) for x, y, z in triples])
+            jitter = min(jitter / math.sqrt(3.0), JITTER_MOST * self._noise) ** 2
+            self._jitter += SMOOTHING * (jitter - self._jitter)
         is_full = len(self._samples) > 2 * RATE_SAMPLES
         if is_full and self._samples[RATE_SAMPLES][0] < stamp_ns - WINDOWS_NS[-1] - BREAK_NS:
             del self._samples[:RATE_SAMPLES], self._stamps[:RATE_SAMPLES]
