@@ -173,6 +173,10 @@ def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector
     if not np.any(velocity):
         return slope, f"{where}: twist.linear.z is zero throughout, the rate is derived."
     agreement = float(slope @ velocity / np.sqrt((slope @ slope) * (velocity @ velocity)))
+    usual_s = float(np.median(np.diff(time_s)))
+    if agreement < 0.0 and usual_s > LONGEST_PERIOD_S:
+        what = f"a sample every {usual_s:.3g} s, too few to compare its rate with its position"
+        raise BagError(where, what, f"give one every {LONGEST_PERIOD_S:g} s or more often")
     if agreement < 0.0:
         raise BagError(
             where,

@@ -28,6 +28,7 @@ Faults = dict[str, NDArray[np.bool_]]  # by what is wrong: which rows
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
 _TOLERATED_SHARE = 0.05  # of samples that cannot be used
+_LEAST_INTERVAL_NS = 500_000  # 2 kHz: no sensor of a lift is faster
 _LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
 
 
@@ -107,7 +108,7 @@ class StampedRows:
         `judge`.
 
         Raises:
-            BagError: few are left, or time has a hole.
+            BagError: few are left, or time has a hole or another unit.
         """
         total = len(self._values) + self._undecodable
         if total == 0:
@@ -139,7 +140,12 @@ class StampedRows:
 
     def _tell_gaps(self, stamp_ns: Stamps) -> str:
         steps = np.diff(stamp_ns)
-        gaps = steps > GAP_PERIODS * np.median(steps)
+        usual_ns = float(np.median(steps))
+        if usual_ns < _LEAST_INTERVAL_NS:
+            what = f"a sample every {usual_ns:g} ns, as of stamps in milliseconds"
+            right = f"right are seconds and nanoseconds, {_LEAST_INTERVAL_NS} ns apart at least"
+            raise BagError(self.where, what, right)
+        gaps = steps > GAP_PERIODS * usual_ns
         if not np.any(gaps):
             return ""
         longest = int(np.argmax(steps))

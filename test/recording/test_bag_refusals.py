@@ -1,5 +1,6 @@
 """Bags that cannot be replayed: the sentence that each of them gets."""
 
+import math
 import re
 import shutil
 
@@ -137,6 +138,16 @@ def _down_is_positive(path):
     return write_heave(path, [(t, z, -v) for t, z, v in swell(400)])
 
 
+def _in_milliseconds(path):
+    return write_heave(path, [(t // 10**6, z, v) for t, z, v in swell(100)])
+
+
+def _every_five_seconds(path):
+    omega = 2.0 * math.pi / 8.0
+    rows = [(5 * k, math.sin(5 * omega * k), math.cos(5 * omega * k)) for k in range(100)]
+    return write_heave(path, [(t * 10**9, z, omega * v) for t, z, v in rows])
+
+
 def _garbled(path):
     with BagWriter(path, [BY_NAME["ship/heave"]]) as bag:
         for k in range(20):
@@ -169,6 +180,11 @@ BAD = {
     "a clock set back": (_clock_set_back, "(50 with a stamp that goes back)"),
     "a clock set right": (_clock_set_right, "gaps in time, the longest 3600 s at 2.450 s"),
     "down is positive": (_down_is_positive, "twist.linear.z runs against pose.position.z"),
+    "milliseconds as nanoseconds": (
+        _in_milliseconds,
+        "a sample every 50 ns, as of stamps in milliseconds",
+    ),
+    "too slow": (_every_five_seconds, "a sample every 5 s, too few to compare its rate with"),
     "garbled": (_garbled, "20 of 20 samples cannot be used (20 that do not decode)"),
     "two odometries": (
         _two_odometries,
