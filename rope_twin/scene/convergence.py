@@ -131,8 +131,8 @@ def read_study(scene: Scene) -> ConvergenceStudy | None:
     try:
         found = json.loads(text)
         if found["format"] != FORMAT:
-            what = f"a study of format {found['format']}, this version reads {FORMAT}"
-            raise SceneError(str(path), what, _REMAKE)
+            problem = f"a study of format {found['format']}, this version reads {FORMAT}"
+            raise SceneError(str(path), problem, _REMAKE)
         return ConvergenceStudy(
             scene=str(found["scene"]),
             seconds=float(found["seconds"]),

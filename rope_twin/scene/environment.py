@@ -64,11 +64,11 @@ def _current(scene: Scene) -> Iterator[Fault]:
     shear, steepest = steepest_shear(rows)
     if spacing.min() < MIN_ROW_SPACING_M:
         row = int(spacing.argmin())
-        what = f"rows {row} and {row + 1} of the current are {spacing[row]:g} m apart"
-        yield "effects", what, f"give rows at least {MIN_ROW_SPACING_M:g} m apart, or `layers`"
+        problem = f"rows {row} and {row + 1} of the current are {spacing[row]:g} m apart"
+        yield "effects", problem, f"give rows at least {MIN_ROW_SPACING_M:g} m apart, or `layers`"
     elif shear > SHEAR_LIMIT_PER_S:
-        what = f"the current changes by {shear:.3g} m/s a metre below row {steepest}"
-        yield "effects", what, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre, or `layers`"
+        problem = f"the current changes by {shear:.3g} m/s a metre below row {steepest}"
+        yield "effects", problem, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre, or `layers`"
 
 
 def _held_sheaves(scene: Scene) -> Iterator[Fault]:
@@ -80,12 +80,12 @@ def _held_sheaves(scene: Scene) -> Iterator[Fault]:
         x, y, z = sheave.tether.at_m
         path = f"sheaves[{number}].tether.at_m"
         if z > 0.0:
-            what = f"'{sheave.name}' is held {z:g} m above the water"
-            yield path, what, "a lower sheave is held below water: give a negative z"
+            problem = f"'{sheave.name}' is held {z:g} m above the water"
+            yield path, problem, "a lower sheave is held below water: give a negative z"
         elif bed is not None and z < bed_at(bed, x, y):
             low = bed_at(bed, x, y)
-            what = f"'{sheave.name}' is held at z = {z:g} m, below the seabed at {low:g} m"
-            yield path, what, "hold it at the seabed or above, or deepen `seabed`"
+            problem = f"'{sheave.name}' is held at z = {z:g} m, below the seabed at {low:g} m"
+            yield path, problem, "hold it at the seabed or above, or deepen `seabed`"
 
 
 def _held_ends(scene: Scene) -> Iterator[Fault]:
@@ -97,9 +97,9 @@ def _held_ends(scene: Scene) -> Iterator[Fault]:
         x, y, z = line.fixed_at_m
         low = bed_at(bed, x, y)
         if z < low - BURIED_M:
-            what = f"the lower end is fixed at z = {z:g} m, below the seabed at {low:g} m"
-            right = "fix it at the seabed or above, or deepen `seabed`"
-            yield f"ropes[{number}].fixed_at_m", what, right
+            problem = f"the lower end is fixed at z = {z:g} m, below the seabed at {low:g} m"
+            remedy = "fix it at the seabed or above, or deepen `seabed`"
+            yield f"ropes[{number}].fixed_at_m", problem, remedy
 
 
 def _spectrum(scene: Scene) -> Iterator[Fault]:
@@ -118,12 +118,12 @@ def _gap(where: str, spectrum: WaveSpectrum) -> Iterator[Fault]:
         beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
         most = GAP if len(beside) == 2 else GAP_AT_AN_END
         if beside and step > most * max(beside):
-            what = (
+            problem = (
                 f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
                 f"among steps of {max(beside):.3g} Hz"
             )
-            right = "add the rows in between, with 0 where there is no energy"
-            yield f"effects.{where}", what, right
+            remedy = "add the rows in between, with 0 where there is no energy"
+            yield f"effects.{where}", problem, remedy
             return
 
 
@@ -154,8 +154,8 @@ def _bag(scene: Scene) -> Iterator[Fault]:
         yield where, f"there is no bag at {path}", "give a bag's folder or .mcap file"
         return
     known = [folder.name for folder in path.parent.glob("*") if folder.is_dir()]
-    right = did_you_mean(bag, known) if known else "give the path of a bag"
-    yield where, f"there is no bag '{bag}' in bags/", right
+    remedy = did_you_mean(bag, known) if known else "give the path of a bag"
+    yield where, f"there is no bag '{bag}' in bags/", remedy
 
 
 def _regular_heave(scene: Scene) -> Iterator[Fault]:
@@ -163,16 +163,16 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
     if sea.heave is None:
         return
     if sea.bag:
-        what = f"both `bag` ('{sea.bag}') and `heave` are given"
-        yield "sea_state", what, "keep the record or the sine"
+        problem = f"both `bag` ('{sea.bag}') and `heave` are given"
+        yield "sea_state", problem, "keep the record or the sine"
     if not sea.loop:
-        right = "remove `loop`, it is for bags"
-        yield "sea_state.loop", "a regular heave has no end", right
+        remedy = "remove `loop`, it is for bags"
+        yield "sea_state.loop", "a regular heave has no end", remedy
     fastest = 2.0 * pi * sea.heave.amplitude_m / sea.heave.period_s
     if fastest > FASTEST_M_PER_S:
-        what = f"it moves the ship at up to {fastest:.1f} m/s"
-        right = f"plausible is {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
-        yield "sea_state.heave", what, right
+        problem = f"it moves the ship at up to {fastest:.1f} m/s"
+        remedy = f"plausible is {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
+        yield "sea_state.heave", problem, remedy
         return
     omega = 2.0 * pi / sea.heave.period_s
     needed = {
@@ -183,8 +183,8 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
     for key, least in needed.items():
         limit = getattr(scene.ship, key)
         if least > limit:
-            what = f"it is {limit:g}, and `sea_state.heave` needs {least:.2f}"
-            yield f"ship.{key}", what, "raise it, or lower the heave"
+            problem = f"it is {limit:g}, and `sea_state.heave` needs {least:.2f}"
+            yield f"ship.{key}", problem, "raise it, or lower the heave"
 
 
 def _on_waves(scene: Scene) -> Iterator[Fault]:
@@ -198,13 +198,13 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
     if sea.bag or sea.heave is not None or sea.path:
         yield "sea_state", "the ship is moved by waves and by a record", "keep one of them"
     if sea.start_s != 0.0 or not sea.loop:
-        right = "remove `start_s` and `loop`, they are for records"
-        yield "sea_state", "waves start with the scene and have no end", right
+        remedy = "remove `start_s` and `loop`, they are for records"
+        yield "sea_state", "waves start with the scene and have no end", remedy
     if waves.ramp_s != scene.ship.motion_ramp_s:
-        what = (
+        problem = (
             f"the sea builds up in {waves.ramp_s:g} s, the ship in {scene.ship.motion_ramp_s:g} s"
         )
-        yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` the same value"
+        yield "ship.motion_ramp_s", problem, "give `ramp_s` of `waves` the same value"
 
 
 def spectrum_of(waves: WaveSystem) -> WaveSpectrum | None:
@@ -251,8 +251,8 @@ def _way(scene: Scene) -> Iterator[Fault]:
         yield "sea_state.path", *_halves(error)
         return
     if sea.start_s >= way.end_s:
-        what = f"the prescribed motion of {way.end_s:g} s has ended by then"
-        yield "sea_state.start_s", what, "start earlier"
+        problem = f"the prescribed motion of {way.end_s:g} s has ended by then"
+        yield "sea_state.start_s", problem, "start earlier"
 
 
 def _poses(scene: Scene) -> Iterator[Fault]:
@@ -272,11 +272,11 @@ def _responses(scene: Scene) -> Iterator[Fault]:
     where = "sea_state.on_waves"
     if not riding.responses:
         if riding.heading_deg != 0.0:
-            right = "give `responses`, or remove `heading_deg`"
-            yield where, "a box hull is in head seas at any heading", right
+            remedy = "give `responses`, or remove `heading_deg`"
+            yield where, "a box hull is in head seas at any heading", remedy
         if riding.crane_tip_m is not None or riding.conventions != NO_CONVENTIONS:
-            right = "give `responses`, or remove them"
-            yield where, "`crane_tip_m` and `conventions` are those of an RAO file", right
+            remedy = "give `responses`, or remove them"
+            yield where, "`crane_tip_m` and `conventions` are those of an RAO file", remedy
         return
     try:
         table = _table_of(scene, riding)
@@ -285,17 +285,17 @@ def _responses(scene: Scene) -> Iterator[Fault]:
         return
     if riding.crane_tip_m is not None:
         if scene.ship.reference_m is not None:
-            what = "both `crane_tip_m` and `ship.reference_m` are given"
-            yield where, what, "keep `crane_tip_m` for a file with an origin"
+            problem = "both `crane_tip_m` and `ship.reference_m` are given"
+            yield where, problem, "keep `crane_tip_m` for a file with an origin"
         if table.origin_m is None:
-            what = "the table does not state the point that its RAOs are for"
-            right = "give `conventions: {origin_m: [x, y, z]}`, or `ship.reference_m` alone"
-            yield f"{where}.crane_tip_m", what, right
+            problem = "the table does not state the point that its RAOs are for"
+            remedy = "give `conventions: {origin_m: [x, y, z]}`, or `ship.reference_m` alone"
+            yield f"{where}.crane_tip_m", problem, remedy
     elif table.origin_m is not None and scene.ship.reference_m is None:
         x, y, z = table.origin_m
-        what = f"its RAOs are those of the point [{x:g}, {y:g}, {z:g}] m of the vessel"
-        right = "give `crane_tip_m`, the hang-off in the same axes"
-        yield where, what, right
+        problem = f"its RAOs are those of the point [{x:g}, {y:g}, {z:g}] m of the vessel"
+        remedy = "give `crane_tip_m`, the hang-off in the same axes"
+        yield where, problem, remedy
 
 
 def _table_of(scene: Scene, riding: OnWaves) -> Responses:
@@ -334,8 +334,8 @@ def reference_point_m(scene: Scene) -> Triple:
 
 def _halves(error: InputError) -> tuple[str, str]:
     """Return fault and remedy of an error's sentence, without its full stop."""
-    what, _, right = str(error).removesuffix(".").rpartition("; ")
-    return what, right
+    problem, _, remedy = str(error).removesuffix(".").rpartition("; ")
+    return problem, remedy
 
 
 ENVIRONMENT_RULES: tuple[Rule, ...] = (

@@ -81,14 +81,14 @@ def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]
     elif grading.lowest_m is not None:
         lowest, growth = grading.lowest_m, grading.growth
         if lowest > length / count:
-            what = f"{lowest:g} m is longer than equal elements of {length / count:g} m"
-            yield what, "give a shorter one"
+            problem = f"{lowest:g} m is longer than equal elements of {length / count:g} m"
+            yield problem, "give a shorter one"
         elif largest_reach(lowest, growth, count) < length:
             reach = largest_reach(lowest, growth, count)
-            what = (
+            problem = (
                 f"{count} elements from {lowest:g} m growing by {growth:g} reach only {reach:.4g} m"
             )
-            yield what, "give more elements, a larger growth or a longer lowest one"
+            yield problem, "give more elements, a larger growth or a longer lowest one"
     else:
         nodes = [0.0, *(grading.nodes_m or ())]
         if len(nodes) > count:

@@ -122,8 +122,8 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
         if name in presets:
             raise place.refuse("a rope of `by_figures` has this name", "rename one of them")
         if sized.construction not in book.constructions:
-            right = did_you_mean(sized.construction, book.constructions)
-            raise place.refuse(f"there is no construction '{sized.construction}'", right)
+            remedy = did_you_mean(sized.construction, book.constructions)
+            raise place.refuse(f"there is no construction '{sized.construction}'", remedy)
         presets[name] = book.constructions[sized.construction].rope(sized.diameter_m)
     return presets
 
@@ -166,12 +166,12 @@ def _rope_named(name: str) -> Rope | tuple[str, str]:
         low, high = SIZES_MM
         if low <= float(size[2]) <= high:
             return constructions[size[1]].rope(float(size[2]) / 1e3)
-        what = f"{size[2]} mm is out of the range of figures by diameter, {low:g} to {high:g} mm"
-        return what, "give the rope by its properties"
+        problem = f"{size[2]} mm is out of the range of figures by diameter, {low:g} to {high:g} mm"
+        return problem, "give the rope by its properties"
     sized = f"{', '.join(sorted(constructions))} by diameter, such as steel_wire_52mm"
-    right = f"give another one by its properties, one of {sized}, or one of: "
-    what = f"no preset of config/ropes.yaml is named '{name}'"
-    return what, right + ", ".join(sorted(presets))
+    remedy = f"give another one by its properties, one of {sized}, or one of: "
+    problem = f"no preset of config/ropes.yaml is named '{name}'"
+    return problem, remedy + ", ".join(sorted(presets))
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
@@ -187,8 +187,8 @@ def load_scene(name_or_path: str | Path) -> Scene:
     tree, data = read_document(path, errors)
     if isinstance(tree.value, dict) and "scene" in tree.value:  # the key that names their scene
         command = "plan" if "phases" in tree.value else "study"
-        right = f"run `rope_twin {command}` with it, or give the scene that it names"
-        raise Place(path).refuse(f"this is the file of a {command}, not a scene", right)
+        remedy = f"run `rope_twin {command}` with it, or give the scene that it names"
+        raise Place(path).refuse(f"this is the file of a {command}, not a scene", remedy)
     with errors:
         scene: Scene = read_object(
             Scene,
@@ -205,12 +205,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
             digest=hashlib.sha256(data).hexdigest(),
         )
     errors.raise_any()
-    for where, what, right in net_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(what, right))
+    for where, what, remedy in net_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(what, remedy))
     errors.raise_any()
     scene = with_nets(scene) if scene.nets else scene
-    for where, what, right in independent_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(what, right))
+    for where, what, remedy in independent_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(what, remedy))
     errors.raise_any()
     return _with_files_found(scene)
 
@@ -244,8 +244,8 @@ def _read_rope(item: Item, place: Place) -> Rope:
         rope: Rope = read_object(Rope, item, place)
         return rope
     if not isinstance(item.value, str):
-        right = "give a preset's name or the rope's properties as a mapping"
-        raise place.refuse(f"{kind(item)} is not a rope", right)
+        remedy = "give a preset's name or the rope's properties as a mapping"
+        raise place.refuse(f"{kind(item)} is not a rope", remedy)
     found = _rope_named(item.value)
     if isinstance(found, Rope):
         return found
@@ -404,8 +404,8 @@ def _steps(change: Change, place: Place) -> list[str | int | None]:
         steps.append(name or (None if index == "*" else int(index)))
         at = found.end()
     if at < len(change.path) or not steps or change.path.startswith("."):
-        right = "write it like payloads[0].mass_kg or effects.drag.normal"
-        raise place.refuse(f"'{change.path}' is not a path", right)
+        remedy = "write it like payloads[0].mass_kg or effects.drag.normal"
+        raise place.refuse(f"'{change.path}' is not a path", remedy)
     return steps
 
 
@@ -448,9 +448,9 @@ def _enter_kind(parts: list[Any], steps: list[Any], place: Place) -> tuple[int, 
     kinds = [_KINDS[type(part)] for part in parts]
     step = steps[0] if steps else ""
     if step not in kinds:
-        what = f"the scene has no '{step}' here" if isinstance(step, str) and step else "no name"
-        right = did_you_mean(step, kinds) if step else f"continue with one of {', '.join(kinds)}"
-        raise place.refuse(what, right)
+        problem = f"the scene has no '{step}' here" if isinstance(step, str) and step else "no name"
+        remedy = did_you_mean(step, kinds) if step else f"continue with one of {', '.join(kinds)}"
+        raise place.refuse(problem, remedy)
     return kinds.index(step), steps[1:], place.key(step, 0)
 
 
@@ -473,8 +473,8 @@ def _indices(values: tuple[Any, ...], step: Any, place: Place) -> list[int]:
         return list(range(len(values)))
     if isinstance(step, str) or step >= len(values):
         held = f"[0] to [{len(values) - 1}], or [*] for all" if values else "nothing: it is empty"
-        what = f"'{step}' is not a list index" if isinstance(step, str) else f"no entry [{step}]"
-        raise place.refuse(what, f"the list has {held}")
+        problem = f"'{step}' is not a list index" if isinstance(step, str) else f"no entry [{step}]"
+        raise place.refuse(problem, f"the list has {held}")
     return [step]
 
 

@@ -90,8 +90,8 @@ def read_load_chart(path: str | Path) -> LoadChart:
         raise InputError(where, f"it is not JSON ({error})", REMAKE) from error
     if not isinstance(found, dict) or found.get("format") != FORMAT:
         held = found.get("format") if isinstance(found, dict) else None
-        what = f"a load chart of format {held}, this version reads {FORMAT}"
-        raise InputError(where, what, REMAKE)
+        problem = f"a load chart of format {held}, this version reads {FORMAT}"
+        raise InputError(where, problem, REMAKE)
     try:
         periods, headings = _axis(found["tp_s"]), _axis(found["heading_deg"])
         phases = {str(name): _phase(own, len(periods), len(headings))

@@ -64,22 +64,22 @@ def net_faults(scene: Scene) -> Iterator[Fault]:
         path = f"nets[{number}]"
         fault = mesh_fault(net.law, meshed_solidity(net.twine_m, net.bar_m), net.twine_m, net.bar_m)
         if fault is not None:
-            what, _, right = fault.partition("; ")
-            yield path, what, right
+            problem, _, remedy = fault.partition("; ")
+            yield path, problem, remedy
         if net.from_m >= net.to_m:
             yield path, f"from {net.from_m:g} m up to {net.to_m:g} m", "give from_m below to_m"
         if len(set(net.between)) < max(len(net.between), 2):
             yield f"{path}.between", "it names no two different ropes", "name each once, at least 2"
         for name in net.between:
-            for key, what, right in _rope_faults(scene, net, name):
-                yield f"{path}.{key}", what, right
-        for key, what, right in _meeting_faults(net, scene.nets[:number]):
-            yield f"{path}.{key}", what, right
+            for key, problem, remedy in _rope_faults(scene, net, name):
+                yield f"{path}.{key}", problem, remedy
+        for key, problem, remedy in _meeting_faults(net, scene.nets[:number]):
+            yield f"{path}.{key}", problem, remedy
     if scene.nets:
         yield from line_out_faults(scene)
 
 
-_Reason = tuple[str, str, str]  # key of the net, what, and what would be right
+_Reason = tuple[str, str, str]  # key of the net, problem, remedy
 
 
 def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]:
@@ -89,8 +89,8 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]
         return
     line = scene.ropes[names.index(name)]
     if net.to_m >= line.length_m:
-        right = "let some rope be left above the net"
-        yield "to_m", f"the net reaches {net.to_m:g} m up '{name}' of {line.length_m:g} m", right
+        remedy = "let some rope be left above the net"
+        yield "to_m", f"the net reaches {net.to_m:g} m up '{name}' of {line.length_m:g} m", remedy
     if line.rope is None or line.grading is not None:
         yield (
             "between",
@@ -99,14 +99,14 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]
         )
     winch = winch_of(scene, line)
     if winch is not None and winch.follows == FOLLOWS_MEASURED:
-        what = f"the winch of '{name}' follows a measured line out, which no net divides"
-        yield "between", what, "let it follow commands, or name another rope"
+        problem = f"the winch of '{name}' follows a measured line out, which no net divides"
+        yield "between", problem, "let it follow commands, or name another rope"
     elif winch is not None and winch.least_line_out_m < net.to_m + LEFT_M:
-        what = (
+        problem = (
             f"the net reaches {net.to_m:g} m up '{name}', of which its winch may leave no more "
             f"than {winch.least_line_out_m:g} m out"
         )
-        yield "to_m", what, f"raise least_line_out_m to {net.to_m + LEFT_M:g} m at least"
+        yield "to_m", problem, f"raise least_line_out_m to {net.to_m + LEFT_M:g} m at least"
     if any(line.to == sheave.name for sheave in scene.sheaves):
         yield "between", f"'{name}' runs over a sheave, which no net passes", "name another rope"
     if line.fixed_at_m is not None and net.from_m == 0.0:
@@ -120,15 +120,17 @@ def _meeting_faults(net: FlexibleNet, before: Sequence[FlexibleNet]) -> Iterator
         beside = {frozenset(pair) for pair in pairwise(net.between)}
         over = net.from_m < other.to_m - SAME_M and other.from_m < net.to_m - SAME_M
         if over and beside & {frozenset(pair) for pair in pairwise(other.between)}:
-            what = f"it and '{other.name}' hang between the same ropes at the same height"
-            yield "between", what, "give them different heights, or one net"
+            problem = f"it and '{other.name}' hang between the same ropes at the same height"
+            yield "between", problem, "give them different heights, or one net"
             continue
         for at in _heights(net) if shared else ():
             off = min((abs(at - own), own) for own in _heights(other))
             if SAME_M < off[0] < APART_M:
-                what = f"on '{shared[0]}' a level at {at:g} m is close to one of '{other.name}' at "
-                right = f"let them meet there, or keep {APART_M:g} m apart"
-                yield "from_m", f"{what}{off[1]:g} m", right
+                problem = (
+                    f"on '{shared[0]}' a level at {at:g} m is close to one of '{other.name}' at "
+                )
+                remedy = f"let them meet there, or keep {APART_M:g} m apart"
+                yield "from_m", f"{problem}{off[1]:g} m", remedy
                 break
 
 

@@ -89,9 +89,9 @@ class Place:
         path = f", {self.path}" if self.path else ""
         return f"{self.file}{line}{path}"
 
-    def refuse(self, what: str, right: str) -> SceneError:
+    def refuse(self, problem: str, remedy: str) -> SceneError:
         """Return the error to raise: place, fault and remedy, always on one line."""
-        sentence = phrase(str(self), what, right).replace("?.", "?")
+        sentence = phrase(str(self), problem, remedy).replace("?.", "?")
         return SceneError(" ".join(sentence.split()), line=self.line)
 
 
@@ -107,8 +107,8 @@ class _Loader(yaml.SafeLoader):
         if getattr(event, "tag", None) is not None:
             raise _refusal(f"the tag {shown(event.tag)} is not supported", "remove it", event)
         if self.depth >= DEEPEST_NESTING:
-            what = f"more than {DEEPEST_NESTING} levels of nesting"
-            raise _refusal(what, "follow the structure of the scenes in config/scenes", event)
+            problem = f"more than {DEEPEST_NESTING} levels of nesting"
+            raise _refusal(problem, "follow the structure of the scenes in config/scenes", event)
         self.depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
@@ -128,8 +128,8 @@ def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, 
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        what = f"byte {error.start} is not UTF-8 text"
-        raise place.refuse(what, "give a YAML file, saved as UTF-8") from None
+        problem = f"byte {error.start} is not UTF-8 text"
+        raise place.refuse(problem, "give a YAML file, saved as UTF-8") from None
     node = _compose(text, place)
     if node is None:
         raise place.refuse("the file is empty", "give a mapping, as in config/scenes")
@@ -164,8 +164,8 @@ def kind(item: Item) -> str:
 def _read_bytes(place: Place) -> bytes:
     """Return the file's bytes; reject anything but an ordinary file of limited size."""
     if not place.file.is_file():
-        what = "it is a folder" if place.file.is_dir() else "there is no such file"
-        raise place.refuse(what, "give the path of a YAML file")
+        problem = "it is a folder" if place.file.is_dir() else "there is no such file"
+        raise place.refuse(problem, "give the path of a YAML file")
     try:
         with place.file.open("rb") as stream:
             data = stream.read(LARGEST_FILE_BYTES + 1)
@@ -174,14 +174,14 @@ def _read_bytes(place: Place) -> bytes:
             f"it cannot be read ({error.strerror})", "check the file's permissions"
         ) from error
     if len(data) > LARGEST_FILE_BYTES:
-        what = f"it is larger than {LARGEST_FILE_BYTES // 1000} kB"
-        raise place.refuse(what, "give a scene, not a recording")
+        problem = f"it is larger than {LARGEST_FILE_BYTES // 1000} kB"
+        raise place.refuse(problem, "give a scene, not a recording")
     return data
 
 
 def _compose(text: str, place: Place) -> yaml.Node | None:
     """Return PyYAML's node tree; its errors become SceneErrors."""
-    right = "check indentation, colons, quotes and brackets there"
+    remedy = "check indentation, colons, quotes and brackets there"
     try:
         loader = _Loader(text)
         try:
@@ -189,12 +189,12 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
         finally:
             loader.dispose()
     except _Refusal as refusal:
-        raise Place(place.file, "", refusal.line).refuse(refusal.what, refusal.right) from None
+        raise Place(place.file, "", refusal.line).refuse(refusal.problem, refusal.remedy) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         at = Place(place.file, "", mark.line + 1 if mark else 0)
         reason = ", ".join(words for words in (error.context, error.problem) if words)
-        raise at.refuse(f"it is not YAML ({reason})", right) from error
+        raise at.refuse(f"it is not YAML ({reason})", remedy) from error
     except yaml.YAMLError as error:
         reason = getattr(error, "reason", "unreadable characters")
         raise place.refuse(f"it is not YAML ({reason})", "give a YAML text file") from error
@@ -204,13 +204,13 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
 class _Refusal(Exception):
     """Rejection by the composer, to become a SceneError."""
 
-    def __init__(self, what: str, right: str, line: int) -> None:
-        super().__init__(what)
-        self.what, self.right, self.line = what, right, line
+    def __init__(self, problem: str, remedy: str, line: int) -> None:
+        super().__init__(problem)
+        self.problem, self.remedy, self.line = problem, remedy, line
 
 
-def _refusal(what: str, right: str, event: yaml.Event) -> _Refusal:
-    return _Refusal(what, right, _line(event))
+def _refusal(problem: str, remedy: str, event: yaml.Event) -> _Refusal:
+    return _Refusal(problem, remedy, _line(event))
 
 
 def _convert(node: yaml.Node, place: Place, errors: SceneErrors, line: int = 0) -> Item:
@@ -244,8 +244,8 @@ def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterato
         name = key_node.value
         at = place.key(name, line)
         if name in lines:
-            what = f"the key {shown(name)} is given a second time (first in line {lines[name]})"
-            errors.add(at.refuse(what, "keep one of them"))
+            problem = f"the key {shown(name)} is given a second time (first in line {lines[name]})"
+            errors.add(at.refuse(problem, "keep one of them"))
             continue
         lines[name] = line
         yield name, _convert(value_node, at, errors, line)
@@ -312,8 +312,8 @@ def read_object(
     missing = [field for field in missing if f"did you mean '{key_of(field)}'?" not in unknown]
     if missing:
         names = ", ".join(field.name for field in missing)
-        right = f"add {missing[0].name} ({_meaning(missing[0])})"
-        errors.add(place.refuse(f"{names} missing", right))
+        remedy = f"add {missing[0].name} ({_meaning(missing[0])})"
+        errors.add(place.refuse(f"{names} missing", remedy))
     values = dict(given)
     for name, child in mapping.items():
         if name not in fields:
@@ -329,8 +329,8 @@ def read_object(
     made = cls(**values)
     complaint = made.check() if hasattr(made, "check") else None
     if complaint:
-        what, _, right = complaint.partition("; ")
-        raise place.refuse(what, right.rstrip(".") or "see the scenes in config/scenes")
+        problem, _, remedy = complaint.partition("; ")
+        raise place.refuse(problem, remedy.rstrip(".") or "see the scenes in config/scenes")
     return made
 
 
@@ -340,8 +340,8 @@ _hints_of = cache(get_type_hints)  # evaluating annotations takes longer than re
 def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
     """Return the pairs of a mapping."""
     if not isinstance(item.value, dict):
-        right = f"give a mapping with {', '.join(known)}" if known else "give an empty mapping {}"
-        raise place.refuse(f"{kind(item)} instead of a mapping", right)
+        remedy = f"give a mapping with {', '.join(known)}" if known else "give an empty mapping {}"
+        raise place.refuse(f"{kind(item)} instead of a mapping", remedy)
     return item.value
 
 
@@ -356,12 +356,12 @@ def _refuse_unknown(
     said = set()
     for name, child in mapping.items():
         if name not in known:
-            right = did_you_mean(name, known) if known else "remove it, no keys are allowed here"
+            remedy = did_you_mean(name, known) if known else "remove it, no keys are allowed here"
             homes = [key for key, field in known.items() if name in _keys_of(hints[field.name])]
             if homes:
-                right = f"it belongs to `{homes[0]}`, as `{homes[0]}: {{{name}: ...}}`"
-            errors.add(place.key(name, child.line).refuse("unknown key", right))
-            said.add(right)
+                remedy = f"it belongs to `{homes[0]}`, as `{homes[0]}: {{{name}: ...}}`"
+            errors.add(place.key(name, child.line).refuse("unknown key", remedy))
+            said.add(remedy)
     return said
 
 
@@ -379,8 +379,10 @@ def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[s
     if isinstance(mapping, str) and mapping in choices:
         raise place.refuse(f"{shown(mapping)} alone", f"write it as `{mapping}: {{}}`")
     if not isinstance(mapping, dict) or len(mapping) != 1:
-        what = f"{len(mapping)} keys" if isinstance(mapping, dict) else kind(item)
-        raise place.refuse(f"{what} instead of one key", f"give one of {names}, as `name: {{...}}`")
+        problem = f"{len(mapping)} keys" if isinstance(mapping, dict) else kind(item)
+        raise place.refuse(
+            f"{problem} instead of one key", f"give one of {names}, as `name: {{...}}`"
+        )
     (name, child), *_ = mapping.items()
     at = place.key(name, child.line)
     if name not in choices:
@@ -445,8 +447,8 @@ def _read_list(
     if hints[-1] is Ellipsis:
         hints = hints[:1] * len(item.value)
     if len(item.value) != len(hints):
-        what = f"{len(item.value)} values in the list"
-        raise place.refuse(what, f"give {len(hints)} ({meaning})")
+        problem = f"{len(item.value)} values in the list"
+        raise place.refuse(problem, f"give {len(hints)} ({meaning})")
     errors, found = SceneErrors(), []
     for number, (hint, child) in enumerate(zip(hints, item.value, strict=True)):
         with errors:
@@ -479,8 +481,8 @@ def _read_text(item: Item, place: Place, meaning: str) -> str:
     if item.doubt:
         raise place.refuse(f"{shown(item.value)} {item.doubt}", "put it in quotes")
     if not isinstance(item.value, str):
-        right = "put it in quotes" if not isinstance(item.value, dict | list) else "give words"
-        raise place.refuse(f"{kind(item)} is not text", f"{right} ({meaning})")
+        remedy = "put it in quotes" if not isinstance(item.value, dict | list) else "give words"
+        raise place.refuse(f"{kind(item)} is not text", f"{remedy} ({meaning})")
     return " ".join(item.value.split())
 
 
@@ -493,18 +495,18 @@ def _read_number(
         raise place.refuse(f"{shown(number)} {item.doubt}", f"give a plain number ({meaning})")
     if isinstance(number, bool) or not isinstance(number, int | float):
         quoted = isinstance(number, str) and _numeric(number)
-        right = "write it without quotes" if quoted else "give a number"
-        raise place.refuse(f"{kind(item)} is not a number", f"{right} ({meaning})")
+        remedy = "write it without quotes" if quoted else "give a number"
+        raise place.refuse(f"{kind(item)} is not a number", f"{remedy} ({meaning})")
     if hint is int and not isinstance(number, int):
         raise place.refuse(f"{number!r} is not a whole number", f"give one ({meaning})")
     quantity = field.metadata.get("quantity") or Quantity("", "")
     if not quantity.admits(number):
         unit = f" {quantity.unit}" if quantity.unit else ""
         fault = "is out of range" if math.isfinite(number) else "is not finite"
-        right = (
+        remedy = (
             f"{quantity.range_text()} ({quantity.about})" if quantity.about else "a finite number"
         )
-        raise place.refuse(f"{number:g}{unit} {fault}", f"give {right}")
+        raise place.refuse(f"{number:g}{unit} {fault}", f"give {remedy}")
     return hint(number)  # type: ignore[no-any-return]
 
 

@@ -76,8 +76,8 @@ def _names(scene: Scene) -> Iterator[Fault]:
             if not name:
                 yield f"{key}[{number}].name", "the name is empty", "give it a name"
             if counts[name] > 1:
-                what = f"{counts[name]} {key} are named '{name}'"
-                yield f"{key}[{number}].name", what, "give each its own name"
+                problem = f"{counts[name]} {key} are named '{name}'"
+                yield f"{key}[{number}].name", problem, "give each its own name"
 
 
 def _payload_figures(scene: Scene) -> Iterator[Fault]:
@@ -89,19 +89,19 @@ def _payload_figures(scene: Scene) -> Iterator[Fault]:
         }
         missing = [name for name, value in given.items() if value is None]
         if payload.shape is None and missing:
-            what = f"without a shape {', '.join(missing)} cannot be known"
-            yield f"payloads[{number}]", what, "add a shape, or these keys"
+            problem = f"without a shape {', '.join(missing)} cannot be known"
+            yield f"payloads[{number}]", problem, "add a shape, or these keys"
 
 
 def _one_of_rope_and_sections(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         path = f"ropes[{number}]"
         if line.rope is not None and line.sections:
-            right = "keep `rope` (all of one kind) or `sections` (several, from the lower end up)"
-            yield path, "both `rope` and `sections` are given", right
+            remedy = "keep `rope` (all of one kind) or `sections` (several, from the lower end up)"
+            yield path, "both `rope` and `sections` are given", remedy
         elif line.rope is None and not line.sections:
-            right = "add `rope` (a preset's name or figures), or `sections`"
-            yield path, "its material is not given", right
+            remedy = "add `rope` (a preset's name or figures), or `sections`"
+            yield path, "its material is not given", remedy
 
 
 def _section_lengths(scene: Scene) -> Iterator[Fault]:
@@ -109,8 +109,8 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
         path = f"ropes[{number}].sections"
         for k, section in enumerate(line.sections[:-1]):
             if section.length_m is None:
-                what = "only the topmost section may have no length"
-                yield f"{path}[{k}]", what, "add length_m"
+                problem = "only the topmost section may have no length"
+                yield f"{path}[{k}]", problem, "add length_m"
                 return
         lengths = [section.length_m for section in line.sections]
         winch = winch_of(scene, line)
@@ -118,13 +118,13 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
         if lengths and lengths[-1] is not None:
             total = sum(length or 0.0 for length in lengths)
             if total < needed:
-                what = f"the sections are {total:g} m long in total, for {needed:g} m of rope"
-                right = "lengthen one, or remove length_m of the topmost one: it is then unlimited"
-                yield path, what, right
+                problem = f"the sections are {total:g} m long in total, for {needed:g} m of rope"
+                remedy = "lengthen one, or remove length_m of the topmost one: it is then unlimited"
+                yield path, problem, remedy
         out = sum(end < line.length_m for end in ends_m(line)) + 1
         if out > line.elements:
-            what = f"{line.elements} elements for {out} sections that are out"
-            yield f"ropes[{number}].elements", what, f"give at least {out}"
+            problem = f"{line.elements} elements for {out} sections that are out"
+            yield f"ropes[{number}].elements", problem, f"give at least {out}"
 
 
 def _own_drag(scene: Scene) -> Iterator[Fault]:
@@ -134,11 +134,11 @@ def _own_drag(scene: Scene) -> Iterator[Fault]:
             for name in ("normal", "tangential"):
                 own = getattr(section.rope, f"drag_{name}", None)
                 if own is not None and getattr(drag, name) == 0.0:
-                    what = (
+                    problem = (
                         f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
                     )
-                    right = "give the scene's coefficient a value, or remove the rope's own"
-                    yield f"ropes[{number}]", what, right
+                    remedy = "give the scene's coefficient a value, or remove the rope's own"
+                    yield f"ropes[{number}]", problem, remedy
 
 
 def _grading(scene: Scene) -> Iterator[Fault]:
@@ -150,8 +150,8 @@ def _grading(scene: Scene) -> Iterator[Fault]:
             yield from ((path, *words) for words in grading_faults(line, line.grading))
             lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
             if least is not None and lowest >= least:
-                what = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
-                yield path, what, "shorten it, or raise least_line_out_m"
+                problem = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
+                yield path, problem, "shorten it, or raise least_line_out_m"
 
 
 def _damping(scene: Scene) -> Iterator[Fault]:
@@ -159,8 +159,8 @@ def _damping(scene: Scene) -> Iterator[Fault]:
         given = [value for value in dataclasses.astuple(line.damping) if value is not None]
         if len(given) != 1:
             what = ("no damping is", "", "two dampings are", "three dampings are")[len(given)]
-            right = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
-            yield f"ropes[{number}].damping", f"{what} given", right
+            remedy = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
+            yield f"ropes[{number}].damping", f"{what} given", remedy
 
 
 _NEEDED = (  # effect, another that it cannot be without, why, and how to list that
@@ -177,24 +177,24 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", "`payload` is listed but no payload is", "add `payloads`, or remove it"
     shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
     if len(shedding) > 1:
-        what = f"{' and '.join(shedding)} are models of the same vortex shedding"
-        yield "effects", what, "keep one of them"
-    for name, needed, what, right in _NEEDED:
+        problem = f"{' and '.join(shedding)} are models of the same vortex shedding"
+        yield "effects", problem, "keep one of them"
+    for name, needed, problem, right in _NEEDED:
         if name in listed and needed not in listed:
-            yield "effects", f"`{name}` {what}", f"add `- {needed}: {right}`"
+            yield "effects", f"`{name}` {problem}", f"add `- {needed}: {right}`"
     if ramp := scene.listed(FluidRampParams):
         yield from _ramped(scene, ramp, listed)
     drag = scene.listed(DragParams)
     if drag is not None and drag.over_keulegan_carpenter:
         beside = [name for name in ("wetting", "depth_profiles") if name in listed] + shedding
         if beside:
-            what = (
+            problem = (
                 f"over_keulegan_carpenter of `drag` and `{beside[0]}` both change the rope's drag"
             )
-            yield "effects", what, "keep one of them"
+            yield "effects", problem, "keep one of them"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
-        what = "`splash_zone` corrects the loads of `payload`, which is not listed"
-        yield "effects", what, "add `- payload: {}`"
+        problem = "`splash_zone` corrects the loads of `payload`, which is not listed"
+        yield "effects", problem, "add `- payload: {}`"
 
 
 def _depth_profiles(scene: Scene) -> Iterator[Fault]:
@@ -207,45 +207,47 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
     where, drag, rho = "effects", scene.listed(DragParams), params.density_kg_per_m3
     own = scene.environment.water_density_kg_per_m3
     if shedding_model(scene):
-        what = f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
-        yield where, what, "keep one of them"
+        problem = (
+            f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
+        )
+        yield where, problem, "keep one of them"
     if params.drag_factor and drag is None:
-        what = "`depth_profiles` scales the coefficients of `drag`, which is not listed"
-        yield where, what, "add `- drag: {...}`, or remove drag_factor"
+        problem = "`depth_profiles` scales the coefficients of `drag`, which is not listed"
+        yield where, problem, "add `- drag: {...}`, or remove drag_factor"
     elif params.drag_factor and drag is not None and drag.over_reynolds:
-        what = "`depth_profiles` and `drag` both have a factor on the drag coefficient"
-        yield where, what, "remove drag_factor or over_reynolds"
+        problem = "`depth_profiles` and `drag` both have a factor on the drag coefficient"
+        yield where, problem, "remove drag_factor or over_reynolds"
     if not rho:
         return
     if "weight" not in listed:
-        what = "`depth_profiles` corrects the buoyancy of `weight`, which is not listed"
-        yield where, what, "add `- weight: {}`, or remove density_kg_per_m3"
+        problem = "`depth_profiles` corrects the buoyancy of `weight`, which is not listed"
+        yield where, problem, "add `- weight: {}`, or remove density_kg_per_m3"
     for name in ("rigid_body", "net", "net_curtain", "fairing"):
         if name in listed:
-            what = f"the water of `{name}` has one density, and `depth_profiles` another"
-            yield where, what, f"remove density_kg_per_m3 or `{name}`"
+            problem = f"the water of `{name}` has one density, and `depth_profiles` another"
+            yield where, problem, f"remove density_kg_per_m3 or `{name}`"
     if own <= 0.0:
-        what = "a density over depth is relative to the scene's water, and there is none"
-        yield where, what, "give environment.water_density_kg_per_m3 above 0"
+        problem = "a density over depth is relative to the scene's water, and there is none"
+        yield where, problem, "give environment.water_density_kg_per_m3 above 0"
     elif "splash_zone" in listed and abs(rho[0][1] - own) > SAME_WATER_KG_PER_M3:
-        what = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
-        yield where, what, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
+        problem = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
+        yield where, problem, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
 
 
 def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
     """Check that a fluid ramp finds all that it scales, and nothing that it cannot scale."""
     beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
     for name in (*beside, *({"rigid_body", "payload_oscillation"} & set(listed))):
-        what = f"`fluid_ramp` does not scale the forces of `{name}`"
-        yield "effects", what, "remove one of them, or use `over_time` of `current`"
+        problem = f"`fluid_ramp` does not scale the forces of `{name}`"
+        yield "effects", problem, "remove one of them, or use `over_time` of `current`"
     if ramp.vortices and not shedding_model(scene) and "payload_shedding" not in listed:
-        what = "`fluid_ramp` scales the forces of vortices, and no VIV model is listed"
-        yield "effects", what, "remove `vortices`, or list a VIV model or `payload_shedding`"
+        problem = "`fluid_ramp` scales the forces of vortices, and no VIV model is listed"
+        yield "effects", problem, "remove `vortices`, or list a VIV model or `payload_shedding`"
     if ramp.fairings and not (
         "fairing" in listed or any(payload.fairing for payload in scene.payloads)
     ):
-        what = "`fluid_ramp` scales the drag of fairings, and no fairing is listed"
-        yield "effects", what, "remove `fairings`, or add `- fairing: {face_m2: ...}`"
+        problem = "`fluid_ramp` scales the drag of fairings, and no fairing is listed"
+        yield "effects", problem, "remove `fairings`, or add `- fairing: {face_m2: ...}`"
 
 
 def _compensator(scene: Scene) -> Iterator[Fault]:
@@ -254,33 +256,43 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
         return
     line = scene.ropes[0]
     if is_joined(scene):
-        what = "`compensator` is at the lower end of a single rope, and this scene has more"
-        yield "effects", what, "remove it, or the other ropes and connections"
+        problem = "`compensator` is at the lower end of a single rope, and this scene has more"
+        yield "effects", problem, "remove it, or the other ropes and connections"
         return
     if len(line.made_of) < 2:
-        right = "give `sections`: first its length_m retracted with its mass, then the rope"
-        yield "ropes[0].rope", "`compensator` is the rope's lowest section, and it has one", right
+        remedy = "give `sections`: first its length_m retracted with its mass, then the rope"
+        yield "ropes[0].rope", "`compensator` is the rope's lowest section, and it has one", remedy
         return
     if line.fixed_at_m is not None:
-        right = "give the rope a payload, or remove it"
-        yield "ropes[0].fixed_at_m", "`compensator` carries a payload, and this end is fixed", right
+        remedy = "give the rope a payload, or remove it"
+        yield (
+            "ropes[0].fixed_at_m",
+            "`compensator` carries a payload, and this end is fixed",
+            remedy,
+        )
     unit_m = line.made_of[0].length_m or 0.0
     least_m = scene.winch.least_line_out_m if scene.winch else 2.0 * unit_m
     if least_m < 2.0 * unit_m:
-        what = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
-        yield "winch.least_line_out_m", what, f"give at least twice its length, {2.0 * unit_m:g} m"
+        problem = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
+        yield (
+            "winch.least_line_out_m",
+            problem,
+            f"give at least twice its length, {2.0 * unit_m:g} m",
+        )
     names = {effect.params: effect for effect in EFFECTS}
     for own in (names[type(params)] for params in scene.effects):
         if own.sheds or own.name == "bending":
-            what = f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
-            yield "effects", what, f"remove `{own.name}` or `compensator`"
+            problem = (
+                f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
+            )
+            yield "effects", problem, f"remove `{own.name}` or `compensator`"
 
 
 def _hull_contact(scene: Scene) -> Iterator[Fault]:
     """Boxes that move with the hang-off are for a rope that begins there."""
     if scene.listed(HullContactParams) is not None and is_joined(scene):
-        what = "`hull_contact` moves with the hang-off of a single rope, and this scene has more"
-        yield "effects", what, "remove it, or the other ropes and connections"
+        problem = "`hull_contact` moves with the hang-off of a single rope, and this scene has more"
+        yield "effects", problem, "remove it, or the other ropes and connections"
 
 
 def _line_contact(scene: Scene) -> Iterator[Fault]:
@@ -288,8 +300,8 @@ def _line_contact(scene: Scene) -> Iterator[Fault]:
     if scene.listed(LineContactParams) is None:
         return
     if len(scene.ropes) < 2:
-        what = "`line_contact` acts between ropes, and this scene has one"
-        yield "effects", what, "remove it, or add ropes"
+        problem = "`line_contact` acts between ropes, and this scene has one"
+        yield "effects", problem, "remove it, or add ropes"
 
 
 def _payload_contact(scene: Scene) -> Iterator[Fault]:
@@ -298,18 +310,18 @@ def _payload_contact(scene: Scene) -> Iterator[Fault]:
     if own is None:
         return
     if not is_joined(scene):
-        what = "`payload_contact` acts between payloads and joints, and this scene has one"
-        yield "effects", what, "remove it, or add payloads on ropes of their own"
+        problem = "`payload_contact` acts between payloads and joints, and this scene has one"
+        yield "effects", problem, "remove it, or add payloads on ropes of their own"
         return
     names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
     for number, body in enumerate(own.bodies):
         path = f"effects.payload_contact.bodies[{number}].name"
         if body.name not in names:
-            right = did_you_mean(body.name, names)
-            yield path, f"there is no payload or joint '{body.name}'", right
+            remedy = did_you_mean(body.name, names)
+            yield path, f"there is no payload or joint '{body.name}'", remedy
         elif body.name == body_payload(scene):
-            what = f"'{body.name}' is a rigid body, and its contact is not modelled"
-            yield path, what, "remove it, or use `payload` instead of `rigid_body`"
+            problem = f"'{body.name}' is a rigid body, and its contact is not modelled"
+            yield path, problem, "remove it, or use `payload` instead of `rigid_body`"
 
 
 def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
@@ -318,19 +330,19 @@ def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
         return
     profiles = scene.listed(DepthProfilesParams)
     if scene.listed(PayloadParams) is None:
-        what = "`payload_oscillation` corrects the loads of `payload`, which is not listed"
-        yield "effects", what, "add `- payload: {}`"
+        problem = "`payload_oscillation` corrects the loads of `payload`, which is not listed"
+        yield "effects", problem, "add `- payload: {}`"
     for name, params in (("splash_zone", SplashZoneParams), ("rigid_body", RigidBodyParams)):
         if scene.listed(params) is not None:
-            what = f"`payload_oscillation` and `{name}` both change the figures of `payload`"
-            yield "effects", what, "keep one of them"
+            problem = f"`payload_oscillation` and `{name}` both change the figures of `payload`"
+            yield "effects", problem, "keep one of them"
     if profiles is not None and profiles.density_kg_per_m3:
-        what = "`payload_oscillation` knows one density of water, `depth_profiles` another"
-        yield "effects", what, "remove density_kg_per_m3, or one of them"
+        problem = "`payload_oscillation` knows one density of water, `depth_profiles` another"
+        yield "effects", problem, "remove density_kg_per_m3, or one of them"
     for number, payload in enumerate(scene.payloads):
         if payload_figures(payload, 1.0).differs_rising:
-            what = "its figures differ in ascent, and `payload_oscillation` has others by KC"
-            yield f"payloads[{number}]", what, "remove `rising`, or `payload_oscillation`"
+            problem = "its figures differ in ascent, and `payload_oscillation` has others by KC"
+            yield f"payloads[{number}]", problem, "remove `rising`, or `payload_oscillation`"
 
 
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
@@ -340,9 +352,9 @@ def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
     if own is None or own.drag is not None or drag is None:
         return
     if drag.over_reynolds or not drag.relative:
-        what = f"`{model}` amplifies one drag coefficient, and `drag` has no constant one"
-        right = f"give `{model}` a `drag` of its own, or remove over_reynolds and relative"
-        yield "effects", what, right
+        problem = f"`{model}` amplifies one drag coefficient, and `drag` has no constant one"
+        remedy = f"give `{model}` a `drag` of its own, or remove over_reynolds and relative"
+        yield "effects", problem, remedy
 
 
 SAME_WATER_KG_PER_M3 = 0.01
@@ -359,8 +371,8 @@ def _own_at_payload(scene: Scene) -> Iterator[Fault]:
             if scene.listed(params) is None:
                 yield path, f"the effect `{name}` is not listed", "list it, or remove this"
             elif not is_joined(scene):
-                right = f"give the values to the effect `{name}`"
-                yield path, "this is the only payload", right
+                remedy = f"give the values to the effect `{name}`"
+                yield path, "this is the only payload", remedy
 
 
 def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
@@ -372,9 +384,9 @@ def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
             continue
         speeds = own.tow_speed_m_per_s, listed.tow_speed_m_per_s
         if speeds.count(None) == 1:
-            what = "of this fairing and the effect's one has a tow speed and one has not"
-            right = "give both a tow_speed_m_per_s, or neither"
-            yield f"payloads[{number}].fairing", what, right
+            problem = "of this fairing and the effect's one has a tow speed and one has not"
+            remedy = "give both a tow_speed_m_per_s, or neither"
+            yield f"payloads[{number}].fairing", problem, remedy
 
 
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
@@ -386,11 +398,14 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
         if name is None:
             continue
         if not names:
-            what = f"`{name}` is at the payload, and there is none"
-            yield "effects", what, "give the rope a payload, or remove it"
+            problem = f"`{name}` is at the payload, and there is none"
+            yield "effects", problem, "give the rope a payload, or remove it"
         elif own.payload and own.payload not in names:
-            what, right = f"there is no payload '{own.payload}'", did_you_mean(own.payload, names)
-            yield f"effects.{name}.payload", what, right
+            problem, remedy = (
+                f"there is no payload '{own.payload}'",
+                did_you_mean(own.payload, names),
+            )
+            yield f"effects.{name}.payload", problem, remedy
 
 
 def _shedding_payload(scene: Scene) -> Iterator[Fault]:
@@ -402,11 +417,11 @@ def _shedding_payload(scene: Scene) -> Iterator[Fault]:
     if body is None and own.area_m2 is None:
         yield path, "it is missing", "give the projected area of the payload across the flow"
     elif body is not None and own.area_m2 is not None:
-        what = "the projected area of a rigid body follows from its size"
-        yield path, what, "remove it, or use `payload` instead of `rigid_body`"
+        problem = "the projected area of a rigid body follows from its size"
+        yield path, problem, "remove it, or use `payload` instead of `rigid_body`"
     elif body is not None and own.payload not in ("", body):
-        what = f"beside a rigid body only that sheds vortices, '{body}'"
-        yield "effects.payload_shedding.payload", what, "remove it"
+        problem = f"beside a rigid body only that sheds vortices, '{body}'"
+        yield "effects.payload_shedding.payload", problem, "remove it"
 
 
 def _two_ways(scene: Scene) -> Iterator[Fault]:
@@ -416,24 +431,24 @@ def _two_ways(scene: Scene) -> Iterator[Fault]:
     for number, payload in enumerate(scene.payloads):
         if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
             continue
-        what = f"'{payload.name}' has different properties in ascent and descent"
-        right = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
-        yield f"payloads[{number}]", what, right
+        problem = f"'{payload.name}' has different properties in ascent and descent"
+        remedy = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
+        yield f"payloads[{number}]", problem, remedy
 
 
 def _limits(scene: Scene) -> Iterator[Fault]:
     """Limits refer to a seabed, two lines and a bend radius that the scene has."""
-    for name, what in (("landing_speed_m_per_s", "the scene has no seabed to land on"),
+    for name, problem in (("landing_speed_m_per_s", "the scene has no seabed to land on"),
                        ("bed_clearance_m", "the scene has no seabed")):  # fmt: skip
         if getattr(scene.limits, name) is not None and scene.listed(SeabedParams) is None:
-            yield f"limits.{name}", what, "add the effect `seabed`, or remove this limit"
+            yield f"limits.{name}", problem, "add the effect `seabed`, or remove this limit"
     if scene.limits.line_clearance_m is not None and len(scene.sheaves) != 1:
-        what = "the scene has no two lines around one sheave"
-        yield "limits.line_clearance_m", what, "add the sheave, or remove this limit"
+        problem = "the scene has no two lines around one sheave"
+        yield "limits.line_clearance_m", problem, "add the sheave, or remove this limit"
     made_of = [section.rope for line in scene.ropes for section in line.made_of]
     if scene.limits.bend_radius and not any(rope.minimum_bend_radius_m for rope in made_of):
-        right = "give a rope its minimum_bend_radius_m, or remove this limit"
-        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", right
+        remedy = "give a rope its minimum_bend_radius_m, or remove this limit"
+        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", remedy
 
 
 RULES: tuple[Rule, ...] = (

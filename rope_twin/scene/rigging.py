@@ -43,8 +43,8 @@ def refuse_joined(scene: Scene) -> None:
         SceneError: the scene is a multi-line system.
     """
     if is_joined(scene):
-        right = "give a scene of one rope, or step this one with `rope_twin run`"
-        raise SceneError(f"{scene.path}: ropes", "ropes meet here", right)
+        remedy = "give a scene of one rope, or step this one with `rope_twin run`"
+        raise SceneError(f"{scene.path}: ropes", "ropes meet here", remedy)
 
 
 def places(scene: Scene) -> dict[str, Triple]:
@@ -100,9 +100,9 @@ def _own_names(scene: Scene) -> Iterator[Fault]:
             if not name and key != "payloads":
                 yield f"{key}[{number}].name", "the name is empty", "give it a name"
             if counts[name] > 1:
-                what = f"'{name}' is the name of another payload, joint or hang-off too"
-                right = "give each a name of its own"
-                yield f"{key}[{number}].name", what, right
+                problem = f"'{name}' is the name of another payload, joint or hang-off too"
+                remedy = "give each a name of its own"
+                yield f"{key}[{number}].name", problem, remedy
 
 
 def _upper_ends(scene: Scene) -> Iterator[Fault]:
@@ -115,17 +115,17 @@ def _upper_ends(scene: Scene) -> Iterator[Fault]:
         elif line.from_ == line.to:
             yield path, f"the rope begins and ends at '{line.to}'", "let it end elsewhere"
         elif number == 0 and line.from_ != WINCH:
-            right = "list the rope from the winch first (`from: winch`, or no `from`)"
+            remedy = "list the rope from the winch first (`from: winch`, or no `from`)"
             if line.from_ in {one.name for one in scene.payloads}:
-                right += "; a float's mooring goes from its anchor, ship.hang_off_m, up `to` it"
-            yield path, f"the first rope comes from '{line.from_}'", right
+                remedy += "; a float's mooring goes from its anchor, ship.hang_off_m, up `to` it"
+            yield path, f"the first rope comes from '{line.from_}'", remedy
         elif winch_of(scene, line) and from_winch[line.from_] > 1:
-            what = f"{from_winch[line.from_]} ropes come from the winch of '{line.from_}'"
-            yield path, what, "give each a winch of its own: add to `hang_offs`"
+            problem = f"{from_winch[line.from_]} ropes come from the winch of '{line.from_}'"
+            yield path, problem, "give each a winch of its own: add to `hang_offs`"
     for number, one in enumerate(scene.hang_offs):
         if not from_winch[one.name]:
-            right = f"give `from: {one.name}` to a rope, or remove the hang-off"
-            yield f"hang_offs[{number}]", f"no rope comes from '{one.name}'", right
+            remedy = f"give `from: {one.name}` to a rope, or remove the hang-off"
+            yield f"hang_offs[{number}]", f"no rope comes from '{one.name}'", remedy
 
 
 def _lower_ends(scene: Scene) -> Iterator[Fault]:
@@ -133,23 +133,23 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         path = f"ropes[{number}]"
         if line.to and line.fixed_at_m:
-            right = "keep `to` (a payload) or `fixed_at_m` (a fixed point)"
-            yield path, "both `to` and `fixed_at_m` are given", right
+            remedy = "keep `to` (a payload) or `fixed_at_m` (a fixed point)"
+            yield path, "both `to` and `fixed_at_m` are given", remedy
         elif not line.to and not line.fixed_at_m:
-            right = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
-            yield path, "its lower end is neither fixed nor loaded", right
+            remedy = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
+            yield path, "its lower end is neither fixed nor loaded", remedy
         elif line.end_motion is not None and not line.fixed_at_m:
-            right = "give `fixed_at_m`, its place at rest, instead of `to`, or no end_motion"
-            yield f"{path}.end_motion", "a payload moves by itself", right
+            remedy = "give `fixed_at_m`, its place at rest, instead of `to`, or no end_motion"
+            yield f"{path}.end_motion", "a payload moves by itself", remedy
         elif line.end_motion is not None and is_joined(scene):
-            what = "the lower end of a single rope can be moved, and this scene has more"
-            yield f"{path}.end_motion", what, "leave it out, or the other ropes and connections"
+            problem = "the lower end of a single rope can be moved, and this scene has more"
+            yield f"{path}.end_motion", problem, "leave it out, or the other ropes and connections"
         elif line.to and line.to not in names:
             if line.to in places(scene):
-                right = "let it end at a payload or a joint: ropes leave the ship by `from`"
+                remedy = "let it end at a payload or a joint: ropes leave the ship by `from`"
             else:
-                right = did_you_mean(line.to, names) if names else "add it under `payloads`"
-            yield f"{path}.to", f"there is no payload '{line.to}'", right
+                remedy = did_you_mean(line.to, names) if names else "add it under `payloads`"
+            yield f"{path}.to", f"there is no payload '{line.to}'", remedy
 
 
 def _held(scene: Scene) -> Iterator[Fault]:
@@ -159,16 +159,16 @@ def _held(scene: Scene) -> Iterator[Fault]:
     ends += Counter(name for strut in scene.struts for name in strut.between)
     for number, payload in enumerate(scene.payloads):
         if not held[payload.name]:
-            right = f"give `to: {payload.name}` to a rope, or remove the payload"
-            yield f"payloads[{number}]", f"no rope holds '{payload.name}'", right
+            remedy = f"give `to: {payload.name}` to a rope, or remove the payload"
+            yield f"payloads[{number}]", f"no rope holds '{payload.name}'", remedy
     for number, joint in enumerate(scene.joints):
         path = f"joints[{number}]"
         if not held[joint.name]:
-            right = f"give `to: {joint.name}` to the rope that holds it"
-            yield path, f"no rope holds '{joint.name}' from above", right
+            remedy = f"give `to: {joint.name}` to the rope that holds it"
+            yield path, f"no rope holds '{joint.name}' from above", remedy
         elif ends[joint.name] == 1 and joint.mass_kg == 0.0:
-            right = "connect another rope there, or hang a payload on it"
-            yield path, f"only one rope ends at '{joint.name}', and it weighs nothing", right
+            remedy = "connect another rope there, or hang a payload on it"
+            yield path, f"only one rope ends at '{joint.name}', and it weighs nothing", remedy
 
 
 def _hanging(scene: Scene) -> Iterator[Fault]:
@@ -183,8 +183,8 @@ def _hanging(scene: Scene) -> Iterator[Fault]:
         reached |= found
     for number, line in enumerate(scene.ropes):
         if line.from_ not in reached:
-            what = f"'{line.name}' is part of a loop or chain without a hang-off"
-            yield f"ropes[{number}]", what, "let one of its ropes come from the winch"
+            problem = f"'{line.name}' is part of a loop or chain without a hang-off"
+            yield f"ropes[{number}]", problem, "let one of its ropes come from the winch"
 
 
 def _struts(scene: Scene) -> Iterator[Fault]:
@@ -195,8 +195,8 @@ def _struts(scene: Scene) -> Iterator[Fault]:
             yield path, f"both ends are at '{one}'", "name two payloads or joints"
         for k, name in enumerate(strut.between):
             if name not in names:
-                right = did_you_mean(name, names) if names else "add it under `joints`"
-                yield f"{path}[{k}]", f"there is no payload or joint '{name}'", right
+                remedy = did_you_mean(name, names) if names else "add it under `joints`"
+                yield f"{path}[{k}]", f"there is no payload or joint '{name}'", remedy
 
 
 def _what_joints_need(scene: Scene) -> Iterator[Fault]:
@@ -204,8 +204,8 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
         return
     kinds = [type(params) for params in scene.effects]
     if not {PayloadParams, RigidBodyParams}.intersection(kinds):
-        right = "add `- payload: {}`"
-        yield "effects", "`payload` is not listed: no payload has weight", right
+        remedy = "add `- payload: {}`"
+        yield "effects", "`payload` is not listed: no payload has weight", remedy
 
 
 def _own_bending(scene: Scene) -> Iterator[Fault]:
@@ -220,8 +220,8 @@ def _own_bending(scene: Scene) -> Iterator[Fault]:
         elif not is_joined(scene):
             yield path, "this is the only rope", "give the values to the effect `bending`"
         elif line.bending.clamped_along is not None and line.from_ not in places(scene):
-            what = f"'{line.name}' begins at '{line.from_}', which is a hinge"
-            yield f"{path}.clamped_along", what, "remove it: only a hang-off fixes a direction"
+            problem = f"'{line.name}' begins at '{line.from_}', which is a hinge"
+            yield f"{path}.clamped_along", problem, "remove it: only a hang-off fixes a direction"
 
 
 RIGGING_RULES: tuple[Rule, ...] = (
@@ -243,17 +243,17 @@ def sheaves_hold(scene: Scene) -> Iterator[Fault]:
         path = f"sheaves[{number}]"
         ends = [k for k, line in enumerate(scene.ropes) if line.to == sheave.name]
         if any(line.from_ == sheave.name for line in scene.ropes):
-            right = f"let both stretches end there (`to: {sheave.name}`)"
-            yield path, f"a rope begins at '{sheave.name}'", right
+            remedy = f"let both stretches end there (`to: {sheave.name}`)"
+            yield path, f"a rope begins at '{sheave.name}'", remedy
         elif len(ends) != 2:
-            what = f"{len(ends)} ropes end at '{sheave.name}'"
-            right = f"rope runs over it from one stretch into another: give `to: {sheave.name}` "
-            yield path, what, right + "to two ropes"
+            problem = f"{len(ends)} ropes end at '{sheave.name}'"
+            remedy = f"rope runs over it from one stretch into another: give `to: {sheave.name}` "
+            yield path, problem, remedy + "to two ropes"
         else:
             yield from _stretches(scene, ends)
         if sheave.tether is None and sheave.mass_kg == 0.0:
-            right = "give it a `tether` or a mass"
-            yield path, f"nothing holds '{sheave.name}' down", right
+            remedy = "give it a `tether` or a mass"
+            yield path, f"nothing holds '{sheave.name}' down", remedy
         if any(sheave.name in strut.between for strut in scene.struts):
             yield path, f"a bar ends at '{sheave.name}'", "let it end at a payload or a joint"
 
@@ -264,22 +264,22 @@ def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
     for number in ends:
         path, line = f"ropes[{number}]", scene.ropes[number]
         if line.from_ in places(scene):
-            what = f"'{line.name}' goes from '{line.from_}' straight to a sheave"
-            right = "put a payload or a joint between: a winch and a sheave need a stretch each"
-            yield path, what, right
+            problem = f"'{line.name}' goes from '{line.from_}' straight to a sheave"
+            remedy = "put a payload or a joint between: a winch and a sheave need a stretch each"
+            yield path, problem, remedy
         if len(line.made_of) > 1:
-            right = "give it one `rope`; put a joint where the material changes"
-            yield path, f"'{line.name}' runs over a sheave and has sections", right
+            remedy = "give it one `rope`; put a joint where the material changes"
+            yield path, f"'{line.name}' runs over a sheave and has sections", remedy
         if line.grading is not None:
-            right = "remove `grading`: elements are added and removed at its end"
-            yield path, f"'{line.name}' runs over a sheave and is graded", right
+            remedy = "remove `grading`: elements are added and removed at its end"
+            yield path, f"'{line.name}' runs over a sheave and is graded", remedy
     pairs = zip(one.made_of, other.made_of, strict=False)
     if one.damping != other.damping or any(a.rope != b.rope for a, b in pairs):
-        what = f"'{one.name}' and '{other.name}' are one rope and differ in material"
-        yield f"ropes[{ends[1]}]", what, "give both the same `rope` and `damping`"
+        problem = f"'{one.name}' and '{other.name}' are one rope and differ in material"
+        yield f"ropes[{ends[1]}]", problem, "give both the same `rope` and `damping`"
     if one.fatigue is not None and other.fatigue not in (None, one.fatigue):
-        what = f"'{one.name}' and '{other.name}' are one rope with different fatigue data"
-        yield f"ropes[{ends[1]}].fatigue", what, f"give them once, at '{one.name}'"
+        problem = f"'{one.name}' and '{other.name}' are one rope with different fatigue data"
+        yield f"ropes[{ends[1]}].fatigue", problem, f"give them once, at '{one.name}'"
 
 
 # Effects that treat a payload as a point at the rope's end.
@@ -288,15 +288,15 @@ OF_A_POINT = {
 }  # fmt: skip
 
 
-def refuse_body(scene: Scene, what: str) -> None:
+def refuse_body(scene: Scene, problem: str) -> None:
     """Reject scenes with a rigid body where unsupported; what: the reason.
 
     Raises:
         SceneError: the scene's payload is a rigid body.
     """
     if scene.listed(RigidBodyParams) is not None:
-        right = "use `payload`, a point, instead"
-        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
+        remedy = "use `payload`, a point, instead"
+        raise SceneError(f"{scene.path}: effects.rigid_body", problem, remedy)
 
 
 def body_payload(scene: Scene) -> str | None:
@@ -325,21 +325,21 @@ def body_holds(scene: Scene) -> Iterator[Fault]:
         return
     names = [payload.name for payload in scene.payloads]
     if not names or not any(line.to for line in scene.ropes):
-        what = "`rigid_body` is listed but no payload is"
-        yield "effects", what, "add it under `payloads` and to the rope's `to`, or remove it"
+        problem = "`rigid_body` is listed but no payload is"
+        yield "effects", problem, "add it under `payloads` and to the rope's `to`, or remove it"
         return
     if own.payload and own.payload not in names:
-        right = did_you_mean(own.payload, names)
-        yield "effects.rigid_body.payload", f"there is no payload '{own.payload}'", right
+        remedy = did_you_mean(own.payload, names)
+        yield "effects.rigid_body.payload", f"there is no payload '{own.payload}'", remedy
         return
     if not own.payload and len(names) > 1:
-        what = f"it does not say which of {len(names)} payloads is the body"
-        yield "effects.rigid_body.payload", what, f"name it, for instance {names[0]}"
+        problem = f"it does not say which of {len(names)} payloads is the body"
+        yield "effects.rigid_body.payload", problem, f"name it, for instance {names[0]}"
     number = names.index(body_payload(scene) or names[0])
     yield from _only_body(scene, own, scene.payloads[number].name)
     if scene.payloads[number].mass_kg == 0.0:
-        right = "give the body a mass"
-        yield f"payloads[{number}].mass_kg", "a rigid body without mass cannot move", right
+        remedy = "give the body a mass"
+        yield f"payloads[{number}].mass_kg", "a rigid body without mass cannot move", remedy
 
 
 def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]:
@@ -349,25 +349,25 @@ def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]
     for params in scene.effects:
         at_point = OF_A_POINT.get(type(params), "")
         if at_point and not (points and isinstance(params, PayloadParams)):
-            what = f"`rigid_body` and `{at_point}`, which treats the payload as a point"
-            yield "effects", what, f"remove `{at_point}`, or use `payload` for the body"
+            problem = f"`rigid_body` and `{at_point}`, which treats the payload as a point"
+            yield "effects", problem, f"remove `{at_point}`, or use `payload` for the body"
         if not isinstance(params, SplashZoneParams):
             continue
         if params.height_m != own.size_m[2]:
-            what = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
-            yield "effects.splash_zone.height_m", what, "give the third value of size_m"
+            problem = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
+            yield "effects.splash_zone.height_m", problem, "give the third value of size_m"
         if others:
-            what = f"`splash_zone` beside `rigid_body` is for the body alone, not '{others[0]}'"
-            yield "effects", what, "remove it, or give the scene one payload"
+            problem = f"`splash_zone` beside `rigid_body` is for the body alone, not '{others[0]}'"
+            yield "effects", problem, "remove it, or give the scene one payload"
     if points and scene.listed(PayloadParams) is None:
-        what = f"`payload` is not listed: '{points[0]}' has no weight"
-        yield "effects", what, "add `- payload: {}`"
+        problem = f"`payload` is not listed: '{points[0]}' has no weight"
+        yield "effects", problem, "add `- payload: {}`"
     holding = next((line for line in scene.ropes if line.to == name), None)
     if own.deck is None or not own.deck.with_ship or holding is None:
         return
     if holding.from_ not in places(scene):
-        what = f"it heaves with the ship, and '{holding.name}' does not come from there"
-        yield "effects.rigid_body.deck.with_ship", what, "let the deck rest, or heave by itself"
+        problem = f"it heaves with the ship, and '{holding.name}' does not come from there"
+        yield "effects.rigid_body.deck.with_ship", problem, "let the deck rest, or heave by itself"
 
 
 def panels_beside(line: RopeLine, usual: NetCurtainParams) -> NetCurtainParams:
@@ -383,8 +383,8 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
         return
     names = [line.name for line in scene.ropes]
     if own.rope and own.rope not in names:
-        right = did_you_mean(own.rope, names)
-        yield "effects.net_curtain.rope", f"there is no rope '{own.rope}'", right
+        remedy = did_you_mean(own.rope, names)
+        yield "effects.net_curtain.rope", f"there is no rope '{own.rope}'", remedy
         return
     yield from _curtain_between(own.between, names)
     among = {own.rope or name for name in names} if not own.between else {*sum(own.between, ())}
@@ -392,19 +392,19 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
         if line.name not in among:
             continue
         if any(line.to == sheave.name for sheave in scene.sheaves):
-            what = f"'{line.name}' runs over a sheave, which no net passes"
-            yield "effects.net_curtain.rope", what, "name another rope"
+            problem = f"'{line.name}' runs over a sheave, which no net passes"
+            yield "effects.net_curtain.rope", problem, "name another rope"
         winch = winch_of(scene, line)
         least_m = winch.least_line_out_m if winch is not None else line.length_m
         to_m = panels_beside(line, own).to_m
         if to_m > least_m:
-            what = f"the net would reach {to_m:g} m up '{line.name}', of which {least_m:g} m"
-            right = "give a smaller one, or raise the winch's least_line_out_m"
-            yield "effects.net_curtain.to_m", f"{what} may be all that is out", right
+            problem = f"the net would reach {to_m:g} m up '{line.name}', of which {least_m:g} m"
+            remedy = "give a smaller one, or raise the winch's least_line_out_m"
+            yield "effects.net_curtain.to_m", f"{problem} may be all that is out", remedy
     unit_m = scene.ropes[0].made_of[0].length_m or 0.0
     if scene.listed(CompensatorParams) is not None and own.from_m < unit_m:
-        what = f"the lowest {unit_m:g} m of the rope are the compensator"
-        yield "effects.net_curtain.from_m", what, f"give at least {unit_m:g} m"
+        problem = f"the lowest {unit_m:g} m of the rope are the compensator"
+        yield "effects.net_curtain.from_m", problem, f"give at least {unit_m:g} m"
 
 
 def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> Iterator[Fault]:
@@ -415,8 +415,8 @@ def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> It
         if name not in names:
             yield path, f"there is no rope '{name}'", did_you_mean(name, names)
         elif ends.count(name) > 2:
-            what = f"'{name}' is in {ends.count(name)} pairs, and a rope has two sides"
-            yield path, what, "give each rope in two pairs at most"
+            problem = f"'{name}' is in {ends.count(name)} pairs, and a rope has two sides"
+            yield path, problem, "give each rope in two pairs at most"
     if len({frozenset(pair) for pair in pairs}) < len(pairs):
         yield path, "a pair of ropes is listed twice", "list each pair once"
     if any(one == other for one, other in pairs):

@@ -297,11 +297,11 @@ def own_curve(line: RopeLine) -> TensionCurve:
     curves = {data.curve() if data else None for data in _data(line)}
     where = f"fatigue {OWN}: rope '{line.name}'"
     if None in curves:
-        right = f"give it `fatigue: {{tension: {{...}}}}`, or take one of {', '.join(CURVES)}"
-        raise InputError(where, "it has no curve of tension of its own", right)
+        remedy = f"give it `fatigue: {{tension: {{...}}}}`, or take one of {', '.join(CURVES)}"
+        raise InputError(where, "it has no curve of tension of its own", remedy)
     if len(curves) > 1:
-        what = "its sections have different curves of tension"
-        raise InputError(where, what, "give all of them the same")
+        problem = "its sections have different curves of tension"
+        raise InputError(where, problem, "give all of them the same")
     (curve,) = curves
     assert curve is not None
     return curve

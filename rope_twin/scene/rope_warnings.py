@@ -88,13 +88,13 @@ def load_together(scene: Scene) -> Iterator[str]:
 
 def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
     """Return the warning of a tension beyond the safety factor, or beyond the MBL."""
-    what = f"{words} against a breaking load of {breaking_n / 1e3:.0f} kN"
+    problem = f"{words} against a breaking load of {breaking_n / 1e3:.0f} kN"
     if utilisation >= 1.0:
-        what, right = f"{what}: rope breaks", "take stronger rope or a lighter load"
+        problem, remedy = f"{problem}: rope breaks", "take stronger rope or a lighter load"
     else:
-        what = f"{what}, a safety factor of {1.0 / utilisation:.2f}"
-        right = f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load"
-    return phrase(path, what, right)
+        problem = f"{problem}, a safety factor of {1.0 / utilisation:.2f}"
+        remedy = f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load"
+    return phrase(path, problem, remedy)
 
 
 ANOTHER_SIZE = 0.2  # relative difference of a length of shape and outline that is accepted
@@ -123,9 +123,9 @@ def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
     box = (shape.length_m, shape.width_m, shape.height_m)
     if any(abs(a - b) > ANOTHER_SIZE * max(a, b) for a, b in zip(box, body.size_m, strict=True)):
         sides = [" × ".join(f"{side:g}" for side in one) for one in (body.size_m, box)]
-        what = f"{sides[0]} m, and the payload's shape is a box of {sides[1]} m"
-        right = "give one size: inertia and contact use the first, drag and added mass this one"
-        yield phrase("effects.rigid_body.size_m", what, right)
+        problem = f"{sides[0]} m, and the payload's shape is a box of {sides[1]} m"
+        remedy = "give one size: inertia and contact use the first, drag and added mass this one"
+        yield phrase("effects.rigid_body.size_m", problem, remedy)
 
 
 def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str]:
@@ -134,20 +134,20 @@ def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str
     aside = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
     length = sling.length_m
     if aside >= length:
-        what = f"{length:g} m does not reach the hook at a lateral offset of {aside:.2f} m"
-        yield phrase(".length_m", what, f"give more than {aside:.2f} m")
+        problem = f"{length:g} m does not reach the hook at a lateral offset of {aside:.2f} m"
+        yield phrase(".length_m", problem, f"give more than {aside:.2f} m")
         return
     angle = degrees(asin(aside / length))
     if angle > FLATTEST_DEG:
-        what = (
+        problem = (
             f"{length:g} m is {angle:.0f}° from the vertical: more than twice its share of the load"
         )
-        yield phrase(".length_m", what, f"give {aside / sqrt(0.75):.1f} m or more")
+        yield phrase(".length_m", problem, f"give {aside / sqrt(0.75):.1f} m or more")
     pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - aside**2)
     stretch = pull / sling.stiffness_n_per_m
     if stretch > LONGEST_STRETCH * length:
-        what = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
-        yield phrase(".stiffness_n_per_m", what, "give EA over length in N/m, not kN/m")
+        problem = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
+        yield phrase(".stiffness_n_per_m", problem, "give EA over length in N/m, not kN/m")
 
 
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
@@ -205,8 +205,8 @@ def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
         found = [words for words in warnings if entry.matches(words)]
         accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in found]
         if not found:
-            what = f"the scene has no warning at '{entry.key}' with the words '{entry.says}'"
-            idle.append(phrase(f"accept[{number}]", what, "remove it, or name another"))
+            problem = f"the scene has no warning at '{entry.key}' with the words '{entry.says}'"
+            idle.append(phrase(f"accept[{number}]", problem, "remove it, or name another"))
     return accepted, idle
 
 
@@ -255,25 +255,27 @@ def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     weakest = min(bar.rope.breaking_load_n for bar in figures.bars)
     tension = tension_at_length(figures.bars, figures.chord_m)
     if tension > weakest / SAFETY_FACTOR:
-        what = (
+        problem = (
             f"the fixed end is {figures.chord_m:.1f} m from the hang-off, which stretches "
             f"{line.length_m:g} m of rope to {tension / 1e3:.0f} kN"
         )
-        yield phrase("ropes[0].fixed_at_m", what, "give more rope, or a nearer end")
+        yield phrase("ropes[0].fixed_at_m", problem, "give more rope, or a nearer end")
 
 
 def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line, length = scene.ropes[0], figures.longest_element_m
     if length > LONGEST_ELEMENT_M:
-        what = f"elements of {length:.1f} m are coarse for waves and curvature of the rope"
-        right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
-        yield phrase("ropes[0].elements", what, right)
+        problem = f"elements of {length:.1f} m are coarse for waves and curvature of the rope"
+        remedy = (
+            f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
+        )
+        yield phrase("ropes[0].elements", problem, remedy)
     length = figures.shortest_element_m
     fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
     if length < SHORTEST_ELEMENT_M and not fine:
-        what = f"elements of {length:.2f} m cost time and bring no accuracy"
-        right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
-        yield phrase("ropes[0].elements", what, right)
+        problem = f"elements of {length:.2f} m cost time and bring no accuracy"
+        remedy = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
+        yield phrase("ropes[0].elements", problem, remedy)
 
 
 def _hull_edges(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -283,10 +285,10 @@ def _hull_edges(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     z = min((depth for depth in depths if depth > 0.0), default=inf)
     h = figures.longest_element_m
     if h > 4.0 * SMEARED_SHARE * z:
-        what = f"elements of {h:.1f} m spread the bend at an edge {z:g} m below the hang-off"
+        problem = f"elements of {h:.1f} m spread the bend at an edge {z:g} m below the hang-off"
         least = ceil(scene.ropes[0].length_m / (4.0 * SMEARED_SHARE * z))
-        right = f"expect a side force up to {25.0 * h / z:.0f} % too large, or give {least}"
-        yield phrase("ropes[0].elements", what, right)
+        remedy = f"expect a side force up to {25.0 * h / z:.0f} % too large, or give {least}"
+        yield phrase("ropes[0].elements", problem, remedy)
 
 
 def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -294,9 +296,9 @@ def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line, length = scene.ropes[0], figures.longest_element_m
     least = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
     if length > least * (1.0 + 1e-9):
-        what = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {least:g} m"
-        right = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
-        yield phrase("ropes[0].elements", what, right)
+        problem = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {least:g} m"
+        remedy = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
+        yield phrase("ropes[0].elements", problem, remedy)
 
 
 def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -310,13 +312,15 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
     rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
     low, high = WAVE_SPEEDS_M_PER_S
     if not low <= speed <= high:
-        what = f"axial waves travel at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
-        yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
+        problem = (
+            f"axial waves travel at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
+        )
+        yield phrase(path, problem, "check axial_stiffness_n [N] and mass_kg_per_m")
     density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
     low, high = ROPE_DENSITIES_KG_PER_M3
     if not low <= density <= high:
-        what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
-        yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+        problem = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
+        yield phrase(path, problem, "check mass_kg_per_m and hydrodynamic_diameter_m")
 
 
 def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -335,14 +339,14 @@ def _coefficients(
     path: str, prefix: str, normal: float | None, tangential: float | None
 ) -> Iterator[str]:
     if normal is not None and normal < LEAST_NORMAL_DRAG:
-        what = f"{normal:g} is below the normal drag of a smooth cylinder in the drag crisis"
-        right = "wire and fibre rope have 1 to 1.8, chain 2.4"
-        yield phrase(f"{path}.{prefix}normal", what, right)
+        problem = f"{normal:g} is below the normal drag of a smooth cylinder in the drag crisis"
+        remedy = "wire and fibre rope have 1 to 1.8, chain 2.4"
+        yield phrase(f"{path}.{prefix}normal", problem, remedy)
     chain = normal is not None and normal >= CHAIN_NORMAL_DRAG
     if tangential is not None and tangential > MOST_TANGENTIAL_DRAG and not chain:
-        what = f"{tangential:g} is too large for tangential drag, on π times the diameter"
-        right = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 normal to it"
-        yield phrase(f"{path}.{prefix}tangential", what, right)
+        problem = f"{tangential:g} is too large for tangential drag, on π times the diameter"
+        remedy = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 normal to it"
+        yield phrase(f"{path}.{prefix}tangential", problem, remedy)
 
 
 def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -353,12 +357,12 @@ def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if weight >= 0.05 * in_air and weight > 0.0:
         return
     state = "floats" if weight <= 0.0 else "nearly floats"
-    what = (
+    problem = (
         f"it {state}: {in_air / 1e3:.1f} kN in air displaces {volume:.2f} m³ and weighs "
         f"{weight / 1e3:.1f} kN in water"
     )
-    right = "give more mass_kg, or the displaced_volume_m3 of a frame or flooded body"
-    yield phrase("payloads[0]", what, right)
+    remedy = "give more mass_kg, or the displaced_volume_m3 of a frame or flooded body"
+    yield phrase("payloads[0]", problem, remedy)
 
 
 def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -366,34 +370,34 @@ def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     lift = -figures.rope_weight_n_per_m * line.length_m
     if figures.payload is None or lift <= max(figures.payload_weight_n, 0.0) / SAFETY_FACTOR:
         return
-    what = (
+    problem = (
         f"the rope floats with {lift / 1e3:.2f} kN over {line.length_m:g} m against "
         f"{figures.payload_weight_n / 1e3:.2f} kN of payload"
     )
-    yield phrase("ropes[0]", what, "give a heavier payload, or the rope goes slack or rises")
+    yield phrase("ropes[0]", problem, "give a heavier payload, or the rope goes slack or rises")
 
 
 def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     listed = listed_effects(scene)
     if "weight" not in listed:
-        what = "`weight` is not listed: the rope has neither weight nor buoyancy"
-        yield phrase("effects", what, "add `- weight: {}`")
+        problem = "`weight` is not listed: the rope has neither weight nor buoyancy"
+        yield phrase("effects", problem, "add `- weight: {}`")
     if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
-        what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
-        yield phrase("effects", what, "add `- payload: {}`")
+        problem = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
+        yield phrase("effects", problem, "add `- payload: {}`")
     if "waves" in listed and "drag" not in listed:
-        what = "`waves` is listed without `drag`: only the water's acceleration acts on the rope"
-        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+        problem = "`waves` is listed without `drag`: only the water's acceleration acts on the rope"
+        yield phrase("effects", problem, "add `- drag: {normal: ..., tangential: ...}`")
     if "current" in listed and "drag" not in listed:
-        what = "`current` is listed without `drag`: it has no effect on the rope"
-        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+        problem = "`current` is listed without `drag`: it has no effect on the rope"
+        yield phrase("effects", problem, "add `- drag: {normal: ..., tangential: ...}`")
 
 
 def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     bending = scene.ropes[0].bending or scene.listed(BendingParams)
     if scene.winch and bending and bending.clamped_along is not None:
-        what = "rope from a winch is clamped in one direction (transients where elements split)"
-        yield phrase("effects bending.clamped_along", what, "remove it, or the winch")
+        problem = "rope from a winch is clamped in one direction (transients where elements split)"
+        yield phrase("effects bending.clamped_along", problem, "remove it, or the winch")
     elif bending and bending.clamped_along is not None:
         yield from _clamp(bending.stiffness_n_m2, scene.ropes[0], figures)
 
@@ -416,11 +420,11 @@ def _clamp(EI: float, line: RopeLine, figures: LiftFigures) -> Iterator[str]:
     turned = 1.0 / (1.0 + 0.5 * (1.0 - decay + x * x))
     excess = 0.5 * x / (1.0 - turned) - 1.0
     if excess > CLAMP_EXCESS:
-        what = (
+        problem = (
             f"elements of {length:.2g} m spread the bend at clamped_along, which decays over "
             f"√(EI/T) = {reach:.2g} m: its radius is {100.0 * excess:.0f} % too large"
         )
-        yield phrase("ropes[0].elements", what, f"give {ceil(line.length_m / reach)} or more")
+        yield phrase("ropes[0].elements", problem, f"give {ceil(line.length_m / reach)} or more")
 
 
 def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -435,8 +439,8 @@ def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap loads too low"))
     for period, steps, name, loss in limits:
         if step * steps > period * (1.0 + 1e-9):
-            what = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
-            yield phrase("time.step_s", what, f"give {period / steps:.2g} s or less")
+            problem = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
+            yield phrase("time.step_s", problem, f"give {period / steps:.2g} s or less")
 
 
 def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -444,18 +448,18 @@ def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
     if line.damping.fraction_of_one_element is not None:
         c = max(figures.damping_newton_seconds)
-        what = (
+        problem = (
             f"given per element: {line.elements} elements give {c:.3g} N·s, "
             f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many give half"
         )
-        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, independent of the mesh"
-        yield phrase(path, what, right)
+        remedy = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, independent of the mesh"
+        yield phrase(path, problem, remedy)
     if fraction > LARGEST_DAMPING:
-        what = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
-        yield phrase(path, what, "steel wire has 1 to 2 %, HMPE 3 to 5 %")
+        problem = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
+        yield phrase(path, problem, "steel wire has 1 to 2 %, HMPE 3 to 5 %")
     if fraction == 0.0:
-        what = "without damping the peak of a snap load has no limit with mesh refinement"
-        yield phrase(path, what, "steel wire has 1 to 2 % of critical, HMPE 3 to 5 %")
+        problem = "without damping the peak of a snap load has no limit with mesh refinement"
+        yield phrase(path, problem, "steel wire has 1 to 2 % of critical, HMPE 3 to 5 %")
 
 
 def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -466,21 +470,21 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if met is not None:
         when, limit = met
         name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
-        what = f"it drives the paid-out length to {name} ({limit:g} m) after {when:.0f} s"
-        right = "the winch stops there; let the schedule return, or change the limit"
-        yield phrase("winch.schedule", what, right)
+        problem = f"it drives the paid-out length to {name} ({limit:g} m) after {when:.0f} s"
+        remedy = "the winch stops there; let the schedule return, or change the limit"
+        yield phrase("winch.schedule", problem, remedy)
     fastest = max((row.speed_m_per_s or 0.0 for row in winch.schedule), default=0.0)
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if figures.payload is not None and fastest > sinking:
-        what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
-        yield phrase("winch.schedule", what, "lower more slowly, or the rope goes slack")
+        problem = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
+        yield phrase("winch.schedule", problem, "lower more slowly, or the rope goes slack")
 
 
 def _limits(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     most = scene.limits.utilisation
     if most > 1.0:
-        what = f"{most:g} allows {most:g} times the MBL of a rope"
-        yield phrase("limits.utilisation", what, "give a fraction of the MBL, as 0.3 for 30 %")
+        problem = f"{most:g} allows {most:g} times the MBL of a rope"
+        yield phrase("limits.utilisation", problem, "give a fraction of the MBL, as 0.3 for 30 %")
 
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -490,13 +494,15 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     fastest = 2.0 * pi * heave.amplitude_m / heave.period_s if heave else 0.0
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if 0.0 < sinking < fastest:
-        what = (
+        problem = (
             f"the hang-off descends at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
         )
-        yield phrase("sea_state.heave", what, "expect a slack rope and snap loads, or less heave")
+        yield phrase(
+            "sea_state.heave", problem, "expect a slack rope and snap loads, or less heave"
+        )
     if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
-        what = f"the ship's motion builds up within {ramp:g} s, which excites the rope"
-        yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
+        problem = f"the ship's motion builds up within {ramp:g} s, which excites the rope"
+        yield phrase("ship.motion_ramp_s", problem, "give 8 s or so")
 
 
 def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -517,12 +523,12 @@ def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if scene.ropes[0].fixed_at_m:
         tension = tension_at_length(figures.bars, figures.chord_m)
     if max(lift, push) > DRY_ROPE_SHARE * tension:
-        what = (
+        problem = (
             f"{height:g} m of rope above the water is computed as submerged, with "
             f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface current in excess"
         )
-        right = f"expect this error in the top tension of {tension / 1e3:.1f} kN"
-        yield phrase("ship.hang_off_m[2]", what, right)
+        remedy = f"expect this error in the top tension of {tension / 1e3:.1f} kN"
+        yield phrase("ship.hang_off_m[2]", problem, remedy)
 
 
 CHECKS: tuple[Check, ...] = (

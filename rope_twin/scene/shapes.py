@@ -398,7 +398,7 @@ def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> Payload
             x, y, z = (water_density_kg_per_m3 * value for value in shape.added_mass_m3())
             added = (x, y, z)
     if volume is None or added is None or drag is None:
-        what = "without a shape its volume, added mass or drag area cannot be known"
-        right = "add a shape, or displaced_volume_m3, added_mass_kg and drag_area_m2"
-        raise SceneError(f"payload '{payload.name}'", what, right)
+        problem = "without a shape its volume, added mass or drag area cannot be known"
+        remedy = "add a shape, or displaced_volume_m3, added_mass_kg and drag_area_m2"
+        raise SceneError(f"payload '{payload.name}'", problem, remedy)
     return PayloadFigures(payload.mass_kg, volume, added, drag, own.added_mass_kg, rising_drag)

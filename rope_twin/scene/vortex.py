@@ -145,11 +145,11 @@ def check_vortex_resolution(scene: Scene, figures: LiftFigures) -> Iterator[str]
     if cost <= 1.0:
         return
     path = "ropes[0].elements" if element > pace.element_m else "time.step_s"
-    what = (
+    problem = (
         f"elements of {element:.3g} m and steps of {1e3 * step:.3g} ms are coarse for vortices: "
         f"{_wanted(pace)}"
     )
-    yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
+    yield phrase(path, problem, f"give these: {cost:.2g} times slower than this scene without it")
 
 
 def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -160,16 +160,20 @@ def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         return
     moved = bool(sea.path) or sea.poses is not None
     if CurrentParams not in listed and WavesParams not in listed and not moved:
-        what = "nothing flows past the rope, so no vortices are shed"
-        yield phrase(f"effects {model}", what, "add `current`")
+        problem = "nothing flows past the rope, so no vortices are shed"
+        yield phrase(f"effects {model}", problem, "add `current`")
     own = listed.get(StrouhalForcingParams)
     if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
-        what = "its forces are fractions of `drag`, which is not listed: they are zero"
-        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
+        problem = "its forces are fractions of `drag`, which is not listed: they are zero"
+        yield phrase(
+            f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
+        )
     beside = model_beside(scene)
     if beside is not None and beside.drag is None and DragParams not in listed:
-        what = "the drag that it amplifies is not listed, so it has no effect on the rope"
-        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
+        problem = "the drag that it amplifies is not listed, so it has no effect on the rope"
+        yield phrase(
+            f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
+        )
 
 
 def _rounded(value: float) -> float:

@@ -55,15 +55,17 @@ def _ends(scene: Scene, up: bool) -> Iterator[str]:
     bed = scene.listed(SeabedParams)
     line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
     if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
-        what = f"the lower end is fixed {line.fixed_at_m[2]:g} m above the water"
-        yield phrase("ropes[0].fixed_at_m", what, "z is positive upward: depths are negative")
+        problem = f"the lower end is fixed {line.fixed_at_m[2]:g} m above the water"
+        yield phrase("ropes[0].fixed_at_m", problem, "z is positive upward: depths are negative")
     if bed is None:
         return
     height = z - bed_at(bed, x, y)
     if line.fixed_at_m is None and not up and line.length_m > SAGGING * height:
-        what = f"{line.length_m:g} m of rope is out above a seabed {height:g} m below the hang-off"
-        right = "payload and rope start lying on it; give less rope if they should hang"
-        yield phrase("ropes[0].length_m", what, right)
+        problem = (
+            f"{line.length_m:g} m of rope is out above a seabed {height:g} m below the hang-off"
+        )
+        remedy = "payload and rope start lying on it; give less rope if they should hang"
+        yield phrase("ropes[0].length_m", problem, remedy)
 
 
 def _depth_orders(scene: Scene) -> Iterator[str]:
@@ -77,11 +79,11 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
             where = f"schedule of winch '{name}', row {number}"
             most = winch.most_line_out_m - z
             if row.payload_depth_m > most:
-                what = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
-                yield phrase(where, what, f"give at most {most:g} m, or raise most_line_out_m")
+                problem = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
+                yield phrase(where, problem, f"give at most {most:g} m, or raise most_line_out_m")
             elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
-                what = f"a depth of {row.payload_depth_m:g} m is below the seabed"
-                yield phrase(where, what, f"the seabed is at {-bed_at(bed, x, y):g} m there")
+                problem = f"a depth of {row.payload_depth_m:g} m is below the seabed"
+                yield phrase(where, problem, f"the seabed is at {-bed_at(bed, x, y):g} m there")
 
 
 def _steepness(scene: Scene) -> Iterator[str]:
@@ -104,8 +106,8 @@ def _steepness_of(
             length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
     steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
     if height > steepest:
-        what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
-        yield phrase(where, what, f"give at most {steepest:.1f} m, or longer")
+        problem = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
+        yield phrase(where, problem, f"give at most {steepest:.1f} m, or longer")
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
@@ -123,13 +125,13 @@ def _another_sea(scene: Scene) -> Iterator[str]:
     waves, sea = scene.listed(WavesParams), scene.sea_state
     if waves is None or sea.on_waves is not None:
         return
-    right = "move it by these waves: `sea_state: {on_waves: {}}`"
+    remedy = "move it by these waves: `sea_state: {on_waves: {}}`"
     if not sea.moves:
-        what = "`waves` act on the rope, and the ship does not move"
-        yield phrase("sea_state", what, f"{right}, unless it is bottom-founded")
+        problem = "`waves` act on the rope, and the ship does not move"
+        yield phrase("sea_state", problem, f"{remedy}, unless it is bottom-founded")
     elif sea.bag and waves.regular is None:
-        what = f"the ship moves by the record '{sea.bag}', and `waves` act on the rope"
-        yield phrase("sea_state", what, f"these are two sea states; {right}")
+        problem = f"the ship moves by the record '{sea.bag}', and `waves` act on the rope"
+        yield phrase("sea_state", problem, f"these are two sea states; {remedy}")
 
 
 def _reach_of_responses(scene: Scene) -> Iterator[str]:
@@ -146,20 +148,20 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
     where, frequency = "sea_state.on_waves.responses", sea.omega / (2.0 * pi)
     lost = table.share_left_out(sea, radians(riding.heading_deg), (x - a, y - b, z - c))
     if lost > LEFT_OUT:
-        what = (
+        problem = (
             f"the table ends at {highest:.3g} Hz, and RAOs fade to zero by "
             f"{FADE * highest:.3g} Hz: up to {100.0 * lost:.2g} % of the variance of the "
             f"hang-off's motion is neglected (of waves up to {frequency.max():.3g} Hz)"
         )
-        yield phrase(where, what, "give a table to higher frequencies")
+        yield phrase(where, problem, "give a table to higher frequencies")
     variance = sea.amplitude_m**2
     long = float(variance[frequency < lowest].sum() / variance.sum())
     if long > LEFT_OUT:
-        what = (
+        problem = (
             f"the table begins at {lowest:.3g} Hz, and {100.0 * long:.2g} % of the waves' variance "
             f"is below, where its first RAOs are used (from {frequency.min():.3g} Hz)"
         )
-        yield phrase(where, what, "give a table from lower frequencies")
+        yield phrase(where, problem, "give a table from lower frequencies")
     yield from (f"{where}: {doubt}" for doubt in long_wave_doubts(table))
 
 
@@ -171,8 +173,8 @@ def _depth_of_waves(scene: Scene) -> Iterator[str]:
     depth = -bed_at(bed, *scene.ship.hang_off_m[:2])
     if waves.depth_m is not None:
         if abs(waves.depth_m - depth) > ANOTHER * depth:
-            what = f"waves in water {waves.depth_m:g} m deep over a seabed at {depth:g} m"
-            yield phrase("effects waves.depth_m", what, f"give {depth:g} m")
+            problem = f"waves in water {waves.depth_m:g} m deep over a seabed at {depth:g} m"
+            yield phrase("effects waves.depth_m", problem, f"give {depth:g} m")
         return
     if waves.regular is not None:
         period = waves.regular.period_s
@@ -182,8 +184,8 @@ def _depth_of_waves(scene: Scene) -> Iterator[str]:
         return
     half = 0.5 * scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
     if depth < half:
-        what = f"waves of deep water, {2.0 * half:.0f} m long, feel a seabed at {depth:g} m"
-        yield phrase("effects waves", what, f"add depth_m: {depth:g}")
+        problem = f"waves of deep water, {2.0 * half:.0f} m long, feel a seabed at {depth:g} m"
+        yield phrase("effects waves", problem, f"add depth_m: {depth:g}")
 
 
 def _arm(scene: Scene) -> Iterator[str]:
@@ -192,8 +194,8 @@ def _arm(scene: Scene) -> Iterator[str]:
         return
     arm = dist(reference, scene.ship.hang_off_m)
     if arm > LONGEST_ARM_M:
-        what = f"it is {arm:.0f} m from the hang-off"
-        yield phrase("ship.reference_m", what, f"plausible are at most {LONGEST_ARM_M:g} m")
+        problem = f"it is {arm:.0f} m from the hang-off"
+        yield phrase("ship.reference_m", problem, f"plausible are at most {LONGEST_ARM_M:g} m")
 
 
 def _never_whole(scene: Scene) -> Iterator[str]:
@@ -202,8 +204,8 @@ def _never_whole(scene: Scene) -> Iterator[str]:
     for name, curve in {} if ramp is None else ramp.curves.items():
         time_s, factor = curve.last
         if factor != 1.0:
-            what = f"the forces stay at {factor:g} times their own from {time_s:g} s on"
-            yield phrase(f"effects fluid_ramp.{name}", what, "end the table with a factor of 1")
+            problem = f"the forces stay at {factor:g} times their own from {time_s:g} s on"
+            yield phrase(f"effects fluid_ramp.{name}", problem, "end the table with a factor of 1")
 
 
 def strong_current(where: str, points: Iterable[Point], factor: float = 1.0) -> str:
@@ -214,11 +216,11 @@ def strong_current(where: str, points: Iterable[Point], factor: float = 1.0) -> 
     speed, z = max(((factor * hypot(*velocity), z) for z, velocity in points), default=(0.0, 0.0))
     if speed <= FASTEST_CURRENT_M_PER_S:
         return ""
-    what = (
+    problem = (
         f"{speed:.3g} m/s at z = {z:g} m exceeds the range of ocean currents, "
         f"{FASTEST_CURRENT_M_PER_S:g} m/s"
     )
-    return phrase(where, what, f"check the unit: 1 knot is 0.514 m/s, {speed:.3g} kn would be "
+    return phrase(where, problem, f"check the unit: 1 knot is 0.514 m/s, {speed:.3g} kn would be "
                   f"{0.5144 * speed:.2g} m/s")  # fmt: skip
 
 
@@ -249,11 +251,11 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _held(z: float, velocity: Velocity, side: str, reach: str) -> str:
     named = zip(velocity, ("east", "north", "up"), strict=False)
     value = ", ".join(f"{part:g} {name}" for part, name in named)
-    what = (
+    problem = (
         f"{side} its row at z = {z:g} m the value there ({value} m/s) is "
         f"used, as far as the rope's end at z = {reach}"
     )
-    return phrase("effects current.profile", what, "add a row there")
+    return phrase("effects current.profile", problem, "add a row there")
 
 
 def _through(scene: Scene, current: CurrentParams, part: str, factor: float) -> Iterator[str]:
@@ -268,9 +270,9 @@ def _through(scene: Scene, current: CurrentParams, part: str, factor: float) -> 
     for side, z in sides.items():
         speed = float(np.interp(z, heights, up))
         if abs(speed) > THROUGH_M_PER_S:
-            what = f"{speed:g} m/s of vertical current pass through the {side} at z = {z:g} m"
-            right = f"let it end there: a row at z = {z:g} m with 0 up"
-            yield phrase(f"effects current.{part}", what, right)
+            problem = f"{speed:g} m/s of vertical current pass through the {side} at z = {z:g} m"
+            remedy = f"let it end there: a row at z = {z:g} m with 0 up"
+            yield phrase(f"effects current.{part}", problem, remedy)
 
 
 def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -285,14 +287,16 @@ def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         given = getattr(params, name)
         if len(given) > 1 and given[-1][0] > bottom:
             z, value = given[-1]
-            what = f"below its row at z = {z:g} m the value there ({value:g}) is used, as far as "
-            what += f"the rope's end at z = {bottom:g} m"
-            yield phrase(f"effects depth_profiles.{name}", what, "add a row there")
+            problem = (
+                f"below its row at z = {z:g} m the value there ({value:g}) is used, as far as "
+            )
+            problem += f"the rope's end at z = {bottom:g} m"
+            yield phrase(f"effects depth_profiles.{name}", problem, "add a row there")
     for (above, light), (below, heavy) in pairwise(params.density_kg_per_m3):
         if heavy < light:
-            what = f"{heavy:g} kg/m³ at z = {below:g} m lies below {light:g} at z = {above:g} m"
-            right = "check the rows: water at rest is denser below"
-            yield phrase("effects depth_profiles.density_kg_per_m3", what, right)
+            problem = f"{heavy:g} kg/m³ at z = {below:g} m lies below {light:g} at z = {above:g} m"
+            remedy = "check the rows: water at rest is denser below"
+            yield phrase("effects depth_profiles.density_kg_per_m3", problem, remedy)
 
 
 def is_air(scene: Scene) -> bool:
@@ -309,11 +313,11 @@ def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         scene.environment.gravity_m_per_s2,
     )
     if not 990.0 <= density <= 1060.0 and not is_air(scene):
-        what = f"{density:g} kg/m³ is neither fresh water nor seawater"
-        yield phrase("environment.water_density_kg_per_m3", what, "seawater has 1025")
+        problem = f"{density:g} kg/m³ is neither fresh water nor seawater"
+        yield phrase("environment.water_density_kg_per_m3", problem, "seawater has 1025")
     if not 9.76 <= gravity <= 9.84:
-        what = f"{gravity:g} m/s² is not the Earth's"
-        yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")
+        problem = f"{gravity:g} m/s² is not the Earth's"
+        yield phrase("environment.gravity_m_per_s2", problem, "standard gravity is 9.80665")
 
 
 def check_slamming(scene: Scene, _figures: LiftFigures) -> Iterator[str]:
@@ -336,17 +340,17 @@ def check_slamming(scene: Scene, _figures: LiftFigures) -> Iterator[str]:
         if moved == 0.0 or added == 0.0 or 1.0 / OTHER_MASS <= moved / added <= OTHER_MASS:
             continue
         own = f"payloads[{number}].splash_zone" if payload.splash_zone else "effects.splash_zone"
-        what = (
+        problem = (
             f"slamming over the whole height moves {moved / 1e3:.3g} t of water, "
             f"{moved / added:.2g} times the vertical added mass of '{payload.name}', "
             f"{added / 1e3:.3g} t"
         )
         side = "a larger C_s is for the peak force alone" if moved > added else "loads are too low"
-        right = (
+        remedy = (
             f"C_s = 2·A33/(ρ·A·H) is {zone.slamming * added / moved:.2g}; {side} "
             f"(DNV-RP-N103, 4.3.8)"
         )
-        yield phrase(f"{own}.slamming", what, right)
+        yield phrase(f"{own}.slamming", problem, remedy)
 
 
 ON, OFF = "compensate", "stop_compensating"
@@ -373,12 +377,12 @@ def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     }
     for part, torque in torques.items():
         if torque is not None and torque < load * radius:
-            what = (
+            problem = (
                 f"it holds {torque / radius * 1e-3:.0f} kN on layer {layer}, static tension is "
                 f"{load * 1e-3:.0f} kN"
             )
-            right = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect it to render"
-            yield phrase(f"winch.{part}", what, right)
+            remedy = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect it to render"
+            yield phrase(f"winch.{part}", problem, remedy)
 
 
 def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -389,12 +393,12 @@ def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         return
     travel = winch.least_line_out_m / figures.axial_wave_speed_m_per_s
     if scene.time.step_s > LONGEST_STEP * travel:
-        what = (
+        problem = (
             f"a step of {scene.time.step_s:g} s delays the tension feedback too much on "
             f"{winch.least_line_out_m:g} m of rope, with a wave travel time of {travel:.3f} s"
         )
-        right = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
-        yield phrase(f"winch.{part}", what, right)
+        remedy = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
+        yield phrase(f"winch.{part}", problem, remedy)
 
 
 def check_compensator(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -410,12 +414,12 @@ def check_compensator(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if least < load < most:
         return
     side, force = ("retracted", least) if load <= least else ("extended", most)
-    what = (
+    problem = (
         f"{load / 1e3:.0f} kN of static load leave it {side}, where the gas holds "
         f"{force / 1e3:.0f} kN"
     )
-    right = f"give {max(load, 0.0) / unit.piston_area_m2:.3g} Pa for mid stroke"
-    yield phrase("effects.compensator.gas_pressure_pa", what, right)
+    remedy = f"give {max(load, 0.0) / unit.piston_area_m2:.3g} Pa for mid stroke"
+    yield phrase("effects.compensator.gas_pressure_pa", problem, remedy)
 
 
 def _compensates_from_the_start(scene: Scene) -> Iterator[str]:
@@ -425,6 +429,6 @@ def _compensates_from_the_start(scene: Scene) -> Iterator[str]:
         return
     switches = [row for row in winch.schedule if row.switch in (ON, OFF)]
     if switches and switches[0].switch == ON and switches[0].at_s > 0.0:
-        what = f"it is on from the start, and switched on at {switches[0].at_s:g} s"
-        right = f"begin with {{at_s: 0.0, switch: {OFF}}} if it is to wait until then"
-        yield phrase("winch.heave_compensation", what, right)
+        problem = f"it is on from the start, and switched on at {switches[0].at_s:g} s"
+        remedy = f"begin with {{at_s: 0.0, switch: {OFF}}} if it is to wait until then"
+        yield phrase("winch.heave_compensation", problem, remedy)

@@ -212,9 +212,9 @@ class ScheduleRow(SparingRepr):
                 if getattr(self, name) is not None]  # fmt: skip
         if len(commands) == 1:
             return None
-        what = "no command is given" if not commands else f"{' and '.join(commands)} at once"
+        problem = "no command is given" if not commands else f"{' and '.join(commands)} at once"
         names = "speed_m_per_s, line_out_m, payload_depth_m, tension_n, switch"
-        return f"{what}; give exactly one of {names}"
+        return f"{problem}; give exactly one of {names}"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

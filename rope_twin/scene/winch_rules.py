@@ -26,16 +26,16 @@ def line_out_faults(scene: Scene) -> Iterator[Fault]:
     for path, winch in winches(scene):
         least, most = winch.least_line_out_m, winch.most_line_out_m
         if least >= most:
-            what = f"{least:g} m is not below most_line_out_m ({most:g} m)"
-            yield f"{path}.least_line_out_m", what, "give a smaller one"
+            problem = f"{least:g} m is not below most_line_out_m ({most:g} m)"
+            yield f"{path}.least_line_out_m", problem, "give a smaller one"
             return
     for number, line in enumerate(scene.ropes):
         own = winch_of(scene, line)
         if own and not own.least_line_out_m <= line.length_m <= own.most_line_out_m:
             reach = f"{own.least_line_out_m:g} to {own.most_line_out_m:g} m"
-            what = f"{line.length_m:g} m is outside the winch's {reach}"
-            right = "change it, or least_line_out_m or most_line_out_m of the winch"
-            yield f"ropes[{number}].length_m", what, right
+            problem = f"{line.length_m:g} m is outside the winch's {reach}"
+            remedy = "change it, or least_line_out_m or most_line_out_m of the winch"
+            yield f"ropes[{number}].length_m", problem, remedy
 
 
 def _schedule(scene: Scene) -> Iterator[Fault]:
@@ -46,40 +46,48 @@ def _schedule(scene: Scene) -> Iterator[Fault]:
 def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
     for number, row in enumerate(winch.schedule):
         if row.speed_m_per_s is not None and abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
-            what = f"{row.speed_m_per_s:g} m/s exceeds the winch's {winch.speed_limit_m_per_s:g}"
-            right = "slow it down, or raise speed_limit_m_per_s"
-            yield f"{path}.schedule[{number}].speed_m_per_s", what, right
+            problem = f"{row.speed_m_per_s:g} m/s exceeds the winch's {winch.speed_limit_m_per_s:g}"
+            remedy = "slow it down, or raise speed_limit_m_per_s"
+            yield f"{path}.schedule[{number}].speed_m_per_s", problem, remedy
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
         beside = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
         if after.at_s <= before.at_s and not beside:
-            what = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
-            yield f"{path}.schedule[{number}].at_s", what, "order the rows by time, each time once"
+            problem = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
+            yield (
+                f"{path}.schedule[{number}].at_s",
+                problem,
+                "order the rows by time, each time once",
+            )
     repeat, where = winch.schedule_repeats_every_s, f"{path}.schedule_repeats_every_s"
     if repeat is None:
         return
     if not winch.schedule:
         yield where, "there is no schedule to repeat", "add `schedule`, or remove this"
     elif repeat <= winch.schedule[-1].at_s:
-        what = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
-        yield where, what, "give more than the time of the last row"
+        problem = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
+        yield where, problem, "give more than the time of the last row"
 
 
 def _parts(scene: Scene) -> Iterator[Fault]:
     for path, winch in winches(scene):
         if winch.drive is not None and winch.drum is None:
-            what = "a drive turns a drum, and there is none"
-            yield f"{path}.drive", what, "add `drum: {core_radius_m: ..., turns_per_layer: ...}`"
+            problem = "a drive turns a drum, and there is none"
+            yield f"{path}.drive", problem, "add `drum: {core_radius_m: ..., turns_per_layer: ...}`"
         if winch.brake is not None and winch.drive is None:
-            what = "a brake acts on the inertia of a drive, and there is none"
-            yield f"{path}.brake", what, "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`"
+            problem = "a brake acts on the inertia of a drive, and there is none"
+            yield (
+                f"{path}.brake",
+                problem,
+                "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`",
+            )
 
 
 def _passive(scene: Scene) -> Iterator[Fault]:
     """A passive compensator gives way ahead of a winch that holds its line."""
     for path, winch in winches(scene):
         if winch.passive_compensation is not None and winch.drive is not None:
-            what = "it is between the rope and a winch that holds its line, and this one renders"
-            yield f"{path}.passive_compensation", what, "remove it, or `drive` and `brake`"
+            problem = "it is between the rope and a winch that holds its line, and this one renders"
+            yield f"{path}.passive_compensation", problem, "remove it, or `drive` and `brake`"
 
 
 def _sheave(scene: Scene) -> Iterator[Fault]:
@@ -88,11 +96,11 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
         thick = max(section.rope.diameter_m for section in line.made_of)
         for path, sheave in _passed(scene, line):
             if sheave.diameter_m <= thick:
-                what = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
-                yield f"{path}.diameter_m", what, "give about 20 times the rope's diameter"
+                problem = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
+                yield f"{path}.diameter_m", problem, "give about 20 times the rope's diameter"
             if (sheave.outer_wire_m or 0.0) > 0.5 * thick:
-                what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
-                yield f"{path}.outer_wire_m", what, "give the diameter of one outer wire"
+                problem = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
+                yield f"{path}.outer_wire_m", problem, "give the diameter of one outer wire"
 
 
 def _bend_order(scene: Scene) -> Iterator[Fault]:
@@ -100,9 +108,11 @@ def _bend_order(scene: Scene) -> Iterator[Fault]:
     for path, winch in winches(scene):
         ends = [one.inboard_m + one.arc_m for one in winch.inboard_sheaves]
         if winch.drum is not None and ends and winch.drum.inboard_m < max(ends):
-            what = f"the drum at {winch.drum.inboard_m:g} m is outboard of a sheave, which ends at "
-            right = "give its distance from the hang-off along the rope"
-            yield f"{path}.drum.inboard_m", f"{what}{max(ends):g} m", right
+            problem = (
+                f"the drum at {winch.drum.inboard_m:g} m is outboard of a sheave, which ends at "
+            )
+            remedy = "give its distance from the hang-off along the rope"
+            yield f"{path}.drum.inboard_m", f"{problem}{max(ends):g} m", remedy
 
 
 def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]:
@@ -127,19 +137,19 @@ def _commander(scene: Scene) -> Iterator[Fault]:
         if wanted not in WHEN_COMMANDER_LOST:
             yield key, f"'{wanted}' is unknown", did_you_mean(wanted, WHEN_COMMANDER_LOST)
         elif wanted == SET_THE_BRAKE and winch.brake is None:
-            right = f"add `brake` to it, or use {RAMP_TO_ZERO}"
-            yield key, f"'{wanted}' but this winch has no brake", right
+            remedy = f"add `brake` to it, or use {RAMP_TO_ZERO}"
+            yield key, f"'{wanted}' but this winch has no brake", remedy
 
 
 def _follows(scene: Scene) -> Iterator[Fault]:
     """A winch that follows its measured line out has no motion of its own."""
     for path, winch in winches(scene):
         if winch.follows not in FOLLOWS:
-            right = did_you_mean(winch.follows, FOLLOWS)
-            yield f"{path}.follows", f"'{winch.follows}' is unknown", right
+            remedy = did_you_mean(winch.follows, FOLLOWS)
+            yield f"{path}.follows", f"'{winch.follows}' is unknown", remedy
         elif winch.follows == FOLLOWS_MEASURED and winch.passive_compensation is not None:
-            what = "the stroke of `passive_compensation` is not part of a measured line out"
-            yield f"{path}.follows", what, "remove the compensator, or follow commands"
+            problem = "the stroke of `passive_compensation` is not part of a measured line out"
+            yield f"{path}.follows", problem, "remove the compensator, or follow commands"
 
 
 def _rows(scene: Scene) -> Iterator[Fault]:
@@ -152,19 +162,19 @@ def _rows(scene: Scene) -> Iterator[Fault]:
 def _row(winch: Winch, row: ScheduleRow) -> Iterator[Fault]:
     least, most = winch.least_line_out_m, winch.most_line_out_m
     if row.line_out_m is not None and not least <= row.line_out_m <= most:
-        what = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
-        yield "line_out_m", what, "change it, or least_line_out_m or most_line_out_m"
+        problem = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
+        yield "line_out_m", problem, "change it, or least_line_out_m or most_line_out_m"
     if row.tension_n is not None and winch.constant_tension is None:
-        what = "this winch has no constant-tension mode"
-        yield "tension_n", what, "add `constant_tension: {gain_m_per_s_per_kn: ...}` to it"
+        problem = "this winch has no constant-tension mode"
+        yield "tension_n", problem, "add `constant_tension: {gain_m_per_s_per_kn: ...}` to it"
     if row.switch is None:
         return
     if row.switch not in SWITCHES:
         yield "switch", f"'{row.switch}' is unknown", did_you_mean(row.switch, SWITCHES)
     elif getattr(winch, SWITCHES[row.switch]) is None:
         part = SWITCHES[row.switch]
-        what = f"'{row.switch}' but this winch has no {part.replace('_', ' ')}"
-        yield "switch", what, f"add `{part}` to it"
+        problem = f"'{row.switch}' but this winch has no {part.replace('_', ' ')}"
+        yield "switch", problem, f"add `{part}` to it"
 
 
 def _depth(scene: Scene) -> Iterator[Fault]:
@@ -173,8 +183,8 @@ def _depth(scene: Scene) -> Iterator[Fault]:
         winch = winch_of(scene, line)
         rows = winch.schedule if winch is not None and line.fixed_at_m is not None else ()
         if any(row.payload_depth_m is not None for row in rows):
-            what = "its lower end is fixed, and the winch schedule gives a payload depth"
-            yield f"ropes[{number}].fixed_at_m", what, "give line_out_m instead"
+            problem = "its lower end is fixed, and the winch schedule gives a payload depth"
+            yield f"ropes[{number}].fixed_at_m", problem, "give line_out_m instead"
 
 
 WINCH_RULES: tuple[Rule, ...] = (
