@@ -61,8 +61,8 @@ def run(args: argparse.Namespace) -> int:
     if args.status:
         return _status(args.json)
     if args.duration is not None and not 0.0 < args.duration <= 3600.0:
-        what = f"{args.duration:g} s is not possible"
-        raise InputError("--duration", what, "give a time above 0 s, at most 3600 s")
+        problem = f"{args.duration:g} s is not possible"
+        raise InputError("--duration", problem, "give a time above 0 s, at most 3600 s")
     if args.within is not None:
         return _check(args)
     if args.quantity is not None:
@@ -151,8 +151,8 @@ def _check_place(path: Path) -> None:
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
-    what = f"the study cannot be written ({error.strerror})"
-    return InputError(str(path), what, "choose a folder with --out, or give --no-write")
+    problem = f"the study cannot be written ({error.strerror})"
+    return InputError(str(path), problem, "choose a folder with --out, or give --no-write")
 
 
 def _as_text(content: dict[str, Any]) -> str:

@@ -106,20 +106,20 @@ def _check(args: argparse.Namespace) -> None:
     if args.limit is not None and args.limit <= 0.0:
         raise InputError("--limit", f"it is {args.limit:g} N", "give more than 0")
     if args.members > MEMBERS_MOST:
-        right = f"give at most {MEMBERS_MOST}"
-        raise InputError("--members", f"{args.members} ropes are too many", right)
+        remedy = f"give at most {MEMBERS_MOST}"
+        raise InputError("--members", f"{args.members} ropes are too many", remedy)
     longest_s = AHEAD_S - max(BEGINS_S)
     if not 0.0 < args.quiet_time <= longest_s:
-        right = f"give more than 0 and at most {longest_s:g} s"
-        raise InputError("--quiet-time", f"it is {args.quiet_time:g} s", right)
+        remedy = f"give more than 0 and at most {longest_s:g} s"
+        raise InputError("--quiet-time", f"it is {args.quiet_time:g} s", remedy)
     if args.every < SAMPLE_S:
-        right = f"give {SAMPLE_S:g} s or more"
-        raise InputError("--every", f"the origins are {args.every:g} s apart", right)
+        remedy = f"give {SAMPLE_S:g} s or more"
+        raise InputError("--every", f"the origins are {args.every:g} s apart", remedy)
     of_one = {"--at": args.at, "--what-if": args.what_if or None, "--picture": args.picture}
     given = next((option for option, value in of_one.items() if value is not None), "")
     if args.score and given:
-        right = "leave one of the two out"
-        raise InputError(given, "it is for one origin, and --score has many", right)
+        remedy = "leave one of the two out"
+        raise InputError(given, "it is for one origin, and --score has many", remedy)
 
 
 def _risks(

@@ -47,8 +47,8 @@ def run(args: argparse.Namespace) -> int:
         InputError: the arguments do not go together, or an address is not possible.
     """
     if bool(args.udp) == (args.bag is not None):
-        what = "both BAG and --udp" if args.udp else "neither BAG nor --udp"
-        raise InputError("alerts", what, "give one of them")
+        problem = "both BAG and --udp" if args.udp else "neither BAG nor --udp"
+        raise InputError("alerts", problem, "give one of them")
     if args.udp:
         host, port = address_of(args.udp)
         if args.replies and args.replies not in PORTS:
@@ -90,8 +90,8 @@ def read_rates(bag: Path) -> AlertRates:
     with BagReader(bag) as reader:
         name = recorded_name(ALERTS)
         if name not in reader.topics:
-            what = f"it has no topic {ALERTS}"
-            raise BagError(str(bag), what, "record it with this or a later version of rope_twin")
+            problem = f"it has no topic {ALERTS}"
+            raise BagError(str(bag), problem, "record it with this or a later version of rope_twin")
         try:
             lists += [decode_alerts(data) for _, data in reader.messages(name)]
         except InputError as error:

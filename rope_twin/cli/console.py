@@ -78,8 +78,8 @@ def run(args: argparse.Namespace) -> int:
     if args.bag is None:
         return _live(args)
     if args.control:
-        what = "a recorded run has no winch to command"
-        raise InputError("--control", what, "leave it out, or leave BAG out")
+        problem = "a recorded run has no winch to command"
+        raise InputError("--control", problem, "leave it out, or leave BAG out")
     return _recorded(args)
 
 
@@ -105,16 +105,16 @@ def _terminal(args: argparse.Namespace) -> int:
         "--address": args.address != CONSOLE,
     }  # fmt: skip
     if given := next((name for name, there in named.items() if there), ""):
-        what = "the terminal console only shows, and serves no page"
-        raise InputError(f"--terminal {given}", what, f"leave {given} out")
+        problem = "the terminal console only shows, and serves no page"
+        raise InputError(f"--terminal {given}", problem, f"leave {given} out")
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
-        what = "standard input and output are no terminal"
-        raise InputError("--terminal", what, "run it in one, over SSH with `ssh -t`")
+        problem = "standard input and output are no terminal"
+        raise InputError("--terminal", problem, "run it in one, over SSH with `ssh -t`")
     try:
         from rope_twin.console.terminal import TerminalConsole
     except ImportError as error:
-        right = "install it with `pip install 'rope_twin[console]'`"
-        raise InputError("--terminal", f"{error.name} is not installed", right) from error
+        remedy = "install it with `pip install 'rope_twin[console]'`"
+        raise InputError("--terminal", f"{error.name} is not installed", remedy) from error
     from rope_twin.console.control import Desk
     from rope_twin.console.facts import session_facts
     from rope_twin.console.pages import Pages

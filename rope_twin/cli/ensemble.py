@@ -90,8 +90,8 @@ def run(args: argparse.Namespace) -> int:
     scene = load_scene(args.scene)
     if args.time_step is not None:
         if not 1e-5 <= args.time_step <= 0.2:
-            what = f"{args.time_step:g} s is not possible"
-            raise InputError("--time-step", what, "give 1e-05 to 0.2 s")
+            problem = f"{args.time_step:g} s is not possible"
+            raise InputError("--time-step", problem, "give 1e-05 to 0.2 s")
         scene = variant(scene, step_s=args.time_step)
     _check(args)
     axes = [read_axis("--vary", words) for words in args.vary]
@@ -142,8 +142,8 @@ def _seconds(numbers: str) -> str:
 def _check(args: argparse.Namespace) -> None:
     """Refuse what would fail only after a long run."""
     if not 0.0 < args.duration <= 1e6:
-        what = f"{args.duration:g} s is not possible"
-        raise InputError("--duration", what, "give a time above 0 s, at most 1e6 s")
+        problem = f"{args.duration:g} s is not possible"
+        raise InputError("--duration", problem, "give a time above 0 s, at most 1e6 s")
     if args.seed < 0:
         raise InputError("--seed", f"{args.seed} is negative", "give 0 or more")
     if args.out is None:
@@ -172,8 +172,8 @@ def _write_csv(path: Path, result: StudyResult) -> None:
             table.writeheader()
             table.writerows(rows)
     except OSError as error:
-        what = f"{path} cannot be written ({error.strerror})"
-        raise InputError("--out", what, "choose another file") from error
+        problem = f"{path} cannot be written ({error.strerror})"
+        raise InputError("--out", problem, "choose another file") from error
 
 
 def _figures(scene: Scene, result: StudyResult) -> dict[str, Any]:

@@ -67,8 +67,8 @@ def run(args: argparse.Namespace) -> int:
     if args.jobs < 1:
         raise InputError("--jobs", f"{args.jobs} runs in parallel", "give 1 or more")
     if args.sound is not None and (args.fault or args.input or args.single):
-        right = "leave out --input, --fault and --single"
-        raise InputError("--sound", "a run without a fault has no other option", right)
+        remedy = "leave out --input, --fault and --single"
+        raise InputError("--sound", "a run without a fault has no other option", remedy)
     if args.sound is not None:
         return _run_sound(scene, args.sound, args.json)
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)
@@ -76,8 +76,8 @@ def run(args: argparse.Namespace) -> int:
         known = sorted({fault.name for _, fault in runs})
         for name in args.fault:
             if name not in known:
-                what = "there is no such fault"
-                raise InputError(f"--fault {name}", what, did_you_mean(name, known))
+                problem = "there is no such fault"
+                raise InputError(f"--fault {name}", problem, did_you_mean(name, known))
         runs = [(topic, fault) for topic, fault in runs if fault.name in args.fault]
     progress = FigureProgress()
     found: list[Finding] = []
@@ -100,8 +100,8 @@ def run(args: argparse.Namespace) -> int:
 def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
     """Run without a fault, and print each drop of the quality index."""
     if not 0.0 < hours <= MOST_HOURS:
-        what = f"{hours:g} h is no duration of a run"
-        raise InputError("--sound", what, f"give more than 0 and at most {MOST_HOURS:g}")
+        problem = f"{hours:g} h is no duration of a run"
+        raise InputError("--sound", problem, f"give more than 0 and at most {MOST_HOURS:g}")
     progress = FigureProgress()
 
     def report(now_s: float) -> None:

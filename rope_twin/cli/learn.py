@@ -79,8 +79,8 @@ def run(args: argparse.Namespace) -> int:
         )
     if not estimator.results:
         what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
-        right = f"give at least {LEAST_S:g} s with tension, heave and line out"
-        raise InputError(f"bag {args.bag}", what, right)
+        remedy = f"give at least {LEAST_S:g} s with tension, heave and line out"
+        raise InputError(f"bag {args.bag}", what, remedy)
     if words := report.disagreement(estimator):
         raise InputError(f"bag {args.bag}", words, "check its unit (N), its sign and the scene")
     posterior = estimator.results[-1].posterior

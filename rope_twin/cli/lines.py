@@ -46,8 +46,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run both and print the results. Raises RopeTwinError."""
     if not LEAST_S <= args.duration <= MOST_S or args.duration % 1.0:
-        right = f"give a whole number of seconds from {LEAST_S} to {MOST_S}"
-        raise InputError("--duration", f"{args.duration:g} s is not possible", right)
+        remedy = f"give a whole number of seconds from {LEAST_S} to {MOST_S}"
+        raise InputError("--duration", f"{args.duration:g} s is not possible", remedy)
     seconds = int(args.duration)
     if args.out is not None:
         check_picture(args.out / "two_lines.png")

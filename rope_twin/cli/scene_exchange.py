@@ -102,8 +102,8 @@ def _body(scene: Scene, name: str) -> tuple[Payload, Box | Cylinder]:
         raise InputError(f"--payload {name}", "there is no such payload", did_you_mean(name, known))
     payload = known[name] if name else scene.payloads[0]
     if not isinstance(payload.shape, Box | Cylinder):
-        what = f"the payload '{payload.name}' is neither a box nor a cylinder"
-        raise InputError("shape", what, "give it `shape: {box: {...}}` or `{cylinder: ...}`")
+        problem = f"the payload '{payload.name}' is neither a box nor a cylinder"
+        raise InputError("shape", problem, "give it `shape: {box: {...}}` or `{cylinder: ...}`")
     return payload, payload.shape
 
 
@@ -186,13 +186,13 @@ def _read(name: str, given: RaoConventions) -> tuple[Responses, Point | None]:
     if not _is_scene(name):
         return read_responses(name, given), None
     if given != RaoConventions():
-        what = "a scene states the conventions of its own file"
-        raise InputError(name, what, "leave the options out")
+        problem = "a scene states the conventions of its own file"
+        raise InputError(name, problem, "leave the options out")
     scene = load_scene(name)
     raos, riding = vessel_raos(scene), scene.sea_state.on_waves
     if raos is None or riding is None:
-        what = "its ship is not moved by a table of RAOs"
-        raise InputError(name, what, "name `responses` under sea_state.on_waves")
+        problem = "its ship is not moved by a table of RAOs"
+        raise InputError(name, problem, "name `responses` under sea_state.on_waves")
     return raos, riding.crane_tip_m
 
 
@@ -272,12 +272,12 @@ def run_import(args: argparse.Namespace) -> int:
     loads = dict[str, float]()
     for kind, load_n in args.breaking_load:
         if kind in loads:
-            what = f"line type '{kind}' has two" if kind else "two have no line type"
-            raise InputError("--breaking-load", what, "give one")
+            problem = f"line type '{kind}' has two" if kind else "two have no line type"
+            raise InputError("--breaking-load", problem, "give one")
         loads[kind] = load_n
         if not low <= load_n <= high:
-            right = f"right is {low:g} to {high:g} N"
-            raise InputError("--breaking-load", f"it is {load_n:g} N", right)
+            remedy = f"right is {low:g} to {high:g} N"
+            raise InputError("--breaking-load", f"it is {load_n:g} N", remedy)
     if args.out.suffix not in (".yaml", ".yml"):
         raise InputError("--out", f"'{args.out}' is no scene", "end it in .yaml")
     if Path(args.file).resolve() == args.out.resolve():
@@ -315,8 +315,8 @@ def _run_fmu(args: argparse.Namespace) -> int:
 def run_export(args: argparse.Namespace) -> int:
     """Write a deck or an FMU and return the exit code. Raises RopeTwinError."""
     if args.moordyn == args.fmu:
-        what = "two formats are named" if args.fmu else "no format is named"
-        raise InputError("scene export", what, "give --moordyn or --fmu")
+        problem = "two formats are named" if args.fmu else "no format is named"
+        raise InputError("scene export", problem, "give --moordyn or --fmu")
     if args.fmu:
         return _run_fmu(args)
     deck, left_out = deck_of(load_scene(args.scene))
@@ -328,8 +328,10 @@ def run_export(args: argparse.Namespace) -> int:
             files.append(args.out.parent / CURRENT_FILE)
             files[1].write_text(current_text(deck), encoding="utf-8")
     except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(str(args.out), f"it cannot be written ({error.strerror})", right) from None
+        remedy = "give a place that can be written"
+        raise InputError(
+            str(args.out), f"it cannot be written ({error.strerror})", remedy
+        ) from None
     if args.json:
         print_json({"files": files, "left_out": list(left_out)})
         return ExitCode.OK

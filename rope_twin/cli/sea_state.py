@@ -119,8 +119,8 @@ def _make(args: argparse.Namespace) -> int:
     length, breadth, draught = sizes
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
     if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
-        right = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
-        raise InputError("elevation rate", f"it is {args.elevation_rate:g} Hz", right)
+        remedy = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
+        raise InputError("elevation rate", f"it is {args.elevation_rate:g} Hz", remedy)
     sea = synthesise(spectrum, hull, args.seed, args.duration, args.rate)
     notes = {
         "spectrum": spectrum.source,
@@ -137,8 +137,8 @@ def _make(args: argparse.Namespace) -> int:
 def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
     if args.jonswap is not None:
         if args.column is not None or len(args.jonswap) not in (2, 3):
-            what = f"{len(args.jonswap)} numbers" + (" and a column" if args.column else "")
-            raise InputError("--jonswap", what, "right are Hs, Tp and perhaps gamma alone")
+            problem = f"{len(args.jonswap)} numbers" + (" and a column" if args.column else "")
+            raise InputError("--jonswap", problem, "right are Hs, Tp and perhaps gamma alone")
         return jonswap(*_numbers("--jonswap", args.jonswap, ("m", "s", "")))
     if args.column is None:
         raise InputError("--column", "it is missing", "name an hour of the spectrum")
@@ -156,9 +156,9 @@ def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) ->
         try:
             numbers.append(read_quantity(str(word), unit) if unit else float(word))
         except ValueError as error:
-            what = str(error).partition("; ")[0] if unit else f"'{word}' is not a number"
-            right = f"give {unit}" if unit else "give a number without unit"
-            raise InputError(option, what, right) from error
+            problem = str(error).partition("; ")[0] if unit else f"'{word}' is not a number"
+            remedy = f"give {unit}" if unit else "give a number without unit"
+            raise InputError(option, problem, remedy) from error
     return numbers
 
 

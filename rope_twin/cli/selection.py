@@ -216,11 +216,11 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     name, unit = of_core if option == "--budget" else (quantity.name, quantity.unit)
     wanted = read_amount(option, args.budget or args.within, name, unit)
     if option == "--budget" and (options.speed == 0.0 or wanted > 100.0):
-        what = f"{wanted:g} % of one core" if options.speed else "--speed 0 takes a whole core"
-        raise InputError("--budget", what, "give up to 100 % and a --speed above 0")
+        problem = f"{wanted:g} % of one core" if options.speed else "--speed 0 takes a whole core"
+        raise InputError("--budget", problem, "give up to 100 % and a --speed above 0")
     if options.start_from is not None:
-        what = "a saved state has its elements and its step already"
-        raise InputError(option, what, "leave out --from-state, or this")
+        problem = "a saved state has its elements and its step already"
+        raise InputError(option, problem, "leave out --from-state, or this")
     scene = load_scene(options.scene)
     study = current_study(scene, f"{option}, scene {scene.name}", InputError)
     levels = _known_levels(study, quantity, options.speed > 0.0, option)
@@ -252,8 +252,8 @@ def read_amount(option: str, words: str, name: str, unit: str) -> float:
     except ValueError:
         amount = math.nan
     if not (0.0 < amount < math.inf) or number == words.strip():
-        right = f"write a number above 0 and its unit, like {_LIKE[unit]}"
-        raise InputError(f"{option} {words}", f"{name} is in {unit}", right)
+        remedy = f"write a number above 0 and its unit, like {_LIKE[unit]}"
+        raise InputError(f"{option} {words}", f"{name} is in {unit}", remedy)
     return amount
 
 
@@ -278,8 +278,8 @@ def _known_levels(
             name for name in BY_NAME if not math.isnan(best_bound(study.own_levels, name))
         )
         where = f"{option}, scene {study.scene}"
-        what = f"its convergence study has no error of {quantity.name}"
-        raise InputError(where, what, f"give --quantity with one of {', '.join(others)}")
+        problem = f"its convergence study has no error of {quantity.name}"
+        raise InputError(where, problem, f"give --quantity with one of {', '.join(others)}")
     return [level for level in known if not paced or level.step_s <= SLOT_S]
 
 
@@ -291,9 +291,9 @@ def _refuse_other_run(scene: Scene, study: ConvergenceStudy, options: RunOptions
             ((name, words) for name, words in given.items() if words),
             ("--sea-offset", f"{options.sea_offset_s:g}"),
         )
-        what = f"its convergence study is for its own sea, not for {option} {value}"
-        right = f"leave out {option}, or make the study of a scene that has that sea"
-        raise InputError(f"--within, scene {scene.name}", what, right)
+        problem = f"its convergence study is for its own sea, not for {option} {value}"
+        remedy = f"leave out {option}, or make the study of a scene that has that sea"
+        raise InputError(f"--within, scene {scene.name}", problem, remedy)
     needed_s = make_plan(scene).seconds
     if study.seconds < needed_s and _goes_on(study, options):
         raise InputError(
@@ -326,10 +326,10 @@ def _cheapest(
     level = cheapest_within(levels, quantity.name, target)
     if level is None:
         best = best_bound(levels, quantity.name)
-        what = (
+        problem = (
             f"no setting of the study is that accurate, the best is {_bound_words(best, quantity)}"
         )
-        raise InputError(f"--within {target:g}{quantity.unit}", what, "give that or more")
+        raise InputError(f"--within {target:g}{quantity.unit}", problem, "give that or more")
     bound = sure_bound(level, levels, quantity.name)
     said = (
         f"--within {target:g} {quantity.unit}: {level.setting}, the cheapest with "
@@ -360,8 +360,8 @@ def _select(
             return selection
         costs[levels.index(level)] = math.inf  # with its messages it does not fit
         least = selection.pct
-    what = f"the cheapest setting of the study needs {least:.2g} % here"
-    raise InputError(f"--budget {budget:g}%", what, "give more")
+    problem = f"the cheapest setting of the study needs {least:.2g} % here"
+    raise InputError(f"--budget {budget:g}%", problem, "give more")
 
 
 def _bound_of(

@@ -88,8 +88,8 @@ def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None)
     elif not path.is_file():
         raise InputError(f"file {path}", "it does not exist", "name an .rrd file or a bag")
     elif save is not None or args.at is not None:
-        what = "--at and a recording as --out need the bag"
-        raise InputError(f"file {path}", what, "name the bag of that run")
+        problem = "--at and a recording as --out need the bag"
+        raise InputError(f"file {path}", problem, "name the bag of that run")
     elif fault := sinks.recording_fault(path):
         raise InputError(f"file {path}", fault, "name an .rrd file of a run, or a bag")
     missing = ""
