@@ -46,8 +46,8 @@ class BreakingLoads:
         if stated_n is not None:
             return stated_n
         if "" not in self._given:
-            right = f"give it by --breaking-load {kind}=FORCE"
-            raise InputError(f"line type '{kind}'", "its breaking load is not known", right)
+            remedy = f"give it by --breaking-load {kind}=FORCE"
+            raise InputError(f"line type '{kind}'", "its breaking load is not known", remedy)
         self._alike[kind] = stiffness_n
         return self._given[""]
 
@@ -56,8 +56,8 @@ class BreakingLoads:
         if len(set(self._alike.values())) < 2:
             return []
         named = ", ".join(self._alike)
-        right = "give each its own by --breaking-load TYPE=FORCE"
-        return [f"breaking load by line type: {named} all have {self._given['']:g} N; {right}"]
+        remedy = "give each its own by --breaking-load TYPE=FORCE"
+        return [f"breaking load by line type: {named} all have {self._given['']:g} N; {remedy}"]
 
 
 @dataclass(frozen=True)
@@ -104,8 +104,8 @@ def write_scene(imported: Imported, path: Path) -> Scene:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(suffix=".yaml", dir=path.parent)
     except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(str(path), f"it cannot be written ({error})", right) from None
+        remedy = "give a place that can be written"
+        raise InputError(str(path), f"it cannot be written ({error})", remedy) from None
     draft = Path(name)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
@@ -114,8 +114,8 @@ def write_scene(imported: Imported, path: Path) -> Scene:
         draft.replace(path)
     except SceneError as error:
         words = str(error).replace(str(draft), "the scene").removesuffix(".")
-        what, _, right = words.rpartition("; ")
-        raise InputError(str(path), f"the model gives no valid scene ({what})", right) from None
+        problem, _, remedy = words.rpartition("; ")
+        raise InputError(str(path), f"the model gives no valid scene ({problem})", remedy) from None
     finally:
         draft.unlink(missing_ok=True)
     return load_scene(path)

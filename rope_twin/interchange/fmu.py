@@ -114,12 +114,12 @@ class SceneModel:
         """
         twin, steps = self.twin, round(step_s / self.twin.step_s)
         if steps < 1 or abs(steps * twin.step_s - step_s) > STEP_TOL * twin.step_s:
-            right = f"give a multiple of the scene's time step, {twin.step_s:g} s"
-            raise InputError("FMU", f"a communication step of {step_s:g} s", right)
+            remedy = f"give a multiple of the scene's time step, {twin.step_s:g} s"
+            raise InputError("FMU", f"a communication step of {step_s:g} s", remedy)
         at_ns, until_ns = twin.time_ns, twin.time_ns + steps * twin.step_ns
         if abs(time_s - at_ns * 1e-9) > STEP_TOL:
-            what = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
-            raise InputError("FMU", what, "step without gaps, from 0 on")
+            problem = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
+            raise InputError("FMU", problem, "step without gaps, from 0 on")
         now, ahead = _motion(inputs, MOTIONS, 0.0), _motion(inputs, MOTIONS, step_s)
         if at_ns == 0:
             _taken(twin.offer_pose(ShipPose(0, *now)))
@@ -226,8 +226,8 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
         SceneError: the scene is invalid, or names files beside it.
     """
     if out.suffix != ".fmu" or not out.stem.isidentifier():
-        right = "give a name of letters, digits and _ that ends with .fmu"
-        raise InputError(f"--out {out}", "it is no name of an FMU", right)
+        remedy = "give a name of letters, digits and _ that ends with .fmu"
+        raise InputError(f"--out {out}", "it is no name of an FMU", remedy)
     require("pythonfmu3", "an FMU needs it and it is not there", "fmu")
     scene = load_scene(name_or_path)
     if is_joined(scene):
@@ -243,6 +243,6 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
         try:
             shutil.copy(built, out)
         except OSError as error:
-            what = f"it cannot be written ({error.strerror})"
-            raise InputError(str(out), what, "give a place that can be written") from None
+            problem = f"it cannot be written ({error.strerror})"
+            raise InputError(str(out), problem, "give a place that can be written") from None
     return scene

@@ -61,12 +61,12 @@ def deck_of(scene: Scene) -> tuple[Deck, tuple[str, ...]]:
     where = f"scene {scene.name}"
     for name, parts in (("sheaves", scene.sheaves), ("struts", scene.struts)):
         if parts:
-            what = f"its {name} have no equal in a MoorDyn deck"
-            raise InputError(where, what, "export a scene without them")
+            problem = f"its {name} have no equal in a MoorDyn deck"
+            raise InputError(where, problem, "export a scene without them")
     effects = listed_effects(scene)
     if "rigid_body" in effects:
-        what = "its rigid body has no equal among a deck's lines"
-        raise InputError(where, what, "give the payload as a point")
+        problem = "its rigid body has no equal among a deck's lines"
+        raise InputError(where, problem, "give the payload as a point")
     left_out = [*_left_out(scene, effects)]
     writer = _Writer(scene, left_out)
     writer.write()
@@ -301,8 +301,8 @@ class _Reader:
         first = next(iter(self._hang_offs), None)
         chains = sorted(self._chains(), key=lambda chain: chain[0] != first)
         if not chains or not self._hang_offs:
-            what = "no line of it leads down from a coupled or fixed point"
-            raise InputError(str(self._where), what, "give a deck with one")
+            problem = "no line of it leads down from a coupled or fixed point"
+            raise InputError(str(self._where), problem, "give a deck with one")
         scene: Keys = {
             "about": self._deck.title or self._where.stem,
             "source": f"MoorDyn deck {self._where.name}",

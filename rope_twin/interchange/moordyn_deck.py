@@ -168,8 +168,8 @@ def read_deck(path: Path) -> Deck:
                 unread.append(f"section {heading}")
     for name in ("types", "points", "lines"):
         if name not in found:
-            what = f"there is no section {name.upper() if name != 'types' else 'LINE TYPES'}"
-            raise InputError(str(path), what, "give a deck of MoorDyn 2")
+            problem = f"there is no section {name.upper() if name != 'types' else 'LINE TYPES'}"
+            raise InputError(str(path), problem, "give a deck of MoorDyn 2")
     types = tuple(_types(path, found["types"], unread))
     points = tuple(_points(path, found["points"], unread))
     lines = tuple(_read_lines(path, found["lines"]))
@@ -197,8 +197,8 @@ def _table(
 ) -> Iterator[tuple[str, dict[str, str], list[str]]]:
     """Yield place, cells by name and cells beyond the known ones of each row."""
     if len(rows) < 2:
-        what = "a section has no names and units of its columns"
-        raise InputError(str(path), what, "give both lines, as in MoorDyn 2")
+        problem = "a section has no names and units of its columns"
+        raise InputError(str(path), problem, "give both lines, as in MoorDyn 2")
     number, names = rows[0]
     header = [name.lower() for name in names]
     at = dict[str, int]()
@@ -207,8 +207,8 @@ def _table(
         if place is not None:
             at[name] = place
         elif name not in optional:
-            what = f"there is no column {' or '.join(known)}"
-            raise InputError(f"{path}, line {number}", what, "give a deck of MoorDyn 2")
+            problem = f"there is no column {' or '.join(known)}"
+            raise InputError(f"{path}, line {number}", problem, "give a deck of MoorDyn 2")
     for number, cells in rows[2:]:
         where = f"{path}, line {number}"
         if len(cells) <= max(at.values()):
@@ -240,8 +240,8 @@ def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
     for where, cells, _ in _table(path, rows, _POINT, ("mass_kg", "volume_m3", "CdA_m2", "Ca")):
         number, kind = _whole(where, cells.pop("number")), cells.pop("kind").lower()
         if kind not in _KINDS:
-            right = "give Coupled, Free or Fixed points; bodies and rods have no equal"
-            raise InputError(where, f"a point of type {kind}", right)
+            remedy = "give Coupled, Free or Fixed points; bodies and rods have no equal"
+            raise InputError(where, f"a point of type {kind}", remedy)
         at = tuple(_number(where, cells.pop(axis), axis) for axis in "xyz")
         numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
         yield Point(number, _KINDS[kind], (at[0], at[1], at[2]), **numbers)
@@ -252,8 +252,8 @@ def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:
         length = _number(where, cells["length_m"], "UnstrLen")
         segments = _whole(where, cells["segments"])
         if length <= 0.0 or segments < 1:
-            what = f"a line of {length:g} m in {segments} segments"
-            raise InputError(where, what, "give a length above 0 and a segment or more")
+            problem = f"a line of {length:g} m in {segments} segments"
+            raise InputError(where, problem, "give a length above 0 and a segment or more")
         number, end_a, end_b = (_whole(where, cells[key]) for key in ("number", "end_a", "end_b"))
         yield Line(number, cells["type_name"], end_a, end_b, length, segments)
 
@@ -273,8 +273,8 @@ def _check_names(
     for line in lines:
         where = f"{path}, line {line.number} of LINES"
         if line.type_name not in known:
-            what = f"there is no line type {line.type_name}"
-            raise InputError(where, what, f"known: {', '.join(sorted(known))}")
+            problem = f"there is no line type {line.type_name}"
+            raise InputError(where, problem, f"known: {', '.join(sorted(known))}")
         for end in (line.end_a, line.end_b):
             if end not in numbers:
                 known_points = ", ".join(map(str, sorted(numbers)))
@@ -312,6 +312,6 @@ def _number(where: str, cell: str, name: str) -> float:
 
 def _whole(where: str, cell: str) -> int:
     if not cell.isdigit():
-        what = f"'{cell}' is not the number of a point or line"
-        raise InputError(where, what, "give numbers, as bodies, rods and turbines have no equal")
+        problem = f"'{cell}' is not the number of a point or line"
+        raise InputError(where, problem, "give numbers, as bodies, rods and turbines have no equal")
     return int(cell)

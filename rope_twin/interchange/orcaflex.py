@@ -125,8 +125,8 @@ class _Model:
         """Return the scene's keys and what is left out."""
         ropes = [rope for line in self._lines for rope in self._rope(line)]
         if not ropes:
-            what = "none of its Lines hangs from a vessel or a fixed point"
-            raise InputError(str(self._path), what, "give a model with such a line")
+            problem = "none of its Lines hangs from a vessel or a fixed point"
+            raise InputError(str(self._path), problem, "give a model with such a line")
         ropes.sort(key=lambda rope: rope["from"] != WINCH)
         used = {rope.get("to") for rope in ropes} | {rope["from"] for rope in ropes}
         payloads = [self._payload(own) for name, own in self._buoys.items() if name in used]
@@ -160,19 +160,19 @@ class _Model:
     def _many(self, key: str) -> list[_Object]:
         listed = self._model.get(key) or []
         if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
-            what = f"{key} is not a list of objects"
-            raise InputError(str(self._path), what, "give a model as OrcaFlex saves it")
+            problem = f"{key} is not a list of objects"
+            raise InputError(str(self._path), problem, "give a model as OrcaFlex saves it")
         return [_Object(one, f"{key} {one.get('Name', '')}") for one in listed]
 
     def _check_units(self) -> None:
         system = self._general.get("UnitsSystem")
         if system != "SI":
-            what = f"its UnitsSystem is {'not stated' if system is None else system}"
-            right = "save it in SI (te, kN, m), with `General: {UnitsSystem: SI}`"
-            raise InputError(str(self._path), what, right)
+            problem = f"its UnitsSystem is {'not stated' if system is None else system}"
+            remedy = "save it in SI (te, kN, m), with `General: {UnitsSystem: SI}`"
+            raise InputError(str(self._path), problem, remedy)
         if self._environment.number("WaterSurfaceZ", 0.0) != 0.0:
-            what = "its water surface is not at z = 0"
-            raise InputError(str(self._path), what, "give a model with WaterSurfaceZ 0")
+            problem = "its water surface is not at z = 0"
+            raise InputError(str(self._path), problem, "give a model with WaterSurfaceZ 0")
 
     # lines
 
@@ -242,8 +242,8 @@ class _Model:
 
     def _depth(self, where: str) -> float:
         if not math.isfinite(self._depth_m):
-            what = "the water depth is not stated"
-            raise InputError(where, what, "add WaterDepth to the Environment")
+            problem = "the water depth is not stated"
+            raise InputError(where, problem, "add WaterDepth to the Environment")
         return self._depth_m
 
     def _upper(self, line: _Object, kind: str, at: list[float]) -> str:
@@ -283,8 +283,8 @@ class _Model:
         kind = str(row.get("LineType"))
         if kind not in self._types:
             known = ", ".join(self._types) or "none"
-            what = f"there is no line type '{kind}'"
-            raise InputError(f"{self._path}, {line.where}", what, f"known: {known}")
+            problem = f"there is no line type '{kind}'"
+            raise InputError(f"{self._path}, {line.where}", problem, f"known: {known}")
         own = self._types[kind]
         OD, ID = own.number("OD"), own.number("ID", 0.0)
         contents = TE * line.number("ContentsDensity", 0.0) * 0.25 * math.pi * ID**2
@@ -421,8 +421,10 @@ class _Model:
             ratio = 0.6673 + 0.05037 * gamma - 0.006230 * gamma**2 + 0.0003341 * gamma**3
             period = train.number("WaveTz") / ratio
         else:
-            right = "add WaveTp, or WaveTz and WaveGamma"
-            raise InputError(f"{self._path}, {train.where}", "its peak period is not stated", right)
+            remedy = "add WaveTp, or WaveTz and WaveGamma"
+            raise InputError(
+                f"{self._path}, {train.where}", "its peak period is not stated", remedy
+            )
         sea = {"significant_height_m": train.number("WaveHs"), "peak_period_s": period}
         sea |= {} if gamma is None else {"gamma": gamma}
         self._left_out.append(f"{train.where}: its random phases, they are those of seed {SEED}")

@@ -127,13 +127,13 @@ def characteristic_maximum(
     """
     sample = np.asarray(maxima, dtype=float)
     if sample.ndim != 1 or len(sample) < LEAST_SEEDS:
-        what = f"{sample.size} maxima"
-        raise InputError("extremes", what, f"give at least {LEAST_SEEDS}, one of each seed")
+        problem = f"{sample.size} maxima"
+        raise InputError("extremes", problem, f"give at least {LEAST_SEEDS}, one of each seed")
     if not np.isfinite(sample).all():
         raise InputError("extremes", "a maximum is not finite", "leave its seed out")
     if not (0.0 < percentile < 100.0 and 0.0 < confidence < 1.0):
-        what = f"percentile {percentile:g} with confidence {confidence:g}"
-        raise InputError("extremes", what, "give 0 to 100 % and 0 to 1, between the ends")
+        problem = f"percentile {percentile:g} with confidence {confidence:g}"
+        raise InputError("extremes", problem, "give 0 to 100 % and 0 to 1, between the ends")
     probability = 0.01 * percentile
     fitted = fit_gumbel(sample)
     value, scale = float(fitted.quantile(probability)), float(fitted.scale)

@@ -47,21 +47,21 @@ class Operation:
     def __post_init__(self) -> None:
         """Check the periods and that at most one heading is given. Raises InputError."""
         if not (math.isfinite(self.planned_s) and self.planned_s > 0.0):
-            what = f"it is {self.planned_s / SECONDS_PER_HOUR:g} h"
-            raise InputError("planned period", what, "give a time above 0")
+            problem = f"it is {self.planned_s / SECONDS_PER_HOUR:g} h"
+            raise InputError("planned period", problem, "give a time above 0")
         if self.planned_s < SHORTEST_S:
-            what = f"it is {self.planned_s:g} s"
-            raise InputError("planned period", what, "give it with its unit, like 6h")
+            problem = f"it is {self.planned_s:g} s"
+            raise InputError("planned period", problem, "give it with its unit, like 6h")
         if not (math.isfinite(self.contingency_s) and self.contingency_s >= 0.0):
-            what = f"it is {self.contingency_s / SECONDS_PER_HOUR:g} h"
-            raise InputError("contingency", what, "give 0 or more")
+            problem = f"it is {self.contingency_s / SECONDS_PER_HOUR:g} h"
+            raise InputError("contingency", problem, "give 0 or more")
         if self.bow_deg is not None and self.relative_deg is not None:
-            what = "the heading is given over ground and relative to the waves"
-            raise InputError("heading", what, "keep one of them")
+            problem = "the heading is given over ground and relative to the waves"
+            raise InputError("heading", problem, "keep one of them")
         for angle in (self.bow_deg, self.relative_deg):
             if angle is not None and not abs(angle) <= HEADING_MOST_DEG:
-                right = f"give degrees within ±{HEADING_MOST_DEG:g}"
-                raise InputError("heading", f"it is {angle:g}°", right)
+                remedy = f"give degrees within ±{HEADING_MOST_DEG:g}"
+                raise InputError("heading", f"it is {angle:g}°", remedy)
 
     @property
     def reference_s(self) -> float:
@@ -139,8 +139,8 @@ def operability(
     steps = math.ceil(operation.reference_s / hindcast.step_s * (1.0 - WHOLE))
     if steps >= len(hindcast.hs_m):
         hours = operation.reference_s / SECONDS_PER_HOUR
-        what = f"it is shorter than T_R = {hours:g} h"
-        raise InputError(hindcast.source, what, "give a longer one")
+        problem = f"it is shorter than T_R = {hours:g} h"
+        raise InputError(hindcast.source, problem, "give a longer one")
     known = np.isfinite(hindcast.hs_m)
     heading = _headings(hindcast, limits, operation)
     each = {name: limits.at(name, hindcast.tp_s, heading) for name in limits.phases}
@@ -191,12 +191,12 @@ def _headings(hindcast: Hindcast, limits: LimitTable, operation: Operation) -> V
     if operation.relative_deg is not None:
         return np.full(count, operation.relative_deg)
     if operation.bow_deg is None:
-        what = "the limits depend on the heading of the waves"
-        right = "give the compass heading of the bow (--bow), or that relative to the waves"
-        raise InputError(limits.source, what, f"{right} (--relative)")
+        problem = "the limits depend on the heading of the waves"
+        remedy = "give the compass heading of the bow (--bow), or that relative to the waves"
+        raise InputError(limits.source, problem, f"{remedy} (--relative)")
     if hindcast.towards_deg is None:
-        right = "add direction_from_deg or direction_to_deg, or give --relative"
-        raise InputError(hindcast.source, "it has no direction of the waves", right)
+        remedy = "add direction_from_deg or direction_to_deg, or give --relative"
+        raise InputError(hindcast.source, "it has no direction of the waves", remedy)
     return np.asarray(operation.bow_deg - hindcast.towards_deg)
 
 

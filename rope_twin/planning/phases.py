@@ -301,5 +301,5 @@ def _check_line(scene: Scene, longest_m: float) -> None:
     assert scene.winch is not None
     most = scene.winch.most_line_out_m
     if longest_m > most:
-        what = f"it takes {longest_m:.1f} m of line, the winch has {most:g} m"
-        raise InputError("winch", what, "raise most_line_out_m of the scene")
+        problem = f"it takes {longest_m:.1f} m of line, the winch has {most:g} m"
+        raise InputError("winch", problem, "raise most_line_out_m of the scene")

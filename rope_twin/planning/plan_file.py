@@ -75,8 +75,8 @@ class DesignCurrent:
             return "heights of the profile do not descend; order the rows from the surface down"
         for z, share in self.profile:
             if z > 0.0 or share < 0.0:
-                what = f"the profile has the row [{z:g}, {share:g}]"
-                return f"{what}; give an elevation of at most 0 and a share of 0 or more"
+                problem = f"the profile has the row [{z:g}, {share:g}]"
+                return f"{problem}; give an elevation of at most 0 and a share of 0 or more"
         return None
 
     def towards(self, bow: float) -> CurrentParams:
@@ -297,8 +297,8 @@ class Phase:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(given) == 1:
             return None
-        what = " and ".join(given) if given else "no kind of phase"
-        return f"{what} given; give exactly one of {', '.join(KINDS)}"
+        problem = " and ".join(given) if given else "no kind of phase"
+        return f"{problem} given; give exactly one of {', '.join(KINDS)}"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -54,8 +54,8 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
     digest = hashlib.sha256(data).hexdigest()
     place = Place(path)
     if isinstance(tree.value, dict) and "ropes" in tree.value:
-        right = "name it by the key `scene` of a plan, as `rope_twin plan --example` prints one"
-        raise place.refuse("this is the file of a scene, not a plan", right)
+        remedy = "name it by the key `scene` of a plan, as `rope_twin plan --example` prints one"
+        raise place.refuse("this is the file of a scene, not a plan", remedy)
     plan: Plan = read_object(Plan, tree, place, name=path.stem, path=path, digest=digest)
     beside = path.parent / plan.scene
     try:
@@ -64,8 +64,8 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
         raise _at(tree, place, "scene").refuse(*_halves(error)) from error
     scene = plan.in_current(scene)
     errors = SceneErrors()
-    for keys, what, right in faults(plan, scene):
-        errors.add(_at(tree, place, *keys).refuse(what, right))
+    for keys, what, remedy in faults(plan, scene):
+        errors.add(_at(tree, place, *keys).refuse(what, remedy))
     errors.raise_any()
     return plan, scene
 
@@ -77,8 +77,8 @@ def with_error(plan: Plan, share: float) -> Plan:
         InputError: the plan gives mesh and step, or the share is out of range.
     """
     if plan.method.elements is not None:
-        what = f"'{plan.name}' gives elements and step_s"
-        raise InputError("--within", what, "leave them out of its `method`")
+        problem = f"'{plan.name}' gives elements and step_s"
+        raise InputError("--within", problem, "leave them out of its `method`")
     if share == plan.method.error_within:
         return plan
     change = Change("method.error_within", share)
@@ -88,8 +88,8 @@ def with_error(plan: Plan, share: float) -> Plan:
 
 def _halves(error: RopeTwinError) -> tuple[str, str]:
     """Return fault and remedy of an error's sentence."""
-    what, _, right = str(error).rstrip(".").rpartition("; ")
-    return (what, right) if what else (right, "correct it")
+    problem, _, remedy = str(error).rstrip(".").rpartition("; ")
+    return (problem, remedy) if problem else (remedy, "correct it")
 
 
 def _at(tree: Item, place: Place, *keys: str | int) -> Place:
@@ -121,15 +121,15 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     yield from _current_faults(plan, scene)
     yield from _wave_faults(plan, scene)
     for number, phase in enumerate(plan.phases):
-        for keys, what, right in _phase_faults(plan, phase, scene):
-            yield ("phases", number, phase.kind, *keys), what, right
+        for keys, problem, right in _phase_faults(plan, phase, scene):
+            yield ("phases", number, phase.kind, *keys), problem, right
     yield from _criteria_faults(plan, scene)
     yield from _uncertainty_faults(plan, scene)
     least = plan.sea.hs_m.from_
     for k, period in enumerate(plan.sea.tp_s):
         if not plan.heights_m(k, 0):
-            what = f"waves of Tp {period:g} s break at Hs {least:g} m, the lowest of the grid"
-            yield ("sea", "tp_s"), what, "leave the period out, or begin `hs_m` lower"
+            problem = f"waves of Tp {period:g} s break at Hs {least:g} m, the lowest of the grid"
+            yield ("sea", "tp_s"), problem, "leave the period out, or begin `hs_m` lower"
 
 
 def _scene_fault(plan: Plan, scene: Scene) -> tuple[str, str] | None:
@@ -138,25 +138,30 @@ def _scene_fault(plan: Plan, scene: Scene) -> tuple[str, str] | None:
     if is_joined(scene):
         if kinds == {"from_scene"}:
             return None
-        right = "give phases `from_scene` alone, or a scene of one rope and its payload"
-        return f"the ropes of '{scene.name}' meet, and depths are those of one rope", right
+        remedy = "give phases `from_scene` alone, or a scene of one rope and its payload"
+        return f"the ropes of '{scene.name}' meet, and depths are those of one rope", remedy
     if find_payload(scene, scene.ropes[0]) is None:
         return f"'{scene.name}' has no payload", "give a scene with one at the rope's lower end"
     weight = lift_figures(scene).payload_weight_n
     if weight <= 0.0:
-        what = f"the payload of '{scene.name}' floats with {-1e-3 * weight:.3g} kN"
-        return what, "give one that sinks: uplift and slack count from its submerged weight"
+        problem = f"the payload of '{scene.name}' floats with {-1e-3 * weight:.3g} kN"
+        return problem, "give one that sinks: uplift and slack count from its submerged weight"
     if not kinds <= set(BY_TWIN) and not is_known_in_advance(scene.winch, ()):
-        what = f"the line out of '{scene.name}' depends on the tension (drive or passive cylinder)"
-        return what, "leave drive and passive_compensation out of the winch, or plan `from_scene`"
+        problem = (
+            f"the line out of '{scene.name}' depends on the tension (drive or passive cylinder)"
+        )
+        return (
+            problem,
+            "leave drive and passive_compensation out of the winch, or plan `from_scene`",
+        )
     return None
 
 
 def _vessel_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     riding = scene.sea_state.on_waves
     if plan.vessel is None and riding is None:
-        what = f"no vessel is given, and '{scene.name}' has none on its waves"
-        yield ("vessel",), what, "add `vessel` with responses and crane_tip_m"
+        problem = f"no vessel is given, and '{scene.name}' has none on its waves"
+        yield ("vessel",), problem, "add `vessel` with responses and crane_tip_m"
         return
     try:
         tip = tip_of(plan, scene)
@@ -164,8 +169,8 @@ def _vessel_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         yield ("vessel", "responses"), *_halves(error)
         return
     if not tip.headings and plan.sea.headings_deg != (HEAD_SEAS,):
-        what = "the scene's box-like hull answers head seas alone"
-        yield ("sea", "headings_deg"), what, "give [180.0], or a `vessel` with responses"
+        problem = "the scene's box-like hull answers head seas alone"
+        yield ("sea", "headings_deg"), problem, "give [180.0], or a `vessel` with responses"
 
 
 def _current_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
@@ -183,8 +188,8 @@ def _wave_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     if waves is None:
         return
     if waves.jonswap is None or waves.also:
-        what = f"the waves of '{scene.name}' are not one JONSWAP system, whose Hs and Tp vary"
-        yield ("scene",), what, "give its effect `waves` a `jonswap`, and nothing in `also`"
+        problem = f"the waves of '{scene.name}' are not one JONSWAP system, whose Hs and Tp vary"
+        yield ("scene",), problem, "give its effect `waves` a `jonswap`, and nothing in `also`"
 
 
 def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
@@ -193,8 +198,8 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
         yield (), f"'{scene.name}' has no winch to lower with", "add a `winch` to the scene"
         return
     if winch is not None and speed > winch.speed_limit_m_per_s:
-        what = f"{speed:g} m/s is above the winch's {winch.speed_limit_m_per_s:g} m/s"
-        yield ("speed_m_per_s",), what, "give less, or raise the scene's speed_limit_m_per_s"
+        problem = f"{speed:g} m/s is above the winch's {winch.speed_limit_m_per_s:g} m/s"
+        yield ("speed_m_per_s",), problem, "give less, or raise the scene's speed_limit_m_per_s"
     if phase.lift_off is not None:
         yield from _lift_off_faults(plan, phase.lift_off, scene)
     if (
@@ -202,10 +207,10 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
         and not _is_in_air(scene)
         and scene.listed(SplashZoneParams) is None
     ):
-        what = f"the object of '{scene.name}' is in water everywhere"
+        problem = f"the object of '{scene.name}' is in water everywhere"
         yield (
             (),
-            what,
+            problem,
             "give a scene in air (water_density_kg_per_m3: 1.225), or with `splash_zone`",
         )
     bed = scene.listed(SeabedParams)
@@ -216,26 +221,26 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
         kinds = {"splash_zone": SplashZoneParams, "waves": WavesParams}
         lacking = [name for name, kind in kinds.items() if scene.listed(kind) is None]
         if lacking:
-            what = f"'{scene.name}' lacks the effect {' and '.join(lacking)}"
-            yield (), what, "add it to the scene"
+            problem = f"'{scene.name}' lacks the effect {' and '.join(lacking)}"
+            yield (), problem, "add it to the scene"
             return
     if phase.splash_zone is not None or phase.in_air is not None:
         above = getattr(phase, phase.kind).above_m
         if above >= tip_m:
-            what = f"{above:g} m is not below the crane tip, {tip_m:g} m above the water"
-            yield ("above_m",), what, "give less, or raise the scene's hang_off_m"
+            problem = f"{above:g} m is not below the crane tip, {tip_m:g} m above the water"
+            yield ("above_m",), problem, "give less, or raise the scene's hang_off_m"
             return
     for key, depth in _depths(phase):
         if bed is not None and bed.depth_m is not None and depth >= bed.depth_m:
-            what = f"{depth:g} m is not above the seabed in {bed.depth_m:g} m"
-            yield (key,), what, "give less, or a phase `landing`"
+            problem = f"{depth:g} m is not above the seabed in {bed.depth_m:g} m"
+            yield (key,), problem, "give less, or a phase `landing`"
         if winch is None:
             continue
         if not winch.least_line_out_m <= tip_m + depth <= winch.most_line_out_m:
             least, most = winch.least_line_out_m - tip_m, winch.most_line_out_m - tip_m
             side = "above" if depth < 0.0 else "below"
-            what = f"{abs(depth):g} m {side} the water is beyond the line of the winch"
-            yield (key,), what, f"it reaches from {least:g} to {most:g} m below the water"
+            problem = f"{abs(depth):g} m {side} the water is beyond the line of the winch"
+            yield (key,), problem, f"it reaches from {least:g} to {most:g} m below the water"
 
 
 def _is_in_air(scene: Scene) -> bool:
@@ -245,18 +250,18 @@ def _is_in_air(scene: Scene) -> bool:
 def _lift_off_faults(plan: Plan, own: LiftOff, scene: Scene) -> Iterator[Fault]:
     body = scene.listed(RigidBodyParams)
     if body is None or body.deck is None:
-        what = f"the object of '{scene.name}' stands on no deck"
-        yield (), what, "give a scene with `rigid_body` and its `deck`, such as lift_off"
+        problem = f"the object of '{scene.name}' stands on no deck"
+        yield (), problem, "give a scene with `rigid_body` and its `deck`, such as lift_off"
         return
     if not _is_in_air(scene) or scene.listed(WavesParams) is not None:
-        what = f"'{scene.name}' is in water, and the lift-off in air"
-        yield (), what, "give a scene in air (water_density_kg_per_m3: 1.225), without waves"
+        problem = f"'{scene.name}' is in water, and the lift-off in air"
+        yield (), problem, "give a scene in air (water_density_kg_per_m3: 1.225), without waves"
     if scene.winch is not None:
         left = scene.ropes[0].length_m - own.hoist_m
         if left < scene.winch.least_line_out_m:
-            what = f"{own.hoist_m:g} m leave {left:g} m of line, the winch keeps "
-            what += f"{scene.winch.least_line_out_m:g} m"
-            yield ("hoist_m",), what, "give less, or lower the scene's least_line_out_m"
+            problem = f"{own.hoist_m:g} m leave {left:g} m of line, the winch keeps "
+            problem += f"{scene.winch.least_line_out_m:g} m"
+            yield ("hoist_m",), problem, "give less, or lower the scene's least_line_out_m"
     if own.deck is not None and plan.vessel is None:
         yield ("deck",), "the deck moves but no vessel is given", "add `vessel`"
         return
@@ -284,8 +289,12 @@ def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     compensated = scene.winch is not None and scene.winch.heave_compensation is not None
     for key in ("stroke_m", "compensation_speed_m_per_s"):
         if getattr(own, key) is not None and not compensated:
-            what = f"the winch of '{scene.name}' has no heave compensation"
-            yield ("criteria", key), what, "leave it out, or add `heave_compensation` to the winch"
+            problem = f"the winch of '{scene.name}' has no heave compensation"
+            yield (
+                ("criteria", key),
+                problem,
+                "leave it out, or add `heave_compensation` to the winch",
+            )
     kinds = [phase.kind for phase in plan.phases]
     if own.landing_speed_m_per_s is not None and "landing" not in kinds:
         yield ("criteria", "landing_speed_m_per_s"), "no phase lands", "add a phase `landing`"
@@ -301,12 +310,12 @@ def _uncertainty_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     for number, own in enumerate(plan.uncertainties):
         where = ("uncertainties", number, "key")
         if own.key.startswith(CERTAIN):
-            what = f"'{own.key}' is no property of the lift"
-            yield where, what, "give a key of vessel, sea, current, phases, criteria or scene"
+            problem = f"'{own.key}' is no property of the lift"
+            yield where, problem, "give a key of vessel, sea, current, phases, criteria or scene"
             continue
         if plan.current is not None and own.key.startswith(SCENE_CURRENT):
-            what = f"'{own.key}' is replaced by the plan's `current`"
-            yield where, what, "give current.speed_m_per_s or another key of it"
+            problem = f"'{own.key}' is replaced by the plan's `current`"
+            yield where, problem, "give current.speed_m_per_s or another key of it"
             continue
         for value in own.distribution.quantile(np.array([0.0, 1.0])).tolist():
             try:
@@ -315,8 +324,8 @@ def _uncertainty_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
                 sentence = str(error)
                 for file in files:
                     sentence = sentence.removeprefix(file)
-                what, _, right = sentence.rstrip(".").partition("; ")
-                yield where, what, right
+                problem, _, remedy = sentence.rstrip(".").partition("; ")
+                yield where, problem, remedy
                 break
 
 

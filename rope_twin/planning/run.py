@@ -509,6 +509,6 @@ def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:
         try:
             found.append(values.index(float(word)))
         except ValueError:
-            right = f"known: {', '.join(f'{value:g}' for value in values)}"
-            raise InputError(where, f"there is no {name} '{word}'", right) from None
+            remedy = f"known: {', '.join(f'{value:g}' for value in values)}"
+            raise InputError(where, f"there is no {name} '{word}'", remedy) from None
     return found[0], found[1], found[2]

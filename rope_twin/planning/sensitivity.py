@@ -201,8 +201,8 @@ def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
         RopeTwinError: the plan has fewer than two uncertain numbers, or cannot be run.
     """
     if len(plan.uncertainties) < 2:
-        right = "list two or more under `uncertainties`, with key, distribution and source"
-        raise InputError(str(plan.path), f"{len(plan.uncertainties)} uncertain numbers", right)
+        remedy = "list two or more under `uncertainties`, with key, distribution and source"
+        raise InputError(str(plan.path), f"{len(plan.uncertainties)} uncertain numbers", remedy)
     seeds = plan.method.seeds.start
     method = replace(plan.method, seeds=Seeds(start=seeds, most=seeds), height_within_m=None)
     own = replace(plan, method=method)
@@ -317,8 +317,8 @@ def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Se
     lost = [row for row in rows if row["failure"] or math.isnan(row[LIMIT])]
     if lost:
         why = lost[0]["failure"] or "it has no limit"
-        what = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
-        raise InputError(str(case.plan.path), what, "narrow the distributions")
+        problem = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
+        raise InputError(str(case.plan.path), problem, "narrow the distributions")
     columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
     whole = {name: own for name, own in columns.items() if np.isfinite(own).all()}
     ends = {

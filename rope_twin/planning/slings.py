@@ -137,14 +137,14 @@ class Slings:
         skew = (self.skew_load_factor, self.length_tolerance_m)
         known = sum(one is not None for one in skew)
         if more and known != 1:
-            what = "both skew_load_factor and length_tolerance_m" if known else "no skew load"
+            problem = "both skew_load_factor and length_tolerance_m" if known else "no skew load"
             yield (
-                f"{count} slings are statically indeterminate and {what} given; give one of "
+                f"{count} slings are statically indeterminate and {problem} given; give one of "
                 "skew_load_factor (1.25 for matched pairs) and length_tolerance_m"
             )
         if not more and self.skew_load_factor is not None:
-            what = f"{count} slings are statically determinate"
-            yield f"{what}; leave skew_load_factor out (their SKL is 1)"
+            problem = f"{count} slings are statically determinate"
+            yield f"{problem}; leave skew_load_factor out (their SKL is 1)"
         if self.mbl_n is None and self.wll_n is None:
             yield "no strength is given; give mbl_n or wll_n"
         points = np.array(self.attachments_m)

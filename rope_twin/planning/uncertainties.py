@@ -123,8 +123,8 @@ class Uncertainty:
         given = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(given) == 1:
             return None
-        what = " and ".join(given) if given else "no distribution"
-        return f"{what} given; give exactly one of {', '.join(KINDS)}"
+        problem = " and ".join(given) if given else "no distribution"
+        return f"{problem} given; give exactly one of {', '.join(KINDS)}"
 
     @property
     def words(self) -> str:

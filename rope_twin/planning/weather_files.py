@@ -74,8 +74,8 @@ class LimitTable:
         """
         for name in phases:
             if name not in self.tables:
-                right = did_you_mean(name, self.tables)
-                raise InputError(self.source, f"there is no phase '{name}'", right)
+                remedy = did_you_mean(name, self.tables)
+                raise InputError(self.source, f"there is no phase '{name}'", remedy)
         return LimitTable(self.source, {name: self.tables[name] for name in phases})
 
     def at(self, phase: str, tp_s: Vector, heading_deg: Vector) -> Vector:
@@ -156,13 +156,13 @@ class AlphaTable:
         """
         period = reference_s if self.by_reference else planned_s
         if period > self.period_s[-1]:
-            what = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
-            right = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
-            raise InputError(self.where, what, right)
+            problem = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
+            remedy = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
+            raise InputError(self.where, problem, remedy)
         least = float(limit_hs_m.min(initial=math.inf))
         if least < self.hs_m[0]:
-            what = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {least:.3g} m"
-            raise InputError(self.where, what, "give alpha factors for that height")
+            problem = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {least:.3g} m"
+            raise InputError(self.where, problem, "give alpha factors for that height")
         own = [np.interp(period, self.period_s, row) for row in self.alpha]
         return np.asarray(np.interp(limit_hs_m, self.hs_m, own))
 
@@ -188,8 +188,8 @@ def read_limits(path: Path) -> LimitTable:
         key = (_ranged(at, row, "tp_s", 1.0, LARGEST_TP_S), heading)
         table = found.setdefault(name, {})
         if key in table:
-            what = f"{_pair_words(*key)} is double in phase '{name}'"
-            raise InputError(at, what, "give each once")
+            problem = f"{_pair_words(*key)} is double in phase '{name}'"
+            raise InputError(at, problem, "give each once")
         table[key] = _ranged(at, row, "limit_hs_m", 0.0, LARGEST_HS_M)
     if not found:
         raise InputError(where, "it has no limits", "give rows of tp_s and limit_hs_m")
@@ -217,8 +217,8 @@ def _grid(
     for period in periods:
         for heading in headings:
             if (period, heading) not in table:
-                what = f"{_pair_words(period, heading)} is missing"
-                raise InputError(at, what, "give a full grid")
+                problem = f"{_pair_words(period, heading)} is missing"
+                raise InputError(at, problem, "give a full grid")
     values = np.array([[table[period, heading] for heading in headings] for period in periods])
     axis = np.array(headings)
     if headings == [ANY_HEADING]:
@@ -227,8 +227,8 @@ def _grid(
         other = [k for k, one in enumerate(headings) if one % 180.0 > 0.0]
         image = (360.0 - axis[other]) % 360.0
         if set(image.tolist()) & set(headings):
-            what = "it is symmetric and has headings of both sides"
-            raise InputError(at, what, "give those of one side")
+            problem = "it is symmetric and has headings of both sides"
+            raise InputError(at, problem, "give those of one side")
         axis, values = np.append(axis, image), np.hstack([values, values[:, other]])
         order = np.argsort(axis)
         axis, values = axis[order], values[:, order]
@@ -272,11 +272,11 @@ def _series(
     off = np.abs(seconds - index * step) > 0.01 * step
     if off.any():
         when = f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M}"
-        what = f"{when} is not at a step of {step / 60.0:g} min"
-        raise InputError(where, what, "give equal steps; rows may be missing")
+        problem = f"{when} is not at a step of {step / 60.0:g} min"
+        raise InputError(where, problem, "give equal steps; rows may be missing")
     if step > LONGEST_STEP_S:
-        what = f"steps of {step / SECONDS_PER_HOUR:g} h"
-        raise InputError(where, what, f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h")
+        problem = f"steps of {step / SECONDS_PER_HOUR:g} h"
+        raise InputError(where, problem, f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h")
 
     def filled(values: Vector) -> Vector:
         whole = np.full(index[-1] + 1, np.nan)
@@ -302,14 +302,14 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
     """
     where = str(path)
     if importlib.util.find_spec("wavespectra") is None:
-        what = "reading spectra needs wavespectra, and it is not there"
-        raise InputError(where, what, "install it with `pip install wavespectra`")
+        problem = "reading spectra needs wavespectra, and it is not there"
+        raise InputError(where, problem, "install it with `pip install wavespectra`")
     import wavespectra  # optional, and slow to import
 
     known = [name.removeprefix("read_") for name in dir(wavespectra) if name.startswith("read_")]
     if reader not in known:
-        what = f"wavespectra has no reader '{reader}'"
-        raise InputError("--reader", what, did_you_mean(reader, known))
+        problem = f"wavespectra has no reader '{reader}'"
+        raise InputError("--reader", problem, did_you_mean(reader, known))
     try:
         spectra = getattr(wavespectra, f"read_{reader}")(where)
         found = [getattr(spectra.spec, name)().squeeze() for name in ("hs", "tp", "dpm")]
@@ -317,11 +317,11 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
         rows = [np.asarray(one.values, np.float64) for one in found]
     except Exception as error:  # a reader fails in any way on a file of another format
         words = " ".join(str(error).split())[:120] or type(error).__name__
-        right = f"give a file of the format {reader}"
-        raise InputError(where, f"it cannot be read ({words})", right) from None
+        remedy = f"give a file of the format {reader}"
+        raise InputError(where, f"it cannot be read ({words})", remedy) from None
     if any(one.shape != stamps.shape or one.ndim != 1 for one in rows):
-        what = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
-        raise InputError(where, what, "give a time series at one place")
+        problem = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
+        raise InputError(where, problem, "give a time series at one place")
     kept = np.isfinite(rows).all(axis=0)
     if kept.sum() < 2:
         raise InputError(where, "it has fewer than two spectra", "give a time series")
@@ -341,8 +341,8 @@ def _direction_column(at: str, row: Mapping[str, Any]) -> tuple[str, float]:
         raise InputError(at, "both direction_from_deg and direction_to_deg", "keep one of them")
     if not given:
         if other := [name for name in row if "dir" in name]:
-            what = f"the column {other[0]} does not say which direction it is"
-            raise InputError(at, what, "name it direction_from_deg or direction_to_deg")
+            problem = f"the column {other[0]} does not say which direction it is"
+            raise InputError(at, problem, "name it direction_from_deg or direction_to_deg")
         return "none", 0.0
     return given[0], 180.0 if given[0] == "direction_from_deg" else 0.0
 
@@ -351,8 +351,8 @@ def _time(at: str, words: str) -> datetime:
     try:
         found = datetime.fromisoformat(words.strip())
     except ValueError:
-        right = "give ISO 8601, like 2015-01-31T06:00"
-        raise InputError(at, f"'{words}' is not a time", right) from None
+        remedy = "give ISO 8601, like 2015-01-31T06:00"
+        raise InputError(at, f"'{words}' is not a time", remedy) from None
     return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
 
 
@@ -366,14 +366,14 @@ def read_alpha(path: Path) -> AlphaTable:
     comments = _comments(path)
     source = next((one[7:].strip() for one in comments if one.lower().startswith("source:")), "")
     if not source:
-        right = "add a line `# source: ...` with the standard or forecast service"
-        raise InputError(where, "it names no source", right)
+        remedy = "add a line `# source: ...` with the standard or forecast service"
+        raise InputError(where, "it names no source", remedy)
     column = ""
     for at, row in _csv_rows(path):
         given = [name for name in ("planned_h", "reference_h") if name in row]
         if len(given) != 1:
-            what = "there is not one column of periods"
-            raise InputError(at, what, "name it planned_h (T_POP) or reference_h (T_R)")
+            problem = "there is not one column of periods"
+            raise InputError(at, problem, "name it planned_h (T_POP) or reference_h (T_R)")
         column = given[0]
         _need(at, row, ("hs_m", "alpha"))
         key = (_ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, column, 0.0, 1e4))
@@ -382,8 +382,8 @@ def read_alpha(path: Path) -> AlphaTable:
         found[key] = _ranged(at, row, "alpha", 0.0, 1.0)
     heights, periods = (sorted({key[k] for key in found}) for k in (0, 1))
     if not found or len(found) != len(heights) * len(periods):
-        what = f"{len(found)} rows of {len(heights)} heights and {len(periods)} periods"
-        raise InputError(where, what, "give a full grid")
+        problem = f"{len(found)} rows of {len(heights)} heights and {len(periods)} periods"
+        raise InputError(where, problem, "give a full grid")
     alpha = np.array([[found[height, period] for period in periods] for height in heights])
     hours = np.array(periods)
     return AlphaTable(where, source, column == "reference_h", np.array(heights),
@@ -423,14 +423,14 @@ def _csv_rows(path: Path) -> list[tuple[str, dict[str, str]]]:
 
 def _json_rows(path: Path) -> tuple[list[tuple[str, dict[str, Any]]], bool]:
     """Return place and values of each limit, and whether it is symmetric. Raises InputError."""
-    right = "give an object whose `limits` is a list of objects"
+    remedy = "give an object whose `limits` is a list of objects"
     try:
         content = json.loads("\n".join(_text(path)))
     except ValueError as error:
-        raise InputError(str(path), f"it is not JSON ({error})", right) from None
+        raise InputError(str(path), f"it is not JSON ({error})", remedy) from None
     listed = content.get("limits") if isinstance(content, dict) else None
     if not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
-        raise InputError(str(path), "there is no list `limits`", right)
+        raise InputError(str(path), "there is no list `limits`", remedy)
     rows = [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
     return rows, content.get("symmetric") is True
 

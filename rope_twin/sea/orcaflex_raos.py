@@ -56,17 +56,17 @@ def load_model(path: Path) -> Keys:
         InputError: it cannot be read, is not YAML, or its top is no mapping.
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-    right = "give a model or vessel type that OrcaFlex saved as a text data file"
+    remedy = "give a model or vessel type that OrcaFlex saved as a text data file"
     try:
         with path.open("rb") as stream:
             found = yaml.load(stream, Loader=loader)
     except OSError as error:
-        raise InputError(str(path), f"it cannot be read ({error})", right) from None
+        raise InputError(str(path), f"it cannot be read ({error})", remedy) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         words = " ".join(str(error).split())[:120]
-        raise InputError(str(path), f"it is not YAML ({words})", right) from None
+        raise InputError(str(path), f"it is not YAML ({words})", remedy) from None
     if not isinstance(found, Mapping):
-        raise InputError(str(path), "its top is not a mapping", right)
+        raise InputError(str(path), "its top is not a mapping", remedy)
     return found
 
 
@@ -82,8 +82,8 @@ def length_unit_m(model: Keys, where: str) -> float:
     known = {"SI": "m", "US": "ft", "User": general.get("LengthUnits")}
     unit = known.get(str(system))
     if unit not in ("m", "ft"):
-        right = "add `General: {UnitsSystem: SI}`, or User with LengthUnits m or ft"
-        raise InputError(where, f"the unit of length is not stated (UnitsSystem {system})", right)
+        remedy = "add `General: {UnitsSystem: SI}`, or User with LengthUnits m or ft"
+        raise InputError(where, f"the unit of length is not stated (UnitsSystem {system})", remedy)
     return 1.0 if unit == "m" else FOOT_M
 
 
@@ -106,8 +106,8 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
     draught = _chosen(kind.get("Draughts"), conventions.draught, where, "Draughts", "draught")
     table = draught.get("DisplacementRAOs")
     if not isinstance(table, Mapping) or not isinstance(table.get("RAOs"), Sequence):
-        what = "there are no DisplacementRAOs with a list RAOs"
-        raise InputError(where, what, "give a vessel type with displacement RAOs")
+        problem = "there are no DisplacementRAOs with a list RAOs"
+        raise InputError(where, problem, "give a vessel type with displacement RAOs")
     unit_m = length_unit_m(model, where)
     headings, waves, numbers = _numbers(table["RAOs"], where)
     frequency = _frequencies(_word(kind, "WavesReferredToBy", where), waves, where)
@@ -125,8 +125,8 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
 def _chosen(listed: Any, wanted: str, where: str, key: str, option: str) -> Keys:
     """Return the one of this name, or the only one. Raises InputError."""
     if not isinstance(listed, Sequence) or not all(isinstance(one, Mapping) for one in listed):
-        what = f"there is no list {key}"
-        raise InputError(where, what, "give a vessel type as OrcaFlex saves it")
+        problem = f"there is no list {key}"
+        raise InputError(where, problem, "give a vessel type as OrcaFlex saves it")
     names = [str(one.get("Name", "")) for one in listed]
     if wanted:
         if wanted in names:
@@ -134,8 +134,8 @@ def _chosen(listed: Any, wanted: str, where: str, key: str, option: str) -> Keys
             return found
         raise InputError(where, f"no {option} '{wanted}'", did_you_mean(wanted, names))
     if len(listed) != 1:
-        what = f"{len(listed)} of {key}: {', '.join(names)}"
-        raise InputError(where, what, f"name one with `{option}`")
+        problem = f"{len(listed)} of {key}: {', '.join(names)}"
+        raise InputError(where, problem, f"name one with `{option}`")
     only: Keys = listed[0]
     return only
 
@@ -143,8 +143,8 @@ def _chosen(listed: Any, wanted: str, where: str, key: str, option: str) -> Keys
 def _word(kind: Keys, key: str, where: str) -> str:
     """Return the text of a convention, in small letters, without hyphens. Raises InputError."""
     if kind.get(key) is None:
-        right = "add it, as OrcaFlex writes it"
-        raise InputError(where, f"the convention {key} is not stated", right)
+        remedy = "add it, as OrcaFlex writes it"
+        raise InputError(where, f"the convention {key} is not stated", remedy)
     return " ".join(str(kind[key]).replace("-", " ").lower().split())
 
 
@@ -161,14 +161,14 @@ def _numbers(tables: Any, where: str) -> tuple[Vector, Vector, Vector]:
     headings, blocks, waves = list[float](), list[Vector](), np.zeros(0)
     for table in tables:
         if not isinstance(table, Mapping) or "RAODirection" not in table:
-            what = "an entry of RAOs has no RAODirection"
-            raise InputError(where, what, "give the direction of every table")
+            problem = "an entry of RAOs has no RAODirection"
+            raise InputError(where, problem, "give the direction of every table")
         heading = _number(table["RAODirection"], f"{where}, RAODirection")
         at = f"{where}, RAODirection {heading:g}"
         key = next((one for one in table if str(one).startswith(_COLUMNS[0])), None)
         if key is None or tuple(part.strip() for part in str(key).split(",")) != _COLUMNS:
-            what = "its columns are not period or frequency and six amplitudes and phases"
-            raise InputError(at, what, f"the key must be '{', '.join(_COLUMNS)}'")
+            problem = "its columns are not period or frequency and six amplitudes and phases"
+            raise InputError(at, problem, f"the key must be '{', '.join(_COLUMNS)}'")
         rows = table[key]
         if not isinstance(rows, Sequence) or not rows or isinstance(rows, str):
             raise InputError(at, "it has no rows", "give rows of 13 numbers")
@@ -180,8 +180,8 @@ def _numbers(tables: Any, where: str) -> tuple[Vector, Vector, Vector]:
         order = np.argsort(block[:, 0], kind="stable")
         block = block[order]
         if headings and not np.array_equal(waves, block[:, 0]):
-            what = f"other periods or frequencies than at {headings[0]:g}"
-            raise InputError(at, what, "give the same for every direction")
+            problem = f"other periods or frequencies than at {headings[0]:g}"
+            raise InputError(at, problem, "give the same for every direction")
         waves = block[:, 0]
         if (block[:, 1::2] < 0.0).any():
             raise InputError(at, "an amplitude is negative", "give 0 or more, and a phase")
@@ -218,8 +218,8 @@ def _frequencies(referred: str, waves: Vector, where: str) -> Vector:
                 return waves / (2.0 * np.pi)
             case "frequency (hz)":
                 return waves
-    right = "what is read is period (s), frequency (rad/s) and frequency (Hz)"
-    raise InputError(where, f"WavesReferredToBy is '{referred}'", right)
+    remedy = "what is read is period (s), frequency (rad/s) and frequency (Hz)"
+    raise InputError(where, f"WavesReferredToBy is '{referred}'", remedy)
 
 
 def _responses(

@@ -68,8 +68,8 @@ def read_responses(name_or_path: str, conventions: RaoConventions = NO_CONVENTIO
     path = find_table(name_or_path, RESPONSES_FOLDER).resolve()
     about = path.stat()
     if about.st_size > LARGEST_FILE_BYTES:
-        what = f"it is larger than {LARGEST_FILE_BYTES // 1_000_000} MB"
-        raise InputError(str(path), what, "give a table of RAOs")
+        problem = f"it is larger than {LARGEST_FILE_BYTES // 1_000_000} MB"
+        raise InputError(str(path), problem, "give a table of RAOs")
     return _read(path, conventions, about.st_mtime_ns, about.st_size)
 
 
@@ -97,8 +97,8 @@ def read_csv(path: Path, conventions: RaoConventions) -> Responses:
     conventions.require(where, needed, "a CSV has fixed conventions but for its `origin_m`")
     headings, frequencies, columns = read_grid(path, (HEADING, FREQUENCY), names)
     if headings[0] != 0.0 or headings[-1] not in (180.0, 360.0):
-        what = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
-        raise InputError(where, what, "they must reach from 0° to 180°, or to 360°")
+        problem = f"headings from {headings[0]:g}° to {headings[-1]:g}°"
+        raise InputError(where, problem, "they must reach from 0° to 180°, or to 360°")
     if frequencies[0] <= 0.0:
         raise InputError(where, f"frequencies from {frequencies[0]:g} Hz", "give them above 0")
     for name in AMPLITUDES:
@@ -110,8 +110,8 @@ def read_csv(path: Path, conventions: RaoConventions) -> Responses:
     answer: Answers = np.asarray(amplitude * np.exp(1j * phases), np.complex128)
     mirrored = headings[-1] == 180.0
     if not mirrored and not np.allclose(answer[:, 0], answer[:, -1], rtol=1e-6, atol=1e-9):
-        what = "RAOs at 0° and at 360° differ"
-        raise InputError(where, what, "give the same, they are one heading")
+        problem = "RAOs at 0° and at 360° differ"
+        raise InputError(where, problem, "give the same, they are one heading")
     return Responses(headings, frequencies, answer, where, mirrored, conventions.origin_m)
 
 
@@ -137,15 +137,15 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
     if (counts != 1).any():
         k, h, t = (int(one[0]) for one in np.nonzero(counts != 1))
         fault = "is missing" if counts[k, h, t] == 0 else "is double"
-        what = f"mode {k + 1} at PER {period[t]:g} and BETA {heading[h]:g} {fault}"
-        raise InputError(where, what, "give six modes for each period and heading once")
+        problem = f"mode {k + 1} at PER {period[t]:g} and BETA {heading[h]:g} {fault}"
+        raise InputError(where, problem, "give six modes for each period and heading once")
     value = rows[:, 5] + 1j * rows[:, 6]
     polar = rows[:, 3] * np.exp(1j * np.radians(rows[:, 4]))
     off = np.abs(value - polar) > _ROUNDED * np.abs(value) + 1e-6
     if off.any():
-        what = "modulus and phase are not those of real and imaginary part"
-        right = "give them as WAMIT writes them, the phase in degrees"
-        raise InputError(f"{where}, line {lines[int(np.argmax(off))]}", what, right)
+        problem = "modulus and phase are not those of real and imaginary part"
+        remedy = "give them as WAMIT writes them, the phase in degrees"
+        raise InputError(f"{where}, line {lines[int(np.argmax(off))]}", problem, remedy)
     answer = np.zeros(counts.shape, np.complex128)
     answer[mode, i, j] = value
     answer[3:] /= conventions.scale_length_m
@@ -170,18 +170,18 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
         except ValueError:
             if number == 1:
                 continue  # titles
-            what = f"'{line.strip()[:40]}' are not numbers"
-            raise InputError(where, what, f"a row is {_WAMIT}") from None
+            problem = f"'{line.strip()[:40]}' are not numbers"
+            raise InputError(where, problem, f"a row is {_WAMIT}") from None
         if len(values) != 7:
             raise InputError(where, f"{len(values)} numbers", f"a row is {_WAMIT}")
         if not np.isfinite(values).all():
             raise InputError(where, "a number is not finite", f"a row is {_WAMIT}")
         if values[0] <= 0.0:
-            right = "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"
-            raise InputError(where, f"PER is {values[0]:g}", right)
+            remedy = "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"
+            raise InputError(where, f"PER is {values[0]:g}", remedy)
         if values[2] not in range(1, _MODES + 1):
-            right = "give the six rigid modes of one body, 1 to 6"
-            raise InputError(where, f"mode {values[2]:g}", right)
+            remedy = "give the six rigid modes of one body, 1 to 6"
+            raise InputError(where, f"mode {values[2]:g}", remedy)
         if values[3] < 0.0:
             raise InputError(where, f"modulus {values[3]:g}", "give 0 or more")
         rows.append(values)
@@ -220,8 +220,8 @@ class _DataSet:
             InputError: it is missing, or has other dimensions.
         """
         if not self.has(name):
-            what = f"there is no variable {name}"
-            raise InputError(self.where, what, "give a data set as Capytaine exports it")
+            problem = f"there is no variable {name}"
+            raise InputError(self.where, problem, "give a data set as Capytaine exports it")
         variable = self._file.variables[name]
         own, numbers = list(variable.dimensions), np.asarray(variable[...], np.float64)
         for axis in reversed(range(len(own))):
@@ -229,8 +229,8 @@ class _DataSet:
                 numbers = numbers.squeeze(axis)
                 del own[axis]
         if sorted(own) != sorted(dimensions):
-            what = f"{name} has the dimensions {', '.join(variable.dimensions) or 'none'}"
-            raise InputError(self.where, what, f"needed are {', '.join(dimensions)}")
+            problem = f"{name} has the dimensions {', '.join(variable.dimensions) or 'none'}"
+            raise InputError(self.where, problem, f"needed are {', '.join(dimensions)}")
         return np.transpose(numbers, [own.index(one) for one in dimensions])
 
     def complex(self, name: str, *dimensions: str) -> Answers:
@@ -238,8 +238,8 @@ class _DataSet:
         parts = self.values(name, "complex", *dimensions)
         names = self.names("complex")
         if names != ["re", "im"]:
-            what = f"the dimension complex is {', '.join(names)}"
-            raise InputError(self.where, what, "it must be re, im")
+            problem = f"the dimension complex is {', '.join(names)}"
+            raise InputError(self.where, problem, "it must be re, im")
         return np.asarray(parts[0] + 1j * parts[1], np.complex128)
 
     def names(self, name: str) -> list[str]:
@@ -260,12 +260,12 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
     """
     where = str(path)
     if importlib.util.find_spec("h5netcdf") is None or importlib.util.find_spec("h5py") is None:
-        what = "reading netCDF needs h5netcdf and h5py, and they are not there"
-        raise InputError(where, what, "install them with `pip install 'rope_twin[planning]'`")
+        problem = "reading netCDF needs h5netcdf and h5py, and they are not there"
+        raise InputError(where, problem, "install them with `pip install 'rope_twin[planning]'`")
     with path.open("rb") as stream:
         if stream.read(len(_HDF5)) != _HDF5:
-            right = "export it with `capytaine.export_dataset` or xarray's engine h5netcdf"
-            raise InputError(where, "it is not a netCDF 4 file", right)
+            remedy = "export it with `capytaine.export_dataset` or xarray's engine h5netcdf"
+            raise InputError(where, "it is not a netCDF 4 file", remedy)
     import h5netcdf  # optional
 
     try:
@@ -273,8 +273,8 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
             return _written(_DataSet(file, where), conventions)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
         words = " ".join(str(error).split())[:120]
-        right = "give a data set as Capytaine exports it"
-        raise InputError(where, f"it cannot be read ({words})", right) from None
+        remedy = "give a data set as Capytaine exports it"
+        raise InputError(where, f"it cannot be read ({words})", remedy) from None
 
 
 def _written(data: _DataSet, conventions: RaoConventions) -> Written:
@@ -285,26 +285,26 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
     conventions.require(where, needed, "the data set states it itself")
     convention = str(data._file.attrs.get("incoming_waves_convention", "Nemoh"))
     if convention.lower() != "nemoh":
-        what = f"incoming_waves_convention is '{convention}'"
-        raise InputError(where, what, "give a data set with Capytaine's own, exp(-iωt)")
+        problem = f"incoming_waves_convention is '{convention}'"
+        raise InputError(where, problem, "give a data set with Capytaine's own, exp(-iωt)")
     if data.has("forward_speed") and data.values("forward_speed").any():
-        what = "its RAOs are those of a vessel with forward speed"
-        raise InputError(where, what, "give RAOs at zero speed")
+        problem = "its RAOs are those of a vessel with forward speed"
+        raise InputError(where, problem, "give RAOs at zero speed")
     direction = data.values("wave_direction", "wave_direction")
     variable = "RAO" if data.has("RAO") else "excitation_force"
     if not data.has(variable):
         variable = "Froude_Krylov_force"
     if not data.has(variable):
-        what = "there is neither RAO nor excitation_force"
-        raise InputError(where, what, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
+        problem = "there is neither RAO nor excitation_force"
+        raise InputError(where, problem, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
     axis = next((one for one in _FREQUENCIES if one in data.dimensions(variable)), None)
     if axis is None:
-        what = f"{variable} has no dimension omega, freq or period"
-        raise InputError(where, what, "give a data set over wave frequencies")
+        problem = f"{variable} has no dimension omega, freq or period"
+        raise InputError(where, problem, "give a data set over wave frequencies")
     given = data.values(axis, axis)
     if not (np.isfinite(given).all() and (given > 0.0).all()):
-        what = f"{axis} is not finite and above 0 everywhere"
-        raise InputError(where, what, "leave the limits of 0 and infinity out")
+        problem = f"{axis} is not finite and above 0 everywhere"
+        raise InputError(where, problem, "leave the limits of 0 and infinity out")
     frequency = {"omega": given / (2.0 * np.pi), "freq": given, "period": 1.0 / given}[axis]
     answer = np.conj(_raos(data, axis, frequency))
     origin = conventions.origin_m
@@ -325,8 +325,10 @@ def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
         return own[_order(data, dof)]
     missing = [name for name in _COEFFICIENTS if not data.has(name)]
     if missing:
-        what = f"there is no RAO, and no {', '.join(missing)} to solve it from"
-        raise InputError(data.where, what, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
+        problem = f"there is no RAO, and no {', '.join(missing)} to solve it from"
+        raise InputError(
+            data.where, problem, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`"
+        )
     pair = ("influenced_dof", "radiating_dof")
     rows, columns = (_order(data, dof) for dof in pair)
     A, B = (
@@ -347,8 +349,8 @@ def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
     try:
         solved = np.linalg.solve(impedance, F[:, rows])
     except np.linalg.LinAlgError:
-        what = "its equations of motion are singular"
-        raise InputError(data.where, what, "give the inertia of a body that floats") from None
+        problem = "its equations of motion are singular"
+        raise InputError(data.where, problem, "give the inertia of a body that floats") from None
     return np.asarray(np.moveaxis(solved, 0, 2))
 
 
@@ -356,7 +358,7 @@ def _order(data: _DataSet, dof: str) -> list[int]:
     """Return the places of surge to yaw in a dimension. Raises InputError."""
     names = [name.lower() for name in data.names(dof)]
     if sorted(names) != sorted(FREEDOMS):
-        what = f"its degrees of freedom are {', '.join(data.names(dof)) or 'not named'}"
-        right = "give one rigid body with Surge, Sway, Heave, Roll, Pitch, Yaw"
-        raise InputError(data.where, what, right)
+        problem = f"its degrees of freedom are {', '.join(data.names(dof)) or 'not named'}"
+        remedy = "give one rigid body with Surge, Sway, Heave, Roll, Pitch, Yaw"
+        raise InputError(data.where, problem, remedy)
     return [names.index(name) for name in FREEDOMS]

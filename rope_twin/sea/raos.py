@@ -84,12 +84,12 @@ class RaoConventions(SparingRepr):
             InputError: one is missing, or one is given that does not belong to the file.
         """
         if fault := self.check():
-            what, _, right = fault.partition("; ")
-            raise InputError(where, what, right)
+            problem, _, remedy = fault.partition("; ")
+            raise InputError(where, problem, remedy)
         for name in needed:
             if getattr(self, name) in (None, ""):
-                right = f"give it as `{name}` in the scene's `conventions`, or as an option"
-                raise InputError(where, f"the file does not state its {name}", right)
+                remedy = f"give it as `{name}` in the scene's `conventions`, or as an option"
+                raise InputError(where, f"the file does not state its {name}", remedy)
         for name in self._later:
             if name not in needed and getattr(self, name) not in (None, ""):
                 raise InputError(where, f"`{name}` is given, and {states}", "remove it")
@@ -145,8 +145,8 @@ class Responses:
             InputError: `origin_m` is not known.
         """
         if self.origin_m is None:
-            what = "its RAOs are those of a point that is not stated"
-            raise InputError(self.source, what, "give `origin_m`")
+            problem = "its RAOs are those of a point that is not stated"
+            raise InputError(self.source, problem, "give `origin_m`")
         own = self.around()
         return replace(own, answer=moved_by(own.answer, _arm(self.origin_m, to_m)))
 
@@ -259,16 +259,16 @@ def assemble(written: Written) -> Responses:
     widest = int(np.argmax(gaps))
     if gaps[widest] > WIDEST_GAP_DEG + SAME_DEG:
         pair = f"{headings[widest] % 360.0:g}° and {headings[widest + 1] % 360.0:g}°"
-        what = f"no heading between {pair}, with symmetry {written.symmetry}"
-        raise InputError(where, what, f"give them at most {WIDEST_GAP_DEG:g}° apart")
+        problem = f"no heading between {pair}, with symmetry {written.symmetry}"
+        raise InputError(where, problem, f"give them at most {WIDEST_GAP_DEG:g}° apart")
     arm = _arm(written.origin_m, written.phase_origin_m)
     across = (written.symmetry != NO_SYMMETRY and abs(arm[1]) > SAME_M) or (
         written.symmetry == XZ_AND_YZ_PLANES and abs(arm[0]) > SAME_M
     )
     if across:
-        what = f"the points of motion and of phase are not both in the {written.symmetry}"
-        right = "give points on the plane of symmetry, or symmetry none with all headings"
-        raise InputError(where, what, right)
+        problem = f"the points of motion and of phase are not both in the {written.symmetry}"
+        remedy = "give points on the plane of symmetry, or symmetry none with all headings"
+        raise InputError(where, problem, remedy)
     return Responses(
         headings, frequencies, moved_by(answer, arm), written.source,
         written.symmetry != NO_SYMMETRY, written.phase_origin_m,
@@ -292,15 +292,15 @@ def _one_side(
     turn = np.where(turn < -180.0 + SAME_DEG, 180.0, turn)
     inner = (np.abs(turn) > SAME_DEG) & (np.abs(turn) < 180.0 - SAME_DEG)
     if (turn[inner] > 0.0).any() and (turn[inner] < 0.0).any():
-        what = "headings on both sides of the plane of symmetry"
-        raise InputError(where, what, "give one side, or symmetry none")
+        problem = "headings on both sides of the plane of symmetry"
+        raise InputError(where, problem, "give one side, or symmetry none")
     port = np.where(turn < 0.0, -1.0, 1.0)[:, None]
     answer = np.where(port < 0.0, MIRRORED[:, None, None] * answer, answer)
     headings, answer = _ascending(where, np.abs(turn), answer)
     if fore_and_aft:
         if headings[0] < 90.0 - SAME_DEG and headings[-1] > 90.0 + SAME_DEG:
-            what = "headings from ahead and from astern, and the yz plane is one of symmetry"
-            raise InputError(where, what, "give one quarter, or symmetry xz_plane")
+            problem = "headings from ahead and from astern, and the yz plane is one of symmetry"
+            raise InputError(where, problem, "give one quarter, or symmetry xz_plane")
         other = np.abs(headings - 90.0) > SAME_DEG
         more = MIRRORED_FORE_AND_AFT[:, None, None] * answer[:, other]
         headings, answer = _ascending(
@@ -324,8 +324,8 @@ def _ascending(where: str, headings: Vector, answer: Answers) -> tuple[Vector, A
     double = np.flatnonzero(np.diff(headings) <= SAME_DEG)
     for k in double.tolist():
         if not np.allclose(answer[:, k], answer[:, k + 1], rtol=1e-6, atol=1e-12):
-            what = f"the heading {headings[k]:g}° is double, with other RAOs"
-            raise InputError(where, what, "give each once")
+            problem = f"the heading {headings[k]:g}° is double, with other RAOs"
+            raise InputError(where, problem, "give each once")
     return np.delete(headings, double), np.delete(answer, double, axis=1)
 
 
@@ -348,12 +348,14 @@ def long_wave_doubts(responses: Responses) -> Iterator[str]:
         _, _, heave, _, pitch, _ = responses.at(np.array([lowest]), np.array([beta]))[:, 0]
         lead = np.degrees(np.angle(heave))
         if not HEAVE_LEAST <= abs(heave) <= HEAVE_MOST or abs(lead) > PHASE_MOST_DEG:
-            what = f"heave is {abs(heave):.3g} m/m, {lead:.0f}° ahead of the crest"
-            yield phrase(where, what, "a free ship heaves 1 m/m in phase: check the conventions")
+            problem = f"heave is {abs(heave):.3g} m/m, {lead:.0f}° ahead of the crest"
+            yield phrase(where, problem, "a free ship heaves 1 m/m in phase: check the conventions")
         slope = 1j * k * np.cos(beta)
         if abs(np.cos(beta)) < 0.5 or abs(pitch) < 1e-9:
             continue
         lead = np.degrees(np.angle(pitch / slope))
         if abs(lead) > PHASE_MOST_DEG:
-            what = f"pitch is {lead:.0f}° off the phase of the wave slope"
-            yield phrase(where, what, "a free ship pitches with the slope: check the conventions")
+            problem = f"pitch is {lead:.0f}° off the phase of the wave slope"
+            yield phrase(
+                where, problem, "a free ship pitches with the slope: check the conventions"
+            )

@@ -102,26 +102,26 @@ class Way:
     def _check_times(self, time_s: Vector) -> None:
         if len(time_s) < 2 or time_s[0] != 0.0:
             first = f"it begins at t = {time_s[0]:g} s" if len(time_s) else "it is empty"
-            what = first if len(time_s) != 1 else "it has one row"
-            raise InputError(self.source, what, "give two rows or more from t_s = 0 on")
+            problem = first if len(time_s) != 1 else "it has one row"
+            raise InputError(self.source, problem, "give two rows or more from t_s = 0 on")
         late = np.flatnonzero(np.diff(time_s) <= 0.0)
         if late.size:
-            what = f"{time_s[late[0] + 1]:g} s follows {time_s[late[0]]:g} s"
-            raise InputError(self.source, what, "t_s must ascend from row to row")
+            problem = f"{time_s[late[0] + 1]:g} s follows {time_s[late[0]]:g} s"
+            raise InputError(self.source, problem, "t_s must ascend from row to row")
 
     def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
-        right = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
+        remedy = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
         between = np.sqrt((np.diff(place, axis=0) ** 2).sum(axis=1))
         leap = np.flatnonzero(between > FASTEST_M_PER_S * np.diff(time_s))
         if leap.size:
             k = int(leap[0])
-            what = f"it jumps by {between[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
-            raise InputError(self.source, what, right)
+            problem = f"it jumps by {between[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
+            raise InputError(self.source, problem, remedy)
         speed = np.sqrt((self._spline(trials, 1) ** 2).sum(axis=1))
         if speed.max() > FASTEST_M_PER_S:
             k = int(np.argmax(speed))
-            what = f"the spline through it reaches {speed[k]:.1f} m/s at {trials[k]:g} s"
-            raise InputError(self.source, what, f"{right}; give more rows there")
+            problem = f"the spline through it reaches {speed[k]:.1f} m/s at {trials[k]:g} s"
+            raise InputError(self.source, problem, f"{remedy}; give more rows there")
 
 
 def read_way(name_or_path: str) -> Way:

@@ -112,8 +112,8 @@ def _usual_gamma(height_m: float, peak_period_s: float) -> float:
 
 def _require(name: str, value: float, low: float, high: float, unit: str) -> None:
     if not (math.isfinite(value) and low <= value <= high):
-        right = f"right is {low:g} to {high:g} {unit}".rstrip()
-        raise InputError("spectrum", f"{name} is {value:g} {unit}".rstrip(), right)
+        remedy = f"right is {low:g} to {high:g} {unit}".rstrip()
+        raise InputError("spectrum", f"{name} is {value:g} {unit}".rstrip(), remedy)
 
 
 def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
@@ -127,8 +127,8 @@ def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
     path = find_table(str(name_or_path), SPECTRA_FOLDER)
     table = read_table(path)
     if _FREQUENCY not in table.columns:
-        right = f"the header must begin with {_FREQUENCY}"
-        raise InputError(str(path), f"there is no column {_FREQUENCY}", right)
+        remedy = f"the header must begin with {_FREQUENCY}"
+        raise InputError(str(path), f"there is no column {_FREQUENCY}", remedy)
     known = {
         name.removeprefix(_PREFIX).removesuffix(_SUFFIX): values
         for name, values in table.columns.items()
@@ -150,11 +150,11 @@ def _check(path: Path, table: Table, density: Vector, column: str) -> None:
     ):
         where = f"{path}, line {line}"
         if step <= 0.0:
-            what = f"the frequency {hz:g} Hz is not ascending"
-            raise InputError(where, what, "give positive, ascending frequencies")
+            problem = f"the frequency {hz:g} Hz is not ascending"
+            raise InputError(where, problem, "give positive, ascending frequencies")
         if value < 0.0:
-            what = f"the density of '{column}' is {value:g} m²/Hz"
-            raise InputError(where, what, "give 0 or more")
+            problem = f"the density of '{column}' is {value:g} m²/Hz"
+            raise InputError(where, problem, "give 0 or more")
     if len(frequency) < 2:
         raise InputError(str(path), "it has one frequency", "give two or more")
     if not np.any(density > 0.0):
@@ -186,12 +186,12 @@ def breaking_fault(
     most = BREAKING * _length_m(period, gravity)
     if gravity <= 0.0 or height <= most:
         return None
-    what = (
+    problem = (
         f"Hs {height:.3g} m at a mean period Tz of {period:.3g} s is a steepness of "
         f"{BREAKING * height / most:.2g}, and waves break at {BREAKING:g}"
     )
     usual = min(most, usual_height_m(spectrum.peak_period_s, gravity))
-    return what, f"give at most Hs {usual:.2g} m, or a longer period"
+    return problem, f"give at most Hs {usual:.2g} m, or a longer period"
 
 
 def steepness_warning(where: str, spectrum: WaveSpectrum, gravity: float = STANDARD_GRAVITY) -> str:
@@ -200,11 +200,11 @@ def steepness_warning(where: str, spectrum: WaveSpectrum, gravity: float = STAND
     most = usual_height_m(period, gravity)
     if gravity <= 0.0 or height <= most * (1.0 + 5e-3):  # tolerance for the truncated spectrum
         return ""
-    what = (
+    problem = (
         f"Hs {height:.3g} m at Tp {period:.3g} s is steeper than sea states usually are "
         f"(at most {most:.1f} m by DNV-RP-C205)"
     )
-    return phrase(where, what, f"give at most {most:.1f} m, or a longer period")
+    return phrase(where, problem, f"give at most {most:.1f} m, or a longer period")
 
 
 def _length_m(period_s: float, gravity: float) -> float:

@@ -33,8 +33,8 @@ def find_table(name_or_path: str, folder: str) -> Path:
         return path
     if is_path(name_or_path):
         raise InputError(str(path), "there is no such file", "give the path of a table")
-    right = did_you_mean(name_or_path, known)
-    raise InputError(f"'{name_or_path}'", f"no table of config/{folder}/", right)
+    remedy = did_you_mean(name_or_path, known)
+    raise InputError(f"'{name_or_path}'", f"no table of config/{folder}/", remedy)
 
 
 def is_path(name_or_path: str) -> bool:
@@ -66,8 +66,8 @@ def read_table(path: Path) -> Table:
     head = [name.strip() for name in next(csv.reader([filled[0][1]]))] if filled else []
     rows = [_numbers(f"{path}, line {k}", line, len(head)) for k, line in filled[1:]]
     if not rows:
-        what = "it has a header and no rows" if head else "it is empty"
-        raise InputError(str(path), what, "give a header and rows of numbers")
+        problem = "it has a header and no rows" if head else "it is empty"
+        raise InputError(str(path), problem, "give a header and rows of numbers")
     columns = dict(zip(head, np.array(rows).T.copy(), strict=True))
     return Table(columns, tuple(k for k, _ in filled[1:]))
 
@@ -81,8 +81,8 @@ def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:
     columns = read_table(path).columns
     for name in names:
         if name not in columns:
-            right = f"the header must name {', '.join(names)}"
-            raise InputError(str(path), f"there is no column {name}", right)
+            remedy = f"the header must name {', '.join(names)}"
+            raise InputError(str(path), f"there is no column {name}", remedy)
     return {name: columns[name] for name in names}
 
 
@@ -105,9 +105,9 @@ def read_grid(
     found = np.stack([columns[name][order] for name in axes])
     full = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
     if found.shape != full.shape or (found != full).any():
-        what = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
-        right = f"each once for each: {full.shape[1]} rows, {_uneven(found, full, axes)}"
-        raise InputError(str(path), what, right)
+        problem = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
+        remedy = f"each once for each: {full.shape[1]} rows, {_uneven(found, full, axes)}"
+        raise InputError(str(path), problem, remedy)
     shape = len(first), len(second)
     return first, second, {name: columns[name][order].reshape(shape) for name in names}
 

@@ -95,8 +95,8 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
     """
     where = f"scene {scene.name}"
     if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
-        right = "give the lowest element's length and its growth instead"
-        raise InputError(where, "grading.nodes_m holds the elements fixed", right)
+        remedy = "give the lowest element's length and its growth instead"
+        raise InputError(where, "grading.nodes_m holds the elements fixed", remedy)
     usual = _plan(scene, seconds, USUAL)
     dear = dearness(scene) > DEAR or usual.work > MOST_WORK
     return _plan(scene, seconds, SHORT) if dear else usual

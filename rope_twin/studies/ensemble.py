@@ -69,8 +69,8 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
     if not colon:
         return Variable(path=path, from_=low, to=high, multiply=multiply)
     if not count.isdecimal() or not 2 <= int(count) <= MEMBERS_MOST:
-        what = f"'{count}' is no number of values"
-        raise InputError(where, what, f"give 2 to {MEMBERS_MOST} after the colon")
+        problem = f"'{count}' is no number of values"
+        raise InputError(where, problem, f"give 2 to {MEMBERS_MOST} after the colon")
     values = tuple(np.linspace(low, high, int(count)).tolist())
     return Variable(path=path, values=values, multiply=multiply)
 
@@ -96,11 +96,11 @@ def make_plan(axes: Sequence[Variable], members: int | None, seed: int) -> Plan:
     each = members if members is not None else (MEMBERS_USUAL if drawn else 1)
     points = math.prod(len(axis.values) for axis in axes if axis.values)
     if not 1 <= each * points <= MEMBERS_MOST:
-        what = f"{each} members at each of {points} points of the grid"
-        raise InputError("--members", what, f"give 1 to {MEMBERS_MOST} in all")
+        problem = f"{each} members at each of {points} points of the grid"
+        raise InputError("--members", problem, f"give 1 to {MEMBERS_MOST} in all")
     if each > 1 and not drawn:
-        what = f"{each} members at each point would all be equal"
-        raise InputError("--members", what, "leave it out, or draw a number at random")
+        problem = f"{each} members at each point would all be equal"
+        raise InputError("--members", problem, "leave it out, or draw a number at random")
     random = np.random.default_rng(seed).random((each * points, len(drawn)))
     rows = []
     grid = itertools.product(*(axis.values for axis in axes if axis.values))
@@ -250,8 +250,8 @@ class Seas:
         """
         heave = self.heave(changes, offset_s)
         if heave is not None and heave.end_ns < self._seconds * 1e9:
-            what = f"the sea of {member} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(where, what, "let it loop, or run shorter")
+            problem = f"the sea of {member} ends after {heave.end_ns * 1e-9:g} s"
+            raise InputError(where, problem, "let it loop, or run shorter")
         return Variation(changes, heave)
 
     def heave(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries | None:
@@ -269,8 +269,8 @@ class Seas:
         if not state.moves:
             return None
         if state.start_s + offset_s < 0.0:
-            what = f"{offset_s:g} s lies before the sea's beginning"
-            raise InputError("--sea-offset", what, f"give {-state.start_s:g} or more")
+            problem = f"{offset_s:g} s lies before the sea's beginning"
+            raise InputError("--sea-offset", problem, f"give {-state.start_s:g} or more")
         if not state.bag:
             sooner = replace(state, start_s=state.start_s + offset_s)
             return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
@@ -289,8 +289,8 @@ class Seas:
     def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:
         """Return the motion of a ship on the member's own waves, which any change may affect."""
         if offset_s != 0.0:
-            what = "the ship rides on waves, which begin with the scene"
-            raise InputError("--sea-offset", what, "vary effects.waves.seed instead")
+            problem = "the ship rides on waves, which begin with the scene"
+            raise InputError("--sea-offset", problem, "vary effects.waves.seed instead")
         return _sampled(change_scene(self._scene, changes), self._length_ns)
 
 

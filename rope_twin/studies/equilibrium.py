@@ -135,9 +135,9 @@ def _from_top(still: StillRope) -> Floats:
 def _check_taut(scene: Scene, number: int, tension: Floats) -> None:
     if not (tension > 0.0).all():
         slack = f"{(tension <= 0.0).sum()} of {len(tension)} elements are slack at rest"
-        what = f"{slack}, so it has no natural frequency"
-        right = "give it weight, tension or a payload"
-        raise SceneError(f"{scene.path}: ropes[{number}]", what, right)
+        problem = f"{slack}, so it has no natural frequency"
+        remedy = "give it weight, tension or a payload"
+        raise SceneError(f"{scene.path}: ropes[{number}]", problem, remedy)
 
 
 def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
@@ -212,8 +212,8 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     held[:, :LINE] = np.nan_to_num(built.hang_off_m)
     held[:, LINE] = [line.length_m for line in scene.ropes]
     if not solve_reeved_statics(system, held).found:
-        right = "check what holds the ropes"
-        raise SceneError(f"{scene.path}: ropes", "no static equilibrium", right)
+        remedy = "check what holds the ropes"
+        raise SceneError(f"{scene.path}: ropes", "no static equilibrium", remedy)
     found = [_body_of(scene, rope) for rope in system.ropes]
     weigh(system._replace(ropes=tuple(without_body(rope) for rope in system.ropes)), held)
     lines = tuple(
@@ -378,10 +378,10 @@ def hung_body(scene: Scene, body: RigidBody, hook: Floats) -> HungBody:
         SceneError: it is not fully submerged where the scene has a surface, or stands on something.
     """
     pose = pose_of(body)
-    what = _held_otherwise(body, pose)
-    if what:
-        right = "lower or lift it until it hangs clear"
-        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
+    problem = _held_otherwise(body, pose)
+    if problem:
+        remedy = "lower or lift it until it hangs clear"
+        raise SceneError(f"{scene.path}: effects.rigid_body", problem, remedy)
     K = np.zeros((9, 9))
     for leg in body.legs:
         arm = pose.turn @ leg[:3]

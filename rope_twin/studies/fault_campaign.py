@@ -95,8 +95,8 @@ def _sea_of(scene: Scene) -> Sea:
     """Return the scene's sea. Raises InputError if its ship lies still."""
     sea = open_sea(scene)
     if sea is None:
-        what, right = "its ship lies still", "name a scene with a sea"
-        raise InputError(f"scene {scene.name}", what, right)
+        problem, remedy = "its ship lies still", "name a scene with a sea"
+        raise InputError(f"scene {scene.name}", problem, remedy)
     return sea
 
 

@@ -84,8 +84,8 @@ def find_modes(scene: Scene, count: int) -> Modes:
     rest = bring_to_rest(scene)
     most = 3 * rest.free_count - NEAR
     if not 1 <= count <= most:
-        what = f"{count} of a rope with {rest.free_count} free nodes"
-        raise InputError("--count", what, f"give 1 to {most}")
+        problem = f"{count} of a rope with {rest.free_count} free nodes"
+        raise InputError("--count", problem, f"give 1 to {most}")
     K, M = _matrices(rest)
     near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
     lowest = list(_modes(rest, *solve(K, M, count, near)))
@@ -279,8 +279,8 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
     size = still.follow.shape[1]
     most = size - 2
     if not 1 <= count <= most:
-        what = f"{count} of ropes with {size} ways to move"
-        raise InputError("--count", what, f"give 1 to {most}")
+        problem = f"{count} of ropes with {size} ways to move"
+        raise InputError("--count", problem, f"give 1 to {most}")
     from scipy.sparse import diags_array
 
     stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))

@@ -56,8 +56,10 @@ def near_surface(
         raise InputError("period", f"{wrong[0]:g} s", "give positive ones")
     half = 0.5 * shape.height_m
     if depth_m <= -half:
-        what = f"its middle is {-depth_m:g} m above the water, and it is {shape.height_m:g} m high"
-        raise InputError("depth", what, f"give more than {-half:g} m")
+        problem = (
+            f"its middle is {-depth_m:g} m above the water, and it is {shape.height_m:g} m high"
+        )
+        raise InputError("depth", problem, f"give more than {-half:g} m")
     fine, coarse = (_body(shape, depth_m, panels) for panels in (PANELS, PANELS // 2))
     water = {"rho": density_kg_per_m3, "g": gravity_m_per_s2}
     return [_at(period, fine, coarse, water) for period in periods_s]

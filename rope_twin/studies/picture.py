@@ -72,8 +72,8 @@ def check_picture(path: Path) -> None:
             be written there.
     """
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
-        what = f"'{path.suffix}' is no picture that can be drawn"
-        raise InputError(str(path), what, "end it in .png, .svg or .pdf")
+        problem = f"'{path.suffix}' is no picture that can be drawn"
+        raise InputError(str(path), problem, "end it in .png, .svg or .pdf")
     place = next(folder for folder in path.absolute().parents if folder.exists())
     if path.is_dir() or not place.is_dir() or not os.access(place, os.W_OK):
         raise InputError(str(path), "it cannot be written", "give a place that can be written")
@@ -91,8 +91,8 @@ def write_picture(figure: Figure, path: Path, dpi: float) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=dpi, metadata=metadata)
     except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(str(path), str(error.strerror), right) from error
+        remedy = "give a place that can be written"
+        raise InputError(str(path), str(error.strerror), remedy) from error
 
 
 def mark_decades(axes: Axes) -> None:

@@ -103,8 +103,8 @@ class Variable:
         ways = [self.from_ is not None or self.to is not None, bool(self.values), bool(self.names),
                 bool(self.cases)]  # fmt: skip
         if sum(ways) != 1:
-            right = "give one of from and to, values, names, cases"
-            return f"{sum(ways)} ways of saying what it can be; {right}"
+            remedy = "give one of from and to, values, names, cases"
+            return f"{sum(ways)} ways of saying what it can be; {remedy}"
         if self.cases:
             if self.path or not self.name:
                 return "cases have paths of their own; give `name` and leave `path` out"
@@ -209,8 +209,8 @@ def design_runs(study: Study) -> list[StudyRun]:
         sizes = [_choices(one) for one in study.vary]
         count = math.prod(len(one) for one in sizes)
         if count > RUNS_MOST:
-            right = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
-            raise InputError(f"{study.path}: vary", f"the grid has {count} points", right)
+            remedy = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
+            raise InputError(f"{study.path}: vary", f"the grid has {count} points", remedy)
         rows: Iterator[tuple[Value, ...]] = itertools.product(*sizes)
     else:
         from scipy.stats import qmc  # a second to load, and only studies want it
@@ -289,8 +289,8 @@ def _offset_s(scene: Scene, value: float) -> float:
         InputError: the scene has no sea that could begin elsewhere.
     """
     if scene.sea_state.on_waves is not None:
-        right = "vary effects.waves.seed instead"
-        raise InputError(SEA_OFFSET_S, "the ship rides on waves that begin with it", right)
+        remedy = "vary effects.waves.seed instead"
+        raise InputError(SEA_OFFSET_S, "the ship rides on waves that begin with it", remedy)
     if not scene.sea_state.moves:
         raise InputError(SEA_OFFSET_S, "the scene's ship lies still", "leave it out")
     return value
@@ -330,10 +330,10 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
     elif path == "sea_state.bag":
         made = replace(scene, sea_state=replace(scene.sea_state, bag=name))
     else:
-        right = f"names serve {', '.join(ropes)} and sea_state.bag"
-        raise InputError(path, "it takes no name", right)
-    for where, what, right in faults(made):
-        raise InputError(where, what, right)
+        remedy = f"names serve {', '.join(ropes)} and sea_state.bag"
+        raise InputError(path, "it takes no name", remedy)
+    for where, what, remedy in faults(made):
+        raise InputError(where, what, remedy)
     key = f"{scene.digest}\n{path}={name}"
     return dataclasses.replace(made, digest=hashlib.sha256(key.encode()).hexdigest())
 

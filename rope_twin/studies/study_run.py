@@ -155,14 +155,14 @@ class RowFolder:
             folder.mkdir(parents=True, exist_ok=True)
             self._lock: IO[str] = (folder / LOCK).open("w")
         except OSError as error:
-            what = f"it cannot be written ({error.strerror})"
-            raise InputError(str(folder), what, "choose another one with --out") from error
+            problem = f"it cannot be written ({error.strerror})"
+            raise InputError(str(folder), problem, "choose another one with --out") from error
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
             self._lock.close()
-            what = f"another process is at this {self.title}"
-            raise InputError(str(folder), what, "let it end, or stop it") from error
+            problem = f"another process is at this {self.title}"
+            raise InputError(str(folder), problem, "let it end, or stop it") from error
         self._claim({"study": name, "scene": scene, "stamp": stamp})
 
     def __enter__(self) -> Self:
@@ -178,9 +178,9 @@ class RowFolder:
             if found["stamp"] != content["stamp"]:
                 self._lock.close()
                 of = f"another {self.title}, scene or solver"
-                what = f"its rows are of {of} ('{found['study']}')"
-                right = "give another folder with --out, or remove this one"
-                raise InputError(str(self._folder), what, right)
+                problem = f"its rows are of {of} ('{found['study']}')"
+                remedy = "give another folder with --out, or remove this one"
+                raise InputError(str(self._folder), problem, remedy)
             return
         write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
 
@@ -316,9 +316,9 @@ def _check_times(study: Study, steps_s: set[float]) -> None:
             whole_steps(f"{study.path}: fatigue.sample_s", study.fatigue.sample_s, step_s)
             samples = study.seconds / study.fatigue.sample_s
             if abs(samples - round(samples)) > 1e-6:
-                what = f"{study.seconds:g} s are no whole number of samples"
-                right = f"give a part of {study.seconds:g} s"
-                raise InputError(f"{study.path}: fatigue.sample_s", what, right)
+                problem = f"{study.seconds:g} s are no whole number of samples"
+                remedy = f"give a part of {study.seconds:g} s"
+                raise InputError(f"{study.path}: fatigue.sample_s", problem, remedy)
 
 
 def on_cores(
@@ -374,15 +374,15 @@ def on_cluster(
         _knock(address)
         client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
     except OSError as error:
-        what = f"no Dask scheduler answers there within {CONNECT_S} s"
-        right = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
-        raise InputError(f"--scheduler {address}", what, right) from error
+        problem = f"no Dask scheduler answers there within {CONNECT_S} s"
+        remedy = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
+        raise InputError(f"--scheduler {address}", problem, remedy) from error
     # A lost connection is reported once, by `_result`, and not with the tracebacks of dask.
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     with client:
         if not client.scheduler_info()["workers"]:
-            right = "start some with `dask worker ADDRESS --nthreads 1`"
-            raise InputError(f"--scheduler {address}", "it has no workers", right)
+            remedy = "start some with `dask worker ADDRESS --nthreads 1`"
+            raise InputError(f"--scheduler {address}", "it has no workers", remedy)
         futures = client.map(work, items, pure=False, retries=RETRIES)
         for future in distributed.as_completed(futures, loop=client.loop):
             yield _result(future, address)
@@ -400,8 +400,8 @@ def _knock(address: str) -> None:
     try:
         place = get_address_host_port(address)
     except (ValueError, KeyError, NotImplementedError) as error:
-        right = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
-        raise InputError(f"--scheduler {address}", "it is no address", right) from error
+        remedy = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
+        raise InputError(f"--scheduler {address}", "it is no address", remedy) from error
     socket.create_connection(place, CONNECT_S).close()
 
 
@@ -413,13 +413,13 @@ def _result(future: Any, address: str) -> Any:
     except RopeTwinError:
         raise
     except CancelledError as error:  # nobody here cancels: the client does, without a connection
-        right = "start it and its workers again; the same command goes on with the rows left"
+        remedy = "start it and its workers again; the same command goes on with the rows left"
         raise InputError(
-            f"--scheduler {address}", "the connection to the Dask scheduler is lost", right
+            f"--scheduler {address}", "the connection to the Dask scheduler is lost", remedy
         ) from error
     except Exception as error:  # whatever went wrong on a worker, this process is to say it
-        right = "see its log; the rows that are done stay"
+        remedy = "see its log; the rows that are done stay"
         raise InputError(
-            f"--scheduler {address}", f"a worker could not go on ({error!r})", right
+            f"--scheduler {address}", f"a worker could not go on ({error!r})", remedy
         ) from error
     return found

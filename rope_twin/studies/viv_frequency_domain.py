@@ -281,8 +281,8 @@ def span_of(scene: Scene) -> SceneSpan:
 
 def _check_current(scene: Scene) -> None:
     if not any(isinstance(params, CurrentParams) for params in scene.effects):
-        what = "no current, so no vortices"
-        raise SceneError(f"{scene.path}: effects", what, "add the effect 'current'")
+        problem = "no current, so no vortices"
+        raise SceneError(f"{scene.path}: effects", problem, "add the effect 'current'")
 
 
 def _across(scene: Scene, place: Floats) -> Floats:

@@ -48,8 +48,8 @@ def check_folder(folder: Path) -> None:
     try:
         import pyarrow.parquet  # noqa: F401
     except ImportError as error:
-        right = "install it: pip install 'rope_twin[plot]'"
-        raise InputError("tables", "pyarrow is not there", right) from error
+        remedy = "install it: pip install 'rope_twin[plot]'"
+        raise InputError("tables", "pyarrow is not there", remedy) from error
 
 
 def write_all(name: str, run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:

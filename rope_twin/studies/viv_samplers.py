@@ -84,12 +84,12 @@ def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
         return [_NodeSampler(rope, vortices_hz) for rope in ropes]
     per_period = 1.0 / (vortices_hz * twin.step_s)
     if per_period < LEAST_PER_PERIOD:
-        what = (
+        problem = (
             f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} samples in a period of "
             f"{vortices_hz:.3g} Hz"
         )
-        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
-        raise InputError(f"{twin.scene.path}: time.step_s", what, right)
+        remedy = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
+        raise InputError(f"{twin.scene.path}: time.step_s", problem, remedy)
     return [_ModelSampler(rope, twin.viv_drag) for rope in ropes]
 
 

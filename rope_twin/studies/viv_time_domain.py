@@ -185,8 +185,8 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
     given = strouhal is not None or damping is not None
     own, model = scene.listed(ModalVibrationParams), shedding_model(scene)
     if model and own is None and given:
-        what = f"the scene's own {model} is not the modal model"
-        raise InputError("--strouhal, --damping", what, "leave them out")
+        problem = f"the scene's own {model} is not the modal model"
+        raise InputError("--strouhal, --damping", problem, "leave them out")
     if model and not given:
         return scene
     params = own or ModalVibrationParams()
@@ -303,8 +303,8 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
     """
     least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
     if duration_s < least:
-        what = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
-        raise InputError("--duration", what, f"give {math.ceil(least)} or more")
+        problem = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
+        raise InputError("--duration", problem, f"give {math.ceil(least)} or more")
 
 
 def _even(seen: list[tuple[float, float, Sample]]) -> list[Floats]:
@@ -329,8 +329,8 @@ def expected_hz(scene: Scene) -> list[float]:
         ]
     paces = [expected_pace(one, lift_figures(one)) for one in scenes]
     if not any(paces):
-        what = "nothing flows, so no vortices"
-        raise SceneError(f"{scene.path}: effects", what, "give 'current' a speed")
+        problem = "nothing flows, so no vortices"
+        raise SceneError(f"{scene.path}: effects", problem, "give 'current' a speed")
     return [0.0 if pace is None else pace.frequency_hz for pace in paces]
 
 
@@ -405,14 +405,14 @@ def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
     """
     sea = scene.sea_state
     if sea.moves and sea.heave is None:
-        right = "give `sea_state: {heave: {amplitude_m: 1.5, period_s: 8.0}}`"
-        raise InputError(f"scene {scene.name}", "its sea is not a regular heave", right)
+        remedy = "give `sea_state: {heave: {amplitude_m: 1.5, period_s: 8.0}}`"
+        raise InputError(f"scene {scene.name}", "its sea is not a regular heave", remedy)
     heave = RegularSea(sea.heave, sea.start_s).at if sea.heave is not None else still
     speeds = []
     for name, winch in winches_by_name(scene).items():
         for row in winch.schedule:
             if row.speed_m_per_s is None:
-                what = f"at {row.at_s:g} s its winch gets another command than a speed"
-                raise InputError(f"scene {scene.name}", what, "give speed_m_per_s there")
+                problem = f"at {row.at_s:g} s its winch gets another command than a speed"
+                raise InputError(f"scene {scene.name}", problem, "give speed_m_per_s there")
             speeds.append((row.at_s, row.speed_m_per_s, name))
     return heave, sorted(speeds)
