@@ -1,4 +1,4 @@
-"""Errors that end an operation: one sentence with place, fault and remedy."""
+"""Errors that end an operation: one sentence with place, problem and remedy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ class RopeTwinError(Exception):
     """Base of every error that a user can mend; its text is one sentence."""
 
     def __init__(self, *parts: str) -> None:
-        """Take the sentence, or where the error is, what is wrong and what would be right."""
+        """Take the sentence, or place, problem and remedy."""
         super().__init__(phrase(*parts) if len(parts) > 1 else "".join(parts))
 
 
@@ -83,16 +83,16 @@ class SolverError(RopeTwinError):
     """The rope cannot be stepped on; the last good state is kept."""
 
 
-def phrase(where: str, what: str, right: str) -> str:
+def phrase(where: str, problem: str, remedy: str) -> str:
     """Return one sentence: `where: what; right.`"""
-    end = "" if right.endswith("?") else "."
-    return f"{where}: {what}; {right}{end}"
+    end = "" if remedy.endswith("?") else "."
+    return f"{where}: {problem}; {remedy}{end}"
 
 
 def unreadable(path: Path, error: OSError | UnicodeDecodeError) -> InputError:
     """Return the error to raise where a file cannot be read as text."""
-    what = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
-    return InputError(str(path), what, "give the path of a text file")
+    problem = f"it cannot be read ({getattr(error, 'strerror', None) or error})"
+    return InputError(str(path), problem, "give the path of a text file")
 
 
 def require(module: str, why: str, extra: str, name: str = "") -> None:
@@ -102,8 +102,8 @@ def require(module: str, why: str, extra: str, name: str = "") -> None:
         InputError: it is not installed; `why` says what needs it.
     """
     if importlib.util.find_spec(module) is None:
-        right = f"install it with `pip install 'rope_twin[{extra}]'`"
-        raise InputError(name or module, why, right)
+        remedy = f"install it with `pip install 'rope_twin[{extra}]'`"
+        raise InputError(name or module, why, remedy)
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:

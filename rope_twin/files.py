@@ -49,8 +49,8 @@ def shipped_file(
         return known[name_or_path]
     if name_or_path and path.exists():
         return path
-    right = f"{did_you_mean(name_or_path, known)} (or give the path of a YAML file)"
-    raise error(phrase(f"{noun} '{name_or_path}'", f"there is no such {noun}", right))
+    remedy = f"{did_you_mean(name_or_path, known)} (or give the path of a YAML file)"
+    raise error(phrase(f"{noun} '{name_or_path}'", f"there is no such {noun}", remedy))
 
 
 def write_whole(path: Path, data: bytes) -> None:

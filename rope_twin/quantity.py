@@ -120,8 +120,8 @@ def read_quantity(words: str, unit: str) -> float:
     value = float(found[1]) * scale if found and scale else math.inf
     if math.isfinite(value):
         return value
-    right = f"give a number in {unit} or with a unit ({', '.join(units)})"
-    raise ValueError(f"'{words}' is not a {_KINDS[unit]}; {right}, like {_EXAMPLES[unit]}")
+    remedy = f"give a number in {unit} or with a unit ({', '.join(units)})"
+    raise ValueError(f"'{words}' is not a {_KINDS[unit]}; {remedy}, like {_EXAMPLES[unit]}")
 
 
 _UNIT_ENDINGS = {

@@ -244,8 +244,8 @@ class AlertList:
             chosen = [self._find(key)]
             state = self._alerts[chosen[0]].state.name.lower()
             if chosen[0] not in every:
-                right = f"only {', '.join(one.name.lower() for one in of)} alarms and warnings"
-                raise InputError(f"alert {key}", f"it is {state}", f"{right} are {word}")
+                remedy = f"only {', '.join(one.name.lower() for one in of)} alarms and warnings"
+                raise InputError(f"alert {key}", f"it is {state}", f"{remedy} are {word}")
         for at in chosen:
             alert = self._alerts[at]
             gone = alert.state is State.RECTIFIED
@@ -262,8 +262,8 @@ class AlertList:
         """
         most = SHELVED_MOST_NS // SECOND
         if not 0.0 <= seconds <= most:
-            right = f"give 0 to {most} s; 0 lists it again"
-            raise InputError(f"alert {key}", f"shelving for {seconds:g} s", right)
+            remedy = f"give 0 to {most} s; 0 lists it again"
+            raise InputError(f"alert {key}", f"shelving for {seconds:g} s", remedy)
         at = self._find(key)
         until = self.now_ns + round(seconds * SECOND) if seconds else 0
         self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)

@@ -120,8 +120,8 @@ class CrewLimits:
             raise InputError(where, "no such limit", did_you_mean(name, CREW_LIMITS))
         unit, at_least, _ = CREW_LIMITS[name]
         if name in self._impossible:
-            what = f"the scene has not {self._impossible[name]}"
-            raise InputError(where, what, "set another limit")
+            problem = f"the scene has not {self._impossible[name]}"
+            raise InputError(where, problem, "set another limit")
         if words == SCENE:
             self._put(name, None)
             return f"{where}: that of the scene"
@@ -130,12 +130,12 @@ class CrewLimits:
         except ValueError:
             value = math.nan
         if not (value > 0.0 and math.isfinite(value)):
-            right = f"give a positive number{unit and f' in {unit}'}, or {SCENE}"
-            raise InputError(where, f"'{words}'", right)
+            remedy = f"give a positive number{unit and f' in {unit}'}, or {SCENE}"
+            raise InputError(where, f"'{words}'", remedy)
         scene = self._of_scene.get(name)
         if scene is not None and (value <= scene if at_least else value >= scene):
-            what = f"{_of(value, unit)} is not stricter than the scene's {_of(scene, unit)}"
-            raise InputError(where, what, f"give {'more' if at_least else 'less'}, or {SCENE}")
+            problem = f"{_of(value, unit)} is not stricter than the scene's {_of(scene, unit)}"
+            raise InputError(where, problem, f"give {'more' if at_least else 'less'}, or {SCENE}")
         self._put(name, value)
         return f"{where}: {_of(value, unit)}"
 

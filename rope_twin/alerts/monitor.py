@@ -176,12 +176,12 @@ class AlertMonitor:
             InputError: there is no such command, alert or limit, or it is not possible now.
         """
         if len(words) > LONGEST:
-            right = f"give {LONGEST} at most"
-            raise InputError("alerts/command", f"a text of {len(words)} characters", right)
+            remedy = f"give {LONGEST} at most"
+            raise InputError("alerts/command", f"a text of {len(words)} characters", remedy)
         verb, *rest = words.split() or [""]
         if verb not in COMMANDS:
-            right = did_you_mean(verb, COMMANDS)
-            raise InputError("alerts/command", f"there is no '{verb}'", right)
+            remedy = did_you_mean(verb, COMMANDS)
+            raise InputError("alerts/command", f"there is no '{verb}'", remedy)
         wanted = 2 if verb in _EXAMPLES else 1
         if len(rest) != wanted:
             example = _EXAMPLES.get(verb, f"{verb} 10001.1, or {EVERY}")
@@ -203,8 +203,8 @@ class AlertMonitor:
             try:
                 seconds = float(rest[1])
             except ValueError:
-                what = f"'{rest[1]}' is no time"
-                raise InputError("alerts/command", what, "give seconds") from None
+                problem = f"'{rest[1]}' is no time"
+                raise InputError("alerts/command", problem, "give seconds") from None
             return self._list.shelve(rest[0], seconds)
         if verb == UNSHELVE:
             return self._list.shelve(rest[0], 0.0)

@@ -97,16 +97,18 @@ def read_acn(line: bytes) -> AlertCommand | None:
         return None
     body, star, given = text[1:].rpartition("*")
     body = body.encode("ascii", "replace").decode("ascii")
-    right = "send $--ACN,hhmmss.ss,RPT,identifier,instance,A|Q|O|S,C*hh"
+    remedy = "send $--ACN,hhmmss.ss,RPT,identifier,instance,A|Q|O|S,C*hh"
     if not star or f"{xor_of(body):02X}" != given.upper():
-        raise InputError("ACN sentence", "its checksum is wrong", right)
+        raise InputError("ACN sentence", "its checksum is wrong", remedy)
     fields = body.split(",")
     if len(fields) > 2 and fields[2] != MAKER:
         return None
     if len(fields) != 7 or fields[6] != "C" or fields[5] not in (*COMMANDS, REQUEST):
-        raise InputError("ACN sentence", f"'{text[:SENTENCE_MOST]}'", right)
+        raise InputError("ACN sentence", f"'{text[:SENTENCE_MOST]}'", remedy)
     if not (fields[3].isdecimal() and fields[4].isdecimal()):
-        raise InputError("ACN sentence", f"identifier '{fields[3]}', instance '{fields[4]}'", right)
+        raise InputError(
+            "ACN sentence", f"identifier '{fields[3]}', instance '{fields[4]}'", remedy
+        )
     return AlertCommand(int(fields[3]), int(fields[4]), fields[5])
 
 

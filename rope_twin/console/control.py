@@ -205,8 +205,8 @@ class Desk:
         if act is None:
             raise Refusal("console", f"'{what}'", did_you_mean(str(what), acts))
         if self._commander is None:
-            right = "start it with --control to command the winch"
-            raise Refusal("console", "it is read-only", right)
+            remedy = "start it with --control to command the winch"
+            raise Refusal("console", "it is read-only", remedy)
         if what != "sign_in" and not page.authorised:
             raise Refusal(_NO_CONTROL)
         if what in self.staged:
@@ -295,8 +295,8 @@ class Desk:
         seconds = content.get("seconds")
         if action == "shelve":
             if which == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
-                right = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
-                raise Refusal("shelve", f"{which} {seconds!r}", right)
+                remedy = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
+                raise Refusal("shelve", f"{which} {seconds!r}", remedy)
             which = f"{which} {seconds:g}"
         self._commander.command_alerts(f"{action} {which}")
         return f"{action} {which}: sent"
@@ -324,15 +324,15 @@ class Desk:
         """Refuse what the twin would refuse: its repeats would take the place of those in force."""
         figures = (self._pages.facts.get("winches") or {}).get(winch, {})
         if command.kind not in figures.get("modes", CONTROL_MODES):
-            right = f"this winch has {', '.join(figures['modes'])}"
-            raise Refusal("command", _words(command), right)
+            remedy = f"this winch has {', '.join(figures['modes'])}"
+            raise Refusal("command", _words(command), remedy)
         least, most = figures.get("least_line_out_m"), figures.get("most_line_out_m")
         if command.kind == SPEED and abs(command.value) > MAX_SPEED_M_PER_S:
-            right = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
-            raise Refusal("command", _words(command), right)
+            remedy = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
+            raise Refusal("command", _words(command), remedy)
         if command.kind == LENGTH and figures and not least <= command.value <= most:
-            right = f"this winch has {least:g} to {most:g} m out"
-            raise Refusal("command", _words(command), right)
+            remedy = f"this winch has {least:g} to {most:g} m out"
+            raise Refusal("command", _words(command), remedy)
 
     def _check_seat(self, page: Page, what: str) -> None:
         if page is not self._holder:
@@ -359,9 +359,9 @@ class Desk:
             del self._set_points[winch]
             if self._holder is not None:
                 lost = own.confirmed
-                what = "another commander has it" if lost else "it was not given to the console"
-                right = "the set-point is no longer repeated; send it again to command"
-                words = phrase(f"seat of {winch}", what, right)
+                problem = "another commander has it" if lost else "it was not given to the console"
+                remedy = "the set-point is no longer repeated; send it again to command"
+                words = phrase(f"seat of {winch}", problem, remedy)
                 self._pages.send(self._holder, {"type": "notice", "words": words})
 
     def _entry_fault(self, page: Page, what: str) -> str:
@@ -481,8 +481,8 @@ class Desk:
             self._return_from(winch, command)
         row = self._input_row(winch, command)
         reason = row.get("message", "").removesuffix(".") if row.get("level") else ""
-        what = f"no effect seen within {FEEDBACK_S:g} s"
-        return phrase(_words(command), what, reason or "look at the winch's state")
+        problem = f"no effect seen within {FEEDBACK_S:g} s"
+        return phrase(_words(command), problem, reason or "look at the winch's state")
 
     def _answer(
         self, page: Page, number: object, done: bool, words: str, stage: str = "done"

@@ -162,8 +162,8 @@ class SeaLimits:
             value = content.get(name)
             number = float(value) if is_finite(value) else math.nan
             if not low <= number <= high:
-                right = f"give {low:g} to {high:g} {unit}"
-                return phrase("sea", f"{name} is {value!r}", right)
+                remedy = f"give {low:g} to {high:g} {unit}"
+                return phrase("sea", f"{name} is {value!r}", remedy)
             numbers[name] = number
         self.sea = EnteredSea(**numbers, at_s=self._clock())
         return ""

@@ -46,8 +46,8 @@ class Recording:
         self._path = find_bag(os.fspath(bag))
         files = mcap_files(self._path)
         if not files or any(file.suffix != ".mcap" for file in files):
-            what, right = "it holds no .mcap file", "record with MCAP storage"
-            raise BagError(f"bag {self._path}", what, right)
+            problem, remedy = "it holds no .mcap file", "record with MCAP storage"
+            raise BagError(f"bag {self._path}", problem, remedy)
         self._scans = [McapScan(file) for file in files]
         self._times: dict[str, list[int]] = {name: [] for name in SHOWN}
         self._data: dict[str, list[bytes]] = {name: [] for name in SHOWN}
@@ -64,8 +64,8 @@ class Recording:
         self._thread.start()
         self._enough.wait()
         if not self._last_ns:
-            what = "no topic of a twin to show"
-            raise BagError(f"bag {self._path}", what, f"name a bag with {SHOWN[3]}")
+            problem = "no topic of a twin to show"
+            raise BagError(f"bag {self._path}", problem, f"name a bag with {SHOWN[3]}")
 
     @property
     def duration_s(self) -> float:

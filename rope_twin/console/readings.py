@@ -109,8 +109,8 @@ class Readings:
             changed[f"fault {topic}"] = str(error)
             return
         except (ValueError, LookupError, TypeError) as error:  # lists of other lengths and the like
-            right = "publish it with this version of rope_twin"
-            changed[f"fault {topic}"] = phrase(topic, f"{type(error).__name__}: {error}", right)
+            remedy = "publish it with this version of rope_twin"
+            changed[f"fault {topic}"] = phrase(topic, f"{type(error).__name__}: {error}", remedy)
             return
         if self.values.get(f"fault {topic}"):
             changed[f"fault {topic}"] = ""
@@ -242,8 +242,8 @@ def _having(topic: str, wanted: Iterable[str], points: Points) -> Points:
     """
     missing = [name for name in wanted if name not in (points.dtype.names or ())]
     if missing:
-        what = f"the table has no column {', '.join(missing)}"
-        raise InputError(topic, what, "publish it with this version of rope_twin")
+        problem = f"the table has no column {', '.join(missing)}"
+        raise InputError(topic, problem, "publish it with this version of rope_twin")
     return points
 
 
@@ -336,8 +336,8 @@ def _alerts(message: Any) -> Values:
                 }
             )
         except (KeyError, ValueError) as error:
-            what = f"row '{one.name}' is no alert ({error})"
-            raise InputError(ALERTS, what, "only the simulation publishes here") from None
+            problem = f"row '{one.name}' is no alert ({error})"
+            raise InputError(ALERTS, problem, "only the simulation publishes here") from None
     return {"alerts": rows}
 
 

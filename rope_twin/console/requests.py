@@ -149,8 +149,8 @@ class Log:
     def _mark(self, page: Page, content: Mapping[str, Any]) -> str:
         text = content.get("text")
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST_TEXT:
-            right = f"give 1 to {LONGEST_TEXT} characters"
-            return phrase("marker", "no text, or too long", right)
+            remedy = f"give 1 to {LONGEST_TEXT} characters"
+            return phrase("marker", "no text, or too long", remedy)
         if len(self.markers) >= MOST_MARKERS:
             return phrase("marker", f"there are {MOST_MARKERS}", "start the console again")
         words = " ".join(text.split())
@@ -224,5 +224,5 @@ class Requests:
             raise Refusal(f"limit {name}", f"the scene has not {lacks}", "set another limit")
         if value is not None and not (is_finite(value) and value > 0.0):
             unit = CREW_LIMITS[name].unit
-            right = f"give a positive number{unit and f' in {unit}'}"
-            raise Refusal(f"limit {name}", f"{value!r}", right)
+            remedy = f"give a positive number{unit and f' in {unit}'}"
+            raise Refusal(f"limit {name}", f"{value!r}", remedy)

@@ -90,8 +90,8 @@ def read_address(words: str) -> tuple[str, int]:
     match = re.fullmatch(r"(?:(\[[0-9A-Fa-f:]+\]|[\w.-]+):)?(\d{1,5})", words)
     if match and int(match[2]) < 65536:
         return (match[1] or LOOPBACK).strip("[]"), int(match[2])
-    right = f"give HOST:PORT, such as {LOOPBACK}:{PORT}, or a port"
-    raise InputError(f"console address {words}", "not an address", right)
+    remedy = f"give HOST:PORT, such as {LOOPBACK}:{PORT}, or a port"
+    raise InputError(f"console address {words}", "not an address", remedy)
 
 
 def announce(address: str, token: str = "") -> None:
@@ -324,11 +324,11 @@ def _bound(host: str, port: int) -> socket.socket:
         made.bind((host, port))
         made.listen(128)
     except OSError as error:
-        what = f"the address cannot be used ({error.strerror or error})"
-        raise InputError(f"console {host}:{port}", what, "name another one") from error
+        problem = f"the address cannot be used ({error.strerror or error})"
+        raise InputError(f"console {host}:{port}", problem, "name another one") from error
     return made
 
 
 def _not_installed(error: ImportError) -> InputError:
-    right = "install it with `pip install 'rope_twin[console]'`"
-    return InputError("console", f"{error.name} is not installed", right)
+    remedy = "install it with `pip install 'rope_twin[console]'`"
+    return InputError("console", f"{error.name} is not installed", remedy)

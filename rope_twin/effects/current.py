@@ -109,8 +109,8 @@ class CurrentParams:
             return "a row is outside the water; give z from 0 down to -12000 m"
         for z, velocity in self.points:
             if not 2 <= len(velocity) <= 3:
-                what = f"the velocity at z = {z:g} m has {len(velocity)} components"
-                return f"{what}; give [east, north] or [east, north, up]"
+                problem = f"the velocity at z = {z:g} m has {len(velocity)} components"
+                return f"{problem}; give [east, north] or [east, north, up]"
         speeds = [abs(u) for _, velocity in self.points for u in velocity]
         if max(speeds) > 10.0:
             return f"{max(speeds):g} m/s is not a plausible current; give at most 10 m/s"

@@ -133,16 +133,16 @@ class RigidBodyParams:
         I = self.inertia_kg_m2
         if I is not None and max(I) > 0.5 * sum(I) * (1.0 + 1e-9):
             x, y, z = I
-            what = f"moments of inertia {x:g}, {y:g}, {z:g} kg·m² are impossible"
-            return f"{what}; give none above the sum of the other two"
+            problem = f"moments of inertia {x:g}, {y:g}, {z:g} kg·m² are impossible"
+            return f"{problem}; give none above the sum of the other two"
         own = self.deck
         if own is not None and own.with_ship and (own.heave is not None or own.heaves):
             return "the deck heaves with the ship and independently; keep with_ship or heave"
         held = [sling.to_m for sling in self.slings] or [self.pinned_at_m or MIDDLE]
         highest, G = max(place[2] for place in held), self.centre_of_gravity_m[2]
         if self.pinned_at_m is not None and highest <= G:
-            what = f"it is pinned at {highest:g} m, not above its centre of gravity at {G:g} m"
-            return f"{what}; raise pinned_at_m, or it capsizes"
+            problem = f"it is pinned at {highest:g} m, not above its centre of gravity at {G:g} m"
+            return f"{problem}; raise pinned_at_m, or it capsizes"
         return None
 
 

@@ -109,7 +109,7 @@ class FeedSettings:
     forward: str = text("serve the lines to several readers: tcp-server://HOST:PORT", "")
 
     def check(self) -> str | None:
-        """Return what is wrong with the settings and what would be right, or None."""
+        """Return problem of the settings and remedy, or None."""
         form = FORMATS.get(self.format)
         if form is None:
             return f"format '{self.format}' is unknown; {did_you_mean(self.format, FORMATS)}"
@@ -126,15 +126,15 @@ class FeedSettings:
         choices += [(key, getattr(self, key), allowed) for key, allowed in form.keys.items()]
         for key, given, allowed in choices:
             if given not in allowed:
-                what = f"{key} is '{given}'" if given else f"{key} is missing"
-                return f"{what}; give {' or '.join(allowed)}"
+                problem = f"{key} is '{given}'" if given else f"{key} is missing"
+                return f"{problem}; give {' or '.join(allowed)}"
         if self.stamp == INSTRUMENT and not form.has_time:
             return f"stamp is instrument, but {self.format} has no time; give arrival"
         if self.heave_of == REFERENCE and self.rest_heading_deg is None:
             return "rest_heading_deg is missing; give the true heading of the bow at rest [°]"
         if self.heave_of == REFERENCE and self.sentences.startswith("PHLIN"):
-            what = f"sentences is '{self.sentences}', without roll and pitch"
-            return f"{what}; give PHTRO {self.sentences}"
+            problem = f"sentences is '{self.sentences}', without roll and pitch"
+            return f"{problem}; give PHTRO {self.sentences}"
         if self.forward and not self.forward.startswith("tcp-server://"):
             return f"forward is '{self.forward}'; give tcp-server://HOST:PORT"
         fault = self._columns_fault() if self.format == "columns" else None
@@ -219,8 +219,8 @@ def _table_fault(
             return f"{key} of {name} is '{given[name]}'; give {options}"
     for name in given:
         if name not in needed:
-            right = f"it takes {', '.join(needed)}" if needed else "remove it"
-            return f"{key} has '{name}', which this format does not take; {right}"
+            remedy = f"it takes {', '.join(needed)}" if needed else "remove it"
+            return f"{key} has '{name}', which this format does not take; {remedy}"
     return None
 
 
@@ -342,8 +342,8 @@ def read_settings(name_or_path: str) -> dict[str, FeedSettings]:
     names = sorted(path.stem for path in folder.glob("*.yaml"))
     path = folder / f"{name_or_path}.yaml" if name_or_path in names else Path(name_or_path)
     if not path.is_file():
-        what = "there is no such file or name in config/feeds/"
-        raise InputError(f"settings '{name_or_path}'", what, did_you_mean(name_or_path, names))
+        problem = "there is no such file or name in config/feeds/"
+        raise InputError(f"settings '{name_or_path}'", problem, did_you_mean(name_or_path, names))
     item, _ = read_document(path)
     read: FeedsFile = read_object(FeedsFile, item, Place(path))
     return read.feeds
@@ -358,8 +358,8 @@ def with_source(
         InputError: the file has several feeds and none is named, or not this one.
     """
     if not name and len(feeds) != 1:
-        what = f"the settings have {len(feeds)} feeds"
-        raise InputError(f"source {source}", what, f"name one: {', '.join(feeds)}")
+        problem = f"the settings have {len(feeds)} feeds"
+        raise InputError(f"source {source}", problem, f"name one: {', '.join(feeds)}")
     chosen = name or next(iter(feeds))
     if chosen not in feeds:
         raise InputError(f"feed '{chosen}'", "not in the settings", did_you_mean(chosen, feeds))

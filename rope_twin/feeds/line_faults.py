@@ -92,8 +92,8 @@ def _delay_s(where: str, words: str) -> float:
         delay_s = read_quantity(words, "s")
         if 0.0 < delay_s <= MOST_DELAY_S:
             return delay_s
-    right = f"give a time above 0, at most {MOST_DELAY_S:g} s, such as 0.2s"
-    raise InputError(where, f"delay '{words}'", right)
+    remedy = f"give a time above 0, at most {MOST_DELAY_S:g} s, such as 0.2s"
+    raise InputError(where, f"delay '{words}'", remedy)
 
 
 class FaultyLine:
@@ -210,8 +210,8 @@ def replay_with_faults(
     if not faults.any:
         return take
     if read_address(settings.source).kind != FILE:
-        what = "faults are laid over a replayed file, or over what --simulate sends"
-        raise InputError(f"source {settings.source}", what, "leave --faults out")
+        problem = "faults are laid over a replayed file, or over what --simulate sends"
+        raise InputError(f"source {settings.source}", problem, "leave --faults out")
     return FaultyReplay(take, faults, settings.format == EM3000, number).take
 
 

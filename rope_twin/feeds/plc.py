@@ -48,10 +48,16 @@ class ModbusSource(Source):
         """
         super().__init__(address, take)
         if (address.kind == SERIAL) != bool(settings.parity):
-            what, right = "parity is missing", f"give {', '.join(_PARITIES)}; there is no default"
+            problem, remedy = (
+                "parity is missing",
+                f"give {', '.join(_PARITIES)}; there is no default",
+            )
             if settings.parity:
-                what, right = f"parity is '{settings.parity}'", "it is of a serial line; remove it"
-            raise InputError(f"source {address}", what, right)
+                problem, remedy = (
+                    f"parity is '{settings.parity}'",
+                    "it is of a serial line; remove it",
+                )
+            raise InputError(f"source {address}", problem, remedy)
         require("pymodbus", "pymodbus is missing", "modbus", "source modbus")
         from pymodbus import client
 

@@ -42,7 +42,7 @@ class Register:
                             -1e12, 1e12, default=1.0)  # fmt: skip
 
     def check(self) -> str | None:
-        """Return what is wrong and what would be right, or None."""
+        """Return problem and remedy, or None."""
         if self.table not in TABLES:
             return f"table is '{self.table}'; give {' or '.join(TABLES)}"
         if self.type not in TYPES:
@@ -88,7 +88,7 @@ class OpcNode:
                             -1e12, 1e12, default=1.0)  # fmt: skip
 
     def check(self) -> str | None:
-        """Return what is wrong and what would be right, or None."""
+        """Return problem and remedy, or None."""
         if not _NODE.fullmatch(self.id):
             return f"id is '{self.id}'; give one such as ns=2;s=Hoist.Load or nsu=URI;i=5001"
         return "scale is 0; give the value of one count" if self.scale == 0.0 else None

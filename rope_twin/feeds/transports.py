@@ -260,11 +260,11 @@ class FileSource(Source):
         self._period_ns = round(_SECOND_NS / rate_hz) if rate_hz else 0
         self._binary = binary
         if not path.is_file():
-            what, right = "there is no such file", f"give {ADDRESSES}"
-            raise InputError(f"source '{path}'", what, right)
+            problem, remedy = "there is no such file", f"give {ADDRESSES}"
+            raise InputError(f"source '{path}'", problem, remedy)
         if binary and not rate_hz:
-            what = "records of this format have no time"
-            raise InputError(f"source '{path}'", what, "set replay_rate_hz")
+            problem = "records of this format have no time"
+            raise InputError(f"source '{path}'", problem, "set replay_rate_hz")
         if not rate_hz and not _has_time(path):
             raise InputError(f"source '{path}'", "no line of it has a time", "set replay_rate_hz")
 
@@ -324,8 +324,8 @@ def _has_time(path: Path) -> bool:
             lines = iter(lambda: file.readline(4096), b"")
             return any(_logged(line)[0] is not None for line in lines)
     except OSError as error:
-        what, right = error.strerror or str(error), "name a file that can be read"
-        raise InputError(f"source '{path}'", what, right) from error
+        what, remedy = error.strerror or str(error), "name a file that can be read"
+        raise InputError(f"source '{path}'", what, remedy) from error
 
 
 def _logged(line: bytes) -> tuple[int | None, bytes]:
@@ -348,8 +348,8 @@ def open_source(
     kinds = _POLLED.get(settings.format, {})
     if (kinds and address.kind not in kinds) or (not kinds and address.kind in (MODBUS, OPCUA)):
         form = settings.format if kinds else {MODBUS: MODBUS, OPCUA: OPCUA_FORMAT}[address.kind]
-        right = f"the format {form} takes {' or '.join(_POLLED[form].values())}"
-        raise InputError(settings.source, f"format {settings.format}", right)
+        remedy = f"the format {form} takes {' or '.join(_POLLED[form].values())}"
+        raise InputError(settings.source, f"format {settings.format}", remedy)
     if settings.format == MODBUS:
         from rope_twin.feeds.plc import ModbusSource  # which needs an extra
 
@@ -366,8 +366,8 @@ def open_source(
     if address.kind == FILE:
         binary, rate_hz = settings.format == EM3000, settings.replay_rate_hz
         return FileSource(Path(address.name), take, speed, start_ns, rate_hz, binary)
-    right = f"give {ADDRESSES.replace(', tcp-server://HOST:PORT', '')}"
-    raise InputError(settings.source, "a server is a way out, not in", right)
+    remedy = f"give {ADDRESSES.replace(', tcp-server://HOST:PORT', '')}"
+    raise InputError(settings.source, "a server is a way out, not in", remedy)
 
 
 class Sink(ABC):

@@ -61,14 +61,14 @@ class MotionError:
         """
         low, high = self.band_hz
         if not (self.white_m > 0.0 and math.isfinite(self.white_m)):
-            what = f"the white part is {self.white_m:g} m"
-            raise InputError("motion error", what, "give a positive length")
+            problem = f"the white part is {self.white_m:g} m"
+            raise InputError("motion error", problem, "give a positive length")
         if not (self.coloured_m >= 0.0 and math.isfinite(self.coloured_m)):
-            what = f"the coloured part is {self.coloured_m:g} m"
-            raise InputError("motion error", what, "give 0 m or more")
+            problem = f"the coloured part is {self.coloured_m:g} m"
+            raise InputError("motion error", problem, "give 0 m or more")
         if not 0.0 < low < high < math.inf:
-            what = f"the band is {low:g} to {high:g} Hz"
-            raise InputError("motion error", what, "give two ascending frequencies")
+            problem = f"the band is {low:g} to {high:g} Hz"
+            raise InputError("motion error", problem, "give two ascending frequencies")
 
     def density(self, frequency_hz: Floats) -> Floats:
         """Return the one-sided density [m²/Hz] of the coloured part at ascending frequencies (n,).
@@ -116,8 +116,8 @@ def heave_spectrum(heave_m: Floats) -> HeaveSpectrum:
     record = _checked(heave_m, "heave")
     least = round(SHORTEST_RECORD_S / SAMPLE_S)
     if len(record) < least:
-        what = f"{len(record) * SAMPLE_S:g} s of it are known"
-        raise InputError("heave", what, f"a spectrum needs {SHORTEST_RECORD_S:g} s")
+        problem = f"{len(record) * SAMPLE_S:g} s of it are known"
+        raise InputError("heave", problem, f"a spectrum needs {SHORTEST_RECORD_S:g} s")
     count = min(len(record), round(WINDOW_S / SAMPLE_S))
     hop = max(count - count // 2, 1)
     windows = np.lib.stride_tricks.sliding_window_view(record, count)[::hop]
@@ -149,13 +149,13 @@ class MeasuredWaves:
         """
         rows = (self.time_s, self.distance_m, self.elevation_m)
         if len({len(row) for row in rows}) != 1:
-            what = f"{', '.join(str(len(row)) for row in rows)} times, distances and elevations"
-            raise InputError("measured waves", what, "give as many of each")
+            problem = f"{', '.join(str(len(row)) for row in rows)} times, distances and elevations"
+            raise InputError("measured waves", problem, "give as many of each")
         for name, row in zip(("time", "distance", "elevation"), rows, strict=True):
             _checked(row, f"measured waves, {name}")
         if not (self.noise_m > 0.0 and math.isfinite(self.noise_m)):
-            what = f"their noise is {self.noise_m:g} m"
-            raise InputError("measured waves", what, "give a positive length")
+            problem = f"their noise is {self.noise_m:g} m"
+            raise InputError("measured waves", problem, "give a positive length")
 
 
 @dataclass(frozen=True)
@@ -263,8 +263,8 @@ class HeaveProcess:
         count, ahead = round(PAST_S / SAMPLE_S), round(AHEAD_S / SAMPLE_S)
         record = _checked(heave_m, "heave")
         if len(record) < count:
-            what = f"{len(record) * SAMPLE_S:g} s of it are known"
-            raise InputError("heave", what, f"a forecast needs {PAST_S:g} s")
+            problem = f"{len(record) * SAMPLE_S:g} s of it are known"
+            raise InputError("heave", problem, f"a forecast needs {PAST_S:g} s")
         number = np.arange(count + ahead)
         between = np.abs(number[:, None] - number)
         lag_s: Floats = np.asarray(number * SAMPLE_S, np.float64)
@@ -306,20 +306,20 @@ class _WaveBlock:
         """
         frequency = spectrum.frequency_hz
         if response is None or len(response) != len(frequency):
-            right = "give the ship's heave response at the frequencies of the process"
-            raise InputError("measured waves", "no response belongs to them", right)
+            remedy = "give the ship's heave response at the frequencies of the process"
+            raise InputError("measured waves", "no response belongs to them", remedy)
         omega = 2.0 * np.pi * frequency
         fastest = GRAVITY / (2.0 * omega[0])  # group velocity of the longest waves
         reach = float(np.max(np.abs(waves.time_s), initial=0.0))
         reach += float(np.max(np.abs(waves.distance_m), initial=0.0)) / fastest
         if reach > REACH_S:
-            what = f"they are {reach:.0f} s from the origin, by time and distance"
-            raise InputError("measured waves", what, f"right is at most {REACH_S:g} s")
+            problem = f"they are {reach:.0f} s from the origin, by time and distance"
+            raise InputError("measured waves", problem, f"right is at most {REACH_S:g} s")
         size = np.abs(response)
         follows = np.flatnonzero(size > SMALLEST_RESPONSE)
         if not len(follows):
-            right = "waves up-sea say nothing about it"
-            raise InputError("measured waves", "the ship answers none of them", right)
+            remedy = "waves up-sea say nothing about it"
+            raise InputError("measured waves", "the ship answers none of them", remedy)
         line_hz = float(frequency[1] - frequency[0])
         heave = spectrum.density_m2_per_hz * line_hz
         variance = np.interp(frequency, frequency[follows], (heave / size**2)[follows], right=0.0)
@@ -353,6 +353,6 @@ def _checked(values: Floats, what: str) -> Floats:
     """Return a finite vector. Raises InputError."""
     vector = np.asarray(values, np.float64)
     if vector.ndim != 1 or not np.isfinite(vector).all():
-        right = "give one row of finite numbers"
-        raise InputError(what, "it has gaps, or is not a row of numbers", right)
+        remedy = "give one row of finite numbers"
+        raise InputError(what, "it has gaps, or is not a row of numbers", remedy)
     return vector

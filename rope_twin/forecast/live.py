@@ -540,7 +540,7 @@ def usual_limits(scene: Scene, given: Sequence[float]) -> Limits:
     tension_n, contact, quiet, length_s = given
     longest_s = AHEAD_S - max(BEGINS_S)
     if length_s > longest_s:
-        right = f"give at most {longest_s:g} s, so that the latest window ends with the forecast"
-        raise InputError("limit quiet_s", f"it is {length_s:g} s", right)
+        remedy = f"give at most {longest_s:g} s, so that the latest window ends with the forecast"
+        raise InputError("limit quiet_s", f"it is {length_s:g} s", remedy)
     own_n, others_n = tension_limits(scene, tension_n or None)
     return Limits(own_n, contact, quiet, length_s, others_n)

@@ -91,8 +91,8 @@ class RecordingForecaster:
         first = self.lift.first_origin
         if not first <= sample <= last:
             low, high = first * SAMPLE_S, last * SAMPLE_S
-            what = f"{time_s:g} s is not possible"
-            raise InputError("origin", what, f"give {low:g} to {high:g} s")
+            problem = f"{time_s:g} s is not possible"
+            raise InputError("origin", problem, f"give {low:g} to {high:g} s")
         return sample
 
     def at(self, sample: int, orders: Sequence[Order]) -> list[TensionForecast]:
@@ -112,8 +112,8 @@ class RecordingForecaster:
         step = max(round(every_s / SAMPLE_S), 1)
         samples = list(range(lift.first_origin, len(lift.heave_m) - ahead, step))
         if len(samples) < LEAST_ORIGINS:
-            what = f"{len(samples)} origins {every_s:g} s apart fit"
-            raise InputError("score", what, "give a longer recording or a shorter interval")
+            problem = f"{len(samples)} origins {every_s:g} s apart fit"
+            raise InputError("score", problem, "give a longer recording or a shorter interval")
         made = []
         for number, (sample, states) in enumerate(zip(samples, self._states(samples), strict=True)):
             progress(number, len(samples), f"forecast at {lift.begin_s + sample * SAMPLE_S:g} s")
@@ -152,8 +152,8 @@ class RecordingForecaster:
         peak = np.array([lift.peak_n[k + 1 : k + 1 + ahead] for k in samples])
         whole = np.isfinite(truth).all(axis=1)
         if int(whole.sum()) < LEAST_ORIGINS:
-            right = "give a recording of it without gaps"
-            raise InputError("score", "the tension after the origins is missing", right)
+            remedy = "give a recording of it without gaps"
+            raise InputError("score", "the tension after the origins is missing", remedy)
         known = lift.tension_n[np.isfinite(lift.tension_n)]
         members = np.array([one.values[TENSION].T for one in made])[whole]
         bands = np.array([one.band() for one in made])[whole]

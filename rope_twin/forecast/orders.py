@@ -82,8 +82,8 @@ def read_order(word: str) -> Order:
         raise InputError("order", f"there is no '{kind}'", did_you_mean(kind, KINDS))
     if kind == COMPENSATION:
         if value not in ("on", "off"):
-            right = "give compensation:on or compensation:off"
-            raise InputError("order", f"'{word}' says neither on nor off", right)
+            remedy = "give compensation:on or compensation:off"
+            raise InputError("order", f"'{word}' says neither on nor off", remedy)
         return Order(kind, compensation=value == "on", winch=winch)
     if kind not in WITH_SPEED:
         if value is not None:
@@ -94,8 +94,8 @@ def read_order(word: str) -> Order:
     except ValueError:
         speed = math.nan
     if not speed > 0.0:
-        right = f"give a speed above 0 in m/s or with a unit, like {kind}:0.5 or {kind}:20m/min"
-        raise InputError("order", f"the speed of '{word}' is {value}", right)
+        remedy = f"give a speed above 0 in m/s or with a unit, like {kind}:0.5 or {kind}:20m/min"
+        raise InputError("order", f"the speed of '{word}' is {value}", remedy)
     return Order(kind, speed, winch=winch)
 
 
@@ -109,8 +109,8 @@ def read_orders(words: str) -> tuple[Order, ...]:
         raise InputError("orders", f"a text of {len(words)} characters", f"give {LONGEST} at most")
     asked = words.split()
     if not 0 < len(asked) <= MOST_ORDERS:
-        right = f"give one to {MOST_ORDERS}, like lower:0.5 stop"
-        raise InputError("orders", f"there are {len(asked)}", right)
+        remedy = f"give one to {MOST_ORDERS}, like lower:0.5 stop"
+        raise InputError("orders", f"there are {len(asked)}", remedy)
     return tuple(dict.fromkeys([Order(HOLD), *map(read_order, asked)]))
 
 
@@ -144,16 +144,16 @@ def check_order(order: Order, winch: Winch | None, now: LineNow) -> None:
     if order.kind in (CONTINUE, HOLD) and winch is None:
         return
     if winch is None:
-        right = "the scene has no winch; ask for hold"
-        raise InputError(f"order {order.name}", "nothing pays out or hauls in", right)
+        remedy = "the scene has no winch; ask for hold"
+        raise InputError(f"order {order.name}", "nothing pays out or hauls in", remedy)
     if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
-        right = f"the winch reaches {winch.speed_limit_m_per_s:g} m/s"
-        raise InputError(f"order {order.name}", "it is too fast", right)
+        remedy = f"the winch reaches {winch.speed_limit_m_per_s:g} m/s"
+        raise InputError(f"order {order.name}", "it is too fast", remedy)
     if order.kind == LAND and now.to_contact_m is None:
         raise InputError("order land", "the scene has no seabed", "add one to the scene")
     if order.kind == COMPENSATION and winch.heave_compensation is None:
-        right = "give the scene's winch heave_compensation"
-        raise InputError(f"order {order.name}", "there is no compensation", right)
+        remedy = "give the scene's winch heave_compensation"
+        raise InputError(f"order {order.name}", "there is no compensation", remedy)
 
 
 def line_path(
@@ -300,18 +300,18 @@ def check_lift_order(order: Order, scene: Scene, now: LineNow) -> None:
     if order.winch:
         known = {WINCH: scene.winch} | {name: winch for name, (_, winch) in others.items()}
         if order.winch not in known:
-            right = did_you_mean(order.winch, known)
-            raise InputError(f"order {order.name}", f"no winch '{order.winch}'", right)
+            remedy = did_you_mean(order.winch, known)
+            raise InputError(f"order {order.name}", f"no winch '{order.winch}'", remedy)
         if order.kind == LAND and others:
-            right = "leave the winch out, or lower with it"
-            raise InputError(f"order {order.name}", "all winches land the load", right)
+            remedy = "leave the winch out, or lower with it"
+            raise InputError(f"order {order.name}", "all winches land the load", remedy)
         check_order(order, known[order.winch], now)
         return
     check_order(order, scene.winch, now)
     for name, (_, winch) in others.items():
         if order.kind in WITH_SPEED and order.speed_m_per_s > winch.speed_limit_m_per_s:
-            right = f"it reaches {winch.speed_limit_m_per_s:g} m/s"
-            raise InputError(f"order {order.name}", f"too fast for '{name}'", right)
+            remedy = f"it reaches {winch.speed_limit_m_per_s:g} m/s"
+            raise InputError(f"order {order.name}", f"too fast for '{name}'", remedy)
 
 
 def scene_at_line(

@@ -103,8 +103,10 @@ class NominalRope:
         if target <= self._samples:
             return
         if place[0] > self.time_s + 1e-6 or place[-1] < until_s - 1e-6:
-            what = f"motion from {place[0]:g} to {place[-1]:g} s"
-            raise InputError("nominal rope", what, f"it must span {self.time_s:g} to {until_s:g} s")
+            problem = f"motion from {place[0]:g} to {place[-1]:g} s"
+            raise InputError(
+                "nominal rope", problem, f"it must span {self.time_s:g} to {until_s:g} s"
+            )
         moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
         others = {name: CubicSpline(place, own_m) for name, own_m in (lines_m or {}).items()}
         per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / SAMPLE_S)
@@ -156,8 +158,8 @@ def nominal_states(
     """
     heave = np.asarray(heave_m, np.float64).reshape(len(heave_m), -1)
     if sorted(set(samples)) != samples or (samples and not 0 < samples[-1] < len(heave)):
-        what = f"samples {samples} of {len(heave)}"
-        raise InputError("nominal rope", what, "give ascending numbers within the record")
+        problem = f"samples {samples} of {len(heave)}"
+        raise InputError("nominal rope", problem, "give ascending numbers within the record")
     rope = NominalRope(scene, settings or ForecastSettings(), heave.shape[1])
     states = []
     for sample in samples:
@@ -254,8 +256,8 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
             stamp_s, (z, _) = vertical_motion(topic, data)
             return stamp_s, z
 
-        def line_of(names: Sequence[str], what: str) -> _Found:
-            return _first(reader, LINE_TOPICS, _of(names, alone, "line_out_m"), what, refused)
+        def line_of(names: Sequence[str], problem: str) -> _Found:
+            return _first(reader, LINE_TOPICS, _of(names, alone, "line_out_m"), problem, refused)
 
         tension_of = _of(main, alone, "tension_n")
         return (
@@ -276,8 +278,8 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     end = min(series[1][-1] for series in known)
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
     if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
-        what = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
-        raise BagError(f"bag {path}", what, f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s")
+        problem = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
+        raise BagError(f"bag {path}", problem, f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s")
     at = begin + SAMPLE_S * np.arange(count)
     rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
     measured_m = own.measured.line_out.bias

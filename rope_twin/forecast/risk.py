@@ -265,9 +265,9 @@ def quiet_windows(
     for begin in begins_s:
         first, last = round(begin / SAMPLE_S), round((begin + limits.quiet_s) / SAMPLE_S)
         if begin > latest or last > len(slow):
-            what = f"a window from {begin:g} to {begin + limits.quiet_s:g} s"
-            right = f"begin it within {latest:g} s and end it within {forecast.lead_s[-1]:g} s"
-            raise InputError("quiet window", what, right)
+            problem = f"a window from {begin:g} to {begin + limits.quiet_s:g} s"
+            remedy = f"begin it within {latest:g} s and end it within {forecast.lead_s[-1]:g} s"
+            raise InputError("quiet window", problem, remedy)
         share = float(slow[first:last].all(axis=0).mean())
         found.append(QuietWindow(begin, limits.quiet_s, share))
     return found
@@ -293,8 +293,8 @@ def compare(
         InputError: the forecasts are not of the same members.
     """
     if forecast.members != against.members or forecast.origin_s != against.origin_s:
-        what = f"{forecast.members} and {against.members} members"
-        raise InputError("orders", what, "compare forecasts of one call")
+        problem = f"{forecast.members} and {against.members} members"
+        raise InputError("orders", problem, "compare forecasts of one call")
     count = round(span_s / SAMPLE_S)
     own, other = (one.hung[rope or one.rope] for one in (forecast, against))
     change = own.peak_n[:count].max(axis=0) - other.peak_n[:count].max(axis=0)

@@ -96,8 +96,8 @@ def brier(probability: Floats, happened: Bools) -> BrierScore:
     """
     p, o = np.asarray(probability, np.float64), np.asarray(happened, np.float64)
     if p.shape != o.shape or p.ndim != 1 or not len(p):
-        what = f"{p.size} probabilities of {o.size} events"
-        raise InputError("Brier score", what, "give as many of each, and at least one")
+        problem = f"{p.size} probabilities of {o.size} events"
+        raise InputError("Brier score", problem, "give as many of each, and at least one")
     if not ((p >= 0.0) & (p <= 1.0)).all():
         raise InputError("Brier score", "a value is no probability", "right is 0 to 1")
     base = float(o.mean())
@@ -144,8 +144,8 @@ def score_lead(lead_s: float, members: Floats, truth: Floats, climate: Floats) -
         InputError: no origin, or a climatology without spread.
     """
     if not len(members) or float(np.var(climate)) <= 0.0:
-        what = f"{len(members)} forecasts, {len(climate)} values of climatology"
-        raise InputError("score", what, "give at least one forecast and a quantity that varies")
+        problem = f"{len(members)} forecasts, {len(climate)} values of climatology"
+        raise InputError("score", problem, "give at least one forecast and a quantity that varies")
     low, high = member_quantiles(members, axis=1)[::2]
     own = float(crps_members(np.moveaxis(members, 1, 0), truth).mean())
     some = np.quantile(climate, (np.arange(200) + 0.5) / 200)

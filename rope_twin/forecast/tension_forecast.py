@@ -108,22 +108,24 @@ class ForecastSettings:
             InputError: too few members, a burn-in beyond the known past, or a spread that is none.
         """
         if self.members < LEAST_MEMBERS:
-            right = f"a 90 % band needs {LEAST_MEMBERS}"
-            raise InputError("forecast", f"{self.members} members", right)
+            remedy = f"a 90 % band needs {LEAST_MEMBERS}"
+            raise InputError("forecast", f"{self.members} members", remedy)
         if not JOIN_S < self.burn_in_s < PAST_S:
-            right = f"right is more than {JOIN_S:g} s and less than {PAST_S:g} s"
-            raise InputError("forecast", f"a burn-in of {self.burn_in_s:g} s", right)
+            remedy = f"right is more than {JOIN_S:g} s and less than {PAST_S:g} s"
+            raise InputError("forecast", f"a burn-in of {self.burn_in_s:g} s", remedy)
         if not (self.load_pin_deviation_n > 0.0 and self.fading_s > 0.0):
-            what = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
-            raise InputError("forecast", what, "give positive numbers")
+            problem = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
+            raise InputError("forecast", problem, "give positive numbers")
         for name, value in self.spread.items():
             if name not in FIGURES or not 0.0 <= value <= MOST_SPREAD:
-                right = f"give 0 to {MOST_SPREAD:g} for {', '.join(FIGURES)}"
-                raise InputError("forecast", f"the spread of {name} is {value:g}", right)
+                remedy = f"give 0 to {MOST_SPREAD:g} for {', '.join(FIGURES)}"
+                raise InputError("forecast", f"the spread of {name} is {value:g}", remedy)
         for name, value in self.mean.items():
             if name not in FIGURES or not math.isfinite(value):
-                what = f"the mean logarithm of {name} is {value:g}"
-                raise InputError("forecast", what, f"give a finite number for {', '.join(FIGURES)}")
+                problem = f"the mean logarithm of {name} is {value:g}"
+                raise InputError(
+                    "forecast", problem, f"give a finite number for {', '.join(FIGURES)}"
+                )
 
     def with_figures(self, mean: Mapping[str, float], spread: Mapping[str, float]) -> Self:
         """Return settings with these means and standard deviations of the figures' logarithms.
@@ -169,13 +171,13 @@ class Known:
         """
         for line_m in (self.line_out_m, *self.lines_m.values()):
             if len(line_m) != len(self.heave_m):
-                what = f"{len(self.heave_m)} samples of heave, {len(line_m)} of line out"
-                raise InputError("forecast", what, "give as many of each")
+                problem = f"{len(self.heave_m)} samples of heave, {len(line_m)} of line out"
+                raise InputError("forecast", problem, "give as many of each")
             if not np.isfinite(line_m).all():
                 raise InputError("line out", "it has gaps", "fill them before")
         if self.tension_n is not None and len(self.tension_n) != len(self.heave_m):
-            what = f"{len(self.tension_n)} samples of tension, {len(self.heave_m)} of heave"
-            raise InputError("forecast", what, "give as many of each")
+            problem = f"{len(self.tension_n)} samples of tension, {len(self.heave_m)} of heave"
+            raise InputError("forecast", problem, "give as many of each")
 
 
 @dataclass(frozen=True)
@@ -265,8 +267,8 @@ class TensionForecaster:
         self._winches, self._senses = other_winches(scene), senses(scene)
         self._steps = round(SAMPLE_S / own.step_s)
         if self._steps < 1 or abs(self._steps * own.step_s - SAMPLE_S) > 1e-9:
-            what = f"a step of {own.step_s:g} s"
-            raise InputError("forecast", what, f"give a whole part of {SAMPLE_S:g} s")
+            problem = f"a step of {own.step_s:g} s"
+            raise InputError("forecast", problem, f"give a whole part of {SAMPLE_S:g} s")
         self._random = np.random.default_rng(own.seed)
         self.leads: Floats = np.asarray(
             SAMPLE_S * np.arange(1, round(AHEAD_S / SAMPLE_S) + 1, dtype=np.float64)
@@ -322,8 +324,10 @@ class TensionForecaster:
         good = np.all([np.isfinite(one.top_tension_n).all(axis=0) for one in records], axis=0)
         if int(good.sum()) < LEAST_MEMBERS:
             why = next((w for one in records for w in one.failures.values()), "no reason is known")
-            what = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
-            raise SolverError("forecast", what, "check the scene at this line out and in this sea")
+            problem = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
+            raise SolverError(
+                "forecast", problem, "check the scene at this line out and in this sea"
+            )
         return np.asarray(good)
 
     def _motion(self, known: Known, paths: HeavePaths) -> tuple[Floats, Floats]:

@@ -80,8 +80,8 @@ class Encoder:
         """
         encoder = self._encoders.get(topic_name)
         if encoder is None:
-            what = f"topic '{topic_name}' is not made from a snapshot"
-            raise InputError("encode", what, did_you_mean(topic_name, self._encoders))
+            problem = f"topic '{topic_name}' is not made from a snapshot"
+            raise InputError("encode", problem, did_you_mean(topic_name, self._encoders))
         return encoder(snapshot)
 
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
@@ -188,8 +188,8 @@ class Encoder:
 
     def _lower_end_wrench(self, snapshot: Snapshot) -> bytes:
         if not snapshot.lower_end_force_n:
-            what = "the snapshot has no force on a lower end"
-            raise InputError("encode", what, "give a scene with `end_motion`")
+            problem = "the snapshot has no force on a lower end"
+            raise InputError("encode", problem, "give a scene with `end_motion`")
         return self._wrench.fill(
             {**self._stamp(snapshot), "wrench.force": np.array(snapshot.lower_end_force_n)}
         )

@@ -191,13 +191,13 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
     for field in ("position", "velocity", "effort"):
         values = getattr(message, field) if field in fields else ()
         if len(values) not in (0, len(names)):
-            what = f"{len(values)} values of {field} for {len(names)} winches"
-            right = "give one for each name, NaN where nothing is measured, or none"
-            raise InputError(topic, what, right)
+            problem = f"{len(values)} values of {field} for {len(names)} winches"
+            remedy = "give one for each name, NaN where nothing is measured, or none"
+            raise InputError(topic, problem, remedy)
         columns[field] = [or_none(float(one)) for one in values] or [None] * len(names)
     if len(names) > MOST_WINCHES or len(set(names)) < len(names):
-        what = f"{len(names)} names"
-        raise InputError(topic, what, f"give each winch once, {MOST_WINCHES} at most")
+        problem = f"{len(names)} names"
+        raise InputError(topic, problem, f"give each winch once, {MOST_WINCHES} at most")
     source = MOTOR if topic == MOTOR_TENSION else WINCH_SENSORS
     rows = zip(names, columns["position"], columns["velocity"], columns["effort"], strict=True)
     return Measurement(source, stamp_ns, tuple(rows))
@@ -268,17 +268,17 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
     winch = names[0] if names else WINCH
     if topic == SWITCH_TOPIC:
         if len(names) != 2:
-            right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
-            raise InputError(topic, f"{len(names)} names", right)
+            remedy = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
+            raise InputError(topic, f"{len(names)} names", remedy)
         if names[1] in COMMANDER_EVENTS:  # internal commands, not allowed in a message
-            right = did_you_mean(names[1], SWITCHES)
-            raise InputError(topic, f"'{names[1]}' is not a switch", right)
+            remedy = did_you_mean(names[1], SWITCHES)
+            raise InputError(topic, f"'{names[1]}' is not a switch", remedy)
         return stamp_ns or None, WinchCommand(names[1]), winch
     kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
     values = getattr(message, ORDER_FIELDS[kind])
     if len(values) != 1:
-        plural, right = _VALUES[kind]
-        raise InputError(topic, f"{len(values)} {plural}", right)
+        plural, remedy = _VALUES[kind]
+        raise InputError(topic, f"{len(values)} {plural}", remedy)
     return stamp_ns or None, WinchCommand(kind, float(values[0])), winch
 
 
@@ -299,8 +299,8 @@ def read_cut(data: bytes) -> tuple[int | None, float, str]:
     """
     message, stamp_ns = _stamped(CUT_TOPIC, data)
     if len(message.position) != 1:
-        right = "there must be exactly one, the length of rope between hang-off and cut"
-        raise InputError(CUT_TOPIC, f"{len(message.position)} positions", right)
+        remedy = "there must be exactly one, the length of rope between hang-off and cut"
+        raise InputError(CUT_TOPIC, f"{len(message.position)} positions", remedy)
     rope = str(message.name[0]) if len(message.name) else ""
     return stamp_ns or None, float(message.position[0]), rope
 

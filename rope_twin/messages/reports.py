@@ -152,8 +152,11 @@ def read_risks(data: bytes) -> list[dict[str, float]]:
     table = templates.read_cloud(decode(RISK_TOPIC, data))
     columns = FORECAST_COLUMNS[RISK_TOPIC]
     if not len(table) or not set(columns).issubset(table.dtype.names or ()):
-        what, right = f"{len(table)} rows without {', '.join(SCORE)}", "send the forecast node's"
-        raise InputError(RISK_TOPIC, what, right)
+        problem, remedy = (
+            f"{len(table)} rows without {', '.join(SCORE)}",
+            "send the forecast node's",
+        )
+        raise InputError(RISK_TOPIC, problem, remedy)
     return [{name: float(row[name]) for name in columns} for row in table]
 
 
@@ -236,7 +239,7 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
                 )
             )
         except (KeyError, ValueError) as error:
-            what = f"row '{one.name}' is no alert ({error})"
-            raise InputError(ALERTS, what, "only the simulation publishes here") from None
+            problem = f"row '{one.name}' is no alert ({error})"
+            raise InputError(ALERTS, problem, "only the simulation publishes here") from None
     stamp = message.header.stamp
     return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(found))

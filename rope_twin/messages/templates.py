@@ -180,8 +180,8 @@ def read_cloud(message: Any) -> NDArray[Any]:
         )
         return np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), point)
     except (KeyError, ValueError, TypeError) as error:
-        right = "it must be one that rope_twin publishes"
-        raise InputError("point cloud", f"fields not known ({error})", right) from error
+        remedy = "it must be one that rope_twin publishes"
+        raise InputError("point cloud", f"fields not known ({error})", remedy) from error
 
 
 class CloudReader:

@@ -241,8 +241,8 @@ def find_bag(bag: str | Path) -> Path:
         return known[str(bag)]
     path = Path(bag)
     if not str(bag).strip() or not path.exists():
-        right = did_you_mean(bag, known) if known else "give the path of a bag"
-        raise BagError(f"bag {bag}", "there is no such file or name in bags/", right)
+        remedy = did_you_mean(bag, known) if known else "give the path of a bag"
+        raise BagError(f"bag {bag}", "there is no such file or name in bags/", remedy)
     return path
 
 
@@ -319,8 +319,8 @@ class BagReader(ClosableBag):
         """
         wanted = [c for c in self._reader.connections if c.topic == topic_name]
         if not wanted:
-            right = did_you_mean(topic_name, self.topics) if self.topics else "the bag is empty"
-            raise BagError(f"bag {self.path}", f"it has no topic {topic_name}", right)
+            remedy = did_you_mean(topic_name, self.topics) if self.topics else "the bag is empty"
+            raise BagError(f"bag {self.path}", f"it has no topic {topic_name}", remedy)
         try:
             for _, stamp_ns, data in self._reader.messages(wanted):
                 yield int(stamp_ns), bytes(data)

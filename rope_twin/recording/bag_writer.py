@@ -269,8 +269,8 @@ class BagWriter(ClosableBag):
         if known == topic:
             return
         if known is not None:
-            what = f"topic {topic.name} is {known.type_name} and {topic.type_name} in one bag"
-            raise self._error(what, "give each name one type and one quality of service")
+            problem = f"topic {topic.name} is {known.type_name} and {topic.type_name} in one bag"
+            raise self._error(problem, "give each name one type and one quality of service")
         self._file.add_topic(topic)
         self._topics[topic.name] = topic
 
@@ -332,8 +332,8 @@ class BagWriter(ClosableBag):
         if name not in self._topics:
             raise self._error(f"it has no topic {name}", did_you_mean(name, self._topics))
         if not 0 <= stamp_ns <= _LARGEST_STAMP_NS:
-            what = f"a message on {name} has the stamp {stamp_ns} ns"
-            raise self._error(what, "right are nanoseconds since 1970")
+            problem = f"a message on {name} has the stamp {stamp_ns} ns"
+            raise self._error(problem, "right are nanoseconds since 1970")
         if self._waiting_bytes > WAITING_LIMIT_BYTES:
             raise BagError(self.trouble)
         self._file.write(
@@ -417,8 +417,8 @@ class BagWriter(ClosableBag):
             "what it held is lost or is where it was moved to: start another recording",
         )
 
-    def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
-        return BagError(f"bag {self.directory}", what, right)
+    def _error(self, problem: str, remedy: str = "name a place that can be written") -> BagError:
+        return BagError(f"bag {self.directory}", problem, remedy)
 
 
 @dataclass(frozen=True)

@@ -219,8 +219,8 @@ def _session_messages(
     encoder, waiting = Encoder(recorded.session.epoch_ns), recorded.calls()
     while twin.time_ns < until_ns:
         if waiting and min(waiting) < twin.time_ns:
-            what = f"inputs were applied at {min(waiting) * 1e-9:.9g} s, where no slot begins"
-            raise BagError("twin/inputs", what, "give the bag as it was recorded")
+            problem = f"inputs were applied at {min(waiting) * 1e-9:.9g} s, where no slot begins"
+            raise BagError("twin/inputs", problem, "give the bag as it was recorded")
         if (logged := waiting.pop(twin.time_ns, None)) is not None:
             for entry in logged:
                 apply(twin, entry.calls())

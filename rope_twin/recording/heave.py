@@ -109,9 +109,9 @@ def _refuse_poses(bag: BagReader) -> None:
     heard = [name for name, count in counts.items() if count and is_topic(name, _HEAVE.name)]
     posed = [name for name, count in counts.items() if count and is_topic(name, _POSE.name)]
     if posed and not heard:
-        what = f"it has the ship's pose ({posed[0]}) and no heave"
-        right = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
-        raise BagError(f"bag {bag.path}", what, right)
+        problem = f"it has the ship's pose ({posed[0]}) and no heave"
+        remedy = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
+        raise BagError(f"bag {bag.path}", problem, remedy)
 
 
 def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
@@ -292,8 +292,8 @@ def write_sea_bag(
     """
     ratio = sea.rate_hz / elevation_rate_hz if elevation_rate_hz > 0.0 else 0.0
     if ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9:
-        right = f"right is {sea.rate_hz:g} Hz divided by a whole number"
-        raise InputError("elevation rate", f"it is {elevation_rate_hz:g} Hz", right)
+        remedy = f"right is {sea.rate_hz:g} Hz divided by a whole number"
+        raise InputError("elevation rate", f"it is {elevation_rate_hz:g} Hz", remedy)
     every = round(ratio)
     heave, velocity = _round(sea.heave_m), _round(sea.heave_velocity_m_per_s)
     elevation = _round(sea.elevation_m)
@@ -340,8 +340,10 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
         types = (_ODOMETRY, _POSE_STAMPED)
         name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
         if not recorded.topic and is_topic(name, _HEAVE.name):
-            what = f"it has heave of the hang-off ({name}) and no pose of the ship"
-            raise BagError(f"bag {path}", what, "replay it by --bag, or by `sea_state: {bag: ...}`")
+            problem = f"it has heave of the hang-off ({name}) and no pose of the ship"
+            raise BagError(
+                f"bag {path}", problem, "replay it by --bag, or by `sea_state: {bag: ...}`"
+            )
         twisted = bag.topics[name].type_name == _ODOMETRY
         rows = StampedRows(bag, name, "odometry", _ODOMETRY_FIELDS if twisted else _POSE_FIELDS)
         stamp_ns, values = rows.usable(_judge)
@@ -447,9 +449,9 @@ def _agreement(where: str, name: str, recorded: Table, found: Table) -> str:
     """
     close = float((recorded * found).sum() / np.sqrt((recorded**2).sum() * (found**2).sum()))
     if close < 0.0:
-        what = f"twist.{name} runs against the pose (correlation {close:.2f})"
-        right = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
-        raise BagError(where, what, right)
+        problem = f"twist.{name} runs against the pose (correlation {close:.2f})"
+        remedy = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
+        raise BagError(where, problem, remedy)
     if close < 0.5:
         words = f"twist.{name} and pose agree poorly (correlation {close:.2f})"
         return f"{where}: {words}; a twist is in the ship's turned axes."
@@ -481,15 +483,15 @@ def _far_from_rest(where: str, place: Table, turn: Table) -> str:
         BagError: it is higher above or below the water than a ship can be.
     """
     height = float(place[:, 2].mean())
-    right = "give where it rests in the record: `rest_m`, `heading_deg` of `poses`"
+    remedy = "give where it rests in the record: `rest_m`, `heading_deg` of `poses`"
     if abs(height) > HEAVE_LIMIT_M:
-        raise BagError(where, f"the ship lies {height:.1f} m above its rest", right)
+        raise BagError(where, f"the ship lies {height:.1f} m above its rest", remedy)
     x, y, z, w = turn[0]
     off_deg = abs(np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
     off_m = float(np.hypot(*place[0, :2]))
     if off_m <= _NEAR_M and off_deg <= _NEAR_DEG:
         return ""
-    return phrase(where, f"it begins {off_m:.0f} m and {off_deg:.0f}° from rest", right)
+    return phrase(where, f"it begins {off_m:.0f} m and {off_deg:.0f}° from rest", remedy)
 
 
 class PoseReplay(RecordReplay):

@@ -169,8 +169,8 @@ def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
 
 
 def _damaged(topic: str, why: str) -> BagError:
-    right = "give a bag that rope_twin recorded"
-    return BagError(f"topic {topic}", f"a message does not make sense ({why})", right)
+    remedy = "give a bag that rope_twin recorded"
+    return BagError(f"topic {topic}", f"a message does not make sense ({why})", remedy)
 
 
 class MeasuredReplay:
@@ -201,17 +201,19 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     where = f"bag {path}"
     readings = [one for one in found if isinstance(one, Measurement)]
     if not readings:
-        right = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
+        remedy = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
         faults = [one for one in found if isinstance(one, str)]
-        raise BagError(where, faults[0] if faults else "it has no measurements", right)
+        raise BagError(where, faults[0] if faults else "it has no measurements", remedy)
     first_ns, last_ns = (pick(one.stamp_ns for one in readings) for pick in (min, max))
     zero_ns = begins_ns or epoch_ns or first_ns
     if last_ns < zero_ns or first_ns > zero_ns + APART_NS:
         early_s = (zero_ns - first_ns) * 1e-9
-        what = (
+        problem = (
             f"its readings begin {abs(early_s):.6g} s {'before' if early_s > 0 else 'after'} t = 0"
         )
-        raise BagError(where, what, "heave and measurements must be of the same time, by one clock")
+        raise BagError(
+            where, problem, "heave and measurements must be of the same time, by one clock"
+        )
     counts = Counter(one.source for one in readings)
     parts = [counted(counts[source], group.replace("_", " ") + " reading")
              for source, group in GROUPS.items() if counts[source]]  # fmt: skip
@@ -233,8 +235,8 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
     for topic in MEASURED_TOPICS:
         names = [name for name in reader.topics if is_topic(name, topic)]
         if len(names) > 1:
-            what = f"{topic} is there in {len(names)} namespaces"
-            raise BagError(f"bag {reader.path}", what, f"keep one of {', '.join(names)}")
+            problem = f"{topic} is there in {len(names)} namespaces"
+            raise BagError(f"bag {reader.path}", problem, f"keep one of {', '.join(names)}")
         for name in names:
             for _, data in reader.messages(name):
                 try:

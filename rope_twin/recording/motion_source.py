@@ -76,8 +76,8 @@ def open_sea(
             the scene names is invalid.
     """
     if bag and poses:
-        right = "give heave or poses of the ship, not both"
-        raise InputError(f"bag {bag}", f"poses of {poses} are named too", right)
+        remedy = "give heave or poses of the ship, not both"
+        raise InputError(f"bag {bag}", f"poses of {poses} are named too", remedy)
     if bag:
         return open_heave(bag, topic or None, start_s, loop)
     sea = scene.sea_state
@@ -90,8 +90,8 @@ def open_sea(
     if sea.bag:
         return open_heave(sea.bag, topic or None, sea.start_s + start_s, loop and sea.loop)
     if topic:
-        what = f"scene {scene.name} has no bag to look for it in"
-        raise InputError(f"topic '{topic}'", what, "name a bag too, or leave the topic out")
+        problem = f"scene {scene.name} has no bag to look for it in"
+        raise InputError(f"topic '{topic}'", problem, "name a bag too, or leave the topic out")
     if sea.path:
         return WayOfHangOff(read_way(sea.path), sea.start_s + start_s)
     if sea.heave is not None:

@@ -288,12 +288,12 @@ def read_content(bag: Path) -> BagContent:
     """
     files = mcap_files(bag)
     if not files:
-        what = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
-        raise BagError(f"bag {bag}", what, "give a bag that rope_twin recorded")
+        problem = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
+        raise BagError(f"bag {bag}", problem, "give a bag that rope_twin recorded")
     content = BagContent(files)
     if not content.sessions:
-        what = f"it has no {SESSION_TOPIC}, which says what was run"
-        raise BagError(f"bag {bag}", what, "give a bag that this version of rope_twin recorded")
+        problem = f"it has no {SESSION_TOPIC}, which says what was run"
+        raise BagError(f"bag {bag}", problem, "give a bag that this version of rope_twin recorded")
     return content
 
 

@@ -137,8 +137,8 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
         for part, value in SERIES[name](message):
             found.setdefault(f"{name}/{part}", {})[stamp] = value
     if not found:
-        right = f"it must have one of {', '.join(sorted(wanted))}"
-        raise BagError(f"bag {path}", "no topic with a time series", right)
+        remedy = f"it must have one of {', '.join(sorted(wanted))}"
+        raise BagError(f"bag {path}", "no topic with a time series", remedy)
     stamps = np.array(sorted({stamp for own in found.values() for stamp in own}), np.int64)
     columns = dict[str, Vector]()
     for column, own in found.items():
@@ -157,8 +157,8 @@ def check_ending(path: Path) -> None:
     """
     ending = path.suffix.lower()
     if ending not in ENDINGS:
-        right = f"end it in {', '.join(ENDINGS)}"
-        raise InputError("--out", f"'{path}' is no table that is written", right)
+        remedy = f"end it in {', '.join(ENDINGS)}"
+        raise InputError("--out", f"'{path}' is no table that is written", remedy)
     needed = {".csv": ((), ""), ".parquet": (("pyarrow",), "plot"),
               ".nc": (("h5netcdf", "h5py"), "planning")}[ending]  # fmt: skip
     for name in needed[0]:
@@ -177,8 +177,8 @@ def write_series(table: SeriesTable, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, form(table))
     except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(str(path), f"it cannot be written ({error})", right) from None
+        remedy = "give a place that can be written"
+        raise InputError(str(path), f"it cannot be written ({error})", remedy) from None
 
 
 def _csv(table: SeriesTable) -> bytes:

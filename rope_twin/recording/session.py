@@ -182,8 +182,8 @@ class Session:
         """
         try:
             if content["format"] != FORMAT:
-                what = f"a description of format {content['format']}"
-                raise _refusal(what, f"this program reads format {FORMAT}")
+                problem = f"a description of format {content['format']}"
+                raise _refusal(problem, f"this program reads format {FORMAT}")
             return cls(
                 run=str(content["run"]),
                 number=int(content["session"]),
@@ -196,8 +196,8 @@ class Session:
                 content=content,
             )
         except (KeyError, TypeError, ValueError, AttributeError) as error:
-            right = "give a bag that this version of rope_twin recorded"
-            raise _refusal(f"a description that lacks something ({error!r})", right) from error
+            remedy = "give a bag that this version of rope_twin recorded"
+            raise _refusal(f"a description that lacks something ({error!r})", remedy) from error
 
     def differences(self) -> list[str]:
         """Return what made the bag and is another here, a sentence each."""
@@ -218,8 +218,8 @@ class Session:
             RopeTwinError: the twin cannot be built.
         """
         if fault := self.content.get("fault"):
-            what = f"session {self.number} has no state ({fault})"
-            raise _refusal(what, "replay another session")
+            problem = f"session {self.number} has no state ({fault})"
+            raise _refusal(problem, "replay another session")
         scene = self.scene()
         state = None
         if (text := self.content.get("state")) is not None:
@@ -248,8 +248,8 @@ class Session:
         folder, files = Path(described["folder"]), described["files"]
         for name in files:
             if name.startswith(_SHARED) and _text(_path_of(name, folder)) != files[name]:
-                right = "replay with the program that recorded the bag"
-                raise _refusal(f"{name.removeprefix(_SHARED)} is another file here", right)
+                remedy = "replay with the program that recorded the bag"
+                raise _refusal(f"{name.removeprefix(_SHARED)} is another file here", remedy)
         if all(_text(_path_of(name, folder)) == text for name, text in files.items()):
             return self._load(folder)
         place = Path(mkdtemp(prefix="rope_twin_replay_"))
@@ -268,8 +268,8 @@ class Session:
         scene = at_setting(scene, self.setup.elements, self.setup.step_s)
         scene = following_measured(scene) if self.setup.follow_measured else scene
         if _figures(scene, folder) != described["figures"]:
-            what = f"scene {described['name']}: its text gives other figures here"
-            raise _refusal(what, "replay with the program that recorded the bag")
+            problem = f"scene {described['name']}: its text gives other figures here"
+            raise _refusal(problem, "replay with the program that recorded the bag")
         return scene
 
 
@@ -395,5 +395,5 @@ def _seeds(value: Any, at: str) -> Iterator[tuple[str, int]]:
             yield from _seeds(part, f"{at}[{number}]")
 
 
-def _refusal(what: str, right: str) -> BagError:
-    return BagError(f"topic {SESSION_TOPIC}", what, right)
+def _refusal(problem: str, remedy: str) -> BagError:
+    return BagError(f"topic {SESSION_TOPIC}", problem, remedy)

@@ -50,16 +50,16 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
             near = did_you_mean(topic, topics) if topics else "the bag is empty"
             raise BagError(where, f"it has no topic '{topic}'", near)
         if name not in fitting:
-            what = f"topic {name} is a {topics[name].type_name}"
-            raise BagError(where, what, f"{wanted} must be a {right}")
+            problem = f"topic {name} is a {topics[name].type_name}"
+            raise BagError(where, problem, f"{wanted} must be a {right}")
         return name
     named = [name for name in fitting if is_topic(name, usual)]
     for found in (named, fitting):
         if len(found) == 1:
             return found[0]
     if fitting:
-        what = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
-        raise BagError(where, what, "name one of them")
+        problem = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
+        raise BagError(where, problem, "name one of them")
     held = ", ".join(f"{name} ({content.type_name})" for name, content in sorted(topics.items()))
     raise BagError(where, f"no topic is a {right}", f"it holds {held or 'nothing'}")
 
@@ -129,9 +129,9 @@ class StampedRows:
         skipped = sum(faults.values())
         reasons = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
         if kept < 2 or skipped > _TOLERATED_SHARE * total:
-            what = f"{skipped} of {total} samples cannot be used ({reasons or 'too few'})"
-            right = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
-            raise BagError(self.where, what, right)
+            problem = f"{skipped} of {total} samples cannot be used ({reasons or 'too few'})"
+            remedy = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
+            raise BagError(self.where, problem, remedy)
         if skipped:
             self.notes.append(f"{self.where}: skipped {skipped} of {total} samples ({reasons}).")
         promised = self._content.messages
@@ -152,8 +152,8 @@ class StampedRows:
         at_s = float(stamp_ns[longest] - stamp_ns[0]) * 1e-9
         gap = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
         if steps[longest] > _LONGEST_GAP_S * 1e9:
-            right = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
-            raise BagError(self.where, f"gaps in time, {gap}", right)
+            remedy = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
+            raise BagError(self.where, f"gaps in time, {gap}", remedy)
         return f"{self.where}: gaps in time: {int(gaps.sum())}, {gap}."
 
 

@@ -296,8 +296,8 @@ def lock_instance(node: Node) -> InstanceLock:
     discovered = _until(lambda: node.count_publishers(DETECTED_BY[0]) > 1, wait_s)
     if discovered and not (locked and _is_silent(namespace)):
         lock.release()
-        what = "another simulation is running there, and both would use the same inputs"
-        raise InputError(f"ROS domain {domain}", what, "end it, or set another ROS_DOMAIN_ID")
+        problem = "another simulation is running there, and both would use the same inputs"
+        raise InputError(f"ROS domain {domain}", problem, "end it, or set another ROS_DOMAIN_ID")
     return lock
 
 

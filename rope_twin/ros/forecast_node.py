@@ -261,8 +261,8 @@ def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]]:
     table = read_cloud(message)
     missing = {"name", "value", "prior", "sd"}.difference(table.dtype.names or ())
     if missing:
-        what = f"the table has no column {', '.join(sorted(missing))}"
-        raise InputError(ESTIMATE_TOPIC, what, "publish it with this version of rope_twin")
+        problem = f"the table has no column {', '.join(sorted(missing))}"
+        raise InputError(ESTIMATE_TOPIC, problem, "publish it with this version of rope_twin")
     for row in table:
         name = bytes(row["name"]).rstrip(b"\0").decode("utf-8", "replace")
         value, scene_value, sd = (float(row[key]) for key in ("value", "prior", "sd"))

@@ -131,12 +131,12 @@ class InputNode(SuiteNode, ABC):
             del self._epochs[publisher]
             ahead_s = (epoch_ns - now_ns) * 1e-9
             if sender != self._simulation:
-                what = f"epoch from node {sender} ignored"
-                self._warn_once(phrase(EPOCH_TOPIC, what, f"only {self._simulation} sets it"))
+                problem = f"epoch from node {sender} ignored"
+                self._warn_once(phrase(EPOCH_TOPIC, problem, f"only {self._simulation} sets it"))
             elif not -EPOCH_BACK_S <= ahead_s <= EPOCH_AHEAD_S:
-                right = f"allowed are {EPOCH_BACK_S:g} s in the past to {EPOCH_AHEAD_S:g} s ahead"
-                what = f"epoch {ahead_s:+.0f} s from now ignored"
-                self._warn_once(phrase(EPOCH_TOPIC, what, right))
+                remedy = f"allowed are {EPOCH_BACK_S:g} s in the past to {EPOCH_AHEAD_S:g} s ahead"
+                problem = f"epoch {ahead_s:+.0f} s from now ignored"
+                self._warn_once(phrase(EPOCH_TOPIC, problem, remedy))
             else:
                 self.follow_epoch(epoch_ns)
 

@@ -60,8 +60,8 @@ def round_trip(timeout_s: float) -> RoundTrip:
     except InputError:
         raise
     except Exception as error:  # rcl raises RuntimeErrors of several kinds
-        right = "check RMW_IMPLEMENTATION and that ROS is sourced or its wheels are installed"
-        raise InputError("ROS", str(error).splitlines()[0].rstrip("."), right) from error
+        remedy = "check RMW_IMPLEMENTATION and that ROS is sourced or its wheels are installed"
+        raise InputError("ROS", str(error).splitlines()[0].rstrip("."), remedy) from error
     finally:
         for context in contexts:
             if context.ok():
@@ -83,8 +83,8 @@ def _exchange(contexts: tuple[Context, Context], timeout_s: float) -> RoundTrip:
         while len(latencies) < _COUNTED:
             sent_s = time.monotonic()
             if sent_s - began_s > timeout_s:
-                what = f"no message from one node to another within {timeout_s:g} s"
-                raise InputError("DDS", what, "allow UDP on the loopback interface")
+                problem = f"no message from one node to another within {timeout_s:g} s"
+                raise InputError("DDS", problem, "allow UDP on the loopback interface")
             publisher.publish(Float64(data=sent_s))
             while sent_s not in heard and time.monotonic() - sent_s < _PATIENCE_S:
                 executor.spin_once(timeout_sec=_PATIENCE_S)

@@ -552,6 +552,6 @@ def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
     left = round((stop_after_s - twin.time_ns * 1e-9) / twin.step_s)
     if left <= 0:
         where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
-        what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
-        raise InputError(where, what, "set a later end")
+        problem = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
+        raise InputError(where, problem, "set a later end")
     return left

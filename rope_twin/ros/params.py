@@ -334,10 +334,10 @@ def _descriptor(field: dataclasses.Field[Any], kind: type) -> ParameterDescripto
 def _sentence(node: Node, field: dataclasses.Field[Any], kind: type) -> InputError:
     given = _given(node)[field.name].value
     about = field.metadata.get("quantity")
-    right = f"it must be {_TYPES[kind]}"
+    remedy = f"it must be {_TYPES[kind]}"
     if about is not None:
-        right += f", {about.range_text()} ({about.about})"
-    return InputError(f"node {node.get_name()}, parameter {field.name}", repr(given), right)
+        remedy += f", {about.range_text()} ({about.about})"
+    return InputError(f"node {node.get_name()}, parameter {field.name}", repr(given), remedy)
 
 
 def _warn_of_unknown(node: Node, known: list[str]) -> None:

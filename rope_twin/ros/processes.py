@@ -71,14 +71,16 @@ class Monitor(Node):
         sender = self._senders.name("diagnostics", info)
         if sender != "simulation":
             if sender:
-                what = f"run statistics from node {sender} ignored"
-                self._warn_once(sender, phrase("diagnostics", what, "only simulation sends them"))
+                problem = f"run statistics from node {sender} ignored"
+                self._warn_once(
+                    sender, phrase("diagnostics", problem, "only simulation sends them")
+                )
             return
         summary = RunSummary.from_values(values[-1])
         if summary is None:
-            what = f"row '{RUN_ROW}' of node {sender} is not a run summary and is ignored"
-            right = "use the same version for all nodes"
-            self._warn_once("summary", phrase("diagnostics", what, right))
+            problem = f"row '{RUN_ROW}' of node {sender} is not a run summary and is ignored"
+            remedy = "use the same version for all nodes"
+            self._warn_once("summary", phrase("diagnostics", problem, remedy))
         else:
             self.summary = summary
 

@@ -354,9 +354,9 @@ class SimulationNode(SuiteNode, LifecycleNode):
         def take(data: bytes, info: dict[str, Any]) -> None:
             if (paced := self.paced) is None:
                 if name == SWITCH_TOPIC:
-                    what = f"a switch came, and the simulation is {self._state} and has no winch"
+                    problem = f"a switch came, and the simulation is {self._state} and has no winch"
                     self.get_logger().warning(
-                        phrase(name, what, "configure it"), throttle_duration_sec=10.0
+                        phrase(name, problem, "configure it"), throttle_duration_sec=10.0
                     )
                 return
             publisher = info["publisher_gid"]["data"]

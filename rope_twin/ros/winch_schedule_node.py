@@ -44,8 +44,8 @@ class WinchScheduleNode(InputNode):
         self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
             if winches_by_name(scene):
-                what = f"scene {scene.name} has no winch schedule: no winch commands published"
-                self.get_logger().warning(what)
+                problem = f"scene {scene.name} has no winch schedule: no winch commands published"
+                self.get_logger().warning(problem)
             else:
                 self.get_logger().info(f"scene {scene.name} has no winch: constant line out")
             return

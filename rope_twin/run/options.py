@@ -345,23 +345,23 @@ def check_against_scene(options: RunOptions, scene: Scene) -> str:
     sea = scene.sea_state
     if options.sea_offset_s > 0.0 and not (options.bag or options.poses or sea.bag or sea.poses):
         where = f"--sea-offset {options.sea_offset_s:g}"
-        what = f"there is no bag to start in: scene {scene.name} has none, and none is named"
-        raise InputError(where, what, "name one with --bag or --poses, or leave it out")
+        problem = f"there is no bag to start in: scene {scene.name} has none, and none is named"
+        raise InputError(where, problem, "name one with --bag or --poses, or leave it out")
     if options.end_s is None:
         return ""
     step_s, left_s = scene.time.step_s, options.end_s - options.begins_s
     where = f"--duration {left_s:.9g}"
     if left_s < step_s * (1.0 - STEP_TOL):
-        what = f"the run would be shorter than one time step of {step_s:g} s"
-        raise InputError(where, what, f"give at least {step_s:.9g} s")
+        problem = f"the run would be shorter than one time step of {step_s:g} s"
+        raise InputError(where, problem, f"give at least {step_s:.9g} s")
     steps, together = round(left_s / step_s), steps_in_slot(step_s)
     end_s = options.begins_s + math.ceil(steps / together) * together * step_s
     if abs(end_s - options.end_s) <= STEP_TOL * step_s:
         return ""
-    what = f"it is not a whole number of time steps of {step_s:g} s"
+    problem = f"it is not a whole number of time steps of {step_s:g} s"
     if abs(steps * step_s - left_s) <= STEP_TOL * step_s:
-        what = f"time steps of {step_s:g} s are taken {together} at a time"
-    return phrase(where, what, f"the run ends at {end_s:.9g} s")
+        problem = f"time steps of {step_s:g} s are taken {together} at a time"
+    return phrase(where, problem, f"the run ends at {end_s:.9g} s")
 
 
 def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
@@ -379,8 +379,8 @@ def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
     at_s = plan.at_ns * 1e-9
     if at_s < begins_s or (end_s is not None and at_s >= end_s):
         end = "" if end_s is None else f" to {end_s:g} s"
-        what = f"the run goes from {begins_s:g} s{end or ' on'}"
-        raise InputError(f"--cut {words}", what, "cut within it")
+        problem = f"the run goes from {begins_s:g} s{end or ' on'}"
+        raise InputError(f"--cut {words}", problem, "cut within it")
     return words
 
 
@@ -394,9 +394,9 @@ def _without_units(cut: str) -> str:
     return start + colon + "@".join(words)
 
 
-def _check(option: str, value: object, holds: bool, right: str) -> None:
+def _check(option: str, value: object, holds: bool, remedy: str) -> None:
     if not holds:
-        raise InputError(option, f"{value} is not possible", right)
+        raise InputError(option, f"{value} is not possible", remedy)
 
 
 def _scene_of(about: StateDescription) -> str:
@@ -410,8 +410,8 @@ def _scene_of(about: StateDescription) -> str:
     if Path(about.scene_path).is_file():
         return about.scene_path
     if about.scene not in scene_names():
-        what = f"its scene {about.scene_path} does not exist"
-        raise InputError("--from-state", what, "give the path of the scene too")
+        problem = f"its scene {about.scene_path} does not exist"
+        raise InputError("--from-state", problem, "give the path of the scene too")
     return about.scene
 
 

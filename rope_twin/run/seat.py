@@ -96,8 +96,8 @@ class CommandSeat:
             return Verdict()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
-            right = f"request the seat with the service {service_name(self.winch, TAKE)}"
-            return Verdict(self._refuse(f"'{order.kind}' from node {sender}", right, now_s))
+            remedy = f"request the seat with the service {service_name(self.winch, TAKE)}"
+            return Verdict(self._refuse(f"'{order.kind}' from node {sender}", remedy, now_s))
         is_new = self._former not in ("", sender)
         self.holder = self._former = sender
         self._reserved_until_s = 0.0
@@ -110,12 +110,12 @@ class CommandSeat:
         """Accept ("") or reject (why) a switch that comes by a service, which has no sender."""
         if kind == EMERGENCY_STOP or not self.holder:
             return ""
-        right = f"release it with the service {service_name(self.winch, RELEASE)}"
-        return self._refuse(f"'{kind}' by service", right, now_s)
+        remedy = f"release it with the service {service_name(self.winch, RELEASE)}"
+        return self._refuse(f"'{kind}' by service", remedy, now_s)
 
-    def _refuse(self, command: str, right: str, now_s: float) -> str:
-        what = f"{command} rejected: {self.holder} has the seat"
-        self._refusal = phrase(f"winch {self.winch}", what, right)
+    def _refuse(self, command: str, remedy: str, now_s: float) -> str:
+        problem = f"{command} rejected: {self.holder} has the seat"
+        self._refusal = phrase(f"winch {self.winch}", problem, remedy)
         self.refused, self._refused_s = self.refused + 1, now_s
         return self._refusal
 
@@ -334,8 +334,8 @@ class Seats:
         """Accept ("") or reject (why) a switch of a winch that comes by a service."""
         needed = SWITCHES[kind]
         if getattr(self._winches[winch], needed) is None:
-            what = f"'{kind}', but it has no {needed.replace('_', ' ')}"
-            return phrase(f"winch {winch}", what, f"add `{needed}` to it in the scene")
+            problem = f"'{kind}', but it has no {needed.replace('_', ' ')}"
+            return phrase(f"winch {winch}", problem, f"add `{needed}` to it in the scene")
         return self._by_winch[winch].permit(kind, self._now_s())
 
     def resume(self, now_ns: int, winches: Sequence[WinchShot] = ()) -> None:

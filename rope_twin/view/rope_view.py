@@ -416,9 +416,9 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
         played.end_ns = max(played.end_ns, stored.log_ns)
     played.problems += [f"{count} × {words}" for words, count in undecoded.items()]
     if not played.shown:
-        what = "no topic to show" + "".join(f"; {words}" for words in played.problems)
-        raise BagError(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}")
+        problem = "no topic to show" + "".join(f"; {words}" for words in played.problems)
+        raise BagError(f"bag {path}", problem, f"name a bag with {', '.join(SHOWN_TOPICS)}")
     if until_s is not None and not ended and played.duration_s < until_s - 0.5:
-        what = f"{until_s:g} s is after its end"
-        raise InputError(f"bag {path}", what, f"it lasts {played.duration_s:.1f} s")
+        problem = f"{until_s:g} s is after its end"
+        raise InputError(f"bag {path}", problem, f"it lasts {played.duration_s:.1f} s")
     return played

@@ -116,8 +116,8 @@ class FileSink:
 
 
 def _unwritten(path: Path, reason: str) -> InputError:
-    what = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
-    return InputError(f"file {path}", what, "name another file")
+    problem = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
+    return InputError(f"file {path}", problem, "name another file")
 
 
 def recording_fault(path: Path) -> str:
@@ -134,8 +134,8 @@ def recording_fault(path: Path) -> str:
             head = stream.read(_HEAD.size)
             size = stream.seek(0, os.SEEK_END)
     except OSError as error:
-        what = f"it cannot be read ({error.strerror or error})"
-        raise InputError(f"file {path}", what, "check its permissions") from error
+        problem = f"it cannot be read ({error.strerror or error})"
+        raise InputError(f"file {path}", problem, "check its permissions") from error
     if not head.startswith(_MARK):
         return "not a rerun recording" if head else "empty file"
     if len(head) < _HEAD.size:

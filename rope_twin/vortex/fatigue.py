@@ -169,8 +169,8 @@ def find_stress_curve(where: str, name: str) -> StressCurve:
     if name in STRESS_CURVES:
         return STRESS_CURVES[name]
     if name in CURVES:
-        right = f"give one of stress: {', '.join(sorted(STRESS_CURVES))}"
-        raise InputError(where, f"'{name}' is a curve of tension", right)
+        remedy = f"give one of stress: {', '.join(sorted(STRESS_CURVES))}"
+        raise InputError(where, f"'{name}' is a curve of tension", remedy)
     raise InputError(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES))
 
 
@@ -222,8 +222,8 @@ def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
     others = [f"section {number} is {kind}" for number, kind in kinds if kind]
     if not others:
         return ""
-    what = f"{name} is a curve of {of} rope, and of rope '{line.name}' {', '.join(others)}"
-    return phrase("fatigue", what, "what it tells of those metres compares them and is no life")
+    problem = f"{name} is a curve of {of} rope, and of rope '{line.name}' {', '.join(others)}"
+    return phrase("fatigue", problem, "what it tells of those metres compares them and is no life")
 
 
 def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
@@ -235,9 +235,9 @@ def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
     for number, section in enumerate(line.made_of):
         if np.isnan(metal_area(section.rope, EI)):
             tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
-            right = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
+            remedy = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
             where = f"rope '{line.name}', section {number + 1}"
-            raise InputError(where, "it is not all of steel: no stress is known", right)
+            raise InputError(where, "it is not all of steel: no stress is known", remedy)
 
 
 Numbers = NDArray[np.int64]

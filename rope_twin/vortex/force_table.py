@@ -92,17 +92,19 @@ def _checked(path: Path, changed_ns: int, size: int) -> ForceTable:
         if len(beyond):
             first = tuple(beyond[0])
             where = name if values.ndim == 1 else f"{name} at {_place(table, *first)}"
-            what = f"{where} is {values[first]:g}"
-            raise InputError(str(path), what, f"give {low:g} to {high:g}")
+            problem = f"{where} is {values[first]:g}"
+            raise InputError(str(path), problem, f"give {low:g} to {high:g}")
     if not (table.lift > 0.0).any():
-        right = "give lift in phase with velocity, positive where it excites the motion"
-        raise InputError(str(path), "C_Lv is nowhere positive, so nothing is excited", right)
+        remedy = "give lift in phase with velocity, positive where it excites the motion"
+        raise InputError(str(path), "C_Lv is nowhere positive, so nothing is excited", remedy)
     unlimited = np.flatnonzero(table.lift[:, -1] > 0.0)
     if len(unlimited):
         i, j = int(unlimited[0]), len(table.amplitude) - 1
-        what = f"C_Lv is still {table.lift[i, j]:g} at {_place(table, i, j)}, the largest amplitude"
-        right = "add amplitudes up to one where it is 0 or less, which limits the motion"
-        raise InputError(str(path), what, right)
+        problem = (
+            f"C_Lv is still {table.lift[i, j]:g} at {_place(table, i, j)}, the largest amplitude"
+        )
+        remedy = "add amplitudes up to one where it is 0 or less, which limits the motion"
+        raise InputError(str(path), problem, remedy)
     return table
 
 

@@ -66,12 +66,12 @@ class ModeSearch:
         """Set up the search; `part`: approximate number of modes per call."""
         if not (span.tension > 0.0).all():
             slack = int((span.tension <= 0.0).sum())
-            what = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
-            raise InputError("rope", what, "give it weight, tension or a payload")
+            problem = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
+            raise InputError("rope", problem, "give it weight, tension or a payload")
         expected = modes_below(span, highest_hz)
         if expected > MAX_MODES:
-            what = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
-            raise InputError("rope", what, f"at most {MAX_MODES} are taken; lower the current")
+            problem = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
+            raise InputError("rope", problem, f"at most {MAX_MODES} are taken; lower the current")
         self.span, self.highest_hz = span, highest_hz
         self._first = 1 if span.end_mass is None else 0
         self._mass = span.node_mass[self._first : -1]

@@ -250,11 +250,11 @@ def check_monitors(asked: MonitorSettings, model: str, coupled: bool) -> None:
     """
     where = f"vibration {asked.vibration}"
     if asked.vibration == TIME_DOMAIN and not model:
-        what = "the scene lists no VIV model, so its rope does not vibrate"
-        raise InputError(where, what, f"list one of them, or ask for {FREQUENCY_DOMAIN}")
+        problem = "the scene lists no VIV model, so its rope does not vibrate"
+        raise InputError(where, problem, f"list one of them, or ask for {FREQUENCY_DOMAIN}")
     if asked.vibration == FREQUENCY_DOMAIN and model:
-        what = f"the scene's own {model} computes the vibration already"
-        raise InputError(where, what, "leave it out" if coupled else f"ask for {TIME_DOMAIN}")
+        problem = f"the scene's own {model} computes the vibration already"
+        raise InputError(where, problem, "leave it out" if coupled else f"ask for {TIME_DOMAIN}")
 
 
 def wear_name(number: int) -> str:

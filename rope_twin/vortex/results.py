@@ -62,8 +62,8 @@ class MonitorSettings:
 
     def __post_init__(self) -> None:
         if self.vibration and self.vibration not in MODELS:
-            what = f"no model '{self.vibration}'"
-            raise InputError("vibration", what, did_you_mean(self.vibration, MODELS))
+            problem = f"no model '{self.vibration}'"
+            raise InputError("vibration", problem, did_you_mean(self.vibration, MODELS))
         if self.fatigue and self.fatigue != OWN:
             find_curve("fatigue", self.fatigue)
 
