@@ -62,9 +62,9 @@ def _zero(description: Any) -> Any:
         return new(detail)
     if kind == Nodetype.BASE:
         return "" if detail[0] == "string" else np.dtype(_LITTLE[detail[0]]).type().item()
-    (inner, what), count = detail[0], detail[1] if kind == Nodetype.ARRAY else 0
-    if inner == Nodetype.BASE and what[0] in _LITTLE:
-        return np.zeros(count, _LITTLE[what[0]])
+    (inner, inner_detail), count = detail[0], detail[1] if kind == Nodetype.ARRAY else 0
+    if inner == Nodetype.BASE and inner_detail[0] in _LITTLE:
+        return np.zeros(count, _LITTLE[inner_detail[0]])
     return [_zero(detail[0]) for _ in range(count)]
 
 
@@ -122,16 +122,18 @@ class Slot:
         """Return the size of an entry of a list [bytes]."""
         return int(np.prod(self.shape[1:], dtype=np.int64)) * self.dtype.itemsize
 
-    def moved(self, to: Callable[[int], int]) -> Slot:
-        """Return the slot with its offsets mapped by `to`."""
+    def moved(self, new_offset: Callable[[int], int]) -> Slot:
+        """Return the slot with its offsets mapped by `new_offset`."""
         length = self.length_offset
         return replace(
-            self, offset=to(self.offset), length_offset=None if length is None else to(length)
+            self,
+            offset=new_offset(self.offset),
+            length_offset=None if length is None else new_offset(length),
         )
 
 
 class Template:
-    """A serialised message, and the place of every number in it.
+    """A serialised message and the location of every number in it.
 
     Slots are named by their path, `header.stamp.sec` or `markers.0.points`. A part of one kind of
     number (Point, Vector3, Quaternion, ColorRGBA) is one slot of shape (k,), a list of such parts
@@ -162,15 +164,15 @@ class Template:
                 follows would lose its alignment.
         """
         paths = sorted(counts, key=lambda path: self.slots[path].offset)
-        parts, read = [], 0
+        pieces, read_to = [], 0
         for path in paths:
             slot, count = self.slots[path], counts[path]
             if slot.length_offset is None or slot.entry_bytes % 8 or count < 1:
                 raise ValueError(f"{path}: it cannot have {count} entries in this way")
             first = self.data[slot.offset : slot.offset + slot.entry_bytes]
-            parts += [self.data[read : slot.offset], count * first]
-            read = slot.offset + slot.shape[0] * slot.entry_bytes
-        data = bytearray(b"".join([*parts, self.data[read:]]))
+            pieces += [self.data[read_to : slot.offset], count * first]
+            read_to = slot.offset + slot.shape[0] * slot.entry_bytes
+        data = bytearray(b"".join([*pieces, self.data[read_to:]]))
 
         def moved(offset: int) -> int:
             before = [path for path in paths if self.slots[path].offset < offset]
@@ -233,15 +235,17 @@ def table(type_name: str, messages: Sequence[bytes], paths: Sequence[str]) -> Ta
         SerdeError: (of rosbags) the first message is not of this type.
     """
     template = Template(deserialise(type_name, messages[0]))
-    size = len(template.data)
-    if any(len(data) != size for data in messages):
+    message_bytes = len(template.data)
+    if any(len(data) != message_bytes for data in messages):
         return None
-    joined = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), size)
-    alike = np.ones(size, np.bool_)  # bytes that are no numbers: texts, lengths, padding
+    joined = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), message_bytes)
+    is_constant = np.ones(
+        message_bytes, np.bool_
+    )  # bytes that are no numbers: texts, lengths, padding
     for slot in template.slots.values():
         span = int(np.prod(slot.shape, dtype=np.int64)) * slot.dtype.itemsize
-        alike[slot.offset : slot.offset + span] = False
-    if (joined[:, alike] != np.frombuffer(template.data, np.uint8)[alike]).any():
+        is_constant[slot.offset : slot.offset + span] = False
+    if (joined[:, is_constant] != np.frombuffer(template.data, np.uint8)[is_constant]).any():
         return None
     values = np.empty((len(messages), len(paths)))
     for column, path in enumerate(paths):
@@ -259,10 +263,10 @@ class Templates:
 
     def get(self, topic: str, key: object, make: Callable[[], Any]) -> Template:
         """Return the template of a topic, rebuilt by `make()` if `key` has changed."""
-        known = self._known.get(topic)
-        if known is None or known[0] != key:
-            known = self._known[topic] = (key, Template(make()))
-        return known[1]
+        cached = self._known.get(topic)
+        if cached is None or cached[0] != key:
+            cached = self._known[topic] = (key, Template(make()))
+        return cached[1]
 
 
 @cache
@@ -283,7 +287,7 @@ def _uniform(type_name: str) -> tuple[np.dtype[Any], int] | None:
 
 
 class _Walk:
-    """Walks a message in the order of serialisation and notes where its numbers lie."""
+    """Walks a message in the order of serialisation and records the location of its numbers."""
 
     def __init__(self) -> None:
         self.position = HEADER_BYTES

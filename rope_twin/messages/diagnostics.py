@@ -30,35 +30,36 @@ from rope_twin.vortex.results import MaterialFatigue
 
 WARN_UTILISATION = 0.5  # codes for lifting wire allow less than this share of the MBL
 MOTION_ROW, SAMPLE_AGE = "simulation: input heave", "age of the last sample [s]"
-VIOLATED_FOR_S = 60.0  # after its last violation a limit is an ERROR for so long, then a WARN
+VIOLATED_FOR_S = 60.0  # after its last violation a limit is an ERROR for this long, then a WARN
 
 
 def strength_status(ropes: Sequence[RopeStrength]) -> Status:
     """Return the row on the rope with the highest utilisation, with key values of every rope."""
     values = {}
-    for one in ropes:
-        values[f"{one.name}: utilisation [% of MBL]"] = f"{100.0 * one.utilisation:.1f}"
-        if one.dynamic_amplification is not None:
-            values[f"{one.name}: dynamic amplification"] = f"{one.dynamic_amplification:.3f}"
-    worst = max(ropes, key=lambda one: one.utilisation)
+    for rope in ropes:
+        values[f"{rope.name}: utilisation [% of MBL]"] = f"{100.0 * rope.utilisation:.1f}"
+        if rope.dynamic_amplification is not None:
+            values[f"{rope.name}: dynamic amplification"] = f"{rope.dynamic_amplification:.3f}"
+    worst = max(ropes, key=lambda rope: rope.utilisation)
     level = Level.OK if worst.utilisation < WARN_UTILISATION else Level.WARN
     if worst.utilisation >= 1.0:
         level = Level.ERROR
     return Status("simulation: strength", level, strength_words(worst, len(ropes) > 1), values)
 
 
-def strength_words(one: RopeStrength, named: bool) -> str:
+def strength_words(rope: RopeStrength, named: bool) -> str:
     """Return the utilisation of a rope in words; `named`: say of which rope."""
-    which = f" of '{one.name}'" if named else ""
-    tension = f"maximum tension{which} {one.highest_n / 1e3:.1f} kN"
-    words = f"{tension}, utilisation {one.utilisation:.2f} (MBL {one.breaking_load_n / 1e3:.0f} kN)"
-    if one.utilisation >= 1.0:
+    of_rope = f" of '{rope.name}'" if named else ""
+    tension = f"maximum tension{of_rope} {rope.highest_n / 1e3:.1f} kN"
+    mbl = f"MBL {rope.breaking_load_n / 1e3:.0f} kN"
+    words = f"{tension}, utilisation {rope.utilisation:.2f} ({mbl})"
+    if rope.utilisation >= 1.0:
         words = (
-            f"MBL{which} exceeded (utilisation {one.utilisation:.2f}): rope failure expected; "
-            f"{tension}, MBL {one.breaking_load_n / 1e3:.0f} kN"
+            f"MBL{of_rope} exceeded (utilisation {rope.utilisation:.2f}): rope failure expected; "
+            f"{tension}, {mbl}"
         )
-    if one.dynamic_amplification is not None:
-        words += f"; DAF {one.dynamic_amplification:.2f}"
+    if rope.dynamic_amplification is not None:
+        words += f"; DAF {rope.dynamic_amplification:.2f}"
     return words
 
 
@@ -68,15 +69,15 @@ def limits_status(snapshot: Snapshot) -> Status:
     if not violated:
         return Status(name, Level.OK, "within all limits of the scene", {})
     values = {}
-    for one in violated:
-        what = f"{one.where}: {one.limit}"
-        values[f"{what}, worst (limit {one.allowed:g})"] = f"{one.worst:.6g}"
-        values[f"{what}, first, worst and last violation [s]"] = (
-            f"{one.first_s:.2f}, {one.worst_s:.2f}, {one.last_s:.2f}"
+    for breach in violated:
+        label = f"{breach.where}: {breach.limit}"
+        values[f"{label}, worst (limit {breach.allowed:g})"] = f"{breach.worst:.6g}"
+        values[f"{label}, first, worst and last violation [s]"] = (
+            f"{breach.first_s:.2f}, {breach.worst_s:.2f}, {breach.last_s:.2f}"
         )
-    newest = max(one.last_s for one in violated)
+    newest = max(breach.last_s for breach in violated)
     level = Level.ERROR if snapshot.time_s - newest < VIOLATED_FOR_S else Level.WARN
-    return Status(name, level, "; ".join(breach_words(one) for one in violated), values)
+    return Status(name, level, "; ".join(breach_words(breach) for breach in violated), values)
 
 
 _LIMITS_IN_WORDS = {  # name of the limited quantity, scale, unit and number format
@@ -108,107 +109,107 @@ class BreachWords:
         return [f"limit violated: {breach_words(one)}" for one in fresh]
 
 
-def breach_words(one: LimitBreach) -> str:
+def breach_words(breach: LimitBreach) -> str:
     """Return a violated limit in words."""
-    what, scale, unit, form = _LIMITS_IN_WORDS[one.limit]
-    worst, allowed = (f"{scale * value:{form}}{unit}" for value in (one.worst, one.allowed))
+    quantity, scale, unit, form = _LIMITS_IN_WORDS[breach.limit]
+    worst, allowed = (f"{scale * value:{form}}{unit}" for value in (breach.worst, breach.allowed))
     if worst == allowed:  # just over the limit: the value in digits that show it
-        worst = f"{scale * one.worst:.6g}{unit}"
-    side = "below" if one.worst < one.allowed else "above"
-    when = f"first at {one.first_s:.2f} s"
-    if one.worst_s > one.first_s:
-        when += f", worst at {one.worst_s:.2f} s"
-    return f"{what} '{one.where}' {worst}, {side} the limit of {allowed} ({when})"
+        worst = f"{scale * breach.worst:.6g}{unit}"
+    side = "below" if breach.worst < breach.allowed else "above"
+    times = f"first at {breach.first_s:.2f} s"
+    if breach.worst_s > breach.first_s:
+        times += f", worst at {breach.worst_s:.2f} s"
+    return f"{quantity} '{breach.where}' {worst}, {side} the limit of {allowed} ({times})"
 
 
 def touchdown_status(ropes: Sequence[Touchdown]) -> Status:
     """Return the row on the touchdown points; its level is always OK."""
     values: dict[str, str] = {}
-    for one in ropes:
-        x, y, z = one.position_m
+    for point in ropes:
+        x, y, z = point.position_m
         values |= {
-            f"{one.name}: x, y, z [m]": f"{x:.2f}, {y:.2f}, {z:.2f}",
-            f"{one.name}: line out to TDP [m]": f"{one.line_out_m:.2f}",
-            f"{one.name}: layback [m]": f"{one.layback_m:.2f}",
-            f"{one.name}: tension at TDP [N]": f"{one.tension_n:.6g}",
-            f"{one.name}: angle to the seabed [degrees]": f"{one.angle_deg:.2f}",
+            f"{point.name}: x, y, z [m]": f"{x:.2f}, {y:.2f}, {z:.2f}",
+            f"{point.name}: line out to TDP [m]": f"{point.line_out_m:.2f}",
+            f"{point.name}: layback [m]": f"{point.layback_m:.2f}",
+            f"{point.name}: tension at TDP [N]": f"{point.tension_n:.6g}",
+            f"{point.name}: angle to the seabed [degrees]": f"{point.angle_deg:.2f}",
         }
-    message = "; ".join(touchdown_words(one, len(ropes) > 1) for one in ropes)
+    message = "; ".join(touchdown_words(point, len(ropes) > 1) for point in ropes)
     return Status("simulation: touchdown", Level.OK, message, values)
 
 
-def touchdown_words(one: Touchdown, named: bool) -> str:
+def touchdown_words(point: Touchdown, named: bool) -> str:
     """Return the touchdown point of a rope in words; `named`: say of which rope."""
-    which = f" of '{one.name}'" if named else ""
+    of_rope = f" of '{point.name}'" if named else ""
     return (
-        f"touchdown point{which} at {one.line_out_m:.1f} m line out, layback "
-        f"{one.layback_m:.1f} m, tension {one.tension_n / 1e3:.1f} kN"
+        f"touchdown point{of_rope} at {point.line_out_m:.1f} m line out, layback "
+        f"{point.layback_m:.1f} m, tension {point.tension_n / 1e3:.1f} kN"
     )
 
 
-def landing_words(one: Landings) -> str:
+def landing_words(landings: Landings) -> str:
     """Return in words when and how fast the payload landed."""
-    first = f"at {one.first_s:.1f} s with {one.first_m_per_s:.2f} m/s"
-    if one.count == 1:
+    first = f"at {landings.first_s:.1f} s with {landings.first_m_per_s:.2f} m/s"
+    if landings.count == 1:
         return f"landed {first}"
-    fastest = f"fastest at {one.fastest_s:.1f} s with {one.fastest_m_per_s:.2f} m/s"
-    return f"landed {one.count} times, first {first}, {fastest}"
+    fastest = f"fastest at {landings.fastest_s:.1f} s with {landings.fastest_m_per_s:.2f} m/s"
+    return f"landed {landings.count} times, first {first}, {fastest}"
 
 
 def bend_status(ropes: Sequence[RopeBend]) -> Status:
     """Return the row on the rope closest to its minimum bend radius, and on all below theirs.
 
-    It warns too of a rope whose bending stiffness would meet compression now.
+    It warns too of a rope with bending stiffness that would be in compression.
     """
     values: dict[str, str] = {}
-    for one in ropes:
+    for rope in ropes:
         values |= {
-            f"{one.now.name}: smallest bend radius now [m]": _radius(one.now.radius_m),
-            f"{one.now.name}: below its upper end [m]": f"{one.now.line_out_m:.2f}",
-            f"{one.now.name}: smallest since the start [m]": _radius(one.tightest.radius_m),
+            f"{rope.now.name}: smallest bend radius now [m]": _radius(rope.now.radius_m),
+            f"{rope.now.name}: below its upper end [m]": f"{rope.now.line_out_m:.2f}",
+            f"{rope.now.name}: smallest since the start [m]": _radius(rope.tightest.radius_m),
         }
-        if one.now.minimum_m:
-            values[f"{one.now.name}: minimum bend radius [m]"] = f"{one.now.minimum_m:g}"
-    pressed = [one for one in ropes if one.compressed_m > 0.0]
-    doubt = bool(pressed) or any(one.tightest.too_tight for one in ropes)
-    words = bends_in_words([one.tightest for one in ropes])
+        if rope.now.minimum_m:
+            values[f"{rope.now.name}: minimum bend radius [m]"] = f"{rope.now.minimum_m:g}"
+    in_compression = [rope for rope in ropes if rope.compressed_m > 0.0]
+    warns = bool(in_compression) or any(rope.tightest.too_tight for rope in ropes)
+    words = bends_in_words([rope.tightest for rope in ropes])
     words += [
-        compressed_words(one.compressed_m, one.now.name if len(ropes) > 1 else "")
-        for one in pressed
+        compressed_words(rope.compressed_m, rope.now.name if len(ropes) > 1 else "")
+        for rope in in_compression
     ]
-    return Status("simulation: bend", Level.WARN if doubt else Level.OK, "; ".join(words), values)
+    return Status("simulation: bend", Level.WARN if warns else Level.OK, "; ".join(words), values)
 
 
 def compressed_words(length_m: float, rope: str = "") -> str:
-    """Return in words the length that gets shorter where a stiff rope would bend aside."""
-    which = f" of '{rope}'" if rope else ""
+    """Return the text on the length in compression, where a stiff rope would buckle."""
+    of_rope = f" of '{rope}'" if rope else ""
     return (
-        f"{length_m:.3g} m{which} would be in compression, which no rope carries here: "
+        f"{length_m:.3g} m{of_rope} would be in compression, which no rope carries here: "
         "elements get shorter instead, and neither shape nor bend radius is valid there"
     )
 
 
 def bends_in_words(bends: Sequence[Bend]) -> list[str]:
     """Return in words the bend closest to its minimum radius, and all below theirs."""
-    limited = [one for one in bends if one.minimum_m] or bends
-    ordered = sorted(limited, key=lambda one: -one.tightness)
-    reported = [one for n, one in enumerate(ordered) if n == 0 or one.too_tight]
-    return [_bend_words(one, len(bends) > 1) for one in reported]
+    limited = [bend for bend in bends if bend.minimum_m] or bends
+    ordered = sorted(limited, key=lambda bend: -bend.tightness)
+    worst = [bend for n, bend in enumerate(ordered) if n == 0 or bend.too_tight]
+    return [_bend_words(bend, len(bends) > 1) for bend in worst]
 
 
-def _bend_words(one: Bend, named: bool) -> str:
-    which = f" of '{one.name}'" if named else ""
-    if math.isinf(one.radius_m):
-        return f"no bending{which}: straight"
+def _bend_words(bend: Bend, named: bool) -> str:
+    of_rope = f" of '{bend.name}'" if named else ""
+    if math.isinf(bend.radius_m):
+        return f"no bending{of_rope}: straight"
     words = (
-        f"smallest bend radius{which} {_radius(one.radius_m)} m, {one.line_out_m:.1f} m below the "
-        f"upper end at {one.at_s:.1f} s"
+        f"smallest bend radius{of_rope} {_radius(bend.radius_m)} m, {bend.line_out_m:.1f} m below "
+        f"the upper end at {bend.at_s:.1f} s"
     )
-    if one.radius_m < one.element_m:
-        words += f" (not resolved by elements of {one.element_m:.3g} m)"
-    if one.too_tight:
-        return f"{words}: below the MBR of {one.minimum_m:g} m"
-    return f"{words}; MBR {one.minimum_m:g} m" if one.minimum_m else words
+    if bend.radius_m < bend.element_m:
+        words += f" (not resolved by elements of {bend.element_m:.3g} m)"
+    if bend.too_tight:
+        return f"{words}: below the MBR of {bend.minimum_m:g} m"
+    return f"{words}; MBR {bend.minimum_m:g} m" if bend.minimum_m else words
 
 
 def _radius(radius_m: float) -> str:
@@ -229,7 +230,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     energy balance, error interval, vibration and fatigue where the run monitors them; then one row
     for each input. `pacing` is None for a run that is not real-time.
     """
-    parts: tuple[tuple[Any, Callable[[Any], Status]], ...] = (
+    sources: tuple[tuple[Any, Callable[[Any], Status]], ...] = (
         (snapshot, _solver),
         (snapshot.study_error, _accuracy),
         (snapshot, _winch),
@@ -251,8 +252,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         (snapshot.vibration and snapshot, _vibration),
         (most_damaged(snapshot), _fatigue),
     )
-    rows = [row(part) for part, row in parts if part is not None and part not in ((), "")]
-    rows += [_input(name, one) for name, one in snapshot.inputs.items() if name != BORDER]
+    rows = [row(item) for item, row in sources if item is not None and item not in ((), "")]
+    rows += [_input(name, health) for name, health in snapshot.inputs.items() if name != BORDER]
     return rows
 
 
@@ -314,18 +315,16 @@ def _winch(snapshot: Snapshot) -> Status:
     return Status("simulation: winch", Level.OK, f"{doing}; within limits", values)
 
 
-def _start_up(share: float) -> Status:
-    level, message = Level.OK, "full ship motion applied"
-    if share < 1.0:
-        level = Level.WARN
-        message = f"build-up period: {share:.0%} of the ship motion applied, tension not yet "
-        message += "representative"
-    values = {"share of ship motion": f"{share:.3f}"}
-    return Status("simulation: start-up", level, message, values)
+def _start_up(fraction: float) -> Status:
+    name, values = "simulation: start-up", {"share of ship motion": f"{fraction:.3f}"}
+    if fraction >= 1.0:
+        return Status(name, Level.OK, "full ship motion applied", values)
+    message = f"build-up period: {fraction:.0%} of the ship motion applied"
+    return Status(name, Level.WARN, f"{message}, tension not yet representative", values)
 
 
 def _fluid_ramp(factors: tuple[float, ...]) -> Status:
-    """Say by which factors the forces of the water are scaled now."""
+    """Return the row on the factors that currently scale the forces of the water."""
     values = {
         f"factor on {name}": f"{factor:.3f}" for name, factor in zip(FACTORS, factors, strict=True)
     }
@@ -352,11 +351,11 @@ def _energy(balance: EnergyBalance) -> Status:
         "exchanged [J]": f"{balance.exchanged_j:.6g}",
         "residual [% of exchanged]": f"{balance.residual_pct:.3g}",
     }
-    share = f"{abs(balance.residual_pct):.2g} % of the energy exchanged"
+    residual = f"{abs(balance.residual_pct):.2g} % of the energy exchanged"
     if balance.residual_pct < -GAIN_PCT:
-        words = f"energy balance violated: gain of {share}; reduce the time step"
+        words = f"energy balance violated: gain of {residual}; reduce the time step"
         return Status("simulation: energy", Level.WARN, words, values)
-    return Status("simulation: energy", Level.OK, f"residual {share}", values)
+    return Status("simulation: energy", Level.OK, f"residual {residual}", values)
 
 
 def _compensator(unit: CompensatorShot) -> Status:
@@ -411,102 +410,105 @@ def _cut(snapshot: Snapshot) -> Status:
 
 def cut_words(cut: CutShot) -> str:
     """Return in words when and where the rope was cut."""
-    at = f"cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below"
+    cut_at = f"cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below"
     if cut.rope:
-        return f"rope '{cut.rope}' {at} its upper end; {cut.lost_m:.1f} m below the cut"
-    return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
+        return f"rope '{cut.rope}' {cut_at} its upper end; {cut.lost_m:.1f} m below the cut"
+    return f"rope {cut_at} the hang-off; {cut.lost_m:.1f} m released"
 
 
 def _error_interval(snapshot: Snapshot) -> Status:
-    found, tension_n = snapshot.error_interval, snapshot.tension_top_n
-    assert found is not None
+    interval, tension_n = snapshot.error_interval, snapshot.tension_top_n
+    assert interval is not None
     values = {
-        "low [N]": f"{found.low_n:.6g}",
-        "high [N]": f"{found.high_n:.6g}",
-        "error bound [N]": f"{found.bound_n:.3g}",
-        "extra CPU time [%]": f"{found.cost_pct:.0f}",
+        "low [N]": f"{interval.low_n:.6g}",
+        "high [N]": f"{interval.high_n:.6g}",
+        "error bound [N]": f"{interval.bound_n:.3g}",
+        "extra CPU time [%]": f"{interval.cost_pct:.0f}",
     }
     if tension_n > 0.0:
-        values["error bound [% of the tension]"] = f"{100.0 * found.bound_n / tension_n:.3g}"
-    for one in snapshot.ropes[1:]:
-        if one.error_interval is not None:
-            values[f"error bound of '{one.name}' [N]"] = f"{one.error_interval.bound_n:.3g}"
-    message = f"top tension within {found.bound_n:.3g} N of the converged solution (95 % interval)"
+        values["error bound [% of the tension]"] = f"{100.0 * interval.bound_n / tension_n:.3g}"
+    for rope in snapshot.ropes[1:]:
+        if rope.error_interval is not None:
+            values[f"error bound of '{rope.name}' [N]"] = f"{rope.error_interval.bound_n:.3g}"
+    message = (
+        f"top tension within {interval.bound_n:.3g} N of the converged solution (95 % interval)"
+    )
     return Status("simulation: error interval", Level.OK, message, values)
 
 
 def _vibration(snapshot: Snapshot) -> Status:
-    shaking = snapshot.vibration
-    assert shaking is not None
-    at = shaking.worst
+    viv = snapshot.vibration
+    assert viv is not None
+    node = viv.worst
     values = {
-        "model": shaking.model,
-        "maximum cross-flow A/D": f"{shaking.cross_flow[at]:.3g}",
-        "its frequency [Hz]": f"{shaking.cross_flow_hz[at]:.3g}",
-        "below the hang-off [m]": f"{snapshot.arc_length_m[at]:.1f}",
-        "maximum drag amplification": f"{shaking.drag_amplification.max():.3g}",
-        "monitoring time [% of real time]": f"{shaking.cost_pct:.2g}",
+        "model": viv.model,
+        "maximum cross-flow A/D": f"{viv.cross_flow[node]:.3g}",
+        "its frequency [Hz]": f"{viv.cross_flow_hz[node]:.3g}",
+        "below the hang-off [m]": f"{snapshot.arc_length_m[node]:.1f}",
+        "maximum drag amplification": f"{viv.drag_amplification.max():.3g}",
+        "monitoring time [% of real time]": f"{viv.cost_pct:.2g}",
     }
-    if shaking.every_s > 0.0:
-        values["modes recomputed every [s]"] = f"{shaking.every_s:g}"
-        values["mode solutions"] = str(shaking.solves)
+    if viv.every_s > 0.0:
+        values["modes recomputed every [s]"] = f"{viv.every_s:g}"
+        values["mode solutions"] = str(viv.solves)
     message = (
-        f"maximum cross-flow A/D {shaking.cross_flow[at]:.2f} at "
-        f"{shaking.cross_flow_hz[at]:.2f} Hz, {snapshot.arc_length_m[at]:.0f} m below the hang-off"
+        f"maximum cross-flow A/D {viv.cross_flow[node]:.2f} at "
+        f"{viv.cross_flow_hz[node]:.2f} Hz, {snapshot.arc_length_m[node]:.0f} m "
+        "below the hang-off"
     )
-    notes = [shaking.note]
+    notes = [viv.note]
     for rope in snapshot.ropes[1:]:
-        own = rope.vibration
-        if own is not None:
-            most, hz = own.cross_flow[own.worst], own.cross_flow_hz[own.worst]
-            values[f"maximum cross-flow A/D of '{rope.name}'"] = f"{most:.3g} at {hz:.3g} Hz"
-            notes.append(f"'{rope.name}': {own.note}" if own.note else "")
+        if (response := rope.vibration) is not None:
+            worst = response.worst
+            peak, hz = response.cross_flow[worst], response.cross_flow_hz[worst]
+            values[f"maximum cross-flow A/D of '{rope.name}'"] = f"{peak:.3g} at {hz:.3g} Hz"
+            notes.append(f"'{rope.name}': {response.note}" if response.note else "")
     name, level = "simulation: vibration", Level.WARN if any(notes) else Level.OK
     return Status(name, level, "; ".join(filter(None, (message, *notes))), values)
 
 
-def _most_bent(wear: MaterialFatigue) -> tuple[str, bool, dict[str, str]]:
-    """Return what the most bent metre has had: message, whether it is worn, values."""
-    if wear.bent is None:
+def _most_bent(fatigue: MaterialFatigue) -> tuple[str, bool, dict[str, str]]:
+    """Return message on the most bent metre, whether it has reached its limit, and key values."""
+    if (bent := fatigue.bent) is None:
         return "", False, {}
-    at = wear.most_bent
+    metre = fatigue.most_bent
     bends, damage, discard = (
-        float(part[at]) for part in (wear.bent.bends, wear.bent.damage, wear.bent.discard)
+        float(column[metre]) for column in (bent.bends, bent.damage, bent.discard)
     )
-    place = f"{wear.from_lower_end_m[at]:.1f}"
-    values = {"most bent metre, from the lower end [m]": place, "its bends": f"{bends:g}"}
+    from_end = f"{fatigue.from_lower_end_m[metre]:.1f}"
+    values = {"most bent metre, from the lower end [m]": from_end, "its bends": f"{bends:g}"}
     if not math.isnan(damage):
         values["its bending damage (failure at 1)"] = f"{damage:.3e}"
     if not math.isnan(discard):
         values["its bends over the discard value"] = f"{discard:.3g}"
-    if wear.bent.source:
-        values["source of its bending data"] = wear.bent.source
-    message = f"; most bent metre: {bends:g} bends, {place} m from the lower end"
+    if bent.source:
+        values["source of its bending data"] = bent.source
+    message = f"; most bent metre: {bends:g} bends, {from_end} m from the lower end"
     return message, damage >= 1.0 or discard >= 1.0, values
 
 
 def _fatigue(damaged: tuple[str, MaterialFatigue]) -> Status:
     """Return the row of the rope with the largest damage; its name is "" in a scene of one."""
-    name, wear = damaged
-    at = wear.worst
+    name, fatigue = damaged
+    metre = fatigue.worst
     upper = f"the upper end of '{name}'" if name else "the hang-off"
-    damage, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
+    damage, below_m = float(fatigue.used[metre]), float(fatigue.from_hang_off_m[metre])
     values = {
-        "curve": wear.curve,
-        "with bending": "yes" if wear.bending else "no",
-        "counted [s]": f"{wear.counted_s:.1f}",
+        "curve": fatigue.curve,
+        "with bending": "yes" if fatigue.bending else "no",
+        "counted [s]": f"{fatigue.counted_s:.1f}",
         "maximum damage (failure at 1)": f"{damage:.3e}",
-        "distance from the lower end [m]": f"{wear.from_lower_end_m[at]:.1f}",
-        f"distance below {upper} [m], negative: aboard": f"{place:.1f}",
+        "distance from the lower end [m]": f"{fatigue.from_lower_end_m[metre]:.1f}",
+        f"distance below {upper} [m], negative: aboard": f"{below_m:.1f}",
     }
-    where = f"{place:.0f} m below {upper}" if place >= 0.0 else "aboard"
+    location = f"{below_m:.0f} m below {upper}" if below_m >= 0.0 else "aboard"
     message = (
         f"maximum accumulated damage {damage:.2e} (failure at 1), "
-        f"{wear.from_lower_end_m[at]:.0f} m from the lower end, currently {where}"
+        f"{fatigue.from_lower_end_m[metre]:.0f} m from the lower end, currently {location}"
     )
-    bent, worn, more = _most_bent(wear)
-    level = Level.WARN if damage >= 1.0 or worn else Level.OK
-    return Status("simulation: fatigue", level, message + bent, values | more)
+    bend_text, is_worn, bend_values = _most_bent(fatigue)
+    level = Level.WARN if damage >= 1.0 or is_worn else Level.OK
+    return Status("simulation: fatigue", level, message + bend_text, values | bend_values)
 
 
 def _pacing(pacing: PacingHealth) -> Status:
@@ -518,20 +520,20 @@ def _pacing(pacing: PacingHealth) -> Status:
         "lost snapshots": str(pacing.lost_snapshots),
         "thread priority": "real-time" if pacing.priority else "ordinary",
     }
-    late = (
+    lateness = (
         f"{counted(pacing.late_steps, 'missed deadline')} since the start, worst "
         f"{pacing.worst_lateness_s * 1000.0:.1f} ms late"
     )
     if pacing.error:
         level, message = Level.ERROR, f"stopped: {pacing.error}"
     elif pacing.behind_s > BEHIND_S:
-        level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind real time; {late}"
+        level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind real time; {lateness}"
     elif pacing.late_ago_s is not None and pacing.late_ago_s < LATE_FOR_S:
-        level, message = Level.WARN, late
+        level, message = Level.WARN, lateness
     elif not pacing.running:
         level, message = Level.OK, "paused"
     elif pacing.late_steps:
-        level, message = Level.OK, f"all deadlines met in the last {LATE_FOR_S:.0f} s; {late}"
+        level, message = Level.OK, f"all deadlines met in the last {LATE_FOR_S:.0f} s; {lateness}"
     else:
         level, message = Level.OK, "all deadlines met"
     return Status("simulation: pacing", level, message, values)
@@ -582,10 +584,10 @@ def _input(name: str, health: InputHealth) -> Status:
     if name == "current" and health.note and health.note != health.refusal:
         warnings.append(health.note.removesuffix("."))  # accepted, but implausibly fast
     if health.recently_refused:
-        last = health.refusal or health.note or "no reason given"
+        last_reason = health.refusal or health.note or "no reason given"
         if health.refusal and health.note != health.refusal:  # how a gap is handled now
-            last = f"{health.refusal.removesuffix('.')}; now: {health.note}"
-        warnings.append(f"{_rejected(health)}: {last}")
+            last_reason = f"{health.refusal.removesuffix('.')}; now: {health.note}"
+        warnings.append(f"{_rejected(health)}: {last_reason}")
     if warnings:
         return Status(title, Level.WARN, "; ".join(warnings), values)
     if not health.accepted:

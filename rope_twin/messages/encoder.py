@@ -101,8 +101,8 @@ class Encoder:
 
     def _table(self, topic: str, snapshot: Snapshot, names: str, rows: Rows) -> bytes:
         """Return a PointCloud2 with a point for each row; names: of the columns."""
-        plain = [tuple(v.encode() if isinstance(v, str) else v for v in row) for row in rows]
-        points = np.array(plain, templates.point_type(templates.columns(names)))
+        encoded = [tuple(v.encode() if isinstance(v, str) else v for v in row) for row in rows]
+        points = np.array(encoded, templates.point_type(templates.columns(names)))
         return self._cloud(topic, snapshot, points)
 
     def _cloud(self, topic: str, snapshot: Snapshot, points: NDArray[Any]) -> bytes:
@@ -121,13 +121,17 @@ class Encoder:
         ropes = ropes_of(snapshot)
         counts = [len(rope.node_position_m) for rope in ropes]
         points = np.empty((sum(counts), 5), dtype="<f4")
-        at = 0
+        first = 0
         for number, (rope, count) in enumerate(zip(ropes, counts, strict=True)):
-            own = points[at : at + count]
-            own[:, :3], own[:, 3], own[:, 4] = rope.node_position_m, rope.node_tension_n, number
-            at += count
-        kind = templates.point_type(templates.columns("x y z tension_n rope", "<f4"))
-        return self._cloud("ropes/nodes", snapshot, points.view(kind).ravel())
+            rope_points = points[first : first + count]
+            rope_points[:, :3], rope_points[:, 3], rope_points[:, 4] = (
+                rope.node_position_m,
+                rope.node_tension_n,
+                number,
+            )
+            first += count
+        point_type = templates.point_type(templates.columns("x y z tension_n rope", "<f4"))
+        return self._cloud("ropes/nodes", snapshot, points.view(point_type).ravel())
 
     def _element_tension(self, snapshot: Snapshot) -> bytes:
         ropes = ropes_of(snapshot)
@@ -135,21 +139,21 @@ class Encoder:
         points = np.empty(
             sum(len(rope.element_tension_n) for rope in ropes), templates.point_type(columns)
         )
-        at = 0
+        first = 0
         for number, rope in enumerate(ropes):
-            own = points[at : at + len(rope.element_tension_n)]
-            own["tension_n"], own["rope"] = rope.element_tension_n, number
-            at += len(own)
+            rope_points = points[first : first + len(rope.element_tension_n)]
+            rope_points["tension_n"], rope_points["rope"] = rope.element_tension_n, number
+            first += len(rope_points)
         return self._cloud("ropes/element_tension", snapshot, points)
 
     def _vibration(self, snapshot: Snapshot) -> bytes:
         """Return x, y, z of the nodes of each rope, amplitude, frequency, drag amplification."""
         tables, names = [], ""
         for number, rope in enumerate(ropes_of(snapshot)):
-            shaking = rope.vibration if number else snapshot.vibration
-            if shaking is not None:
-                columns = vibration_columns(shaking)
-                of_rope = np.full(len(shaking.cross_flow), number)
+            vibration = rope.vibration if number else snapshot.vibration
+            if vibration is not None:
+                columns = vibration_columns(vibration)
+                of_rope = np.full(len(vibration.cross_flow), number)
                 tables.append(np.column_stack([rope.node_position_m, *columns.values(), of_rope]))
                 names = " ".join(("x", "y", "z", *columns, "rope"))
         if not tables:
@@ -162,14 +166,14 @@ class Encoder:
         """Return accumulated damage and position of each metre of rope."""
         tables = []
         for number, rope in enumerate(ropes_of(snapshot)):
-            wear = rope.fatigue if number else snapshot.fatigue
-            if wear is not None:
-                of_rope = np.full(len(wear.used), float(number))
-                unknown = np.full(len(wear.used), np.nan)
-                bent = wear.bent or BendResult(unknown, unknown, unknown, "")
+            fatigue = rope.fatigue if number else snapshot.fatigue
+            if fatigue is not None:
+                of_rope = np.full(len(fatigue.used), float(number))
+                unknown = np.full(len(fatigue.used), np.nan)
+                bending = fatigue.bent or BendResult(unknown, unknown, unknown, "")
                 columns = (
-                    wear.from_lower_end_m, wear.from_hang_off_m, wear.used, of_rope,
-                    bent.bends, bent.damage, bent.discard,
+                    fatigue.from_lower_end_m, fatigue.from_hang_off_m, fatigue.used, of_rope,
+                    bending.bends, bending.damage, bending.discard,
                 )  # fmt: skip
                 tables.append(np.column_stack(columns))
         if not tables:
@@ -205,10 +209,13 @@ class Encoder:
 
     def _payloads_state(self, snapshot: Snapshot) -> bytes:
         """Return pose and velocity of each payload; a 6-DOF payload has its twist in body axes."""
-        payloads = [(one.name, one.position_m, one.velocity_m_per_s) for one in snapshot.payloads]
+        payloads = [
+            (payload.name, payload.position_m, payload.velocity_m_per_s)
+            for payload in snapshot.payloads
+        ]
         if not payloads:
-            alone = snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
-            payloads = [(PAYLOAD, *alone)]
+            single = snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
+            payloads = [(PAYLOAD, *single)]
         names = tuple(name for name, *_ in payloads)
         template = self._sized.get(
             "payloads/state", names, lambda: templates.free_bodies(MAP, names)
@@ -219,20 +226,20 @@ class Encoder:
             values[f"twist.{number}.linear"] = velocity_m_per_s
         body = snapshot.body
         if body is not None:
-            carried = _carried(snapshot)
-            values[f"transforms.{carried}.rotation"] = body.quaternion
-            values[f"twist.{carried}.linear"] = payloads[carried][2] @ body.turn
-            values[f"twist.{carried}.angular"] = body.angular_velocity_rad_per_s
+            body_number = _carried(snapshot)
+            values[f"transforms.{body_number}.rotation"] = body.quaternion
+            values[f"twist.{body_number}.linear"] = payloads[body_number][2] @ body.turn
+            values[f"twist.{body_number}.angular"] = body.angular_velocity_rad_per_s
         return template.fill(values)
 
     def _winch_state(self, snapshot: Snapshot) -> bytes:
         """Return the component states of each winch; NaN for what a winch does not have."""
         winches = [
-            {"name": one.name, "target": one.target, **dict(one.figures)}
-            for one in snapshot.winches
+            {"name": winch.name, "target": winch.target, **dict(winch.figures)}
+            for winch in snapshot.winches
         ]
-        names = list(dict.fromkeys(name for own in winches for name in own)) or ["name"]
-        rows = (tuple(own.get(name, math.nan) for name in names) for own in winches)
+        names = list(dict.fromkeys(name for row in winches for name in row)) or ["name"]
+        rows = (tuple(row.get(name, math.nan) for name in names) for row in winches)
         return self._table("winch/state", snapshot, " ".join(names), rows)
 
 
@@ -257,12 +264,12 @@ def _ends(nodes: Any) -> Any:
     return np.repeat(nodes, 2, axis=0)[1:-1]
 
 
-def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:
+def vibration_columns(vibration: RopeVibration) -> dict[str, np.ndarray]:
     """Return the columns of the cloud in addition to the positions, by name."""
-    columns = {"cross_flow": shaking.cross_flow, "cross_flow_hz": shaking.cross_flow_hz}
-    if shaking.in_line is not None and shaking.in_line_hz is not None:
-        columns |= {"in_line": shaking.in_line, "in_line_hz": shaking.in_line_hz}
-    return columns | {"drag_amplification": shaking.drag_amplification}
+    columns = {"cross_flow": vibration.cross_flow, "cross_flow_hz": vibration.cross_flow_hz}
+    if vibration.in_line is not None and vibration.in_line_hz is not None:
+        columns |= {"in_line": vibration.in_line, "in_line_hz": vibration.in_line_hz}
+    return columns | {"drag_amplification": vibration.drag_amplification}
 
 
 def winch_mode(snapshot: Snapshot) -> bytes:
@@ -288,9 +295,9 @@ def line_events(snapshot: Snapshot) -> bytes:
 
 def _carried(snapshot: Snapshot) -> int:
     """Return which payload of `payloads/state` is the 6-DOF one: the one at its position."""
-    at = snapshot.payload_position_m
-    same = [bool((one.position_m == at).all()) for one in snapshot.payloads]
-    return same.index(True) if any(same) else 0
+    body_m = snapshot.payload_position_m
+    is_body = [bool((payload.position_m == body_m).all()) for payload in snapshot.payloads]
+    return is_body.index(True) if any(is_body) else 0
 
 
 def _body(snapshot: Snapshot) -> BodyShot:
@@ -304,22 +311,22 @@ def _errors(snapshot: Snapshot) -> Rows:
     for number, rope in enumerate(ropes_of(snapshot)):
         interval = rope.error_interval if number else snapshot.error_interval
         rms_pct = math.nan if number else snapshot.study_error.rms_pct
-        ends = (interval.low_n, interval.high_n) if interval else (math.nan, math.nan)
-        yield rope.name, rms_pct, *ends
+        bounds = (interval.low_n, interval.high_n) if interval else (math.nan, math.nan)
+        yield rope.name, rms_pct, *bounds
 
 
 def _utilisation(snapshot: Snapshot) -> Rows:
     """Yield utilisation and tensions of each rope; NaN without a static tension."""
-    for one in snapshot.strength:
-        amplified = or_nan(one.dynamic_amplification)
-        yield one.name, one.utilisation, amplified, one.highest_n, or_nan(one.static_n)
+    for rope in snapshot.strength:
+        amplified = or_nan(rope.dynamic_amplification)
+        yield rope.name, rope.utilisation, amplified, rope.highest_n, or_nan(rope.static_n)
 
 
 def _bend_radius(snapshot: Snapshot) -> Rows:
     """Yield the smallest bend radius of each monitored rope, and its minimum if given."""
-    for one in snapshot.bends:
-        radii = one.now.radius_m, one.now.line_out_m, one.tightest.radius_m
-        yield one.now.name, *one.position_m, *radii, one.now.minimum_m or math.nan
+    for rope in snapshot.bends:
+        radii = rope.now.radius_m, rope.now.line_out_m, rope.tightest.radius_m
+        yield rope.now.name, *rope.position_m, *radii, rope.now.minimum_m or math.nan
 
 
 def _payloads_body(snapshot: Snapshot) -> Rows:
@@ -336,9 +343,9 @@ def _slings(snapshot: Snapshot) -> Rows:
 
 
 def _struts(snapshot: Snapshot) -> Rows:
-    for one in snapshot.struts:
-        length_m = float(np.linalg.norm(one.ends_m[1] - one.ends_m[0]))
-        yield one.name, *one.ends_m[0], *one.ends_m[1], length_m, one.pull_n
+    for strut in snapshot.struts:
+        length_m = float(np.linalg.norm(strut.ends_m[1] - strut.ends_m[0]))
+        yield strut.name, *strut.ends_m[0], *strut.ends_m[1], length_m, strut.pull_n
 
 
 COMPENSATOR_COLUMNS = (
@@ -362,15 +369,20 @@ def _seabed_contact(snapshot: Snapshot) -> Rows:
 
 def _touchdown(snapshot: Snapshot) -> Rows:
     """Yield the touchdown point of each rope on the seabed; none if there is none."""
-    for one in snapshot.touchdowns:
-        figures = one.line_out_m, one.layback_m, one.tension_n, one.angle_deg
-        yield one.name, *one.position_m, *figures
+    for touchdown in snapshot.touchdowns:
+        figures = (
+            touchdown.line_out_m,
+            touchdown.layback_m,
+            touchdown.tension_n,
+            touchdown.angle_deg,
+        )
+        yield touchdown.name, *touchdown.position_m, *figures
 
 
 def _contact(snapshot: Snapshot) -> Rows:
     """Yield contact with the hull and between ropes, as far as the scene lists it."""
-    for one in snapshot.contacts:
-        yield one.name, *one.position_m, one.normal_n
+    for contact in snapshot.contacts:
+        yield contact.name, *contact.position_m, contact.normal_n
 
 
 def _crossings(snapshot: Snapshot) -> Rows:
@@ -379,31 +391,32 @@ def _crossings(snapshot: Snapshot) -> Rows:
     if lines is not None:
         nearest = lines.nearest
         yield "nearest", unknown, unknown, -nearest.depth_m, nearest.distance_m, unknown
-        for number, one in enumerate(lines.crossings, start=1):
-            place = (*one.position_m[:2], -one.depth_m)
-            yield f"crossing_{number}", *place, one.gap_m, one.angle_deg
+        for number, crossing in enumerate(lines.crossings, start=1):
+            position = (*crossing.position_m[:2], -crossing.depth_m)
+            yield f"crossing_{number}", *position, crossing.gap_m, crossing.angle_deg
 
 
 def _residuals(snapshot: Snapshot) -> Rows:
     """Yield the newest residual of each measured quantity, and its statistics."""
-    for one in snapshot.residuals:
-        half = or_nan(one.half_width)
+    for residual in snapshot.residuals:
+        half_width = or_nan(residual.half_width)
         yield (
-            f"{one.quantity} {one.name}"[:NAME_LENGTH], snapshot.time_s - one.at_s,
-            one.measured, one.computed, one.residual, -half, half, or_nan(one.instrument),
-            or_nan(one.twin), one.mean, one.rms, or_nan(one.outside),
+            f"{residual.quantity} {residual.name}"[:NAME_LENGTH], snapshot.time_s - residual.at_s,
+            residual.measured, residual.computed, residual.residual, -half_width, half_width,
+            or_nan(residual.instrument),
+            or_nan(residual.twin), residual.mean, residual.rms, or_nan(residual.outside),
         )  # fmt: skip
 
 
 # Joints of all ropes by topic: values by the field that carries them, in the order of the ropes.
 JOINTS: dict[str, Callable[[Sequence[RopeShot]], dict[str, list[float]]]] = {
-    "ropes/tension_top": lambda ropes: {"effort": [one.tension_top_n for one in ropes]},
+    "ropes/tension_top": lambda ropes: {"effort": [rope.tension_top_n for rope in ropes]},
     "ropes/tension_bottom": lambda ropes: {
-        "effort": [float(one.node_tension_n[-1]) for one in ropes]
+        "effort": [float(rope.node_tension_n[-1]) for rope in ropes]
     },
     "ropes/length": lambda ropes: {
-        "position": [one.line_out_m for one in ropes],
-        "velocity": [one.payout_speed_m_per_s for one in ropes],
+        "position": [rope.line_out_m for rope in ropes],
+        "velocity": [rope.payout_speed_m_per_s for rope in ropes],
     },
 }
 # Tables with fixed columns by topic: names of the columns, and what yields the rows.

@@ -159,8 +159,10 @@ def encode_epoch(epoch_ns: int) -> bytes:
 
 
 @cache
-def _odometry(frame: str, child_frame: str, known: Sequence[int] | None = range(6)) -> Template:
-    return Template(templates.odometry(frame, child_frame, known))
+def _odometry(
+    frame: str, child_frame: str, known_axes: Sequence[int] | None = range(6)
+) -> Template:
+    return Template(templates.odometry(frame, child_frame, known_axes))
 
 
 @cache
@@ -194,7 +196,7 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
             problem = f"{len(values)} values of {field} for {len(names)} winches"
             remedy = "give one for each name, NaN where nothing is measured, or none"
             raise InputError(topic, problem, remedy)
-        columns[field] = [or_none(float(one)) for one in values] or [None] * len(names)
+        columns[field] = [or_none(float(value)) for value in values] or [None] * len(names)
     if len(names) > MOST_WINCHES or len(set(names)) < len(names):
         problem = f"{len(names)} names"
         raise InputError(topic, problem, f"give each winch once, {MOST_WINCHES} at most")
@@ -215,8 +217,8 @@ def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
         InputError: if the bytes are not such a message, or its stamp or orientation is invalid.
     """
     message, stamp_ns = _stamped("ship/heave", data)
-    turn = message.pose.pose.orientation
-    if reason := orientation_fault((turn.x, turn.y, turn.z, turn.w)):
+    orientation = message.pose.pose.orientation
+    if reason := orientation_fault((orientation.x, orientation.y, orientation.z, orientation.w)):
         raise InputError("ship/heave", *reason)
     return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
 
@@ -228,13 +230,13 @@ def read_pose(data: bytes) -> tuple[int, ShipPose]:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message, stamp_ns = _stamped("ship/odometry", data)
-    place, turn = message.pose.pose.position, message.pose.pose.orientation
-    speed, rate = message.twist.twist.linear, message.twist.twist.angular
+    position, orientation = message.pose.pose.position, message.pose.pose.orientation
+    velocity, rate = message.twist.twist.linear, message.twist.twist.angular
     return stamp_ns, ShipPose(
         0,
-        (place.x, place.y, place.z),
-        (speed.x, speed.y, speed.z),
-        (turn.x, turn.y, turn.z, turn.w),
+        (position.x, position.y, position.z),
+        (velocity.x, velocity.y, velocity.z),
+        (orientation.x, orientation.y, orientation.z, orientation.w),
         (rate.x, rate.y, rate.z),
     )
 
@@ -246,8 +248,8 @@ def read_lower_end(data: bytes) -> tuple[int, Vector3, Vector3]:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message, stamp_ns = _stamped(LOWER_END, data)
-    place, speed = message.pose.pose.position, message.twist.twist.linear
-    return stamp_ns, (place.x, place.y, place.z), (speed.x, speed.y, speed.z)
+    position, velocity = message.pose.pose.position, message.twist.twist.linear
+    return stamp_ns, (position.x, position.y, position.z), (velocity.x, velocity.y, velocity.z)
 
 
 def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
@@ -274,7 +276,7 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
             remedy = did_you_mean(names[1], SWITCHES)
             raise InputError(topic, f"'{names[1]}' is not a switch", remedy)
         return stamp_ns or None, WinchCommand(names[1]), winch
-    kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
+    kind = next(kind for kind, topic_name in ORDER_TOPICS.items() if topic_name == topic)
     values = getattr(message, ORDER_FIELDS[kind])
     if len(values) != 1:
         plural, remedy = _VALUES[kind]
@@ -318,11 +320,11 @@ def read_current(data: bytes) -> NDArray[np.float64]:
     sizes = [int(dimension.size) for dimension in message.layout.dim]
     offset = int(message.layout.data_offset)
     columns = 4 if len(sizes) == 2 and sizes[1] == 4 else 3
-    fits = len(numbers) > 0 and len(numbers) % columns == 0 and offset == 0
-    if sizes and fits:
+    is_valid = len(numbers) > 0 and len(numbers) % columns == 0 and offset == 0
+    if sizes and is_valid:
         rows = len(numbers) // columns
-        fits = sizes in ([rows, columns], [len(numbers)]) and math.prod(sizes) == len(numbers)
-    if not fits:
+        is_valid = sizes in ([rows, columns], [len(numbers)]) and math.prod(sizes) == len(numbers)
+    if not is_valid:
         raise InputError(
             "current",
             f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "

@@ -32,7 +32,7 @@ UNITS = {
 ROW = "simulation: learned figures"
 TENSION_TOPIC, RISK_TOPIC, QUIET_TOPIC = "forecast/tension", FORECAST_RISK, "forecast/quiet"
 ROPES_TOPIC = "forecast/ropes"
-SCORE = "coverage", "judged", "factor", "age_s"  # how the last forecasts turned out
+SCORE = "coverage", "judged", "factor", "age_s"  # verification of the last forecasts
 FORECAST_TOPICS = TENSION_TOPIC, ROPES_TOPIC, RISK_TOPIC, QUIET_TOPIC, WHAT_IF_ORDERS
 QUANTITIES = (
     "top_tension_n", "payload_tension_n", "payload_depth_m", "payload_speed_m_per_s",
@@ -67,8 +67,8 @@ def _encode_table(
     """Return a PointCloud2 of rows: values by column, the column name in at most 32 bytes."""
     points = np.zeros(len(rows), templates.point_type(templates.columns(" ".join(columns))))
     for name in columns:
-        own = [row.get(name, "" if name == "name" else math.nan) for row in rows]
-        points[name] = [one.encode() if isinstance(one, str) else one for one in own]
+        values = [row.get(name, "" if name == "name" else math.nan) for row in rows]
+        points[name] = [value.encode() if isinstance(value, str) else value for value in values]
     message: Any = templates.cloud(frame_id, len(rows), points.dtype)
     message.data = np.frombuffer(points.tobytes(), np.uint8)
     message.header.stamp = templates.time(stamp_ns)
@@ -93,9 +93,9 @@ def learned_words(row: dict[str, Any]) -> str:
 def estimate_status(
     words: str, trouble: str, rows: Sequence[dict[str, Any]], minutes: int, core_pct: float
 ) -> Status:
-    """Return the row on learning: WARN if it stands.
+    """Return the row on learning: WARN if it has stopped.
 
-    words: what it does at present; trouble: why it stands, or ""; rows: as for `encode_estimate`.
+    words: its present activity; trouble: why it has stopped, or ""; rows: as for `encode_estimate`.
     """
     values = {
         "minutes learned from": str(minutes),
@@ -176,13 +176,13 @@ def encode_alerts(stamp_ns: int, now_ns: int, alerts: Sequence[Alert]) -> bytes:
         now_ns: twin time, to which the times of the alerts refer.
         alerts: in the order to be shown; shelved ones at the end.
     """
-    rows = [_row(one, now_ns) for one in alerts]
+    rows = [_row(alert, now_ns) for alert in alerts]
     return encode_diagnostics(stamp_ns, rows)
 
 
 def _row(alert: Alert, now_ns: int) -> Status:
     """Return the row of an alert."""
-    quiet = alert.state in (State.RECTIFIED, State.NORMAL)
+    is_over = alert.state in (State.RECTIFIED, State.NORMAL)
     values = {
         "identifier": str(alert.identifier),
         "instance": str(alert.instance),
@@ -199,7 +199,7 @@ def _row(alert: Alert, now_ns: int) -> Status:
         "sounds": str(alert.sounds(now_ns)).lower(),
         "standing": str(alert.standing(now_ns)).lower(),
     }
-    level = Level.OK if quiet else _LEVELS[alert.priority]
+    level = Level.OK if is_over else _LEVELS[alert.priority]
     return Status(f"{alert.key} {alert.name}", level, alert.text, values)
 
 
@@ -216,20 +216,20 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
         InputError: the bytes are not such a message.
     """
     message = decode(ALERTS, data)
-    found, now_ns = [], 0
-    for one in message.status:
-        values = {pair.key: pair.value for pair in one.values}
+    alerts, now_ns = [], 0
+    for row in message.status:
+        values = {pair.key: pair.value for pair in row.values}
         try:
             now_ns = int(values["now [ns]"])
-            found.append(
+            alerts.append(
                 Alert(
                     identifier=int(values["identifier"]),
                     instance=int(values["instance"]),
-                    name=one.name.partition(" ")[2],
+                    name=row.name.partition(" ")[2],
                     priority=Priority[values["priority"].upper()],
                     category=values["category"],
                     state=State[values["state"].upper()],
-                    text=one.message,
+                    text=row.message,
                     since_ns=int(values["since [ns]"]),
                     changed_ns=int(values["changed [ns]"]),
                     revision=int(values["revision"]),
@@ -239,7 +239,7 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
                 )
             )
         except (KeyError, ValueError) as error:
-            problem = f"row '{one.name}' is no alert ({error})"
+            problem = f"row '{row.name}' is no alert ({error})"
             raise InputError(ALERTS, problem, "only the simulation publishes here") from None
     stamp = message.header.stamp
-    return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(found))
+    return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(alerts))

@@ -32,7 +32,7 @@ _QUANTITIES = {  # name, scale, unit and number format of what is measured
     "line_out_m": ("line out", 1.0, "m", ".2f"),
     "payload_depth_m": ("payload depth", 1.0, "m", ".2f"),
 }
-DOUBTFUL = 0.5  # below it a result supports no decision
+DOUBTFUL = 0.5  # below it a result must not be used for a decision
 QUALITY_COLUMNS = f"name index cause {' '.join(CAUSES)}"
 _ROUND_OFF = 1e-9
 
@@ -101,85 +101,93 @@ def residuals_status(residuals: Sequence[Residual]) -> Status:
     """Return the row on measured less computed values: WARN if one is outside for long."""
     values: dict[str, str] = {}
     outside: list[Residual] = []
-    for one in residuals:
-        what, scale, unit, form = _QUANTITIES[one.quantity]
-        label = f"{one.name}: {what}"
+    for residual in residuals:
+        quantity, scale, unit, form = _QUANTITIES[residual.quantity]
+        label = f"{residual.name}: {quantity}"
         values |= {
-            f"{label}, measured [{unit}]": f"{scale * one.measured:{form}}",
-            f"{label}, computed [{unit}]": f"{scale * one.computed:{form}}",
-            f"{label}, mean residual of 60 s [{unit}]": f"{scale * one.mean:{form}}",
-            f"{label}, RMS residual of 60 s [{unit}]": f"{scale * one.rms:{form}}",
+            f"{label}, measured [{unit}]": f"{scale * residual.measured:{form}}",
+            f"{label}, computed [{unit}]": f"{scale * residual.computed:{form}}",
+            f"{label}, mean residual of 60 s [{unit}]": f"{scale * residual.mean:{form}}",
+            f"{label}, RMS residual of 60 s [{unit}]": f"{scale * residual.rms:{form}}",
         }
-        if one.outside is not None:
-            values[f"{label}, outside its interval [%]"] = f"{100.0 * one.outside:.0f}"
-            if disagrees(one):
-                outside.append(one)
+        if residual.outside is not None:
+            values[f"{label}, outside its interval [%]"] = f"{100.0 * residual.outside:.0f}"
+            if disagrees(residual):
+                outside.append(residual)
     if outside:
-        words = "; ".join(residual_words(one) for one in outside)
+        words = "; ".join(residual_words(residual) for residual in outside)
         return Status("simulation: residuals", Level.WARN, words, values)
-    words = "; ".join(residual_words(one) for one in residuals)
+    words = "; ".join(residual_words(residual) for residual in residuals)
     return Status("simulation: residuals", Level.OK, words, values)
 
 
-def residual_words(one: Residual) -> str:
+def residual_words(residual: Residual) -> str:
     """Return a residual in words, with its interval and statistics."""
-    what, scale, unit, form = _QUANTITIES[one.quantity]
+    quantity, scale, unit, form = _QUANTITIES[residual.quantity]
     words = (
-        f"{what} of '{one.name}': measured {scale * one.measured:{form}} {unit}, computed "
-        f"{scale * one.computed:{form}} {unit}, mean residual {scale * one.mean:+{form}} {unit}"
+        f"{quantity} of '{residual.name}': measured {scale * residual.measured:{form}} {unit}, "
+        f"computed {scale * residual.computed:{form}} {unit}, mean residual "
+        f"{scale * residual.mean:+{form}} {unit}"
     )
-    if one.half_width is None or one.outside is None:
+    if residual.half_width is None or residual.outside is None:
         return f"{words}, interval unknown (give `measured` in the scene)"
-    alone = "" if one.twin is not None else " (of the instrument alone)"
-    share = f"{100.0 * one.outside:.0f} % outside ±{scale * one.half_width:{form}} {unit}"
-    return f"{words}, {share}{alone}"
+    scope = "" if residual.twin is not None else " (of the instrument alone)"
+    coverage = (
+        f"{100.0 * residual.outside:.0f} % outside ±{scale * residual.half_width:{form}} {unit}"
+    )
+    return f"{words}, {coverage}{scope}"
 
 
 def quality_rows(snapshot: Snapshot) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of `twin/quality`; cause: its number in CAUSES, NaN: unknown."""
-    for one in snapshot.quality:
-        yield one.element, one.index, CAUSES.index(one.cause), *map(or_nan, one.components)
+    for quality in snapshot.quality:
+        yield (
+            quality.element,
+            quality.index,
+            CAUSES.index(quality.cause),
+            *map(or_nan, quality.components),
+        )
 
 
 def quality_status(elements: Sequence[Quality]) -> Status:
     """Return the row on the lowest index: OK from UNPROVEN, ERROR below DOUBTFUL."""
     values: dict[str, str] = {}
-    for one in elements:
-        label = one.element.replace("_", " ")
-        values[f"{label}: index"] = f"{one.index:.3f}"
-        values[f"{label}: reason"] = f"{one.cause}: {one.reason}" if one.reason else ""
+    for element in elements:
+        label = element.element.replace("_", " ")
+        values[f"{label}: index"] = f"{element.index:.3f}"
+        values[f"{label}: reason"] = f"{element.cause}: {element.reason}" if element.reason else ""
         values |= {
             f"{label}: {cause}": "unknown" if value is None else f"{value:.3f}"
-            for cause, value in zip(CAUSES, one.components, strict=True)
+            for cause, value in zip(CAUSES, element.components, strict=True)
         }
-    worst = min(elements, key=lambda one: one.index)
+    worst = min(elements, key=lambda element: element.index)
     level = Level.OK if worst.index >= UNPROVEN - _ROUND_OFF else Level.WARN
     level = Level.ERROR if worst.index < DOUBTFUL - _ROUND_OFF else level
     return Status("simulation: quality", level, quality_words(worst), values)
 
 
-def quality_words(one: Quality) -> str:
+def quality_words(quality: Quality) -> str:
     """Return the lowest index in words, in tenths as it rises, with its reason."""
-    tenths = math.floor(10.0 * one.index + 10.0 * _ROUND_OFF) / 10.0
-    words = f"lowest index {tenths:.1f} ({one.element.replace('_', ' ')})"
-    how = "rising after" if is_rising(one) else "limited by"
-    return f"{words}, {how} {one.cause}: {one.reason}" if one.reason else words
+    tenths = math.floor(10.0 * quality.index + 10.0 * _ROUND_OFF) / 10.0
+    words = f"lowest index {tenths:.1f} ({quality.element.replace('_', ' ')})"
+    relation = "rising after" if is_rising(quality) else "limited by"
+    return f"{words}, {relation} {quality.cause}: {quality.reason}" if quality.reason else words
 
 
-def is_rising(one: Quality) -> bool:
+def is_rising(quality: Quality) -> bool:
     """Return whether the index is below all that limits it now, after a fall."""
-    parts = dict(zip(CAUSES, one.components, strict=True))
-    limits = [value for value in one.components if value is not None]
-    unproven = parts[RESIDUAL] is None or parts[DISCRETISATION] is None
-    return one.index < min([*limits, UNPROVEN if unproven else 1.0]) - _ROUND_OFF
+    components = dict(zip(CAUSES, quality.components, strict=True))
+    limits = [value for value in quality.components if value is not None]
+    unproven = components[RESIDUAL] is None or components[DISCRETISATION] is None
+    return quality.index < min([*limits, UNPROVEN if unproven else 1.0]) - _ROUND_OFF
 
 
 def lowest_words(elements: Sequence[dict[str, Any]]) -> str:
     """Return the lowest index of a run, from the fields of each Quality, and the present one."""
-    worst = min(elements, key=lambda one: float(one["lowest"]))
-    now = min(float(one["index"]) for one in elements)
+    worst = min(elements, key=lambda element: float(element["lowest"]))
+    present = min(float(element["index"]) for element in elements)
     name = worst["element"].replace("_", " ")
-    words = f"quality index: {now:.2f} now, lowest {worst['lowest']:.2f} ({name}"
+    words = f"quality index: {present:.2f} now, lowest {worst['lowest']:.2f} ({name}"
     if worst["lowest_at_s"] > 0.0:
         words += f" at {worst['lowest_at_s']:.1f} s"
     return f"{words}): {worst['lowest_reason']}" if worst["lowest_reason"] else f"{words})"

@@ -69,23 +69,25 @@ def colour(rgb: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Any:
     return new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=1.0)
 
 
-def odometry(frame_id: str, child_frame_id: str, known: Sequence[int] | None = range(6)) -> Any:
-    """Return an Odometry; `known`: the axes (x, y, z, roll, pitch, yaw) that the message states.
+def odometry(
+    frame_id: str, child_frame_id: str, known_axes: Sequence[int] | None = range(6)
+) -> Any:
+    """Return an Odometry; `known_axes`: those of x, y, z, roll, pitch, yaw that the message states.
 
     Variances are those of a computed value, and UNKNOWN_VARIANCE in the axes that are not stated.
     None: the covariance is unknown, which is zero by the convention of ROS.
     """
     variances = np.zeros(6)
-    if known is not None:
+    if known_axes is not None:
         variances[:] = UNKNOWN_VARIANCE
-        variances[list(known)] = KNOWN_VARIANCE
-    both = [np.diag(variances).ravel() for _ in range(2)]
+        variances[list(known_axes)] = KNOWN_VARIANCE
+    covariances = [np.diag(variances).ravel() for _ in range(2)]
     return new(
         "nav_msgs/msg/Odometry",
         header=header(frame_id),
         child_frame_id=child_frame_id,
-        pose=new("geometry_msgs/msg/PoseWithCovariance", covariance=both[0]),
-        twist=new("geometry_msgs/msg/TwistWithCovariance", covariance=both[1]),
+        pose=new("geometry_msgs/msg/PoseWithCovariance", covariance=covariances[0]),
+        twist=new("geometry_msgs/msg/TwistWithCovariance", covariance=covariances[1]),
     )
 
 
@@ -110,7 +112,7 @@ def free_bodies(frame_id: str, names: Sequence[str]) -> Any:
 @cache
 def columns(names: str, kind: str = "<f8") -> Columns:
     """Return columns of one type of number; a column `name` is text."""
-    return tuple((one, NAME_TYPE if one == "name" else kind) for one in names.split())
+    return tuple((name, NAME_TYPE if name == "name" else kind) for name in names.split())
 
 
 @cache
@@ -187,7 +189,7 @@ def read_cloud(message: Any) -> NDArray[Any]:
 class CloudReader:
     """Reads the points of a topic's messages, of which it decodes the description only once.
 
-    A description changes when rows or columns do; until then the points lie at the same place.
+    A description changes when rows or columns do; until then the points have the same offset.
     """
 
     def __init__(self, topic: str) -> None:
@@ -223,9 +225,9 @@ class CloudReader:
 
     def _begin(self, data: bytes, points: bytes) -> int:
         """Return where the points begin; 0: not found, or there are none."""
-        last = len(data) - len(points) - 1  # is_dense follows, and up to 3 bytes of padding
-        places = range(last, last - 4, -1) if points else ()
-        return next((at for at in places if data[at : at + len(points)] == points), 0)
+        latest = len(data) - len(points) - 1  # is_dense follows, and up to 3 bytes of padding
+        starts = range(latest, latest - 4, -1) if points else ()
+        return next((start for start in starts if data[start : start + len(points)] == points), 0)
 
 
 def rope_markers(
@@ -306,11 +308,11 @@ def tension_colours(tension_n: NDArray[np.float64], scale_n: float) -> NDArray[n
 
 def scale_above(peak_n: float) -> float:
     """Return the upper end of a colour scale: round, and at least 10 % above the peak tension."""
-    wanted = max(1.1 * peak_n, 10.0 * SLACK_BELOW_N)
-    if not math.isfinite(wanted):
+    least_n = max(1.1 * peak_n, 10.0 * SLACK_BELOW_N)
+    if not math.isfinite(least_n):
         raise ValueError(f"no colour scale reaches {peak_n} N")
-    decade = 10.0 ** math.floor(math.log10(wanted))
-    return next(step * decade for step in (*_ROUND, 100.0) if step * decade >= wanted)
+    decade = 10.0 ** math.floor(math.log10(least_n))
+    return next(step * decade for step in (*_ROUND, 100.0) if step * decade >= least_n)
 
 
 class RopeMarkers:
@@ -350,12 +352,12 @@ class RopeMarkers:
         return self._template(snapshot, len(tension)).fill(values)
 
     def _template(self, snapshot: Snapshot, count: int) -> Template:
-        """Return the template for this number of elements, which the winch changes, from one of
-        one.
+        """Return the template for this number of elements, which the winch changes, stretched from
+        one element.
         """
         scale_n = self._scale_n
         words = f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"  # meaning of the colours
-        further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
+        further, bars = tuple(payload.name for payload in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         form = self._sized.get(
             "ropes/markers of one element",

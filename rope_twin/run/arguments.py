@@ -90,7 +90,11 @@ def add_json(parser: argparse._ActionsContainer) -> None:
 
 def leaf_parsers(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
     """Yield the parsers of all commands that can be run, depth first."""
-    nested = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
+    nested = [
+        action_group
+        for action_group in parser._actions
+        if isinstance(action_group, argparse._SubParsersAction)
+    ]
     if not nested:
         yield parser
     for action in nested:

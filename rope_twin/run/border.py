@@ -138,11 +138,11 @@ class InputBorder:
             lambda order, winch: inputs.offer_command(None, order, winch),
             now_s,
         )
-        # is given each measurement that could be decoded, in twin time, or None if nobody listens
+        # called with each measurement that could be decoded, in twin time; None: no listener
         self.listener: Callable[[Measurement], None] | None = None
-        # likewise stamp [ns] and height [m] of each sample of motion
+        # called with stamp [ns] and height [m] of each sample of motion
         self.motion_listener: Callable[[int, float], None] | None = None
-        # is given all winches whose stop is latched, at each new one, or None if nobody listens
+        # called with all winches whose stop is latched, at each new one; None: no listener
         self.latch_listener: Callable[[set[str]], None] | None = None
         self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
@@ -182,8 +182,8 @@ class InputBorder:
         """Accept or reject a lower_end/odometry message."""
         content = self._read(LOWER_END, lambda: read_lower_end(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, place, velocity = content
-            self._inputs.offer_lower_end(stamp_ns - epoch_ns, place, velocity)
+            stamp_ns, position_m, velocity_m_per_s = content
+            self._inputs.offer_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
     def take_order(self, topic: str, data: bytes, sender: str) -> None:
@@ -302,7 +302,7 @@ class InputBorder:
     def take_forecast(self, data: bytes) -> list[dict[str, float]]:
         """Accept or reject a message on FORECAST_RISK; return its risks, none if it is rejected.
 
-        Each of its rows says how the last forecasts turned out.
+        Each of its rows has the verification of the last forecasts.
         """
         rows = self._read(FORECAST_RISK, lambda: read_risks(data)) or []
         if rows and self._epoch() is not None:
@@ -324,8 +324,8 @@ class InputBorder:
     @property
     def mixed(self) -> str:
         """Return in words which inputs several senders sent in turn; "": none."""
-        names = [name for name, one in self._senders.items() if one.mixed]
-        names += sorted({key[0] for key, one in self._sensors.items() if one.mixed})
+        names = [name for name, motion_sender in self._senders.items() if motion_sender.mixed]
+        names += sorted({key[0] for key, sensor in self._sensors.items() if sensor.mixed})
         return f"{', '.join(names)}: several senders, one of them used" if names else ""
 
     def _read(self, topic: str, read: Callable[[], Content]) -> Content | None:
@@ -341,7 +341,7 @@ class InputBorder:
             return None
 
     def _remark(self, note: str, now_s: float) -> None:
-        """Tell the twin's quality index of inputs that do not reach it; call it under the lock."""
+        """Report rejected inputs to the quality index of the twin; call with the lock held."""
         if self.epoch_ns is not None and now_s - self._remarked_s >= REMARK_S:
             self._remarked_s = now_s
             self._inputs.take_remark(note.removesuffix("."))
@@ -386,7 +386,9 @@ def _messages_row(
     values["ignored while not active"] = str(ignored)
     if latched:
         return Status(MESSAGES_ROW, Level.WARN, _latched_words(latched), values)
-    recent = {topic: count for topic, one in malformed.items() if (count := one.recent(now_s))}
+    recent = {
+        topic: count for topic, refusals in malformed.items() if (count := refusals.recent(now_s))
+    }
     if not recent:
         total = sum(refused.count for refused in malformed.values())
         words = "all messages well formed"
@@ -400,8 +402,10 @@ def _messages_row(
 
 def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:
     """Return the row on second senders of the ship motion and of measured quantities."""
-    values = {f"{topic}: of others": str(one.count) for topic, one in strangers.items()}
-    notes = {topic: one.note for topic, one in strangers.items() if one.recent(now_s)}
+    values = {f"{topic}: of others": str(refusals.count) for topic, refusals in strangers.items()}
+    notes = {
+        topic: refusals.note for topic, refusals in strangers.items() if refusals.recent(now_s)
+    }
     if notes:
         level = Level.ERROR if any(topic in MOTION_TOPICS for topic in notes) else Level.WARN
         return Status(SENDERS_ROW, level, " ".join(notes.values()), values)

@@ -58,7 +58,7 @@ class RunOptions:
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
     budget_pct: float | None = None  # of one core, if --budget asked
-    calibrated_pct: float | None = None  # what of it was measured for them, before the run
+    calibrated_pct: float | None = None  # share of it measured before the run
     cut: str = ""  # PLACE@SECONDS, checked; empty: no cut
     error_interval: bool = False  # discretisation-error interval on top tension
     ahead: bool = False  # forecast the next minute, every second
@@ -66,7 +66,7 @@ class RunOptions:
     network: bool = False  # reachable from other machines
     watch: MonitorSettings | None = None  # vibration and fatigue to report
     learn: bool = False  # learn the lift from its measured tension
-    apply_learned: bool = False  # and take the figures over by itself
+    apply_learned: bool = False  # and apply the learned figures automatically
     allow_overload: bool = False  # exit code 0 even if a limit was exceeded
     console: str = ""  # HOST:PORT of the operator console; empty: none
     control: bool = False  # whether its pages may command winches, with the token
@@ -74,8 +74,8 @@ class RunOptions:
     @property
     def failure_folder(self) -> Path:
         """Return the folder for the state at which the solver failed: that of the outputs."""
-        made = self.record or self.save
-        return Path.cwd() if made is None else made.parent
+        output = self.record or self.save
+        return Path.cwd() if output is None else output.parent
 
     @property
     def monitors(self) -> Monitors:
@@ -114,15 +114,15 @@ class RunOptions:
 
     @property
     def announcement(self) -> str:
-        """Return in words what is recorded and shown where, and what comes first."""
-        parts = [f"recording to {self.record}" if self.record else "not recording"]
+        """Return the text on where the run is recorded and shown, printed before it starts."""
+        sentences = [f"recording to {self.record}" if self.record else "not recording"]
         if self.view and not has_rerun():
-            parts.append("no view: rerun is missing, install it with pip install '.[viz]'")
+            sentences.append("no view: rerun is missing, install it with pip install '.[viz]'")
         elif self.screen:
-            parts.append("showing in a rerun window")
+            sentences.append("showing in a rerun window")
         elif self.view_file:
-            parts.append(f"no window, view written to {self.view_file}")
-        words = "; ".join(parts) + "; stop with Ctrl-C"
+            sentences.append(f"no window, view written to {self.view_file}")
+        words = "; ".join(sentences) + "; stop with Ctrl-C"
         return f"{words}\nbuilding the twin (the first run compiles it, which takes a while)"
 
 
@@ -285,41 +285,45 @@ def read_options(args: argparse.Namespace) -> RunOptions:
            f"it must be 0 (as fast as possible) or {SPEED_LOW:g} to {SPEED_HIGH:g}")  # fmt: skip
     _check("--sea-offset", args.sea_offset, args.sea_offset >= 0.0,
            "it must be a time of at least 0 s")  # fmt: skip
-    alone, no_ros = args.speed == 0.0, "--speed 0 runs without ROS"
-    for broken, option, what, right in (
-        (alone and args.duration is None, "--speed 0", "the run would never end",
+    unpaced, no_ros = args.speed == 0.0, "--speed 0 runs without ROS"
+    for is_wrong, option, problem, remedy in (
+        (unpaced and args.duration is None, "--speed 0", "the run would never end",
          "give a --duration too"),
-        (alone and args.processes, "--processes", no_ros, "leave one out"),
-        (args.measured and not alone, "--measured", "a paced run takes it from topics",
+        (unpaced and args.processes, "--processes", no_ros, "leave one out"),
+        (args.measured and not unpaced, "--measured", "a paced run takes it from topics",
          "give --speed 0 too, or play the bag with `ros2 bag play`"),
         (args.follow_measured and not args.measured, "--follow-measured", "nothing is measured",
          "name a recording with --measured, or set the node's parameter follow_measured"),
-        (alone and args.console, "--console", no_ros, "leave one out"),
+        (unpaced and args.console, "--console", no_ros, "leave one out"),
         (args.control and not args.console, "--control", "there is no console",
          "give --console too"),
-        (alone and args.learn, "--learn", f"{no_ros}, so no measured tension comes in",
+        (unpaced and args.learn, "--learn", f"{no_ros}, so no measured tension comes in",
          "learn from a bag with `rope_twin learn`"),
         (args.apply_learned and not args.learn, "--apply-learned", "nothing is learned",
          "give --learn too"),
-        (alone and args.ahead, "--ahead", no_ros, "forecast its bag: `rope_twin ahead BAG`"),
+        (unpaced and args.ahead, "--ahead", no_ros, "forecast its bag: `rope_twin ahead BAG`"),
     ):  # fmt: skip
-        if broken:
-            raise InputError(option, what, right)
+        if is_wrong:
+            raise InputError(option, problem, remedy)
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
-    begin = None
+    start = None
     if args.from_state is not None:
         from rope_twin.twin.state import load_state  # brings the compiler
 
-        begin = load_state(args.from_state).about
-    begins_s = begin.time_s if begin else 0.0
+        start = load_state(args.from_state).about
+    begins_s = start.time_s if start else 0.0
     end_s = None if args.duration is None else begins_s + args.duration
     cut = _read_cut(args.cut, begins_s, end_s)
-    scene = args.scene or (_scene_of(begin) if begin else "deep_lift")
+    scene = args.scene or (_scene_of(start) if start else "deep_lift")
     # a path as absolute, since other processes may run elsewhere
     args.scene = str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
-    given = {one.name: getattr(args, one.name) for one in fields(RunOptions) if one.name in args}
-    own: dict[str, Any] = {
+    parsed = {
+        option_field.name: getattr(args, option_field.name)
+        for option_field in fields(RunOptions)
+        if option_field.name in args
+    }
+    derived: dict[str, Any] = {
         "end_s": end_s,
         "sea_offset_s": args.sea_offset,
         "record": _record_directory(args),
@@ -329,11 +333,11 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         "cut": cut,
         "watch": MonitorSettings(args.vibration, args.fatigue) or None,
     }
-    return RunOptions(**given | own)
+    return RunOptions(**parsed | derived)
 
 
 def check_against_scene(options: RunOptions, scene: Scene) -> str:
-    """Return a sentence on when the run really ends, if not when it was asked to, or "".
+    """Return a sentence on the end of the run if it differs from the requested one, or "".
 
     A run ends with the slot that reaches its last step, paced or not.
 
@@ -354,13 +358,13 @@ def check_against_scene(options: RunOptions, scene: Scene) -> str:
     if left_s < step_s * (1.0 - STEP_TOL):
         problem = f"the run would be shorter than one time step of {step_s:g} s"
         raise InputError(where, problem, f"give at least {step_s:.9g} s")
-    steps, together = round(left_s / step_s), steps_in_slot(step_s)
-    end_s = options.begins_s + math.ceil(steps / together) * together * step_s
+    steps, steps_per_slot = round(left_s / step_s), steps_in_slot(step_s)
+    end_s = options.begins_s + math.ceil(steps / steps_per_slot) * steps_per_slot * step_s
     if abs(end_s - options.end_s) <= STEP_TOL * step_s:
         return ""
     problem = f"it is not a whole number of time steps of {step_s:g} s"
     if abs(steps * step_s - left_s) <= STEP_TOL * step_s:
-        problem = f"time steps of {step_s:g} s are taken {together} at a time"
+        problem = f"time steps of {step_s:g} s are taken {steps_per_slot} at a time"
     return phrase(where, problem, f"the run ends at {end_s:.9g} s")
 
 
@@ -386,16 +390,16 @@ def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
 
 def _without_units(cut: str) -> str:
     """Return `1500.0@120.0` for `1.5km@2min`; what is not a quantity is left to `read_plan`."""
-    start, colon, rest = cut.rpartition(":")
-    words = rest.split("@", 1)
-    for number, (word, unit) in enumerate(zip(words, ("m", "s"), strict=False)):
+    start, colon, cut_point = cut.rpartition(":")
+    values = cut_point.split("@", 1)
+    for number, (word, unit) in enumerate(zip(values, ("m", "s"), strict=False)):
         with suppress(ValueError):
-            words[number] = f"{read_quantity(word, unit):.15g}"
-    return start + colon + "@".join(words)
+            values[number] = f"{read_quantity(word, unit):.15g}"
+    return start + colon + "@".join(values)
 
 
-def _check(option: str, value: object, holds: bool, remedy: str) -> None:
-    if not holds:
+def _check(option: str, value: object, is_valid: bool, remedy: str) -> None:
+    if not is_valid:
         raise InputError(option, f"{value} is not possible", remedy)
 
 

@@ -71,7 +71,9 @@ class CommandSeat:
         self._reserved_until_s = 0.0
         self._lost = ""  # how the last commander was lost, until another one commands
         self._yielded = ""
-        self._awaited_ns: int | None = None  # since when a commander of before a restart is awaited
+        self._awaited_ns: int | None = (
+            None  # since when the commander from before a restart is awaited
+        )
         self._commanded_s = 0.0  # arrival time of the last command
         self._newest_ns = 0  # simulation time up to which the winch was commanded
         self._streak = 0  # consecutive commands of a stream
@@ -84,10 +86,10 @@ class CommandSeat:
 
     def rank(self, name: str) -> int:
         """Return the position of a node in the priority list, 0 being the highest."""
-        own = name.rpartition("/")[2]
-        for one in (name, own, ANY):
-            if one in self._names:
-                return self._names.index(one)
+        short_name = name.rpartition("/")[2]
+        for candidate in (name, short_name, ANY):
+            if candidate in self._names:
+                return self._names.index(candidate)
         return len(self._names)
 
     def judge(self, sender: str, order: WinchCommand, now_s: float) -> Verdict:
@@ -189,10 +191,10 @@ class CommandSeat:
             self._silent = True
             return ()
         # a publisher whose node is not known yet, by a name with a space, may be any node's
-        named = (one for one in present if " " not in one)
-        above = sorted(one for one in named if self.rank(one) < self.rank(self.holder))
-        if above:
-            self._yielded = above[0]
+        known_nodes = (node for node in present if " " not in node)
+        higher = sorted(node for node in known_nodes if self.rank(node) < self.rank(self.holder))
+        if higher:
+            self._yielded = higher[0]
             return ()
         return self._lose("stopped sending", now_ns)
 
@@ -213,9 +215,9 @@ class CommandSeat:
         self.holder = "the commander of before the restart"
         return self._lose("has not come back", now_ns)
 
-    def _lose(self, how: str, now_ns: int) -> tuple[str, ...]:
+    def _lose(self, reason: str, now_ns: int) -> tuple[str, ...]:
         at_s = now_ns * 1e-9
-        self._lost = f"{self.holder} {how} at {at_s:.1f} s: {self._when_lost.replace('_', ' ')}"
+        self._lost = f"{self.holder} {reason} at {at_s:.1f} s: {self._when_lost.replace('_', ' ')}"
         self.holder = ""
         return () if self._stands else (COMMANDER_LOST,)
 
@@ -311,8 +313,8 @@ class Seats:
         if command.sender == seat.holder:
             seat.note(command.command, command.stamp_ns, now_ns, now_s)
         is_stop = command.command.kind == EMERGENCY_STOP
-        ahead = command.stamp_ns is not None and command.stamp_ns > now_ns
-        if is_stop and ahead and not self.plans(command.sender):
+        is_ahead = command.stamp_ns is not None and command.stamp_ns > now_ns
+        if is_stop and is_ahead and not self.plans(command.sender):
             return command._replace(stamp_ns=None)
         return command
 
@@ -332,31 +334,31 @@ class Seats:
 
     def permit(self, winch: str, kind: str) -> str:
         """Accept ("") or reject (why) a switch of a winch that comes by a service."""
-        needed = SWITCHES[kind]
-        if getattr(self._winches[winch], needed) is None:
-            problem = f"'{kind}', but it has no {needed.replace('_', ' ')}"
-            return phrase(f"winch {winch}", problem, f"add `{needed}` to it in the scene")
+        component = SWITCHES[kind]
+        if getattr(self._winches[winch], component) is None:
+            problem = f"'{kind}', but it has no {component.replace('_', ' ')}"
+            return phrase(f"winch {winch}", problem, f"add `{component}` to it in the scene")
         return self._by_winch[winch].permit(kind, self._now_s())
 
     def resume(self, now_ns: int, winches: Sequence[WinchShot] = ()) -> None:
         """Start, or continue after a pause; winches: as they run then."""
         for seat in self._by_winch.values():
             seat.resume(now_ns)
-        for one in winches:
-            is_commanded = self._winches[one.name].follows == FOLLOWS_COMMANDS
-            if is_commanded and one.mode == SPEED and one.target != 0.0:
-                self._by_winch[one.name].await_former(now_ns)
+        for winch in winches:
+            is_commanded = self._winches[winch.name].follows == FOLLOWS_COMMANDS
+            if is_commanded and winch.mode == SPEED and winch.target != 0.0:
+                self._by_winch[winch.name].await_former(now_ns)
 
     def look(self, present: set[str], now_ns: int) -> list[str]:
         """Check whether the commanders are still present; return a sentence for each lost one."""
-        found = []
+        sentences = []
         for name, seat in self._by_winch.items():
-            held, now_s = seat.watched, self._now_s()
+            was_watched, now_s = seat.watched, self._now_s()
             for kind in seat.look(present, now_ns, now_s):
                 self._order(WinchCommand(kind), name)
-            if held and not seat.watched:
-                found.append(f"winch {name}: {seat.row(now_s).message}")
-        return found
+            if was_watched and not seat.watched:
+                sentences.append(f"winch {name}: {seat.row(now_s).message}")
+        return sentences
 
     def ask(self, winch: str) -> tuple[bool, str]:
         """Reserve a seat for the next commander; return success and text."""

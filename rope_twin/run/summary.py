@@ -157,13 +157,13 @@ class RunSummary:
         """
         hints = typing.get_type_hints(cls)
         try:
-            known = {name: json.loads(values[name]) for name in hints}
-            known["effects"] = tuple(known["effects"])
-            if not all(_is_a(known[name], hint) for name, hint in hints.items()):
+            decoded = {name: json.loads(values[name]) for name in hints}
+            decoded["effects"] = tuple(decoded["effects"])
+            if not all(_is_a(decoded[name], hint) for name, hint in hints.items()):
                 return None
-            summary = cls(**known)
-            for words in (summary.as_text, summary.as_progress, summary.as_json):
-                words()
+            summary = cls(**decoded)
+            for render in (summary.as_text, summary.as_progress, summary.as_json):
+                render()
         except Exception:  # whatever printing something else raises
             return None
         return summary
@@ -171,14 +171,17 @@ class RunSummary:
     def as_text(self) -> str:
         """Return a few lines of text."""
         elements = sum(rope["elements"] for rope in self.ropes) or self.elements
-        of = f" of {self.ropes[0]['name']}" if self.ropes else ""
+        rope_label = f" of {self.ropes[0]['name']}" if self.ropes else ""
         lines = [
             f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s, "
             f"{counted(elements, 'element')}; effects: {', '.join(self.effects)}",
-            f"top tension{of}: min. {_kn(self.tension_top_min_n)}, "
+            f"top tension{rope_label}: min. {_kn(self.tension_top_min_n)}, "
             f"max. {_kn(self.tension_top_max_n)}, mean {_kn(self.tension_top_mean_n)}",
             *self._strength_words(),
-            *(f"limit violated: {breach_words(LimitBreach(**one))}" for one in self.limits_broken),
+            *(
+                f"limit violated: {breach_words(LimitBreach(**breach))}"
+                for breach in self.limits_broken
+            ),
             *self._shape_words(),
             self._error_words(),
             *self._end_words(),
@@ -196,11 +199,13 @@ class RunSummary:
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
         names = [field.name for field in fields(Residual)]
-        residuals = (Residual(**{name: one[name] for name in names}) for one in self.residuals)
-        lines += [residual_words(one) for one in residuals]
+        residuals = (
+            Residual(**{name: residual[name] for name in names}) for residual in self.residuals
+        )
+        lines += [residual_words(residual) for residual in residuals]
         lines += [lowest_words(self.quality)] if self.quality else []
-        lines += [learned_words(one) for one in self.learned]
-        lines += [alarm_words(one) for one in self.alarms]
+        lines += [learned_words(figure) for figure in self.learned]
+        lines += [alarm_words(alarm) for alarm in self.alarms]
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
         lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
@@ -211,34 +216,34 @@ class RunSummary:
     def _strength_words(self) -> list[str]:
         """Return the highest utilisation of a rope, and all beyond the MBL."""
         names = [field.name for field in fields(RopeStrength)]
-        ropes = [RopeStrength(**{name: one[name] for name in names}) for one in self.strength]
-        ropes.sort(key=lambda one: -one.utilisation)
-        reported = [one for n, one in enumerate(ropes) if n == 0 or one.utilisation >= 1.0]
-        return [strength_words(one, len(ropes) > 1) for one in reported]
+        ropes = [RopeStrength(**{name: rope[name] for name in names}) for rope in self.strength]
+        ropes.sort(key=lambda rope: -rope.utilisation)
+        reported = [rope for n, rope in enumerate(ropes) if n == 0 or rope.utilisation >= 1.0]
+        return [strength_words(rope, len(ropes) > 1) for rope in reported]
 
     def _shape_words(self) -> list[str]:
         """Return the landings, the touchdown points at the end, and the smallest bend radii."""
-        places = [Touchdown(**one) for one in self.touchdowns]
-        bends = [Bend(**one | {"radius_m": one["radius_m"] or math.inf}) for one in self.bends]
-        words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
+        touchdowns = [Touchdown(**touchdown) for touchdown in self.touchdowns]
+        bends = [Bend(**bend | {"radius_m": bend["radius_m"] or math.inf}) for bend in self.bends]
+        lines = [touchdown_words(touchdown, len(self.ropes) > 1) for touchdown in touchdowns]
         if self.landings is not None:
-            words.insert(0, landing_words(Landings(**self.landings)))
-        words += bends_in_words(bends) if bends else []
-        named = len(self.bends) > 1
-        return words + [
-            f"at the end, {compressed_words(length_m, rope if named else '')}"
+            lines.insert(0, landing_words(Landings(**self.landings)))
+        lines += bends_in_words(bends) if bends else []
+        several = len(self.bends) > 1
+        return lines + [
+            f"at the end, {compressed_words(length_m, rope if several else '')}"
             for rope, length_m in self.compressed.items()
         ]
 
     def _pace_words(self) -> list[str]:
         """Return real-time factor, missed deadlines and CPU usage."""
-        fast = f"real-time factor: {_times(self.real_time_factor)} (solver only)"
+        real_time = f"real-time factor: {_times(self.real_time_factor)} (solver only)"
         if self.paced_real_time_factor is not None:
-            fast += f", {_times(self.paced_real_time_factor)} (in real-time cycle)"
-        late = counted(self.late_steps, "missed deadline")
+            real_time += f", {_times(self.paced_real_time_factor)} (in real-time cycle)"
+        deadlines = counted(self.late_steps, "missed deadline")
         if self.late_steps:
-            late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms late)"
-        lines = [fast, late]
+            deadlines += f" (worst {self.worst_lateness_s * 1e3:.1f} ms late)"
+        lines = [real_time, deadlines]
         if self.core_share is not None:
             lines.append(CpuUsage(**self.core_share).words())  # type: ignore[arg-type]
         if self.rung_changes:
@@ -249,10 +254,10 @@ class RunSummary:
         """Return energy balance and error interval, where enabled."""
         lines = []
         if self.energy is not None:
-            numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
+            residual_j, residual_pct = self.energy["residual_j"], self.energy["residual_pct"]
             lines.append(
                 f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
-                f"{numerical:.3g} J ({part:.2g} %; positive: numerical dissipation)"
+                f"{residual_j:.3g} J ({residual_pct:.2g} %; positive: numerical dissipation)"
             )
         if self.error_interval is not None:
             lines.append(
@@ -267,37 +272,39 @@ class RunSummary:
     def _missing_words(self) -> str:
         if not self.not_recorded:
             return ""
-        why = "" if self.not_kept else " (CPU overload)"
-        return f"; {counted(self.not_recorded, 'message')} missing{why}"
+        cause = "" if self.not_kept else " (CPU overload)"
+        return f"; {counted(self.not_recorded, 'message')} missing{cause}"
 
     def _end_words(self) -> list[str]:
         """Return the final state: line out and depth, or each rope and payload of several."""
         if not self.ropes:
             depth = f"{self.lower_end} at {self.payload_depth_m:.1f} m depth"
             return [f"line out {self.line_out_m:.1f} m, {depth}"]
-        words = [
+        lines = [
             f"rope {rope['name']}: {rope['length_m']:.1f} m, "
             f"{counted(rope['elements'], 'element')}, "
             f"upper-end tension {_kn(float(rope['tension_top_n']))}"
             for rope in self.ropes
         ]
-        loads = [f"{one['name']} at {one['depth_m']:.1f} m depth" for one in self.payloads]
-        return [*words, ", ".join(loads)] if loads else words
+        loads = [
+            f"{payload['name']} at {payload['depth_m']:.1f} m depth" for payload in self.payloads
+        ]
+        return [*lines, ", ".join(loads)] if loads else lines
 
     def _error_words(self) -> str:
-        by = self.tension_top_error_reason
+        reason = self.tension_top_error_reason
         if self.tension_top_error_pct is None:
-            return f"top-tension error {by}"
+            return f"top-tension error {reason}"
         rms, peak = (
-            "unknown" if one is None else f"{format_bound(one)} %"
-            for one in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
+            "unknown" if bound_pct is None else f"{format_bound(bound_pct)} %"
+            for bound_pct in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
         )
-        return f"top-tension error: {rms} RMS, {peak} peak, {by}"
+        return f"top-tension error: {rms} RMS, {peak} peak, {reason}"
 
     def as_progress(self) -> str:
         """Return a progress line; the most important values are within 80 columns."""
-        known = self.tension_top_error_pct
-        error = "unknown" if known is None else f"≤ {format_bound(known)} %"
+        error_pct = self.tension_top_error_pct
+        error = "unknown" if error_pct is None else f"≤ {format_bound(error_pct)} %"
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
             f"top tension {_kn(self.tension_top_now_n)}, max. {_kn(self.tension_top_max_n)}  "
@@ -315,9 +322,9 @@ def _is_a(value: Any, hint: Any) -> bool:
     if hint is Any:
         return True
     if origin is tuple:
-        return isinstance(value, tuple) and all(_is_a(one, kinds[0]) for one in value)
+        return isinstance(value, tuple) and all(_is_a(item, kinds[0]) for item in value)
     if origin is list:
-        return isinstance(value, list) and all(_is_a(one, kinds[0]) for one in value)
+        return isinstance(value, list) and all(_is_a(item, kinds[0]) for item in value)
     if hint is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
     if hint is int:
@@ -343,7 +350,10 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
     return RunSummary(
         scene=twin.scene.name,
         effects=tuple(
-            own.name for one in twin.scene.effects for own in EFFECTS if isinstance(one, own.params)
+            effect.name
+            for params in twin.scene.effects
+            for effect in EFFECTS
+            if isinstance(params, effect.params)
         ),
         elements=len(snapshot.element_tension_n),
         step_s=twin.step_s,
@@ -373,18 +383,19 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
             for rope in snapshot.ropes
         ],
         payloads=[
-            {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
+            {"name": payload.name, "depth_m": -float(payload.position_m[2])}
+            for payload in snapshot.payloads
         ],
-        strength=[asdict(one) | {"utilisation": one.utilisation} for one in snapshot.strength],
-        limits_broken=[asdict(one) for one in snapshot.breaches],
-        touchdowns=[asdict(one) for one in snapshot.touchdowns],
+        strength=[asdict(rope) | {"utilisation": rope.utilisation} for rope in snapshot.strength],
+        limits_broken=[asdict(breach) for breach in snapshot.breaches],
+        touchdowns=[asdict(touchdown) for touchdown in snapshot.touchdowns],
         landings=None if snapshot.landings is None else asdict(snapshot.landings),
         bends=[  # JSON has no infinity
-            asdict(one) | {"radius_m": None if math.isinf(one.radius_m) else one.radius_m}
-            for one in (rope.tightest for rope in snapshot.bends)
+            asdict(bend) | {"radius_m": None if math.isinf(bend.radius_m) else bend.radius_m}
+            for bend in (rope.tightest for rope in snapshot.bends)
         ],
         compressed={
-            one.now.name: one.compressed_m for one in snapshot.bends if one.compressed_m > 0.0
+            bend.now.name: bend.compressed_m for bend in snapshot.bends if bend.compressed_m > 0.0
         },
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
@@ -401,8 +412,13 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         energy=snapshot.energy.figures() if snapshot.energy else None,
         error_interval=asdict(snapshot.error_interval) if snapshot.error_interval else None,
         no_error_interval=snapshot.no_error_interval,
-        residuals=[asdict(one) | {"residual": one.residual} for one in snapshot.residuals],
-        quality=[asdict(one) | {"components": list(one.components)} for one in snapshot.quality],
+        residuals=[
+            asdict(residual) | {"residual": residual.residual} for residual in snapshot.residuals
+        ],
+        quality=[
+            asdict(element) | {"components": list(element.components)}
+            for element in snapshot.quality
+        ],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )
@@ -414,21 +430,21 @@ _OF_ROPE = "cross_flow_diameters_of_"  # and the name of a rope other than the f
 
 def vibration_figures(snapshot: Snapshot) -> Figures | None:
     """Return the VIV response at its maximum; None: not enabled, or not known yet."""
-    shaking = snapshot.vibration
-    if shaking is None:
+    vibration = snapshot.vibration
+    if vibration is None:
         return None
-    at = shaking.worst
+    node = vibration.worst
     figures: Figures = {
-        "model": shaking.model,
-        "cross_flow_diameters": float(shaking.cross_flow[at]),
-        "frequency_hz": float(shaking.cross_flow_hz[at]),
-        "from_hang_off_m": float(snapshot.arc_length_m[at]),
-        "drag_amplification": float(shaking.drag_amplification.max()),
-        "cost_pct": shaking.cost_pct,
-        "solves": shaking.solves,
+        "model": vibration.model,
+        "cross_flow_diameters": float(vibration.cross_flow[node]),
+        "frequency_hz": float(vibration.cross_flow_hz[node]),
+        "from_hang_off_m": float(snapshot.arc_length_m[node]),
+        "drag_amplification": float(vibration.drag_amplification.max()),
+        "cost_pct": vibration.cost_pct,
+        "solves": vibration.solves,
     }
-    if shaking.in_line is not None:
-        figures["in_line_diameters"] = float(shaking.in_line.max())
+    if vibration.in_line is not None:
+        figures["in_line_diameters"] = float(vibration.in_line.max())
     for rope in snapshot.ropes[1:]:
         if rope.vibration is not None:
             figures[f"{_OF_ROPE}{rope.name}"] = float(rope.vibration.cross_flow.max())
@@ -440,34 +456,34 @@ def fatigue_figures(snapshot: Snapshot) -> Figures | None:
     damaged = most_damaged(snapshot)
     if damaged is None:
         return None
-    name, wear = damaged
-    at = wear.worst
+    name, rope_fatigue = damaged
+    metre = rope_fatigue.worst
     figures: Figures = {"rope": name} if name else {}
-    if wear.bent is not None:
-        figures |= _bend_count(wear, wear.bent)
+    if rope_fatigue.bent is not None:
+        figures |= _bend_count(rope_fatigue, rope_fatigue.bent)
     return figures | {
-        "curve": wear.curve,
-        "counted_s": wear.counted_s,
-        "used": float(wear.used[at]),
-        "from_lower_end_m": float(wear.from_lower_end_m[at]),
-        "from_hang_off_m": float(wear.from_hang_off_m[at]),
+        "curve": rope_fatigue.curve,
+        "counted_s": rope_fatigue.counted_s,
+        "used": float(rope_fatigue.used[metre]),
+        "from_lower_end_m": float(rope_fatigue.from_lower_end_m[metre]),
+        "from_hang_off_m": float(rope_fatigue.from_hang_off_m[metre]),
     }
 
 
-def _bend_count(wear: MaterialFatigue, bent: BendResult) -> Figures:
+def _bend_count(rope_fatigue: MaterialFatigue, bending: BendResult) -> Figures:
     """Return the bends of the most bent metre; what is unknown is left out."""
-    at = wear.most_bent
+    metre = rope_fatigue.most_bent
     figures: Figures = {
-        "bends": float(bent.bends[at]),
-        "bends_from_lower_end_m": float(wear.from_lower_end_m[at]),
+        "bends": float(bending.bends[metre]),
+        "bends_from_lower_end_m": float(rope_fatigue.from_lower_end_m[metre]),
     }
-    known = {"bend_damage": bent.damage[at], "discard_fraction": bent.discard[at]}
-    figures |= {name: float(value) for name, value in known.items() if not math.isnan(value)}
-    return figures | ({"bend_source": bent.source} if bent.source else {})
+    optional = {"bend_damage": bending.damage[metre], "discard_fraction": bending.discard[metre]}
+    figures |= {name: float(value) for name, value in optional.items() if not math.isnan(value)}
+    return figures | ({"bend_source": bending.source} if bending.source else {})
 
 
 def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]:
-    """Return a line of text for each of the two that is not None."""
+    """Return lines of text on vibration and fatigue, where not None."""
     lines = []
     if vibration is not None:
         lines.append(
