@@ -28,13 +28,13 @@ from rope_twin.forecast.heave_process import (
     HeaveSpectrum,
 )
 from rope_twin.forecast.recorded_lift import RAMP_S, nominal_states
-from rope_twin.forecast.risk import KeptForecasts
+from rope_twin.forecast.risk import ForecastVerification
 from rope_twin.forecast.score import BAND, LeadScore, brier, score_lead
 from rope_twin.forecast.tension_forecast import (
     MARGIN,
     TENSION,
     ForecastSettings,
-    Known,
+    Observations,
     TensionForecast,
     TensionForecaster,
 )
@@ -156,7 +156,7 @@ def judge_tension(
     forecaster = (
         InformedForecaster(scene, own, case.sea) if limit else TensionForecaster(scene, own)
     )
-    kept, shift_s, cpu_s = KeptForecasts(forecaster.leads), 0.0, 0.0
+    kept, shift_s, cpu_s = ForecastVerification(forecaster.leads), 0.0, 0.0
     scored: list[tuple[TensionForecast, Floats, Floats, Floats]] = []
     group = 0
     while len(scored) < origins:
@@ -177,7 +177,7 @@ def judge_tension(
                 begins = round(TRUTH_FROM_S / SAMPLE_S)
                 pin[begins + 1 :] = hidden.mean_n[: sample - begins, rope]
                 pin += deviation * random.standard_normal(len(pin))
-                known = Known(
+                known = Observations(
                     shift_s + sample * SAMPLE_S, measured[first : sample + 1, rope],
                     line[first : sample + 1], pin[first:],
                 )  # fmt: skip
@@ -189,9 +189,9 @@ def judge_tension(
                 scored.append(
                     (made, truth, hidden.peak_n[ahead, rope], hidden.least_n[ahead, rope])
                 )
-                kept.keep(made)
+                kept.add(made)
                 for lead, value in zip(forecaster.leads, truth, strict=True):
-                    kept.see(made.origin_s + float(lead), float(value))
+                    kept.observe(made.origin_s + float(lead), float(value))
                 shift_s += 2.0 * AHEAD_S  # so that origins of several seas follow each other
         group += 1
     progress(origins, origins, f"{case.scene} in {case.sea}")

@@ -63,7 +63,7 @@ def run(args: argparse.Namespace) -> int:
     from rope_twin.forecast.heave_process import MotionError
     from rope_twin.forecast.offline import RecordingForecaster
     from rope_twin.forecast.orders import read_order
-    from rope_twin.forecast.recorded_lift import read_lift, tension_doubt
+    from rope_twin.forecast.recorded_lift import read_lift, tension_unit_warning
     from rope_twin.forecast.risk import Limits, tension_limits
     from rope_twin.forecast.tension_forecast import ERROR_MARGIN, ForecastSettings
     from rope_twin.studies.picture import check_picture
@@ -77,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
     lift = read_lift(args.bag, args.scene)
     for words in lift.problems:
         print(f"warning: {words}", file=sys.stderr)
-    if doubt := tension_doubt(lift):
+    if doubt := tension_unit_warning(lift):
         print(doubt, file=sys.stderr)
     limit_n, others_n = tension_limits(lift.scene, args.limit)
     limits = Limits(limit_n, args.contact_speed, args.quiet_speed, args.quiet_time, others_n)
@@ -101,14 +101,14 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> None:
     """Refuse what would fail only after the forecast, or would be left out without a word."""
     from rope_twin.forecast.heave_process import AHEAD_S, SAMPLE_S
-    from rope_twin.forecast.risk import BEGINS_S
+    from rope_twin.forecast.risk import WINDOW_STARTS_S
 
     if args.limit is not None and args.limit <= 0.0:
         raise InputError("--limit", f"it is {args.limit:g} N", "give more than 0")
     if args.members > MEMBERS_MOST:
         remedy = f"give at most {MEMBERS_MOST}"
         raise InputError("--members", f"{args.members} ropes are too many", remedy)
-    longest_s = AHEAD_S - max(BEGINS_S)
+    longest_s = AHEAD_S - max(WINDOW_STARTS_S)
     if not 0.0 < args.quiet_time <= longest_s:
         remedy = f"give more than 0 and at most {longest_s:g} s"
         raise InputError("--quiet-time", f"it is {args.quiet_time:g} s", remedy)

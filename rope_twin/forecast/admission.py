@@ -1,8 +1,8 @@
-"""Checks of the measured values that a live forecast hears, by the twin's own rules.
+"""Checks of the measured inputs of a live forecast, by the rules of the twin.
 
-A forecast of a heave that stands still, or of a line out in another unit, would be a calm and
-certain one. So what the twin refuses is refused here too. Both hear the same topics, each for
-itself: a forecast waits for nobody.
+A frozen heave signal, or a line out in another unit, would give a falsely calm forecast with a
+narrow band. Inputs that the twin rejects are therefore rejected here too. Both subscribe to the
+same topics independently, so a forecast does not wait for the twin.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from rope_twin.twin.health import AHEAD_NS, too_far_ahead, too_late
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.readings import Row, WinchReadings
 
-ANOTHER_RUN_NS = 2_000_000_000  # by so much a clock goes back for another run
+ANOTHER_RUN_NS = 2_000_000_000  # a clock that goes back by this much means another run
 BEHIND_NS = 500_000_000  # the present, by which a sample of heave may be late
-SILENT_S = 2.0  # of the simulation, after which its time says nothing of a stamp
+SILENT_S = 2.0  # of the simulation, after which its time is not used to check stamps
 
 
 class Admission:
-    """Judges heave and readings of winches; times are stamps in ROS time [ns]."""
+    """Accepts or rejects heave and winch readings; times are stamps in ROS time [ns]."""
 
     def __init__(self, scene: Scene, steady_s: Callable[[], float] = time.monotonic) -> None:
-        """Make the checks of a scene; steady_s: a clock that is never set."""
+        """Prepare the checks of a scene; steady_s: a steady clock."""
         self._scene, self._steady_s = scene, steady_s
-        hung = places(scene)
-        self._lines = [line for line in scene.ropes if line.from_ in hung]
+        hang_offs = places(scene)
+        self._lines = [line for line in scene.ropes if line.from_ in hang_offs]
         self._simulated_ns, self._heard_s = 0, -float("inf")
         self._newest_ns: dict[str, int] = {}  # accepted, of heave and of each winch
         self.refused: Counter[str] = Counter()  # by topic
@@ -43,7 +43,7 @@ class Admission:
         self._winches = {line.from_: WinchReadings(self._scene, line, "") for line in self._lines}
 
     def note_simulated(self, stamp_ns: int) -> None:
-        """Take the stamp of a value of the simulation, to judge other clocks by."""
+        """Store the stamp of a value of the simulation, to check other clocks against."""
         self._simulated_ns, self._heard_s = stamp_ns, self._steady_s()
 
     def heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> bool:
@@ -58,21 +58,21 @@ class Admission:
         return self._counted("ship/heave", "heave", stamp_ns, refusal)
 
     def reading(self, stamp_ns: int, winch: str, row: Row) -> Row:
-        """Return what is accepted of a row of winch/measured, None for the rest.
+        """Return the accepted values of a row of winch/measured, None for the others.
 
-        winch: the place in the scene that it is of.
+        winch: name of its hang-off in the scene.
         """
         nothing: Row = (row[0], None, None, None)
         if row[1:] == nothing[1:]:
             return nothing
-        taken, refusal = nothing, self._clock_fault("winch", stamp_ns)
+        accepted, refusal = nothing, self._clock_fault("winch", stamp_ns)
         if not refusal:
             self._follow(winch, stamp_ns)
-            taken, refusal = self._winches[winch].take(stamp_ns, row, stamp_ns)
-        self._counted("winch/measured", winch, stamp_ns, "" if taken != nothing else refusal)
-        if refusal and taken != nothing:
+            accepted, refusal = self._winches[winch].take(stamp_ns, row, stamp_ns)
+        self._counted("winch/measured", winch, stamp_ns, "" if accepted != nothing else refusal)
+        if refusal and accepted != nothing:
             self._refuse("winch/measured", refusal)
-        return taken
+        return accepted
 
     def _counted(self, topic: str, stream: str, stamp_ns: int, refusal: str) -> bool:
         if refusal:
@@ -86,13 +86,13 @@ class Admission:
         self.last_refusal = refusal
 
     def _follow(self, stream: str, stamp_ns: int) -> None:
-        """Begin again where the clock of a sender went back, as when a bag is played again."""
+        """Reset if the clock of a sender went back, as when a bag is replayed."""
         if stamp_ns < self._newest_ns.get(stream, stamp_ns) - ANOTHER_RUN_NS:
             self._begin()
 
     @property
     def _simulates(self) -> bool:
-        """Whether the simulation was heard of late."""
+        """Whether a value of the simulation was received recently."""
         return self._steady_s() - self._heard_s <= SILENT_S
 
     def _clock_fault(self, what: str, stamp_ns: int) -> str:

@@ -1,8 +1,8 @@
 """Heave of the past two minutes and the next one, as a conditional Gaussian process.
 
-Heave is a stationary Gaussian process with the spectrum of the last ten minutes (Welch 1967). What
-the motion sensor (MRU) measured is that heave with a coloured and a white error, and what a wave
-sensor measured up-sea is linear in the same process: an elevation e(d, t) at the distance d up-sea
+Heave is a stationary Gaussian process with the spectrum of the last ten minutes (Welch 1967). The
+motion sensor (MRU) measures that heave with a coloured and a white error, and a wave sensor up-sea
+measures a linear function of the same process: an elevation e(d, t) at the distance d up-sea
 and the heave z(t) have, per frequency of the wave spectrum S_e with the ship's response H,
 
     cov(z(t), e(d, t')) = ∫ Re{H·exp(iω(t - t') - ikd)}·S_e df,  k = ω²/g,  S_z = |H|²·S_e.
@@ -30,12 +30,12 @@ WINDOW_S = 200.0  # of Welch's spectrum
 RECORD_S = 600.0  # of heave that the spectrum is taken from, at most
 SHORTEST_RECORD_S = 120.0
 PAST_S, AHEAD_S = 120.0, 60.0  # of the paths
-LOWEST_HZ = 0.025  # heave below it is the filter of the sensor, tide or ballast
+LOWEST_HZ = 0.025  # lower frequencies are sensor filter, tide or ballast
 HIGHEST_HZ = 0.45
 LINE_HZ = 0.001  # between frequencies of the process, which repeats after 1,000 s
-SMALLEST_RESPONSE = 0.1  # heave per elevation from which on waves follow from heave
+SMALLEST_RESPONSE = 0.1  # heave per elevation above which waves are inferred from heave
 GRAVITY = 9.80665
-LARGEST_ERROR_SHARE = 0.5  # of the measured spectrum that may be error of the sensor
+LARGEST_ERROR_SHARE = 0.5  # upper limit of the sensor error in the measured spectrum
 # factor on the variance over the lead [s], fitted on 100 seas drawn by seed (17000 on) with the
 # spectra of sea_2p5m and sea_6p5m; judged on others by `python -m benchmarks foresight`
 WIDENED = (0.0, 20.0, 40.0), (1.3, 1.3, 1.1)
@@ -96,8 +96,8 @@ class HeaveSpectrum:
 
     def autocovariance(self, lag_s: Floats) -> Floats:
         """Return ∫ S(f)·cos(2πfτ) df [m²] at lags [s], (n,)."""
-        turn = 2.0 * np.pi * lag_s[:, None] * self.frequency_hz
-        return np.asarray(np.cos(turn) @ (self.density_m2_per_hz * self._line_hz))
+        phase = 2.0 * np.pi * lag_s[:, None] * self.frequency_hz
+        return np.asarray(np.cos(phase) @ (self.density_m2_per_hz * self._line_hz))
 
     @property
     def _line_hz(self) -> float:
@@ -107,15 +107,15 @@ class HeaveSpectrum:
 def heave_spectrum(heave_m: Floats) -> HeaveSpectrum:
     """Return the spectrum of a record (n,) by Welch's method (1967).
 
-    Hann windows of WINDOW_S, or of the whole record if it is shorter, overlap by half; each has
-    its mean taken off. Linear between the windows' frequencies, zero below LOWEST_HZ.
+    Hann windows of WINDOW_S, or of the whole record if it is shorter, overlap by half; the mean
+    of each is removed. Linear between the windows' frequencies, zero below LOWEST_HZ.
 
     Raises:
         InputError: the record is too short, not finite, or still.
     """
     record = _checked(heave_m, "heave")
-    least = round(SHORTEST_RECORD_S / SAMPLE_S)
-    if len(record) < least:
+    min_samples = round(SHORTEST_RECORD_S / SAMPLE_S)
+    if len(record) < min_samples:
         problem = f"{len(record) * SAMPLE_S:g} s of it are known"
         raise InputError("heave", problem, f"a spectrum needs {SHORTEST_RECORD_S:g} s")
     count = min(len(record), round(WINDOW_S / SAMPLE_S))
@@ -126,10 +126,10 @@ def heave_spectrum(heave_m: Floats) -> HeaveSpectrum:
     density = 2.0 * SAMPLE_S / float(taper @ taper) * (np.abs(lines) ** 2).mean(axis=0)
     lines_hz = LINE_HZ * np.arange(round((HIGHEST_HZ - LOWEST_HZ) / LINE_HZ), dtype=np.float64)
     frequency: Floats = np.asarray(LOWEST_HZ + lines_hz)
-    own = np.interp(frequency, np.fft.rfftfreq(count, SAMPLE_S), density)
-    if not own.any():
+    resampled = np.interp(frequency, np.fft.rfftfreq(count, SAMPLE_S), density)
+    if not resampled.any():
         raise InputError("heave", "the ship lies still", "a spectrum needs a moving ship")
-    return HeaveSpectrum(frequency, own)
+    return HeaveSpectrum(frequency, resampled)
 
 
 @dataclass(frozen=True)
@@ -179,23 +179,25 @@ class HeavePaths:
         return np.asarray(1.0 - np.diag(self.covariance_m2) / self.prior_variance_m2)
 
     def for_unknown_spectrum(self) -> HeavePaths:
-        """Return the distribution with WIDENED for what ten minutes leave open of the spectrum."""
+        """Return the distribution widened for the uncertainty of a spectrum of ten minutes."""
         return self.widened(np.interp(self.lead_s, *WIDENED))
 
     def widened(self, variance_factor: Floats) -> HeavePaths:
         """Return the distribution with the variance of each sample times a factor, (n,).
 
-        Correlations stay as they are.
+        Correlations are unchanged.
         """
-        wide = np.sqrt(variance_factor)
-        covariance = self.covariance_m2 * np.outer(wide, wide)
+        deviation_factor = np.sqrt(variance_factor)
+        covariance = self.covariance_m2 * np.outer(deviation_factor, deviation_factor)
         return HeavePaths(self.lead_s, self.mean_m, covariance, self.prior_variance_m2)
 
     def draw(self, members: int, random: np.random.Generator) -> Floats:
         """Return paths [m], (members, n), by the eigenvalues of the covariance."""
-        size, turn = np.linalg.eigh(self.covariance_m2)
-        draws = random.standard_normal((members, len(size))) * np.sqrt(np.maximum(size, 0.0))
-        return np.asarray(self.mean_m + draws @ turn.T)
+        eigenvalues, eigenvectors = np.linalg.eigh(self.covariance_m2)
+        draws = random.standard_normal((members, len(eigenvalues))) * np.sqrt(
+            np.maximum(eigenvalues, 0.0)
+        )
+        return np.asarray(self.mean_m + draws @ eigenvectors.T)
 
 
 def condition(
@@ -203,7 +205,7 @@ def condition(
 ) -> tuple[Floats, Floats]:
     """Return mean (n,) and covariance (n, n) of normal variables given values of others.
 
-    prior: (n, n) covariance of the variables; cross: (n, m) with what was observed; observed:
+    prior: (n, n) covariance of the variables; cross: (n, m) with the observations; observed:
     (m, m) covariance of the observations, errors included; values: (m,), all of zero mean
     (Rasmussen and Williams 2006, eq. A.6).
 
@@ -229,18 +231,20 @@ class HeaveProcess:
     def of_record(cls, heave_m: Floats, error: MotionError) -> HeaveProcess:
         """Return the process of a measured record (n,), the newest sample last.
 
-        The error is taken off the measured spectrum, but never more of it than
-        LARGEST_ERROR_SHARE at a frequency.
+        The error is subtracted from the measured spectrum, at each frequency at most
+        LARGEST_ERROR_SHARE of it.
 
         Raises:
             InputError: the record is too short, not finite, or still.
         """
         measured = heave_spectrum(heave_m[-round(RECORD_S / SAMPLE_S) :])
         frequency, density = measured.frequency_hz, measured.density_m2_per_hz
-        part = np.minimum(error.density(frequency), LARGEST_ERROR_SHARE * density)
+        error_density = np.minimum(error.density(frequency), LARGEST_ERROR_SHARE * density)
         white_m = math.hypot(error.white_m, TAIL_SHARE * error.coloured_m)
         return cls(
-            HeaveSpectrum(frequency, density - part), HeaveSpectrum(frequency, part), white_m
+            HeaveSpectrum(frequency, density - error_density),
+            HeaveSpectrum(frequency, error_density),
+            white_m,
         )
 
     def paths(
@@ -266,13 +270,13 @@ class HeaveProcess:
             problem = f"{len(record) * SAMPLE_S:g} s of it are known"
             raise InputError("heave", problem, f"a forecast needs {PAST_S:g} s")
         number = np.arange(count + ahead)
-        between = np.abs(number[:, None] - number)
+        lag = np.abs(number[:, None] - number)
         lag_s: Floats = np.asarray(number * SAMPLE_S, np.float64)
         true = self.spectrum.autocovariance(lag_s)
         measured = true[:count] + self.error.autocovariance(lag_s[:count])
         measured[0] += self.white_m**2
-        prior, cross = true[between], true[between[:, :count]]
-        observed, values = measured[between[:count, :count]], record[-count:]
+        prior, cross = true[lag], true[lag[:, :count]]
+        observed, values = measured[lag[:count, :count]], record[-count:]
         lead_s: Floats = np.asarray(lag_s - lag_s[count - 1])
         if waves is not None:
             block = _WaveBlock.between(self.spectrum, waves, response)
@@ -301,8 +305,8 @@ class _WaveBlock:
     ) -> _WaveBlock:
         """Return the block for a spectrum of heave, whose waves follow by the response.
 
-        Where the ship follows, S_e = S_z/|H|²; between such frequencies it is linear, above them it
-        falls as f⁻⁴ (Toba 1973) with the variance that the elevations have besides.
+        Where the ship responds, S_e = S_z/|H|²; between such frequencies it is interpolated, above
+        them it falls as f⁻⁴ (Toba 1973) with the remaining variance of the elevations.
         """
         frequency = spectrum.frequency_hz
         if response is None or len(response) != len(frequency):
@@ -310,49 +314,49 @@ class _WaveBlock:
             raise InputError("measured waves", "no response belongs to them", remedy)
         omega = 2.0 * np.pi * frequency
         fastest = GRAVITY / (2.0 * omega[0])  # group velocity of the longest waves
-        reach = float(np.max(np.abs(waves.time_s), initial=0.0))
-        reach += float(np.max(np.abs(waves.distance_m), initial=0.0)) / fastest
-        if reach > REACH_S:
-            problem = f"they are {reach:.0f} s from the origin, by time and distance"
+        span_s = float(np.max(np.abs(waves.time_s), initial=0.0))
+        span_s += float(np.max(np.abs(waves.distance_m), initial=0.0)) / fastest
+        if span_s > REACH_S:
+            problem = f"they are {span_s:.0f} s from the origin, by time and distance"
             raise InputError("measured waves", problem, f"right is at most {REACH_S:g} s")
-        size = np.abs(response)
-        follows = np.flatnonzero(size > SMALLEST_RESPONSE)
+        gain = np.abs(response)
+        follows = np.flatnonzero(gain > SMALLEST_RESPONSE)
         if not len(follows):
             remedy = "waves up-sea say nothing about it"
             raise InputError("measured waves", "the ship answers none of them", remedy)
         line_hz = float(frequency[1] - frequency[0])
         heave = spectrum.density_m2_per_hz * line_hz
-        variance = np.interp(frequency, frequency[follows], (heave / size**2)[follows], right=0.0)
+        variance = np.interp(frequency, frequency[follows], (heave / gain**2)[follows], right=0.0)
         measured = float(np.var(waves.elevation_m)) - waves.noise_m**2
         tail = np.where(np.arange(len(frequency)) > follows[-1], frequency**-4.0, 0.0)
         if tail.any():
             variance = variance + tail * (max(measured - variance.sum(), 0.0) / tail.sum())
-        known = np.minimum(variance, heave / np.maximum(size, 1e-9) ** 2)  # coherence at most 1
-        return cls(waves, omega, variance, response * known)
+        coherent = np.minimum(variance, heave / np.maximum(gain, 1e-9) ** 2)  # coherence at most 1
+        return cls(waves, omega, variance, response * coherent)
 
     def with_heave(self, time_s: Floats) -> Floats:
         """Return the covariance [m²] with the heave at times (m,), (m, n)."""
-        heave = np.exp(1j * self.omega * time_s[:, None]) * self.shared_m2
-        return np.asarray((heave @ self._phases().conj().T).real)
+        covariance = np.exp(1j * self.omega * time_s[:, None]) * self.shared_m2
+        return np.asarray((covariance @ self._phases().conj().T).real)
 
     def covariance(self) -> Floats:
         """Return the covariance [m²] of the elevations, noise included, (n, n)."""
         phases = self._phases()
-        own = ((phases * self.variance_m2) @ phases.conj().T).real
-        return np.asarray(own + self.waves.noise_m**2 * np.eye(len(phases)))
+        elevation = ((phases * self.variance_m2) @ phases.conj().T).real
+        return np.asarray(elevation + self.waves.noise_m**2 * np.eye(len(phases)))
 
     def _phases(self) -> Response:
         """Return exp(i(ωt + kd)), (elevations, lines)."""
         wave_number = self.omega**2 / GRAVITY
-        turn = self.omega * self.waves.time_s[:, None]
-        turn += wave_number * self.waves.distance_m[:, None]
-        return np.asarray(np.exp(1j * turn))
+        phase = self.omega * self.waves.time_s[:, None]
+        phase += wave_number * self.waves.distance_m[:, None]
+        return np.asarray(np.exp(1j * phase))
 
 
-def _checked(values: Floats, what: str) -> Floats:
+def _checked(values: Floats, quantity: str) -> Floats:
     """Return a finite vector. Raises InputError."""
     vector = np.asarray(values, np.float64)
     if vector.ndim != 1 or not np.isfinite(vector).all():
         remedy = "give one row of finite numbers"
-        raise InputError(what, "it has gaps, or is not a row of numbers", remedy)
+        raise InputError(quantity, "it has gaps, or is not a row of numbers", remedy)
     return vector

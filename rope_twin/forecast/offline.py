@@ -17,12 +17,12 @@ from rope_twin.forecast.recorded_lift import (
     nominal_states,
     seabed_depth_m,
 )
-from rope_twin.forecast.risk import SPANS_S, KeptForecasts
+from rope_twin.forecast.risk import SPANS_S, ForecastVerification
 from rope_twin.forecast.score import BrierScore, LeadScore, brier, coverage, score_lead
 from rope_twin.forecast.tension_forecast import (
     TENSION,
     ForecastSettings,
-    Known,
+    Observations,
     TensionForecast,
     TensionForecaster,
 )
@@ -32,8 +32,8 @@ Floats = NDArray[np.float64]
 Progress = Callable[[int, int, str], None]
 
 SCORED_LEADS_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
-NEAR = 4  # samples up to a lead that are judged with it
-LEAST_ORIGINS = 2
+NEIGHBOUR_SAMPLES = 4  # samples up to a lead that are pooled with it
+MIN_ORIGINS = 2
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class RecordingForecaster:
     ) -> None:
         """Build the fleet.
 
-        planned: the winch does what the recording has after an origin; else it goes on as it is.
+        planned: the winch follows the recorded line out after an origin; else it continues.
 
         Raises:
             RopeTwinError: the scene cannot be stepped.
@@ -76,7 +76,7 @@ class RecordingForecaster:
         self.settings = settings or ForecastSettings()
         self.depth_m = seabed_depth_m(lift.scene)
         self._forecaster = TensionForecaster(lift.scene, self.settings)
-        self.kept = KeptForecasts(self._forecaster.leads)
+        self.verification = ForecastVerification(self._forecaster.leads)
 
     def sample_of(self, time_s: float | None) -> int:
         """Return the sample of an origin; None: the newest one of the recording.
@@ -101,75 +101,84 @@ class RecordingForecaster:
         return self._forecast(sample, states, orders)
 
     def score(self, every_s: float, limit_n: float, progress: Progress) -> RecordingScore:
-        """Forecast at origins `every_s` apart and score what the recording knows of them.
+        """Forecast at origins `every_s` apart and score them against the recording.
 
-        The factor on the spread follows the forecasts before.
+        The factor on the spread follows from earlier forecasts.
 
         Raises:
             InputError: fewer than two origins fit, or the tension does not vary.
         """
-        lift, ahead = self.lift, round(AHEAD_S / SAMPLE_S)
+        lift, leads = self.lift, round(AHEAD_S / SAMPLE_S)
         step = max(round(every_s / SAMPLE_S), 1)
-        samples = list(range(lift.first_origin, len(lift.heave_m) - ahead, step))
-        if len(samples) < LEAST_ORIGINS:
+        samples = list(range(lift.first_origin, len(lift.heave_m) - leads, step))
+        if len(samples) < MIN_ORIGINS:
             problem = f"{len(samples)} origins {every_s:g} s apart fit"
             raise InputError("score", problem, "give a longer recording or a shorter interval")
-        made = []
+        forecasts = []
         for number, (sample, states) in enumerate(zip(samples, self._states(samples), strict=True)):
             progress(number, len(samples), f"forecast at {lift.begin_s + sample * SAMPLE_S:g} s")
-            made += self._forecast(sample, states, (Order(CONTINUE),))
-            self.kept.keep(made[-1])
-            until = samples[number + 1] if number + 1 < len(samples) else sample + ahead
+            forecasts += self._forecast(sample, states, (Order(CONTINUE),))
+            self.verification.add(forecasts[-1])
+            until = samples[number + 1] if number + 1 < len(samples) else sample + leads
             for k in range(sample + 1, until + 1):
-                self.kept.see(lift.begin_s + k * SAMPLE_S, float(lift.tension_n[k]))
+                self.verification.observe(lift.begin_s + k * SAMPLE_S, float(lift.tension_n[k]))
         progress(len(samples), len(samples), "scored")
-        return self._scored(made, samples, limit_n)
+        return self._scored(forecasts, samples, limit_n)
 
     def _states(self, samples: list[int]) -> list[FleetState]:
         """Return the rope's state a burn-in before each origin."""
-        own, lift = self.settings, self.lift
-        before = round(own.burn_in_s / SAMPLE_S)
-        at = [sample - before for sample in samples]
-        states = nominal_states(lift.scene, lift.heave_m, lift.line_out_m, at, own, lift.lines_m)
-        return [one[0] for one in states]
+        settings, lift = self.settings, self.lift
+        burn_in = round(settings.burn_in_s / SAMPLE_S)
+        burn_in_samples = [sample - burn_in for sample in samples]
+        states = nominal_states(
+            lift.scene, lift.heave_m, lift.line_out_m, burn_in_samples, settings, lift.lines_m
+        )
+        return [ropes[0] for ropes in states]
 
     def _forecast(
         self, sample: int, start: FleetState, orders: Sequence[Order]
     ) -> list[TensionForecast]:
-        known = self._known(sample)
+        observed = self._known(sample)
         plans = self.lift.plans_at(sample, self.settings, AHEAD_S) if self.planned else None
-        return self._forecaster.forecast(known, start, orders, self.kept.factor(), plans)
+        return self._forecaster.forecast(observed, start, orders, self.verification.factor(), plans)
 
-    def _known(self, sample: int) -> Known:
+    def _known(self, sample: int) -> Observations:
         to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))
         return self.lift.known_at(sample, to_contact)
 
     def _scored(
-        self, made: list[TensionForecast], samples: list[int], limit_n: float
+        self, forecasts: list[TensionForecast], samples: list[int], limit_n: float
     ) -> RecordingScore:
-        lift, ahead = self.lift, round(AHEAD_S / SAMPLE_S)
-        truth = np.array([lift.tension_n[k + 1 : k + 1 + ahead] for k in samples])
-        peak = np.array([lift.peak_n[k + 1 : k + 1 + ahead] for k in samples])
-        whole = np.isfinite(truth).all(axis=1)
-        if int(whole.sum()) < LEAST_ORIGINS:
+        lift, samples_ahead = self.lift, round(AHEAD_S / SAMPLE_S)
+        truth = np.array([lift.tension_n[k + 1 : k + 1 + samples_ahead] for k in samples])
+        peak = np.array([lift.peak_n[k + 1 : k + 1 + samples_ahead] for k in samples])
+        complete = np.isfinite(truth).all(axis=1)
+        if int(complete.sum()) < MIN_ORIGINS:
             remedy = "give a recording of it without gaps"
             raise InputError("score", "the tension after the origins is missing", remedy)
-        known = lift.tension_n[np.isfinite(lift.tension_n)]
-        members = np.array([one.values[TENSION].T for one in made])[whole]
-        bands = np.array([one.band() for one in made])[whole]
-        leads = []
+        climate = lift.tension_n[np.isfinite(lift.tension_n)]
+        members = np.array([forecast.values[TENSION].T for forecast in forecasts])[complete]
+        bands = np.array([forecast.band() for forecast in forecasts])[complete]
+        lead_scores = []
         for lead in SCORED_LEADS_S:
             end = round(lead / SAMPLE_S)
-            own = slice(max(end - NEAR, 0), end)
-            leads.append(score_lead(lead, members[:, :, own], truth[whole][:, own], known))
+            window = slice(max(end - NEIGHBOUR_SAMPLES, 0), end)
+            lead_scores.append(
+                score_lead(lead, members[:, :, window], truth[complete][:, window], climate)
+            )
         events = []
         for span in SPANS_S:
             count = round(span / SAMPLE_S)
-            stated = np.array([(one.peak_n[:count].max(axis=0) > limit_n).mean() for one in made])
-            came = np.nanmax(peak[whole, :count], axis=1) > limit_n
-            events.append(EventScore(span, brier(stated[whole], came)))
-        factor, at = self.kept.factor(), [round(s / SAMPLE_S) - 1 for s in SCORED_LEADS_S]
+            stated = np.array(
+                [(forecast.peak_n[:count].max(axis=0) > limit_n).mean() for forecast in forecasts]
+            )
+            occurred = np.nanmax(peak[complete, :count], axis=1) > limit_n
+            events.append(EventScore(span, brier(stated[complete], occurred)))
+        factor, scored = (
+            self.verification.factor(),
+            [round(s / SAMPLE_S) - 1 for s in SCORED_LEADS_S],
+        )
         return RecordingScore(
-            int(whole.sum()), limit_n, coverage(bands[:, 0], bands[:, 2], truth[whole]),
-            tuple(leads), tuple(events), tuple(float(factor[k]) for k in at),
+            int(complete.sum()), limit_n, coverage(bands[:, 0], bands[:, 2], truth[complete]),
+            tuple(lead_scores), tuple(events), tuple(float(factor[k]) for k in scored),
         )  # fmt: skip

@@ -1,12 +1,11 @@
-"""A recorded lift as a forecast sees it: heave, line out and tension on one grid of times.
+"""A recorded lift as input of forecasts: heave, line out and tension on one time grid.
 
-Measured topics come first (`ship/heave`, `winch/measured`); where they are missing, the twin's own
-(`hang_off/odometry`, `ropes/length`, `ropes/tension_top`) stand in, and the sources say so.
+Measured topics take precedence (`ship/heave`, `winch/measured`); where they are missing, those of
+the twin (`hang_off/odometry`, `ropes/length`, `ropes/tension_top`) are used; `sources` names them.
 
-The nominal rope follows the measured motion. A forecast begins its members from the state that the
-rope had before the origin. Beside a live twin that is the twin's own state of then; over a
-recording the nominal rope is run on measured heave and line out from rest at the recording's
-beginning, on the mesh of the forecast.
+The nominal rope follows the measured motion. A forecast starts its members from the state of the
+rope one burn-in period before the origin: the nominal rope is integrated with measured heave and
+line out, from static equilibrium at the start of the recording, on the mesh of the forecast.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from rope_twin.errors import BagError, InputError, SolverError
 from rope_twin.forecast.heave_process import PAST_S, RECORD_S, SAMPLE_S, SHORTEST_RECORD_S
 from rope_twin.forecast.orders import LinePath, Lines, below_main_m, other_winches
 from rope_twin.forecast.orders import scene_at_line as scene_at_line
-from rope_twin.forecast.tension_forecast import ForecastSettings, Known
+from rope_twin.forecast.tension_forecast import ForecastSettings, Observations
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import find_bag
@@ -53,15 +52,15 @@ from rope_twin.twin.motion.heave_track import ramp
 
 Floats = NDArray[np.float64]
 
-RAMP_S = 10.0  # over which the measured motion sets in
+RAMP_S = 10.0  # build-up period of the measured motion
 BATCH_S = 30.0
 
 
 class NominalRope:
-    """Ropes, or systems of them, that follow measured motion from rest, in lanes of one fleet."""
+    """Fleet of ropes or multi-line systems that follow measured motion from equilibrium."""
 
     def __init__(self, scene: Scene, settings: ForecastSettings, ropes: int = 1) -> None:
-        """Begin at rest at time 0, with the scene's line out.
+        """Start in static equilibrium at time 0, with the scene's line out.
 
         Raises:
             InputError: a scene that fleets do not step.
@@ -73,7 +72,7 @@ class NominalRope:
 
     @property
     def time_s(self) -> float:
-        """Time since the beginning [s]."""
+        """Time since the start [s]."""
         return self._samples * SAMPLE_S
 
     def follow(
@@ -91,40 +90,47 @@ class NominalRope:
         that is not named holds.
 
         Raises:
-            InputError: they do not.
+            InputError: they do not span it.
             SolverError: a rope failed.
         """
         from scipy.interpolate import CubicSpline  # slow to import
 
-        own = self._settings
+        settings = self._settings
         heave = np.asarray(heave_m, np.float64).reshape(len(heave_m), -1)
-        place = from_s + SAMPLE_S * np.arange(len(heave))
+        sample_s = from_s + SAMPLE_S * np.arange(len(heave))
         target = round(until_s / SAMPLE_S)
         if target <= self._samples:
             return
-        if place[0] > self.time_s + 1e-6 or place[-1] < until_s - 1e-6:
-            problem = f"motion from {place[0]:g} to {place[-1]:g} s"
+        if sample_s[0] > self.time_s + 1e-6 or sample_s[-1] < until_s - 1e-6:
+            problem = f"motion from {sample_s[0]:g} to {sample_s[-1]:g} s"
             raise InputError(
                 "nominal rope", problem, f"it must span {self.time_s:g} to {until_s:g} s"
             )
-        moved, line = CubicSpline(place, heave), CubicSpline(place, line_out_m)
-        others = {name: CubicSpline(place, own_m) for name, own_m in (lines_m or {}).items()}
-        per_sample, per_batch = round(SAMPLE_S / own.step_s), round(BATCH_S / SAMPLE_S)
+        heave_spline, line_spline = CubicSpline(sample_s, heave), CubicSpline(sample_s, line_out_m)
+        other_splines = {
+            name: CubicSpline(sample_s, line_m) for name, line_m in (lines_m or {}).items()
+        }
+        per_sample, per_batch = round(SAMPLE_S / settings.step_s), round(BATCH_S / SAMPLE_S)
         while self._samples < target:
-            some = min(per_batch, target - self._samples)
-            number = np.arange(some * per_sample + 1)
-            at = self.time_s + own.step_s * number
-            shares = np.array([ramp(float(t), RAMP_S) for t in at])
-            share, slope = shares[:, :1], shares[:, 1:]
-            z, v = moved(at), moved(at, 1)
-            z, v = share * z, share * v + slope * z
-            led = {name: (one(at), one(at, 1)) for name, one in others.items()}
-            inputs = FleetInputs(z, v, line(at), line(at, 1), led)
+            samples = min(per_batch, target - self._samples)
+            number = np.arange(samples * per_sample + 1)
+            step_times = self.time_s + settings.step_s * number
+            ramps = np.array([ramp(float(t), RAMP_S) for t in step_times])
+            ramp_factor, slope = ramps[:, :1], ramps[:, 1:]
+            z, v = heave_spline(step_times), heave_spline(step_times, 1)
+            z, v = ramp_factor * z, ramp_factor * v + slope * z
+            other_lines = {
+                name: (spline(step_times), spline(step_times, 1))
+                for name, spline in other_splines.items()
+            }
+            inputs = FleetInputs(
+                z, v, line_spline(step_times), line_spline(step_times, 1), other_lines
+            )
             record = self._fleet.advance(inputs, per_sample)
             if record.failures:
-                why = next(iter(record.failures.values()))
-                raise SolverError("nominal rope", why.rstrip("."), "check its motion")
-            self._samples += some
+                reason = next(iter(record.failures.values()))
+                raise SolverError("nominal rope", reason.rstrip("."), "check its motion")
+            self._samples += samples
 
     def states(self) -> list[FleetState]:
         """Return the present state of each rope."""
@@ -139,7 +145,7 @@ def nominal_states(
     settings: ForecastSettings | None = None,
     lines_m: Lines | None = None,
 ) -> list[list[FleetState]]:
-    """Return the states of ropes that follow measured motion from rest, at some samples.
+    """Return the states at given samples of ropes that follow measured motion from equilibrium.
 
     Args:
         scene: with the line out of the first sample.
@@ -184,7 +190,7 @@ class RecordedLift:
 
     scene: Scene  # with the line out of the first sample
     begin_s: float  # of the first sample; read_lift counts from it: 0
-    heave_m: Floats  # (n,) of the hang-off about its rest
+    heave_m: Floats  # (n,) of the hang-off about its rest position
     line_out_m: Floats  # (n,)
     tension_n: Floats  # (n,) at the sample; NaN: missing
     mean_n: Floats  # (n,) over the SAMPLE_S before
@@ -192,61 +198,61 @@ class RecordedLift:
     sources: tuple[str, str, str]  # topics of heave, line out and tension
     compensated: NDArray[np.bool_] | None = None  # (n,) AHC is on; None: not recorded, always on
     lines_m: Lines = field(default_factory=dict)  # (n,) of other winches, by name
-    problems: tuple[str, ...] = ()  # damage of the bag, which was read as far as it is whole
+    problems: tuple[str, ...] = ()  # damage of the bag; its undamaged part was read
 
     @property
     def first_origin(self) -> int:
         """Sample of the earliest possible origin."""
         return round(max(PAST_S, SHORTEST_RECORD_S) / SAMPLE_S) + 1
 
-    def known_at(self, sample: int, to_contact_m: float | None = None) -> Known:
-        """Return what was known at a sample, which is not before the first origin."""
+    def known_at(self, sample: int, to_contact_m: float | None = None) -> Observations:
+        """Return the observations at a sample, which is not before the first origin."""
         first = max(sample - round(RECORD_S / SAMPLE_S) + 1, 0)
-        own = slice(first, sample + 1)
+        window = slice(first, sample + 1)
         winch = self.scene.winch
         is_on = self.compensated is None or bool(self.compensated[sample])
-        return Known(
-            self.begin_s + sample * SAMPLE_S, self.heave_m[own], self.line_out_m[own],
-            self.mean_n[own], compensated=bool(winch and winch.heave_compensation) and is_on,
+        return Observations(
+            self.begin_s + sample * SAMPLE_S, self.heave_m[window], self.line_out_m[window],
+            self.mean_n[window], compensated=bool(winch and winch.heave_compensation) and is_on,
             to_contact_m=to_contact_m,
-            lines_m={name: line_m[own] for name, line_m in self.lines_m.items()},
+            lines_m={name: line_m[window] for name, line_m in self.lines_m.items()},
         )  # fmt: skip
 
     def plans_at(
         self, sample: int, settings: ForecastSettings, ahead_s: float
     ) -> dict[str, LinePath]:
-        """Return the line out that the recording has after a sample, at the forecast's steps.
+        """Return the recorded line out after a sample, at the time steps of the forecast.
 
-        Of each winch, by name. What the heave compensation added is in it. Beyond the recording it
-        stays as at its end.
+        Of each winch, by name, heave compensation included. It is constant beyond the end
+        of the recording.
         """
         from scipy.interpolate import CubicSpline  # slow to import
 
         count = round(ahead_s / SAMPLE_S)
-        at = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
-        found = {}
+        step_times = settings.step_s * np.arange(round(ahead_s / settings.step_s) + 1)
+        paths = {}
         for name, line_m in {WINCH: self.line_out_m, **self.lines_m}.items():
-            own = line_m[sample : sample + count + 1]
-            own = np.concatenate([own, np.full(count + 1 - len(own), own[-1])])
-            spline = CubicSpline(SAMPLE_S * np.arange(count + 1), own)
-            found[name] = LinePath(spline(at), spline(at, 1), is_whole=True)
-        return found
+            planned = line_m[sample : sample + count + 1]
+            planned = np.concatenate([planned, np.full(count + 1 - len(planned), planned[-1])])
+            spline = CubicSpline(SAMPLE_S * np.arange(count + 1), planned)
+            paths[name] = LinePath(spline(step_times), spline(step_times, 1), is_whole=True)
+        return paths
 
 
 def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     """Return the lift in a bag; scene: its name or file, None: that of the bag's session.
 
-    A damaged bag is read as far as it is whole.
+    Of a damaged bag the undamaged part is read.
 
     Raises:
         BagError: no bag, no session and no scene, or too little of a quantity.
         SceneError: the scene cannot be read.
     """
     path = find_bag(bag)
-    own = load_scene(scene) if scene is not None else _scene_of(path)
-    main = "", WINCH, own.ropes[0].name
-    alone = not is_joined(own)
-    has_one = own.winch is not None and own.winch.heave_compensation is not None
+    base = load_scene(scene) if scene is not None else _scene_of(path)
+    main = "", WINCH, base.ropes[0].name
+    single = not is_joined(base)
+    has_compensation = base.winch is not None and base.winch.heave_compensation is not None
     refused = Counter[str]()
 
     def read(reader: Messages) -> tuple[_Found, _Found, _Found, dict[str, _Found], Floats]:
@@ -257,61 +263,62 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
             return stamp_s, z
 
         def line_of(names: Sequence[str], problem: str) -> _Found:
-            return _first(reader, LINE_TOPICS, _of(names, alone, "line_out_m"), problem, refused)
+            return _first(reader, LINE_TOPICS, _of(names, single, "line_out_m"), problem, refused)
 
-        tension_of = _of(main, alone, "tension_n")
+        tension_of = _of(main, single, "tension_n")
         return (
             _first(reader, HEAVE_TOPICS, heave_of, "heave", refused),
             line_of(main, "line out"),
             _first(reader, TENSION_TOPICS, tension_of, "tension", refused),
             {
-                name: line_of((name, own.ropes[r].name), f"line out of {name}")
-                for name, (r, _) in other_winches(own).items()
+                name: line_of((name, base.ropes[r].name), f"line out of {name}")
+                for name, (r, _) in other_winches(base).items()
             },
-            _compensation(reader) if has_one else np.empty((0, 2)),
+            _compensation(reader) if has_compensation else np.empty((0, 2)),
         )
 
     (heave, line, tension, others, switched), damage = read_undamaged(path, read)
     problems = (*damage, *refusal_words(refused))
-    known = heave, line, tension, *others.values()
-    begin = max(series[1][0] for series in known)
-    end = min(series[1][-1] for series in known)
+    all_series = heave, line, tension, *others.values()
+    begin = max(series[1][0] for series in all_series)
+    end = min(series[1][-1] for series in all_series)
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
     if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
         problem = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
         raise BagError(f"bag {path}", problem, f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s")
-    at = begin + SAMPLE_S * np.arange(count)
-    rest_m = own.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
-    measured_m = own.measured.line_out.bias
+    times = begin + SAMPLE_S * np.arange(count)
+    rest_m = base.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
+    measured_m = base.measured.line_out.bias
     known_m = measured_m if line[0] == LINE_TOPICS[0] else 0.0
-    known_n = own.measured.tension.bias if tension[0] == TENSION_TOPICS[0] else 0.0
-    z = _on_grid(path, *heave[1:], at, "heave") - rest_m
-    out = _on_grid(path, *line[1:], at, "line out") - known_m
-    led = {
-        name: _on_grid(path, *one[1:], at, f"line out of {name}")
-        - (measured_m if one[0] == LINE_TOPICS[0] else 0.0)
-        for name, one in others.items()
+    known_n = base.measured.tension.bias if tension[0] == TENSION_TOPICS[0] else 0.0
+    z = _on_grid(path, *heave[1:], times, "heave") - rest_m
+    out = _on_grid(path, *line[1:], times, "line out") - known_m
+    other_lines = {
+        name: _on_grid(path, *recorded[1:], times, f"line out of {name}")
+        - (measured_m if recorded[0] == LINE_TOPICS[0] else 0.0)
+        for name, recorded in others.items()
     }
-    top, mean, peak = (one - known_n for one in _tension_on(*tension[1:], at))
+    top, mean, peak = (recorded - known_n for recorded in _tension_on(*tension[1:], times))
     return RecordedLift(
-        scene_at_line(own, float(out[0]), {name: float(m[0]) for name, m in led.items()}), 0.0, z,
-        out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, at), led, problems,
+        scene_at_line(base, float(out[0]), {name: float(m[0]) for name, m in other_lines.items()}),
+        0.0, z, out, top, mean, peak, (heave[0], line[0], tension[0]), _on_at(switched, times),
+        other_lines, problems,
     )  # fmt: skip
 
 
-def tension_doubt(lift: RecordedLift) -> str:
-    """Return a warning if the largest tension is far from the static one, as in other units; or "".
+def tension_unit_warning(lift: RecordedLift) -> str:
+    """Return a warning if the tension is far from the static one, as in another unit; or "".
 
-    In multi-line scenes it is shared, and not judged.
+    It is not checked in multi-line scenes, where the load is shared.
     """
-    known = lift.peak_n[np.isfinite(lift.peak_n)]
-    if is_joined(lift.scene) or not len(known):
+    measured_n = lift.peak_n[np.isfinite(lift.peak_n)]
+    if is_joined(lift.scene) or not len(measured_n):
         return ""
-    static_n, most_n = lift_figures(lift.scene).top_tension_n(lift.line_out_m[0]), known.max()
-    if static_n <= 0.0 or UNIT_SHARE * static_n < most_n < static_n / UNIT_SHARE:
+    static_n, max_n = lift_figures(lift.scene).top_tension_n(lift.line_out_m[0]), measured_n.max()
+    if static_n <= 0.0 or UNIT_SHARE * static_n < max_n < static_n / UNIT_SHARE:
         return ""
     return (
-        f"warning: the largest tension of {lift.sources[2]} is {most_n:.4g} N where the lift "
+        f"warning: the largest tension of {lift.sources[2]} is {max_n:.4g} N where the lift "
         f"weighs {static_n:.4g} N; check its unit (N)"
     )
 
@@ -342,16 +349,16 @@ def _scene_of(path: Path) -> Scene:
     return read_content(path).sessions[-1].session.scene()
 
 
-def _of(names: Sequence[str], alone: bool, part: str) -> Read:
-    """Return a reader of a value of the rope or winch with one of these names; NaN: there is none.
+def _of(names: Sequence[str], single: bool, field: str) -> Read:
+    """Return a reader of a value of the rope or winch with one of these names; NaN if absent.
 
-    alone: the scene has one rope, the first of the message. part: of RopeValues.
+    single: the scene has one rope, the first of the message. field: of RopeValues.
     """
 
     def read(topic: str, data: bytes) -> tuple[float, float]:
         stamp_s, rows = rope_values(topic, data)
-        own = rows[:1] if alone else [one for one in rows if one.name in names]
-        return stamp_s, getattr(own[0], part) if own else math.nan
+        matching = rows[:1] if single else [rope for rope in rows if rope.name in names]
+        return stamp_s, getattr(matching[0], field) if matching else math.nan
 
     return read
 
@@ -361,22 +368,22 @@ def _first(
 ) -> _Found:
     """Return name, times [s] and values of the first of these topics with usable numbers.
 
-    refused: counts the messages that were left out.
+    refused: counts the messages that were skipped.
 
     Raises:
         BagError: none of them has any.
     """
-    for wanted in topics:
-        for name in names_of(reader, wanted):
-            unread = Counter[str]()
-            rows = list(contents(reader, [name], wanted, read, unread))
-            refused |= unread  # a topic may be read for several quantities
+    for topic in topics:
+        for name in names_of(reader, topic):
+            skipped = Counter[str]()
+            rows = list(contents(reader, [name], topic, read, skipped))
+            refused |= skipped  # a topic may be read for several quantities
             table = np.array(rows, np.float64).reshape(-1, 2)
             table = table[np.isfinite(table).all(axis=1)]
             table = table[np.argsort(table[:, 0], kind="stable")]
             rising = np.diff(table[:, 0], prepend=-math.inf) > 0.0
             if int(rising.sum()) > 1:
-                return wanted, table[rising, 0], table[rising, 1]
+                return topic, table[rising, 0], table[rising, 1]
     words = " nor ".join(topics)
     raise BagError(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one")
 
@@ -384,7 +391,7 @@ def _first(
 def _compensation(reader: Messages) -> Floats:
     """Return times [s] and whether active heave compensation is on, (n, 2), of `winch/state`."""
     rows = []
-    for name in (one for one in reader.topics if is_topic(one, WINCH_STATE)):
+    for name in (topic for topic in reader.topics if is_topic(topic, WINCH_STATE)):
         for _, data in reader.messages(name):
             message = deserialise(reader.topics[name].type_name, data)
             table, stamp = read_cloud(message), message.header.stamp
@@ -393,32 +400,32 @@ def _compensation(reader: Messages) -> Floats:
     return np.array(sorted(rows), np.float64).reshape(-1, 2)
 
 
-def _on_at(switched: Floats, at: Floats) -> NDArray[np.bool_] | None:
-    """Return whether it is on at times: the last state heard, at first on; None: never heard."""
+def _on_at(switched: Floats, times: Floats) -> NDArray[np.bool_] | None:
+    """Return whether it is on at given times, by the last message (before it: on); None: none."""
     switched = switched[np.isfinite(switched).all(axis=1)]
     if not len(switched):
         return None
     states = np.concatenate([[True], switched[:, 1] > 0.5])
-    return np.asarray(states[np.searchsorted(switched[:, 0], at, side="right")])
+    return np.asarray(states[np.searchsorted(switched[:, 0], times, side="right")])
 
 
-def _on_grid(path: Path, time: Floats, values: Floats, at: Floats, what: str) -> Floats:
-    """Interpolate at times. Raises BagError: a gap is too long."""
+def _on_grid(path: Path, time: Floats, values: Floats, times: Floats, what: str) -> Floats:
+    """Interpolate at given times. Raises BagError: a gap is too long."""
     gaps = np.diff(time)
-    inside = (time[1:] > at[0]) & (time[:-1] < at[-1])
+    inside = (time[1:] > times[0]) & (time[:-1] < times[-1])
     if (gaps[inside] > LARGEST_GAP_S).any():
         k = int(np.argmax(np.where(inside, gaps, 0.0)))
-        what = f"{what} is missing for {gaps[k]:.1f} s from {time[k] - at[0]:.1f} s on"
+        what = f"{what} is missing for {gaps[k]:.1f} s from {time[k] - times[0]:.1f} s on"
         raise BagError(f"bag {path}", what, f"right are gaps up to {LARGEST_GAP_S:g} s")
-    return np.asarray(np.interp(at, time, values))
+    return np.asarray(np.interp(times, time, values))
 
 
-def _tension_on(time: Floats, values: Floats, at: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return tension at times, mean and maximum of the SAMPLE_S before; NaN in gaps."""
-    top = np.interp(at, time, values)
-    last = np.searchsorted(time, at, side="right")
-    first = np.searchsorted(time, at - SAMPLE_S, side="right")
-    mean, peak = np.full(len(at), math.nan), np.full(len(at), math.nan)
+def _tension_on(time: Floats, values: Floats, times: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return tension at given times, mean and maximum of the SAMPLE_S before; NaN in gaps."""
+    top = np.interp(times, time, values)
+    last = np.searchsorted(time, times, side="right")
+    first = np.searchsorted(time, times - SAMPLE_S, side="right")
+    mean, peak = np.full(len(times), math.nan), np.full(len(times), math.nan)
     for k, (begin, end) in enumerate(zip(first, last, strict=True)):
         if end > begin:
             mean[k], peak[k] = values[begin:end].mean(), values[begin:end].max()

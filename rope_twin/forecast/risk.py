@@ -1,11 +1,11 @@
-"""Risks of the next minute and quiet windows, as shares of a forecast's members.
+"""Risks of the next minute and quiet windows, as fractions of a forecast's members.
 
-Forecasts are kept until their time has come: how often their bands held gives the spread's factor.
-A band that held less often than it promised is too narrow in this sea, with these sensors. Of the
-last hundred kept forecasts the factor of a lead is the 90 % quantile of |y - median|/(half band),
-taken over neighbouring leads and drawn towards 1 by a prior worth PRIOR forecasts, so that a few
-misses of one wave group do not widen everything. Forecasts are kept KEEP_EVERY_S apart: nearer ones
-are of the same waves and prove nothing besides.
+Past forecasts are verified: the coverage of their bands gives the factor on the spread. A band with
+less than its nominal coverage is too narrow in this sea, with these sensors. Over the last hundred
+forecasts the factor of a lead is the 90 % quantile of |y - median|/(half band),
+taken over neighbouring leads and shrunk towards 1 by a prior worth PRIOR forecasts, so that a few
+misses in one wave group do not widen all bands. Verified forecasts are KEEP_EVERY_S apart: closer
+ones are of the same waves and not independent.
 """
 
 from __future__ import annotations
@@ -28,49 +28,51 @@ from rope_twin.scene.schema import Scene
 
 Floats = NDArray[np.float64]
 
-KEPT = 100
+MAX_FORECASTS = 100
 KEEP_EVERY_S = 10.0
 PRIOR = 40.0  # forecasts that the prior factor of 1 is worth
-NEIGHBOURS_S = 2.0  # leads so near count for each other
+NEIGHBOURS_S = 2.0  # leads this close are pooled
 NOMINAL = 0.9  # coverage of the band
-LEAST_JUDGED = 5  # forecasts before a coverage is given
+MIN_VERIFIED = 5  # forecasts before a coverage is given
 
 
 @dataclass
-class _Kept:
-    """One band as published, and the truth where it is known."""
+class _PublishedBand:
+    """One published band, and the measured values where they are known."""
 
     origin_s: float
     band: Floats  # (3, leads)
-    factor: Floats  # (leads,) that is in it
+    factor: Floats  # (leads,) applied to it
     truth: Floats  # (leads,), NaN: not yet known
 
 
-class KeptForecasts:
-    """The last KEPT forecasts of one quantity, and what became of them."""
+class ForecastVerification:
+    """The last MAX_FORECASTS forecasts of one quantity, and their measured outcome."""
 
     def __init__(self, leads: Floats) -> None:
-        """Begin without any; leads: of all forecasts to come [s], (leads,)."""
+        """Begin without forecasts; leads: of all forecasts [s], (leads,)."""
         self.leads, self._last_s = leads, float(leads[-1])
-        self._kept: deque[_Kept] = deque(maxlen=KEPT)
+        self._kept: deque[_PublishedBand] = deque(maxlen=MAX_FORECASTS)
         self._seen: deque[tuple[float, float]] = deque()  # time and value
 
     def __len__(self) -> int:
-        """Return the number of kept forecasts, open ones included."""
+        """Return the number of stored forecasts, unverified ones included."""
         return len(self._kept)
 
-    def keep(self, forecast: TensionForecast) -> None:
-        """Keep a forecast of the top tension, unless the last one is too near."""
+    def add(self, forecast: TensionForecast) -> None:
+        """Store a forecast of the top tension, unless it is too close to the last one."""
         if self._kept and forecast.origin_s - self._kept[-1].origin_s < KEEP_EVERY_S - 1e-6:
             return
         open_ = np.full(len(self.leads), np.nan)
-        self._kept.append(_Kept(forecast.origin_s, forecast.band(), forecast.factor, open_))
+        self._kept.append(
+            _PublishedBand(forecast.origin_s, forecast.band(), forecast.factor, open_)
+        )
 
-    def see(self, time_s: float, value: float) -> None:
-        """Take a measured value; values come in the order of their times.
+    def observe(self, time_s: float, value: float) -> None:
+        """Add a measured value; their times must ascend.
 
-        A lead is judged by the value interpolated at its time, if two values about it are at most
-        2·SAMPLE_S apart.
+        A lead is verified by the value interpolated at its time if the two values around it are at
+        most 2·SAMPLE_S apart.
         """
         before = self._seen[-1] if self._seen else None
         self._seen.append((time_s, value))
@@ -80,60 +82,63 @@ class KeptForecasts:
             return
         if not 0.0 < time_s - before[0] <= 2.0 * SAMPLE_S:
             return
-        for one in self._kept:
-            if not one.origin_s <= time_s <= one.origin_s + self._last_s + 2.0 * SAMPLE_S:
+        for published in self._kept:
+            if (
+                not published.origin_s
+                <= time_s
+                <= published.origin_s + self._last_s + 2.0 * SAMPLE_S
+            ):
                 continue
-            first = bisect_left(self.leads, before[0] - one.origin_s - 1e-9)
-            last = bisect_left(self.leads, time_s - one.origin_s + 1e-9)
+            first = bisect_left(self.leads, before[0] - published.origin_s - 1e-9)
+            last = bisect_left(self.leads, time_s - published.origin_s + 1e-9)
             for k in range(first, last):
-                part = (one.origin_s + self.leads[k] - before[0]) / (time_s - before[0])
-                one.truth[k] = before[1] + part * (value - before[1])
+                fraction = (published.origin_s + self.leads[k] - before[0]) / (time_s - before[0])
+                published.truth[k] = before[1] + fraction * (value - before[1])
 
     @property
     def judged(self) -> int:
-        """Number of kept forecasts of which something is known."""
+        """Number of forecasts with at least one verified lead."""
         return len(self._judged())
 
-    def _judged(self) -> list[_Kept]:
-        return [one for one in self._kept if np.isfinite(one.truth).any()]
+    def _judged(self) -> list[_PublishedBand]:
+        return [published for published in self._kept if np.isfinite(published.truth).any()]
 
     def coverage(self) -> float:
-        """Return the fraction of judged leads inside their bands; NaN: too few are judged."""
-        closed = self._judged()
-        if len(closed) < LEAST_JUDGED:
+        """Return the fraction of verified leads inside their bands; NaN if they are too few."""
+        judged = self._judged()
+        if len(judged) < MIN_VERIFIED:
             return math.nan
-        truth = np.array([one.truth for one in closed])
-        bands = np.array([one.band for one in closed])
-        known = np.isfinite(truth)
-        return coverage(bands[:, 0][known], bands[:, 2][known], truth[known])
+        truth = np.array([published.truth for published in judged])
+        bands = np.array([published.band for published in judged])
+        is_known = np.isfinite(truth)
+        return coverage(bands[:, 0][is_known], bands[:, 2][is_known], truth[is_known])
 
     def factor(self) -> Floats:
         """Return the factor on the members' spread at each lead, (leads,); 1 without any."""
         count = len(self.leads)
         if not self._kept:
             return np.ones(count)
-        truth = np.array([one.truth for one in self._kept])
-        bands = np.array([one.band for one in self._kept])
-        own = np.array([one.factor for one in self._kept])
-        off = truth - bands[:, 1]
-        half = np.where(off >= 0.0, bands[:, 2] - bands[:, 1], bands[:, 1] - bands[:, 0])
-        ratio = own * np.abs(off) / np.maximum(half, 1e-9)
-        near = round(NEIGHBOURS_S / SAMPLE_S)
-        found = np.ones(count)
+        truth = np.array([published.truth for published in self._kept])
+        bands = np.array([published.band for published in self._kept])
+        in_band = np.array([published.factor for published in self._kept])
+        error = truth - bands[:, 1]
+        half_width = np.where(error >= 0.0, bands[:, 2] - bands[:, 1], bands[:, 1] - bands[:, 0])
+        ratio = in_band * np.abs(error) / np.maximum(half_width, 1e-9)
+        neighbours = round(NEIGHBOURS_S / SAMPLE_S)
+        factors = np.ones(count)
         for k in range(count):
-            some = ratio[:, max(k - near, 0) : k + near + 1]
-            judged = int(np.isfinite(some).any(axis=1).sum())
+            nearby = ratio[:, max(k - neighbours, 0) : k + neighbours + 1]
+            judged = int(np.isfinite(nearby).any(axis=1).sum())
             if judged:
-                wanted = float(np.nanquantile(some, NOMINAL))
+                needed = float(np.nanquantile(nearby, NOMINAL))
                 weight = judged / (judged + PRIOR)
-                found[k] = math.exp(weight * math.log(max(wanted, 1e-3)))
-        return found
+                factors[k] = math.exp(weight * math.log(max(needed, 1e-3)))
+        return factors
 
 
 SPANS_S = (10.0, 20.0, 30.0, 60.0)
-LATEST_BEGIN_S = 10.0  # no quiet window is promised that begins later
-BEGINS_S = (0.0, 2.0, 5.0, 10.0)
-FEW = 0.1  # share of members below which a conditional figure is not given
+LATEST_START_S = 10.0  # no quiet window is given that begins later
+WINDOW_STARTS_S = (0.0, 2.0, 5.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -154,9 +159,9 @@ class Limits:
             InputError: a limit that is not positive.
         """
         names = ("tension_n", "contact_m_per_s", "quiet_m_per_s", "quiet_s")
-        given = [(name, getattr(self, name)) for name in names]
-        given += [(f"tension of {name}", value) for name, value in self.ropes_n.items()]
-        for name, value in given:
+        limits = [(name, getattr(self, name)) for name in names]
+        limits += [(f"tension of {name}", value) for name, value in self.ropes_n.items()]
+        for name, value in limits:
             if not (value > 0.0 and math.isfinite(value)):
                 raise InputError(f"limit {name}", f"it is {value:g}", "give more than 0")
 
@@ -168,17 +173,17 @@ class Limits:
 def tension_limits(scene: Scene, given_n: float | None = None) -> tuple[float, dict[str, float]]:
     """Return the limit of the main winch's rope [N], and those of other ropes from a hang-off.
 
-    given_n: counts for each of them; None: the limit of the scene, or its utilisation times the MBL
+    given_n: limit of each rope; None: the limit of the scene, or its utilisation times the MBL
     of the rope.
     """
-    own, hung = scene.limits, hung_ropes(scene)
-    limit = given_n or own.tension_n
-    found = {
-        line.name: limit or own.utilisation * line.breaking_load_n
+    scene_limits, hung_names = scene.limits, hung_ropes(scene)
+    limit = given_n or scene_limits.tension_n
+    limits_n = {
+        line.name: limit or scene_limits.utilisation * line.breaking_load_n
         for line in scene.ropes
-        if line.name in hung
+        if line.name in hung_names
     }
-    first, *others = found.items()
+    first, *others = limits_n.items()
     return first[1], dict(others)
 
 
@@ -209,24 +214,24 @@ def risks(
 
     seabed_depth_m: depth of the payload at contact [m]; None: no seabed.
     """
-    found = []
+    result = []
     touching, speed = None, None
     if seabed_depth_m is not None:
         speed, touching = first_contact(forecast, seabed_depth_m)
     for span in SPANS_S:
         count = round(span / SAMPLE_S)
-        high = np.any(
+        exceeds = np.any(
             [(rope.peak_n[:count] > limits.of(name)).any(axis=0)
              for name, rope in forecast.hung.items()], axis=0,
         )  # fmt: skip
-        loose = (forecast.values[MARGIN][:count] <= 0.0).any(axis=0)
+        slack = (forecast.values[MARGIN][:count] <= 0.0).any(axis=0)
         contact = landing = math.nan
         if touching is not None and speed is not None:
             lands = touching < count
             landing = float(lands.mean())
             contact = float((lands & (speed > limits.contact_m_per_s)).mean())
-        found.append(Risk(span, float(high.mean()), float(loose.mean()), contact, landing))
-    return found
+        result.append(Risk(span, float(exceeds.mean()), float(slack.mean()), contact, landing))
+    return result
 
 
 def first_contact(
@@ -234,48 +239,48 @@ def first_contact(
 ) -> tuple[Floats, NDArray[np.int64]]:
     """Return speed [m/s] of each member just before it first touches the seabed, and the lead.
 
-    Speed is NaN, and the lead's number that of all leads, where a member does not land, or is on
-    the seabed from the beginning. Members are looked at every SAMPLE_S; the speed is the largest
-    downward one of the last two looks above the seabed, which bounds that at contact.
+    Where a member does not land, or is on the seabed from the start, the speed is NaN and the lead
+    the number of leads. Members are sampled every SAMPLE_S; the speed is the largest downward
+    one of the last two samples above the seabed, which bounds the contact speed.
     """
     depth, speed = forecast.values[DEPTH], forecast.values[SPEED]
     leads, members = depth.shape
-    below = depth >= seabed_depth_m
-    lands = below.any(axis=0) & ~below[0]
-    first = np.where(lands, below.argmax(axis=0), leads)
-    before = np.maximum(first - 1, 0)
-    earlier = np.maximum(first - 2, 0)
-    own = np.arange(members)
-    fastest = np.maximum(speed[before, own], speed[earlier, own])
+    on_seabed = depth >= seabed_depth_m
+    lands = on_seabed.any(axis=0) & ~on_seabed[0]
+    first = np.where(lands, on_seabed.argmax(axis=0), leads)
+    last_above = np.maximum(first - 1, 0)
+    second_last = np.maximum(first - 2, 0)
+    member = np.arange(members)
+    fastest = np.maximum(speed[last_above, member], speed[second_last, member])
     return np.where(lands, fastest, np.nan), first
 
 
 def quiet_windows(
-    forecast: TensionForecast, limits: Limits, begins_s: Sequence[float] = BEGINS_S
+    forecast: TensionForecast, limits: Limits, begins_s: Sequence[float] = WINDOW_STARTS_S
 ) -> list[QuietWindow]:
     """Return the probability that each window is quiet.
 
     Raises:
-        InputError: a window that begins later than LATEST_BEGIN_S or within the horizon of the
+        InputError: a window that begins later than LATEST_START_S or within the horizon of the
             heave, whichever is later, or ends beyond the forecast.
     """
-    latest = max(LATEST_BEGIN_S, forecast.horizon_s)
-    found = []
-    slow = np.abs(forecast.values[SPEED]) < limits.quiet_m_per_s
+    latest = max(LATEST_START_S, forecast.horizon_s)
+    windows = []
+    is_quiet = np.abs(forecast.values[SPEED]) < limits.quiet_m_per_s
     for begin in begins_s:
         first, last = round(begin / SAMPLE_S), round((begin + limits.quiet_s) / SAMPLE_S)
-        if begin > latest or last > len(slow):
+        if begin > latest or last > len(is_quiet):
             problem = f"a window from {begin:g} to {begin + limits.quiet_s:g} s"
             remedy = f"begin it within {latest:g} s and end it within {forecast.lead_s[-1]:g} s"
             raise InputError("quiet window", problem, remedy)
-        share = float(slow[first:last].all(axis=0).mean())
-        found.append(QuietWindow(begin, limits.quiet_s, share))
-    return found
+        probability = float(is_quiet[first:last].all(axis=0).mean())
+        windows.append(QuietWindow(begin, limits.quiet_s, probability))
+    return windows
 
 
 @dataclass(frozen=True)
 class Difference:
-    """An order against another one, member by member on the same heave, in one rope's tension."""
+    """Difference between two orders in one rope's tension, member by member on the same heave."""
 
     order: str
     peak_n: tuple[float, float, float]  # 5, 50, 95 % of the change in the span's largest tension
@@ -296,9 +301,11 @@ def compare(
         problem = f"{forecast.members} and {against.members} members"
         raise InputError("orders", problem, "compare forecasts of one call")
     count = round(span_s / SAMPLE_S)
-    own, other = (one.hung[rope or one.rope] for one in (forecast, against))
-    change = own.peak_n[:count].max(axis=0) - other.peak_n[:count].max(axis=0)
-    low, middle, high = np.quantile(change, (0.05, 0.5, 0.95), method="weibull")
+    under_order, reference = (each.hung[rope or each.rope] for each in (forecast, against))
+    change = under_order.peak_n[:count].max(axis=0) - reference.peak_n[:count].max(axis=0)
+    lower_n, median_n, upper_n = np.quantile(change, (0.05, 0.5, 0.95), method="weibull")
     return Difference(
-        forecast.order, (float(low), float(middle), float(high)), float((change < 0.0).mean())
+        forecast.order,
+        (float(lower_n), float(median_n), float(upper_n)),
+        float((change < 0.0).mean()),
     )

@@ -1,7 +1,7 @@
 """Scores of forecasts against what happened: coverage, skill, CRPS, Brier score and reliability.
 
-Each is zero or one for a perfect forecast and, as a gain, zero for climatology, the forecast that
-knows the sea but not the present.
+Each is zero or one for a perfect forecast and, as a gain, zero for climatology, the forecast from
+the sea state alone.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ def crps_members(members: Floats, truth: Floats) -> Floats:
     count = len(members)
     ordered = np.sort(members, axis=0)
     weight = (2.0 * np.arange(1, count + 1) - count - 1.0) / count**2
-    apart = np.tensordot(weight, ordered, axes=1)  # half the mean difference of two members
-    return np.asarray(np.abs(members - truth).mean(axis=0) - apart)
+    spread = np.tensordot(weight, ordered, axes=1)  # half the mean difference of two members
+    return np.asarray(np.abs(members - truth).mean(axis=0) - spread)
 
 
 def member_quantiles(members: Floats, axis: int = 0) -> Floats:
@@ -57,7 +57,7 @@ def skill(forecast: Floats, truth: Floats, climate_variance: float) -> float:
 
 @dataclass(frozen=True)
 class Reliability:
-    """Forecast probabilities of one class, and how often the event then came."""
+    """Forecast probabilities of one class, and the observed frequency of the event."""
 
     probability: float  # mean of the forecasts
     frequency: float  # of the event
@@ -68,8 +68,8 @@ class Reliability:
 class BrierScore:
     """Brier score (1950) of probability forecasts with its parts (Murphy 1973, eq. 12).
 
-    score = reliability - resolution + uncertainty + within, where `within` is what forecasts of
-    one class differ among each other (Stephenson, Coelho and Jolliffe 2008); climatology's score is
+    score = reliability - resolution + uncertainty + within, where `within` is the variance of
+    forecasts within a class (Stephenson, Coelho and Jolliffe 2008); climatology's score is
     the uncertainty b·(1 - b) of the base rate b.
     """
 
@@ -104,17 +104,17 @@ def brier(probability: Floats, happened: Bools) -> BrierScore:
     group = np.minimum((p * BINS).astype(np.int64), BINS - 1)
     classes, reliability, resolution, within = [], 0.0, 0.0, 0.0
     for k in range(BINS):
-        mine = group == k
-        count = int(mine.sum())
+        in_class = group == k
+        count = int(in_class.sum())
         if not count:
             continue
-        stated, came = float(p[mine].mean()), float(o[mine].mean())
-        share = count / len(p)
-        reliability += share * (stated - came) ** 2
-        resolution += share * (came - base) ** 2
-        spread = p[mine] - stated
-        within += share * float(np.mean(spread**2 - 2.0 * spread * (o[mine] - came)))
-        classes.append(Reliability(stated, came, count))
+        stated, observed = float(p[in_class].mean()), float(o[in_class].mean())
+        weight = count / len(p)
+        reliability += weight * (stated - observed) ** 2
+        resolution += weight * (observed - base) ** 2
+        spread = p[in_class] - stated
+        within += weight * float(np.mean(spread**2 - 2.0 * spread * (o[in_class] - observed)))
+        classes.append(Reliability(stated, observed, count))
     return BrierScore(
         float(np.mean((p - o) ** 2)), reliability, resolution, base * (1.0 - base), within, base,
         len(p), tuple(classes),
@@ -147,12 +147,12 @@ def score_lead(lead_s: float, members: Floats, truth: Floats, climate: Floats) -
         problem = f"{len(members)} forecasts, {len(climate)} values of climatology"
         raise InputError("score", problem, "give at least one forecast and a quantity that varies")
     low, high = member_quantiles(members, axis=1)[::2]
-    own = float(crps_members(np.moveaxis(members, 1, 0), truth).mean())
-    some = np.quantile(climate, (np.arange(200) + 0.5) / 200)
-    known = float(crps_members(some[:, None], truth.reshape(-1)).mean())
+    forecast_crps = float(crps_members(np.moveaxis(members, 1, 0), truth).mean())
+    quantiles = np.quantile(climate, (np.arange(200) + 0.5) / 200)
+    climate_crps = float(crps_members(quantiles[:, None], truth.reshape(-1)).mean())
     band = float(np.subtract(*np.quantile(climate, (BAND[2], BAND[0]))))
     return LeadScore(
         lead_s, len(members), coverage(low, high, truth),
         skill(members.mean(axis=1), truth, float(np.var(climate))),
-        own, 1.0 - own / known, float(np.mean(high - low)) / band,
+        forecast_crps, 1.0 - forecast_crps / climate_crps, float(np.mean(high - low)) / band,
     )  # fmt: skip

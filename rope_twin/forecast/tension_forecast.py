@@ -1,16 +1,16 @@
-"""Tension of the next minute: members of a fleet, each with heave and figures of its own.
+"""Tension of the next minute from an ensemble, each member with its own heave and properties.
 
-At an origin the true heave of the last two minutes and of the next one is drawn jointly for each
-member (`heave_process`), with figures (weight, mass, drag, stiffness, ...) from their spread. The
-members run through the past, which spreads them by what the motion sensor's error does to a rope,
-and on into the future. What the load pin measured in the last 40 s shifts the members (ensemble
+At the origin the true heave of the last two minutes and of the next one is drawn jointly for each
+member (`heave_process`), with properties (weight, mass, drag, stiffness, ...) from their spread.
+The members are integrated over the past, which spreads them by the effect of the motion sensor's
+error, and on into the future. The load-pin readings of the last 40 s shift the members (ensemble
 smoother, Evensen 2003): with predicted past readings Y, readings y and noise σ,
 
     T ← T + e^(-(t/τ)²)·(T - mean)·W,  W = Uᵀ-space gain s/(1 + s²) of (Y - mean)/(√(n - 1)·σ),
 
-faded over the lead t, because chance correlations of a finite ensemble carry noise of the past into
-a far future. A band is that of the members times a factor per lead that follows from how often
-earlier bands held (`kept`). Beyond some 20 s the band is the climatology of this sea for this rope.
+faded over the lead t, because spurious correlations of a finite ensemble carry past noise into long
+leads. The spread of the members is scaled by a factor per lead that follows from the coverage of
+earlier bands (`risk`). Beyond about 20 s the band is the climatology of this sea for this rope.
 """
 
 from __future__ import annotations
@@ -39,15 +39,15 @@ from rope_twin.forecast.orders import (
     COMPENSATION,
     CONTINUE,
     WITH_SPEED,
-    LineNow,
     LinePath,
     Lines,
+    LineState,
     Order,
     check_lift_order,
     compensation_path,
     line_path,
     other_winches,
-    senses,
+    winch_directions,
 )
 from rope_twin.forecast.score import member_quantiles
 from rope_twin.scene.instruments import Learning
@@ -68,21 +68,21 @@ TENSION, BOTTOM, DEPTH, SPEED, MARGIN = (
     "slack_margin_n",
 )  # fmt: skip
 QUANTITIES = (TENSION, BOTTOM, DEPTH, SPEED, MARGIN)
-# standard deviations of the figures' logarithms, as some minutes of learning leave them with a
-# tared load pin; what is not learned has a wider one
+# standard deviations of the figures' logarithms, after some minutes of learning with a tared
+# load pin; figures that are not learned have a wider one
 LEARNED_SPREAD: Mapping[str, float] = {
     "submerged_weight": 0.005, "oscillating_mass": 0.02, "payload_drag": 0.06,
     "axial_stiffness": 0.018, "axial_damping": 0.2, "tangential_drag": 0.12,
 }  # fmt: skip
-MOST_SPREAD = 2.0  # as the section `learning` of a scene allows
+MAX_SPREAD = 2.0  # as the section `learning` of a scene allows
 # of the coloured error assumed, flat over its whole band, over that of a sensor from 8 to 30 s
 ERROR_MARGIN = 1.6
 PIN_S = 40.0  # of load pin readings that shift the members
-PIN_FACTOR = 3.0  # on its noise, for what the rope model lacks
+PIN_FACTOR = 3.0  # on its noise, for the error of the rope model
 FADING_S = 8.0  # of the shift over the lead
 LINE_SPEED_S = 3.0  # of line out whose least-squares slope is its speed at the origin
-JOIN_S = 5.0  # over which a member leaves the heave of the state that it begins from
-LEAST_MEMBERS = 19  # for a 90 % band by ranks
+JOIN_S = 5.0  # over which a member blends from the measured heave to its own
+MIN_MEMBERS = 19  # for a 90 % band by ranks
 CLIMATOLOGY_SKILL = 0.5  # of heave below which a lead is called climatology
 
 
@@ -105,10 +105,10 @@ class ForecastSettings:
         """Check the numbers.
 
         Raises:
-            InputError: too few members, a burn-in beyond the known past, or a spread that is none.
+            InputError: too few members, a burn-in beyond the known past, or an invalid spread.
         """
-        if self.members < LEAST_MEMBERS:
-            remedy = f"a 90 % band needs {LEAST_MEMBERS}"
+        if self.members < MIN_MEMBERS:
+            remedy = f"a 90 % band needs {MIN_MEMBERS}"
             raise InputError("forecast", f"{self.members} members", remedy)
         if not JOIN_S < self.burn_in_s < PAST_S:
             remedy = f"right is more than {JOIN_S:g} s and less than {PAST_S:g} s"
@@ -117,8 +117,8 @@ class ForecastSettings:
             problem = f"load pin {self.load_pin_deviation_n:g} N, fading {self.fading_s:g} s"
             raise InputError("forecast", problem, "give positive numbers")
         for name, value in self.spread.items():
-            if name not in FIGURES or not 0.0 <= value <= MOST_SPREAD:
-                remedy = f"give 0 to {MOST_SPREAD:g} for {', '.join(FIGURES)}"
+            if name not in FIGURES or not 0.0 <= value <= MAX_SPREAD:
+                remedy = f"give 0 to {MAX_SPREAD:g} for {', '.join(FIGURES)}"
                 raise InputError("forecast", f"the spread of {name} is {value:g}", remedy)
         for name, value in self.mean.items():
             if name not in FIGURES or not math.isfinite(value):
@@ -147,8 +147,8 @@ def unlearned_spread(learning: Learning) -> dict[str, float]:
 
 
 @dataclass(frozen=True)
-class Known:
-    """All that was measured up to the origin, every SAMPLE_S, the newest last."""
+class Observations:
+    """Measurements up to the origin, every SAMPLE_S, the newest last."""
 
     time_s: float  # of the newest sample, the origin
     heave_m: Floats  # (n,) of the hang-off by the motion sensor, at least 2 min
@@ -181,7 +181,7 @@ class Known:
 
 
 @dataclass(frozen=True)
-class HungRope:
+class SuspendedRope:
     """Top tension of a rope from a hang-off."""
 
     values: Floats  # at each lead, (leads, members)
@@ -207,7 +207,7 @@ class TensionForecast:
     factor: Floats  # on the spread of the members, (leads,)
     note: str = ""
     # of ropes from a hang-off other than the main winch's, by name
-    others: Mapping[str, HungRope] = field(default_factory=dict)
+    others: Mapping[str, SuspendedRope] = field(default_factory=dict)
     rope: str = ""  # name of the main winch's rope
 
     @property
@@ -220,18 +220,18 @@ class TensionForecast:
         return member_quantiles(self.values[quantity], axis=1)
 
     @property
-    def hung(self) -> dict[str, HungRope]:
+    def hung(self) -> dict[str, SuspendedRope]:
         """Each rope from a hang-off by name, that of the main winch first."""
-        return {self.rope: HungRope(self.values[TENSION], self.peak_n), **self.others}
+        return {self.rope: SuspendedRope(self.values[TENSION], self.peak_n), **self.others}
 
     @property
     def horizon_s(self) -> float:
-        """Lead up to which heave is known better than its climatology; beyond it is that.
+        """Lead up to which heave is known better than its climatology.
 
         The largest lead at which the expected skill of the heave is CLIMATOLOGY_SKILL.
         """
-        known = np.flatnonzero(self.heave_skill >= CLIMATOLOGY_SKILL)
-        return float(self.lead_s[known[-1]]) if len(known) else 0.0
+        predictable = np.flatnonzero(self.heave_skill >= CLIMATOLOGY_SKILL)
+        return float(self.lead_s[predictable[-1]]) if len(predictable) else 0.0
 
 
 def smoother_gain(predicted: Floats, readings: Floats, deviation: float, noise: Floats) -> Floats:
@@ -244,15 +244,17 @@ def smoother_gain(predicted: Floats, readings: Floats, deviation: float, noise: 
     which members keep their spread (Burgers, van Leeuwen and Evensen 1998).
     """
     members = predicted.shape[1]
-    apart = (predicted - predicted.mean(axis=1, keepdims=True)).T / math.sqrt(members - 1.0)
-    left, size, right = np.linalg.svd(apart / deviation, full_matrices=False)
-    missed = ((readings[:, None] + noise - predicted) / deviation).T
-    weights = (missed @ right.T * (size / (1.0 + size**2))) @ left.T / math.sqrt(members - 1.0)
+    anomalies = (predicted - predicted.mean(axis=1, keepdims=True)).T / math.sqrt(members - 1.0)
+    u, singular, vt = np.linalg.svd(anomalies / deviation, full_matrices=False)
+    innovation = ((readings[:, None] + noise - predicted) / deviation).T
+    weights = (
+        (innovation @ vt.T * (singular / (1.0 + singular**2))) @ u.T / math.sqrt(members - 1.0)
+    )
     return np.asarray(weights.T)
 
 
 class TensionForecaster:
-    """Forecasts what hangs in a scene again and again, on a fleet of its own."""
+    """Forecasts the suspended lines of a scene repeatedly, on a fleet of its own."""
 
     def __init__(self, scene: Scene, settings: ForecastSettings | None = None) -> None:
         """Build the fleet.
@@ -261,22 +263,22 @@ class TensionForecaster:
             InputError: a scene that fleets do not step, or settings that are not possible.
             SceneError: the scene cannot be built, or has no static equilibrium.
         """
-        own = self.settings = settings or ForecastSettings()
+        chosen = self.settings = settings or ForecastSettings()
         self.scene = scene
-        self.fleet = Fleet(scene, own.members, elements=own.elements, step_s=own.step_s)
-        self._winches, self._senses = other_winches(scene), senses(scene)
-        self._steps = round(SAMPLE_S / own.step_s)
-        if self._steps < 1 or abs(self._steps * own.step_s - SAMPLE_S) > 1e-9:
-            problem = f"a step of {own.step_s:g} s"
+        self.fleet = Fleet(scene, chosen.members, elements=chosen.elements, step_s=chosen.step_s)
+        self._winches, self._directions = other_winches(scene), winch_directions(scene)
+        self._steps = round(SAMPLE_S / chosen.step_s)
+        if self._steps < 1 or abs(self._steps * chosen.step_s - SAMPLE_S) > 1e-9:
+            problem = f"a step of {chosen.step_s:g} s"
             raise InputError("forecast", problem, f"give a whole part of {SAMPLE_S:g} s")
-        self._random = np.random.default_rng(own.seed)
+        self._random = np.random.default_rng(chosen.seed)
         self.leads: Floats = np.asarray(
             SAMPLE_S * np.arange(1, round(AHEAD_S / SAMPLE_S) + 1, dtype=np.float64)
         )
 
     def forecast(
         self,
-        known: Known,
+        observed: Observations,
         start: FleetState | LiveState,
         orders: Sequence[Order] = (Order(CONTINUE),),
         factor: Floats | None = None,
@@ -285,77 +287,93 @@ class TensionForecaster:
         """Return a forecast for each order, all on the same heave paths, member by member.
 
         Args:
-            known: measured up to the origin.
+            observed: measurements up to the origin.
             start: state of the rope `burn_in_s` before the origin, on measured heave.
-            orders: what the winches do from the origin on; see `forecast.orders`.
+            orders: winch orders from the origin on; see `forecast.orders`.
             factor: on the spread of top tension at each lead; None: 1.
             plans: line out of winches from the origin on at every step, by name, in place of
                 `continue`.
 
         Raises:
             InputError: too little is known, or an order that the scene cannot follow.
-            SolverError: fewer than LEAST_MEMBERS members came through.
+            SolverError: fewer than MIN_MEMBERS members stayed finite.
         """
-        now = self._lines_now(known, start)
+        line_states = self._line_states(observed, start)
         for order in orders:
-            check_lift_order(order, self.scene, now[WINCH])
-        lines = [self._lines(order, now, plans or {}) for order in orders]
-        heave = known.heave_m - known.heave_m.mean()
+            check_lift_order(order, self.scene, line_states[WINCH])
+        lines = [self._lines(order, line_states, plans or {}) for order in orders]
+        heave = observed.heave_m - observed.heave_m.mean()
         process = HeaveProcess.of_record(heave, self.settings.motion_error)
-        paths = process.paths(heave, known.waves, known.response).for_unknown_spectrum()
-        motion = self._motion(known, paths)
+        paths = process.paths(heave, observed.waves, observed.response).for_unknown_spectrum()
+        motion = self._motion(observed, paths)
         self._draw_figures()
-        states, weights = self._through_the_past(known, motion, start)
+        states, weights = self._run_past(observed, motion, start)
         records: list[FleetRecord] = []
         for order, line in zip(orders, lines, strict=True):
             if records:
                 self.fleet.restore(states)
-            records.append(self._ahead(motion, order, line, now))
-        good = self._came_through(records)
+            records.append(self._run_future(motion, order, line, line_states))
+        is_finite = self._finite_members(records)
         return [
             self._forecast(
-                known, paths, order, line[order.winch or WINCH].note, record, good, weights, factor
+                observed,
+                paths,
+                order,
+                line[order.winch or WINCH].note,
+                record,
+                is_finite,
+                weights,
+                factor,
             )
             for order, line, record in zip(orders, lines, records, strict=True)
         ]
 
-    def _came_through(self, records: Sequence[FleetRecord]) -> NDArray[np.bool_]:
-        """Return which members came through under every order. Raises SolverError: too few."""
-        good = np.all([np.isfinite(one.top_tension_n).all(axis=0) for one in records], axis=0)
-        if int(good.sum()) < LEAST_MEMBERS:
-            why = next((w for one in records for w in one.failures.values()), "no reason is known")
-            problem = f"{int((~good).sum())} of {len(good)} members failed ({why.rstrip('.')})"
+    def _finite_members(self, records: Sequence[FleetRecord]) -> NDArray[np.bool_]:
+        """Return which members stayed finite under every order. Raises SolverError: too few."""
+        is_finite = np.all(
+            [np.isfinite(record.top_tension_n).all(axis=0) for record in records], axis=0
+        )
+        if int(is_finite.sum()) < MIN_MEMBERS:
+            reason = next(
+                (failure for record in records for failure in record.failures.values()),
+                "no reason is known",
+            )
+            count = int((~is_finite).sum())
+            problem = f"{count} of {len(is_finite)} members failed ({reason.rstrip('.')})"
             raise SolverError(
                 "forecast", problem, "check the scene at this line out and in this sea"
             )
-        return np.asarray(good)
+        return np.asarray(is_finite)
 
-    def _motion(self, known: Known, paths: HeavePaths) -> tuple[Floats, Floats]:
+    def _motion(self, observed: Observations, paths: HeavePaths) -> tuple[Floats, Floats]:
         """Return heave [m] and rate [m/s] at the borders from the burn-in on, (borders, members).
 
-        A member begins with the measured heave, on which the state is, and goes over to its own.
+        A member starts with the measured heave of its initial state and blends to its own.
         """
         from scipy.interpolate import CubicSpline  # slow to import
 
-        own = self.settings
-        drawn = paths.draw(own.members, self._random) + known.heave_m.mean()
+        settings = self.settings
+        drawn = paths.draw(settings.members, self._random) + observed.heave_m.mean()
         spline = CubicSpline(paths.lead_s, drawn, axis=1)
-        count = round((own.burn_in_s + AHEAD_S) / own.step_s) + 1
-        at = own.step_s * np.arange(count) - own.burn_in_s
-        z, v = spline(at).T, spline(at, 1).T
-        past = min(len(known.heave_m), round(PAST_S / SAMPLE_S))
-        known_m = CubicSpline(SAMPLE_S * np.arange(1 - past, 1), known.heave_m[-past:])
-        early = at < JOIN_S - own.burn_in_s
-        begun = (at[early] + own.burn_in_s) / JOIN_S
-        share = (0.5 - 0.5 * np.cos(np.pi * begun))[:, None]
-        slope = (0.5 * np.pi / JOIN_S * np.sin(np.pi * begun))[:, None]
-        base, base_rate = known_m(at[early])[:, None], known_m(at[early], 1)[:, None]
-        v[early] = base_rate + share * (v[early] - base_rate) + slope * (z[early] - base)
-        z[early] = base + share * (z[early] - base)
+        count = round((settings.burn_in_s + AHEAD_S) / settings.step_s) + 1
+        times = settings.step_s * np.arange(count) - settings.burn_in_s
+        z, v = spline(times).T, spline(times, 1).T
+        past = min(len(observed.heave_m), round(PAST_S / SAMPLE_S))
+        measured_m = CubicSpline(SAMPLE_S * np.arange(1 - past, 1), observed.heave_m[-past:])
+        blended = times < JOIN_S - settings.burn_in_s
+        progress = (times[blended] + settings.burn_in_s) / JOIN_S
+        weight = (0.5 - 0.5 * np.cos(np.pi * progress))[:, None]
+        slope = (0.5 * np.pi / JOIN_S * np.sin(np.pi * progress))[:, None]
+        base, base_rate = (
+            measured_m(times[blended])[:, None],
+            measured_m(times[blended], 1)[:, None],
+        )
+        v[blended] = base_rate + weight * (v[blended] - base_rate) + slope * (z[blended] - base)
+        z[blended] = base + weight * (z[blended] - base)
         return np.ascontiguousarray(z), np.ascontiguousarray(v)
 
     def _draw_figures(self) -> None:
-        """Set figures of all members, log-normal about what is known of them."""
+        """Set the figures of all members, drawn log-normally about their means."""
         factors: dict[str, float | Floats] = {}
         for name, spread in self.settings.spread.items():
             draws = self._random.standard_normal(self.settings.members)
@@ -369,134 +387,141 @@ class TensionForecaster:
         """Return measured line out [m] and rate [m/s] at the borders of the burn-in."""
         from scipy.interpolate import CubicSpline
 
-        own = self.settings
+        settings = self.settings
         count = round(PAST_S / SAMPLE_S)
         spline = CubicSpline(SAMPLE_S * np.arange(1 - count, 1), line_m[-count:])
-        at = own.step_s * np.arange(round(own.burn_in_s / own.step_s) + 1) - own.burn_in_s
-        return spline(at), spline(at, 1)
+        times = (
+            settings.step_s * np.arange(round(settings.burn_in_s / settings.step_s) + 1)
+            - settings.burn_in_s
+        )
+        return spline(times), spline(times, 1)
 
-    def line_now(self, known: Known) -> LineNow:
+    def line_state(self, observed: Observations) -> LineState:
         """Return the main winch's line at the origin; its speed without the compensation's."""
-        return line_now(known, known.line_out_m, self.scene.winch, known.command_m_per_s)
+        return line_state(observed, observed.line_out_m, self.scene.winch, observed.command_m_per_s)
 
-    def _lines_now(self, known: Known, start: FleetState | LiveState) -> dict[str, LineNow]:
+    def _line_states(
+        self, observed: Observations, start: FleetState | LiveState
+    ) -> dict[str, LineState]:
         """Return the line of each winch at the origin, by name."""
-        found = {WINCH: self.line_now(known)}
+        states = {WINCH: self.line_state(observed)}
         for name, (r, winch) in self._winches.items():
-            if name in known.lines_m:
-                found[name] = line_now(known, known.lines_m[name], winch)
+            if name in observed.lines_m:
+                states[name] = line_state(observed, observed.lines_m[name], winch)
             else:
-                held = start.others[r - 1]
-                state = held.rope.state if isinstance(held, LiveState) else held
-                found[name] = LineNow(float(state.s[state.counts[rows.ELEMENTS]]), 0.0)
-        return found
+                other = start.others[r - 1]
+                state = other.rope.state if isinstance(other, LiveState) else other
+                states[name] = LineState(float(state.s[state.counts[rows.ELEMENTS]]), 0.0)
+        return states
 
     def _lines(
-        self, order: Order, now: Mapping[str, LineNow], planned: Mapping[str, LinePath]
+        self, order: Order, line_states: Mapping[str, LineState], planned: Mapping[str, LinePath]
     ) -> dict[str, LinePath]:
         """Return the line out of each winch under an order, by name."""
         steps, step_s = len(self.leads) * self._steps, self.settings.step_s
-        given = planned if order.kind == CONTINUE else {}
-        main = given.get(WINCH) or line_path(
-            order.of(WINCH), now[WINCH], self.scene.winch, steps, step_s
+        plans = planned if order.kind == CONTINUE else {}
+        main = plans.get(WINCH) or line_path(
+            order.of(WINCH), line_states[WINCH], self.scene.winch, steps, step_s
         )
-        found = {WINCH: main}
+        paths = {WINCH: main}
         for name, (_, winch) in self._winches.items():
             lead = None
             if order.kind in WITH_SPEED and not order.winch:
-                lead = self._senses[name] * main.speed_m_per_s
-            found[name] = given.get(name) or line_path(
-                order.of(name), now[name], winch, steps, step_s, lead
+                lead = self._directions[name] * main.speed_m_per_s
+            paths[name] = plans.get(name) or line_path(
+                order.of(name), line_states[name], winch, steps, step_s, lead
             )
-        return found
+        return paths
 
-    def _through_the_past(
-        self, known: Known, motion: tuple[Floats, Floats], start: FleetState | LiveState
+    def _run_past(
+        self, observed: Observations, motion: tuple[Floats, Floats], start: FleetState | LiveState
     ) -> tuple[list[FleetState], Floats | None]:
-        """Run through the past; return the states at the origin and the load pin's weights."""
-        own, fleet = self.settings, self.fleet
+        """Integrate over the past; return the states at the origin and the load pin's weights."""
+        settings, fleet = self.settings, self.fleet
         if isinstance(start, LiveState):
             fleet.begin_from(start)
         else:
             fleet.restore(start)
-        borders = round(own.burn_in_s / own.step_s) + 1
-        line, rate = self._line_of(known.line_out_m)
-        others = {name: self._line_of(line_m) for name, line_m in known.lines_m.items()}
+        borders = round(settings.burn_in_s / settings.step_s) + 1
+        line, rate = self._line_of(observed.line_out_m)
+        others = {name: self._line_of(line_m) for name, line_m in observed.lines_m.items()}
         z, v = motion
         past = fleet.advance(FleetInputs(z[:borders], v[:borders], line, rate, others), self._steps)
-        weights = self._pin_weights(known, past)
+        weights = self._pin_weights(observed, past)
         states = [fleet.state(k) for k in range(len(fleet))]
         return states, weights
 
-    def _pin_weights(self, known: Known, past: FleetRecord) -> Floats | None:
+    def _pin_weights(self, observed: Observations, past: FleetRecord) -> Floats | None:
         """Return weights of the members by the load pin's readings, or None if there are none."""
-        if known.tension_n is None:
+        if observed.tension_n is None:
             return None
-        own = self.settings
-        count = min(round(PIN_S / SAMPLE_S), round(own.burn_in_s / SAMPLE_S))
+        settings = self.settings
+        count = min(round(PIN_S / SAMPLE_S), round(settings.burn_in_s / SAMPLE_S))
         predicted = past.top_tension_n[-count * self._steps :]
         predicted = predicted.reshape(count, self._steps, -1).mean(axis=1)
-        readings = known.tension_n[-count:]
-        good = np.isfinite(readings)
-        if not good.any() or not np.isfinite(predicted).all():
+        readings = observed.tension_n[-count:]
+        is_known = np.isfinite(readings)
+        if not is_known.any() or not np.isfinite(predicted).all():
             return None
-        deviation = PIN_FACTOR * own.load_pin_deviation_n
-        noise = deviation * self._random.standard_normal((int(good.sum()), predicted.shape[1]))
-        return smoother_gain(predicted[good], readings[good], deviation, noise)
+        deviation = PIN_FACTOR * settings.load_pin_deviation_n
+        noise = deviation * self._random.standard_normal((int(is_known.sum()), predicted.shape[1]))
+        return smoother_gain(predicted[is_known], readings[is_known], deviation, noise)
 
-    def _ahead(
+    def _run_future(
         self,
         motion: tuple[Floats, Floats],
         order: Order,
         lines: Mapping[str, LinePath],
-        now: Mapping[str, LineNow],
+        line_states: Mapping[str, LineState],
     ) -> FleetRecord:
         border = round(self.settings.burn_in_s / self.settings.step_s)
         z, v = motion
         winches = {name: winch for name, (_, winch) in self._winches.items()}
-        own = {
-            name: self._with_compensation(v, order.of(name), line, now[name].compensated, winch)
+        inputs = {
+            name: self._with_compensation(
+                v, order.of(name), line, line_states[name].compensated, winch
+            )
             for name, line in lines.items()
             for winch in [winches.get(name, self.scene.winch)]
         }
-        main = own.pop(WINCH)
-        return self.fleet.advance(FleetInputs(z[border:], v[border:], *main, own), self._steps)
+        main = inputs.pop(WINCH)
+        return self.fleet.advance(FleetInputs(z[border:], v[border:], *main, inputs), self._steps)
 
     def _with_compensation(
-        self, heave_rate: Floats, order: Order, line: LinePath, begins: bool, winch: Winch | None
+        self, heave_rate: Floats, order: Order, line: LinePath, begins_on: bool, winch: Winch | None
     ) -> tuple[Floats, Floats]:
         """Return line out [m] and rate [m/s] from the origin on, with active heave compensation.
 
         heave_rate: from the burn-in on, (borders, members); begins: whether it is on at the origin.
         """
-        own = self.settings
-        border = round(own.burn_in_s / own.step_s)
+        settings = self.settings
+        border = round(settings.burn_in_s / settings.step_s)
         out, speed = line.out_m, line.speed_m_per_s
         params = winch.heave_compensation if winch else None
-        stays = begins
+        ends_on = begins_on
         if order.kind == COMPENSATION:
-            stays = bool(order.compensation)
-        if params is None or not (begins or stays) or line.is_whole:
+            ends_on = bool(order.compensation)
+        if params is None or not (begins_on or ends_on) or line.is_whole:
             return out, speed
-        first = max(border - round(20.0 / own.step_s), 0)
-        at = border - first
-        until = len(heave_rate) if stays else at + 1
-        added, rate = compensation_path(params, heave_rate[first:], at, until, own.step_s)
-        if stays and not begins:  # it begins from rest
-            gone = np.minimum(np.arange(len(rate)) * own.step_s / JOIN_S, 1.0)[:, None]
-            rate = rate * gone
-            steps = 0.5 * own.step_s * (rate[1:] + rate[:-1])
+        begin = max(border - round(20.0 / settings.step_s), 0)
+        origin = border - begin
+        off_at = len(heave_rate) if ends_on else origin + 1
+        added, rate = compensation_path(params, heave_rate[begin:], origin, off_at, settings.step_s)
+        if ends_on and not begins_on:  # it begins from rest
+            fade = np.minimum(np.arange(len(rate)) * settings.step_s / JOIN_S, 1.0)[:, None]
+            rate = rate * fade
+            steps = 0.5 * settings.step_s * (rate[1:] + rate[:-1])
             added = np.vstack([np.zeros_like(rate[:1]), np.cumsum(steps, axis=0)])
         return out[:, None] + added, speed[:, None] + rate
 
     def _forecast(
         self,
-        known: Known,
+        observed: Observations,
         paths: HeavePaths,
         order: Order,
         note: str,
         record: FleetRecord,
-        good: NDArray[np.bool_],
+        is_finite: NDArray[np.bool_],
         weights: Floats | None,
         factor: Floats | None,
     ) -> TensionForecast:
@@ -504,62 +529,67 @@ class TensionForecaster:
         step_lead: Floats = np.asarray(self.settings.step_s * np.arange(1.0, leads * steps + 1))
 
         def shifted(values: Floats, lead_s: Floats) -> Floats:
-            if weights is None or not good.all():
-                return values[:, good]
-            near = np.exp(-((lead_s / self.settings.fading_s) ** 2))[:, None]
+            if weights is None or not is_finite.all():
+                return values[:, is_finite]
+            fading = np.exp(-((lead_s / self.settings.fading_s) ** 2))[:, None]
             return np.asarray(
-                values + near * ((values - values.mean(axis=1, keepdims=True)) @ weights)
+                values + fading * ((values - values.mean(axis=1, keepdims=True)) @ weights)
             )
 
-        own = np.ones(leads) if factor is None else np.asarray(factor, np.float64)
+        factors = np.ones(leads) if factor is None else np.asarray(factor, np.float64)
 
         numbers = {line.name: number for number, line in enumerate(self.scene.ropes)}
 
-        def spread(name: str, tension_n: Floats) -> HungRope:
+        def spread(name: str, tension_n: Floats) -> SuspendedRope:
             top = shifted(tension_n, step_lead)
             middle = np.median(top, axis=1, keepdims=True)
-            top = middle + np.repeat(own, steps)[:, None] * (top - middle)
+            top = middle + np.repeat(factors, steps)[:, None] * (top - middle)
             by_lead = top.reshape(leads, steps, -1)
-            return HungRope(by_lead[:, -1], by_lead.max(axis=1), numbers[name])
+            return SuspendedRope(by_lead[:, -1], by_lead.max(axis=1), numbers[name])
 
-        hung = {name: spread(name, top_n) for name, top_n in record.hung_tension_n.items()}
-        first = next(iter(hung))
-        main = hung.pop(first)
+        ropes = {name: spread(name, top_n) for name, top_n in record.hung_tension_n.items()}
+        main_name = next(iter(ropes))
+        main = ropes.pop(main_name)
         values = {
             TENSION: main.values,
             BOTTOM: shifted(record.payload_tension_n, self.leads),
             DEPTH: shifted(record.payload_depth_m, self.leads),
             SPEED: shifted(record.payload_speed_m_per_s, self.leads),
-            MARGIN: record.least_tension_n[:, good],
+            MARGIN: record.least_tension_n[:, is_finite],
         }
         notes = [note] if note else []
-        if not good.all():
-            lost = int((~good).sum())
-            out = "they and the load pin are" if weights is not None else "they are"
-            notes.append(f"{lost} of {len(good)} members failed; {out} left out")
+        if not is_finite.all():
+            failed = int((~is_finite).sum())
+            subject = "they and the load pin are" if weights is not None else "they are"
+            notes.append(f"{failed} of {len(is_finite)} members failed; {subject} left out")
         return TensionForecast(
-            known.time_s, order.name, self.leads, values, main.peak_n,
-            paths.skill()[-leads:], own, "; ".join(notes), hung, first,
+            observed.time_s, order.name, self.leads, values, main.peak_n,
+            paths.skill()[-leads:], factors, "; ".join(notes), ropes, main_name,
         )  # fmt: skip
 
 
-def line_now(
-    known: Known, line_m: Floats, winch: Winch | None, command_m_per_s: float | None = None
-) -> LineNow:
-    """Return a winch's line at the origin; its speed without what the compensation adds.
+def line_state(
+    observed: Observations,
+    line_m: Floats,
+    winch: Winch | None,
+    command_m_per_s: float | None = None,
+) -> LineState:
+    """Return a winch's line at the origin; its speed without the compensation.
 
-    line_m: measured, as `known`; command_m_per_s: commanded speed, None: by the line itself.
+    line_m: measured, as in `observed`; command_m_per_s: commanded speed, None: by the line itself.
     """
-    over = round(LINE_SPEED_S / SAMPLE_S)  # by all its samples: one is a counter's step off
-    since = SAMPLE_S * (np.arange(over + 1) - 0.5 * over)
-    speed = float(since @ line_m[-1 - over :] / (since @ since))
+    intervals = round(
+        LINE_SPEED_S / SAMPLE_S
+    )  # least squares over all samples, which averages counter steps
+    times = SAMPLE_S * (np.arange(intervals + 1) - 0.5 * intervals)
+    speed = float(times @ line_m[-1 - intervals :] / (times @ times))
     params = winch.heave_compensation if winch else None
     if command_m_per_s is not None:
         speed = command_m_per_s
-    elif known.compensated and params is not None:
-        over = round(20.0 / SAMPLE_S)  # the compensation's mean over some waves is none
-        speed = float(line_m[-1] - line_m[-1 - over]) / 20.0
-    return LineNow(
-        float(line_m[-1]), speed, known.compensated and params is not None, 0.0,
-        known.to_contact_m,
+    elif observed.compensated and params is not None:
+        intervals = round(20.0 / SAMPLE_S)  # the mean compensation over several waves is zero
+        speed = float(line_m[-1] - line_m[-1 - intervals]) / 20.0
+    return LineState(
+        float(line_m[-1]), speed, observed.compensated and params is not None, 0.0,
+        observed.to_contact_m,
     )  # fmt: skip

@@ -1,7 +1,7 @@
 """Forecast node: publishes tension, risks and quiet windows of the next minute every second.
 
-It hears the ship's heave, line out and tension (measured ones, or the simulation's), and waves
-measured up-sea; a thread of its own forecasts. The simulation does not depend on it.
+It subscribes to the ship's heave, line out and tension (measured, or those of the simulation) and
+to waves measured up-sea; a worker thread forecasts. The simulation does not depend on it.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from rope_twin.forecast.heave_process import MotionError
 from rope_twin.forecast.live import (
     LARGEST_GAP_S,
     ForecastWorker,
-    Heard,
     LiveForecast,
     LiveForecaster,
+    LiveInputs,
     Series,
-    orders_of,
-    tables_of,
-    usual_limits,
+    forecast_rows,
+    order_rows,
+    read_limits,
 )
 from rope_twin.forecast.orders import other_winches, read_orders
 from rope_twin.forecast.recorded_lift import seabed_depth_m
@@ -53,15 +53,15 @@ from rope_twin.topics import (
 )
 
 _WINCH_STATE = "winch/state"
-_HEARD = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
+_SUBSCRIBED = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension_top",
           WINCH_MEASURED, MEASURED_ELEVATION, _WINCH_STATE, ESTIMATE_TOPIC, WHAT_IF,
           "diagnostics")  # fmt: skip
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
-# after which the simulation's values stand in for measured ones: less than a gap that ends a series
+# after which values of the simulation replace measured ones: shorter than a gap that ends a series
 _SILENT_S = 0.5 * LARGEST_GAP_S
 _LOST_S = 0.5  # age of the newest heave that the simulation has accepted
-_AHEAD_S = 10.0  # of the simulation; what was measured later is of another run
+_AHEAD_S = 10.0  # of the simulation; later measurements are of another run
 
 
 class ForecastNode(SuiteNode):
@@ -72,7 +72,7 @@ class ForecastNode(SuiteNode):
         self._params = declare(self, ForecastParams)
         self._own_publishers = {name: publish(self, BY_NAME[name]) for name in FORECAST_TOPICS}
         self._diagnostics = publish(self, BY_NAME["diagnostics"])
-        self._heard = Heard()
+        self._inputs = LiveInputs()
         self._measured_s = {"heave": -math.inf, "line": -math.inf, "tension": -math.inf}
         self.worker: ForecastWorker | None = None
 
@@ -82,51 +82,60 @@ class ForecastNode(SuiteNode):
         Raises:
             RopeTwinError: the scene cannot be read, or a limit is not possible.
         """
-        own = self._params
-        scene = load_scene(own.scene)
-        given = own.tension_limit_n, own.contact_limit_m_per_s, own.quiet_m_per_s, own.quiet_s
-        self._limits = usual_limits(scene, given)
-        self._hang_off, self._seabed_m = scene.ship.hang_off_m, seabed_depth_m(scene)
-        error = MotionError(coloured_m=ERROR_MARGIN * own.motion_error_m)
-        settings = ForecastSettings(
-            members=own.members, motion_error=error, spread=unlearned_spread(scene.learning)
+        params = self._params
+        scene = load_scene(params.scene)
+        limits = (
+            params.tension_limit_n,
+            params.contact_limit_m_per_s,
+            params.quiet_m_per_s,
+            params.quiet_s,
         )
-        self._winches = ("", WINCH, scene.ropes[0].name)  # as the simulation calls its winch
+        self._limits = read_limits(scene, limits)
+        self._hang_off, self._seabed_m = scene.ship.hang_off_m, seabed_depth_m(scene)
+        error = MotionError(coloured_m=ERROR_MARGIN * params.motion_error_m)
+        settings = ForecastSettings(
+            members=params.members, motion_error=error, spread=unlearned_spread(scene.learning)
+        )
+        self._winches = (
+            "",
+            WINCH,
+            scene.ropes[0].name,
+        )  # names of the main winch in the topics of the simulation
         self._others = {
-            called: name
+            label: name
             for name, (r, _) in other_winches(scene).items()
-            for called in (name, scene.ropes[r].name)
+            for label in (name, scene.ropes[r].name)
         }
         self._admission = Admission(scene)
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
-        heading = math.radians(own.wave_heading_deg)
-        forecaster = LiveForecaster(scene, self._limits, settings, own.wave_noise_m, heading)
+        heading = math.radians(params.wave_heading_deg)
+        forecaster = LiveForecaster(scene, self._limits, settings, params.wave_noise_m, heading)
         self.worker = ForecastWorker(
-            forecaster, self._heard, self._send, self._now_s, own.interval_s
+            forecaster, self._inputs, self._send, self._now_s, params.interval_s
         )
-        for name in _HEARD:
+        for name in _SUBSCRIBED:
             listen(self, BY_NAME[name], self._taker(name), _DEPTH)
         self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self.worker.start()
 
     def close(self) -> None:
-        """End the worker."""
+        """Stop the worker."""
         if self.worker is not None:
             self.worker.close()
 
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _send(self, made: LiveForecast) -> None:
+    def _send(self, forecasts: LiveForecast) -> None:
         """Publish the tables of a forecast, stamped with its origin (in the worker's thread)."""
-        origin_ns = round(made.forecast.origin_s * 1e9)
-        tables = tables_of(made, self._limits)
-        if made.orders:
-            tables[WHAT_IF_ORDERS] = orders_of(made, self._limits, self._seabed_m)
+        origin_ns = round(forecasts.forecast.origin_s * 1e9)
+        tables = forecast_rows(forecasts, self._limits)
+        if forecasts.orders:
+            tables[WHAT_IF_ORDERS] = order_rows(forecasts, self._limits, self._seabed_m)
         for name, rows in tables.items():
             self._own_publishers[name].publish(encode_forecast(name, origin_ns, "map", rows))
-        for words in made.refused:
-            self.get_logger().warning(words)
+        for reason in forecasts.refused:
+            self.get_logger().warning(reason)
 
     def _taker(self, name: str) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
@@ -140,7 +149,7 @@ class ForecastNode(SuiteNode):
                 else:
                     self._take(name, decode(name, data))
             except (InputError, IndexError, AttributeError) as error:
-                if name == WHAT_IF:  # someone waits for the answer
+                if name == WHAT_IF:  # a user waits for the answer
                     self.get_logger().warning(f"{name}: {error}")
                 else:
                     self.get_logger().warning(f"{name}: {error}", once=True)
@@ -148,93 +157,98 @@ class ForecastNode(SuiteNode):
         return take
 
     def _take(self, name: str, message: Any) -> None:
-        """Append what a message says; the simulation's values only where nothing is measured."""
+        """Append the values of a message; simulated ones only where none is measured."""
         if name == _WINCH_STATE:
             table = read_cloud(message)
             if len(table) and "compensation_on" in (table.dtype.names or ()):
-                self._heard.compensation_on = bool(table["compensation_on"][0] > 0.5)
+                self._inputs.compensation_on = bool(table["compensation_on"][0] > 0.5)
             return
         if name == WHAT_IF:
-            self._heard.asked = read_orders(message.data)
+            self._inputs.asked = read_orders(message.data)
             return
         if name == ESTIMATE_TOPIC:
-            self._heard.figures = learned_figures(message)
+            self._inputs.figures = learned_figures(message)
             return
         stamp = message.header.stamp
-        at, heard = stamp.sec + 1e-9 * stamp.nanosec, self._heard
+        at_s, inputs = stamp.sec + 1e-9 * stamp.nanosec, self._inputs
         if name == "hang_off/odometry":
             self._admission.note_simulated(stamp.sec * 1_000_000_000 + stamp.nanosec)
-            if self._is_silent("heave", at) and not heard.doubt:
+            if self._is_silent("heave", at_s) and not inputs.doubt:
                 z = float(message.pose.pose.position.z)
-                heard.heave_m.add(at, z - self._hang_off[2])
+                inputs.heave_m.add(at_s, z - self._hang_off[2])
         elif name == MEASURED_ELEVATION:
-            place = message.point
+            point = message.point
             heading = math.radians(self._params.wave_heading_deg)
-            along = (place.x - self._hang_off[0]) * math.cos(heading)
-            along += (place.y - self._hang_off[1]) * math.sin(heading)
-            if math.isfinite(along + place.z):
-                heard.waves.append((at, -along, float(place.z)))
+            downwave_m = (point.x - self._hang_off[0]) * math.cos(heading)
+            downwave_m += (point.y - self._hang_off[1]) * math.sin(heading)
+            if math.isfinite(downwave_m + point.z):
+                inputs.waves.append((at_s, -downwave_m, float(point.z)))
         else:
-            self._take_simulated(at, message)
+            self._take_simulated(at_s, message)
 
     def _take_heave(self, data: bytes) -> None:
-        """Append a measured heave, unless the twin would refuse it."""
+        """Append a measured heave, unless the twin would reject it."""
         stamp_ns, (z, rate) = read_heave(data)
         if self._admission.heave(stamp_ns, z, rate):
-            at = self._measured_s["heave"] = 1e-9 * stamp_ns
-            self._heard.heave_m.add(at, z)
+            at_s = self._measured_s["heave"] = 1e-9 * stamp_ns
+            self._inputs.heave_m.add(at_s, z)
 
     def _take_measured(self, data: bytes) -> None:
-        """Append what the twin accepts of the readings of each winch."""
+        """Append the readings of each winch that the twin accepts."""
         _, stamp_ns, rows = read_measurement(WINCH_MEASURED, data)
-        at, heard = 1e-9 * stamp_ns, self._heard
+        at_s, inputs = 1e-9 * stamp_ns, self._inputs
         for row in rows:
             name = WINCH if row[0] in self._winches else self._others.get(row[0])
             if name is None:
                 continue
             _, line_out_m, _, tension_n = self._admission.reading(stamp_ns, name, row)
             if line_out_m is not None:
-                self._measured_s["line" if name == WINCH else f"line of {name}"] = at
-                self._line_of(name).add(at, line_out_m - self._bias_m)
+                self._measured_s["line" if name == WINCH else f"line of {name}"] = at_s
+                self._line_of(name).add(at_s, line_out_m - self._bias_m)
             if tension_n is not None and name == WINCH:
-                self._measured_s["tension"] = at
-                for series in (heard.tension_n, heard.pin_n):  # the twin's would judge itself
-                    series.add(at, tension_n - self._bias_n)
+                self._measured_s["tension"] = at_s
+                for series in (
+                    inputs.tension_n,
+                    inputs.pin_n,
+                ):  # verified by measurements only, not by the twin's tension
+                    series.add(at_s, tension_n - self._bias_n)
 
     def _line_of(self, winch: str) -> Series:
-        heard = self._heard
-        return heard.line_out_m if winch == WINCH else heard.lines_m.setdefault(winch, Series())
+        inputs = self._inputs
+        return inputs.line_out_m if winch == WINCH else inputs.lines_m.setdefault(winch, Series())
 
-    def _is_silent(self, what: str, at: float) -> bool:
-        """Return whether a quantity was not measured of late, or by another clock."""
-        measured_s = self._measured_s.get(what, -math.inf)
-        return not at - _SILENT_S <= measured_s <= at + _AHEAD_S
+    def _is_silent(self, quantity: str, at_s: float) -> bool:
+        """Return whether a quantity was not measured recently, or with another clock."""
+        measured_s = self._measured_s.get(quantity, -math.inf)
+        return not at_s - _SILENT_S <= measured_s <= at_s + _AHEAD_S
 
-    def _take_simulated(self, at: float, message: Any) -> None:
+    def _take_simulated(self, at_s: float, message: Any) -> None:
         """Append line out and tension of the simulation where they are not measured."""
-        for k, called in enumerate(message.name):
-            name = WINCH if k == 0 else self._others.get(called)
+        for k, label in enumerate(message.name):
+            name = WINCH if k == 0 else self._others.get(label)
             if name is None:
                 continue
-            what = "line" if name == WINCH else f"line of {name}"
-            if len(message.position) > k and self._is_silent(what, at):
-                self._line_of(name).add(at, float(message.position[k]))
-        if len(message.effort) and self._is_silent("tension", at):
-            self._heard.tension_n.add(at, float(message.effort[0]))
+            quantity = "line" if name == WINCH else f"line of {name}"
+            if len(message.position) > k and self._is_silent(quantity, at_s):
+                self._line_of(name).add(at_s, float(message.position[k]))
+        if len(message.effort) and self._is_silent("tension", at_s):
+            self._inputs.tension_n.add(at_s, float(message.effort[0]))
 
     def _take_diagnostics(self, data: bytes) -> None:
-        """Forecast nothing while the simulation has lost the ship.
+        """Suspend forecasts while the simulation has no ship motion.
 
-        Its heave is extrapolated then, also before these diagnostics came, and is not part of the
-        record.
+        Its heave is then extrapolated, even before these diagnostics arrive, and is removed from
+        the record.
         """
         for row in read_diagnostics(data):
             if row.name == MOTION_ROW:
                 age = row.values.get(SAMPLE_AGE, "never")
-                lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
-                self._heard.doubt = f"the ship's heave is lost, see {MOTION_ROW}" if lost else ""
-                if lost:
-                    self._heard.heave_m.drop_after(self._measured_s.get("heave", -math.inf))
+                is_lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
+                self._inputs.doubt = (
+                    f"the ship's heave is lost, see {MOTION_ROW}" if is_lost else ""
+                )
+                if is_lost:
+                    self._inputs.heave_m.drop_after(self._measured_s.get("heave", -math.inf))
 
     def _publish_diagnostics(self) -> None:
         worker = self.worker

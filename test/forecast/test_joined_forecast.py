@@ -15,17 +15,17 @@ from fleet_inputs import heave
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
-from rope_twin.forecast.live import Heard, LiveForecaster, Series, orders_of, tables_of
+from rope_twin.forecast.live import LiveForecaster, LiveInputs, Series, forecast_rows, order_rows
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import (
-    LineNow,
+    LineState,
     below_main_m,
     check_lift_order,
     hung_ropes,
     read_order,
     read_orders,
     scene_at_line,
-    senses,
+    winch_directions,
 )
 from rope_twin.forecast.recorded_lift import line_to_contact_m, nominal_states, read_lift
 from rope_twin.forecast.risk import Limits, compare, risks, tension_limits
@@ -35,7 +35,7 @@ from rope_twin.forecast.tension_forecast import (
     MARGIN,
     TENSION,
     ForecastSettings,
-    Known,
+    Observations,
     TensionForecast,
     TensionForecaster,
 )
@@ -64,9 +64,9 @@ def scene() -> Scene:
 
 def test_winches_go_together(scene: Scene) -> None:
     """Beside the main one alike, at the other end of a loop the other way."""
-    assert senses(scene) == {"aft_sheave": 1.0}
-    assert senses(load_scene("two_line_14km")) == {"haulback_sheave": -1.0}
-    assert senses(load_scene("bridle_lift")) == {}
+    assert winch_directions(scene) == {"aft_sheave": 1.0}
+    assert winch_directions(load_scene("two_line_14km")) == {"haulback_sheave": -1.0}
+    assert winch_directions(load_scene("bridle_lift")) == {}
     assert hung_ropes(scene) == ["fore", "aft"]
     assert hung_ropes(load_scene("bridle_lift")) == ["hoist"]
 
@@ -81,7 +81,7 @@ def test_line_out_at_the_beginning(scene: Scene) -> None:
 def test_all_winches_must_follow_an_order(scene: Scene) -> None:
     """A slower winch than the main one holds it back."""
     slow = change_scene(scene, [Change("hang_offs[0].winch.speed_limit_m_per_s", 0.3)])
-    now = LineNow(600.0, 0.0)
+    now = LineState(600.0, 0.0)
     check_lift_order(read_order("lower:0.3"), slow, now)
     with pytest.raises(InputError, match=r"too fast for 'aft_sheave'; it reaches 0.3 m/s"):
         check_lift_order(read_order("lower:0.4"), slow, now)
@@ -103,11 +103,11 @@ def lines(count: int) -> dict[str, np.ndarray]:
     return {"aft_sheave": 600.0 + SLOW * np.clip(at + 20.0, 0.0, 20.0)}
 
 
-def known_of(scene: Scene) -> Known:
+def known_of(scene: Scene) -> Observations:
     """A swell that ten minutes reveal, seen almost without error."""
     z = heave(0.6, 11.0, SAMPLE_S * np.arange(ORIGIN + 1))[0]
     z += 1e-3 * np.random.default_rng(3).standard_normal(ORIGIN + 1)
-    return Known(200.0, z, np.full(ORIGIN + 1, 600.0), lines_m=lines(ORIGIN + 1))
+    return Observations(200.0, z, np.full(ORIGIN + 1, 600.0), lines_m=lines(ORIGIN + 1))
 
 
 Made = tuple[TensionForecaster, list[TensionForecast], list[FleetInputs]]
@@ -178,7 +178,7 @@ def test_an_order_to_one_winch_leaves_the_others(scene: Scene, made: Made) -> No
     end_n = lowering.others["aft"].values[-1]
     assert np.median(end_n) < 0.2 * load_n < np.median(lowering.values[TENSION][-1])
     assert compare(lowering, going, 10.0) == taken
-    now = LineNow(600.0, 0.0)
+    now = LineState(600.0, 0.0)
     for word, right in (("stop@aft_sheve", "did you mean 'aft_sheave'"), ("land@winch", "leave"),
                         ("lower:0.9@aft_sheave", "the winch reaches")):  # fmt: skip
         with pytest.raises(InputError, match=right):
@@ -239,7 +239,7 @@ def test_lines_that_are_not_known_hold(scene: Scene, made: Made) -> None:
 
 def test_a_live_forecast_follows_all_winches(scene: Scene) -> None:
     """One that is heard later begins the nominal ropes again; orders move both."""
-    forecaster, heard = LiveForecaster(scene, Limits(2e5), SETTINGS), Heard()
+    forecaster, heard = LiveForecaster(scene, Limits(2e5), SETTINGS), LiveInputs()
     at = 0.1 * np.arange(1300)
     z = heave(0.5, 10.0, at)[0]
     for t, value in zip(at.tolist(), z.tolist(), strict=True):
@@ -250,7 +250,7 @@ def test_a_live_forecast_follows_all_winches(scene: Scene) -> None:
     aft = heard.lines_m["aft_sheave"] = Series()
     for t in at[:700].tolist():
         aft.add(t, 599.0)
-    assert "more of heave" in forecaster.waits_for(heard)
+    assert "more of heave" in forecaster.missing_inputs(heard)
     for t in at[700:].tolist():
         aft.add(t, 599.0)
     heard.asked = read_orders("lower:0.3 haul:0.8")
@@ -267,7 +267,7 @@ def test_a_live_forecast_follows_all_winches(scene: Scene) -> None:
     gone = np.median((lowering.values[DEPTH] - holding.values[DEPTH])[-1])
     assert gone == pytest.approx(0.3 * 59.0, abs=0.3)
     limits = Limits(2e5, ropes_n={"aft": 9e4})
-    rows = tables_of(made, limits)["forecast/ropes"]
+    rows = forecast_rows(made, limits)["forecast/ropes"]
     fore, aft = rows[:120], rows[120:]
     assert {row["rope"] for row in fore} == {0}
     assert [row["top_tension_50_n"] for row in fore] == pytest.approx(made.forecast.band()[1])
@@ -277,7 +277,7 @@ def test_a_live_forecast_follows_all_winches(scene: Scene) -> None:
     assert {(row["rope"], row["tension_limit_n"]) for row in aft} == {(1, 9e4)}
     assert fore[-1]["above"] == 0.0 < aft[-1]["above"]
     assert (np.diff([row["above"] for row in aft]) >= 0.0).all()
-    ordered = orders_of(made, limits, None)
+    ordered = order_rows(made, limits, None)
     assert [(row["name"], row["rope"]) for row in ordered[:3]] == [
         ("hold", 0), ("hold", 1), ("hold", 0),
     ]  # fmt: skip

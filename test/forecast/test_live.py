@@ -18,15 +18,15 @@ from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.live import (
     ForecastWorker,
-    Heard,
     LiveForecast,
     LiveForecaster,
+    LiveInputs,
     Series,
-    _sampled,
+    _resampled,
+    forecast_rows,
     hang_off_response,
-    orders_of,
-    tables_of,
-    usual_limits,
+    order_rows,
+    read_limits,
 )
 from rope_twin.forecast.orders import read_orders
 from rope_twin.forecast.risk import Limits
@@ -54,7 +54,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
     return small_scene(tmp_path_factory.mktemp("scene"))
 
 
-def feed(heard: Heard, first_s: float, last_s: float) -> None:
+def feed(heard: LiveInputs, first_s: float, last_s: float) -> None:
     """Append 10 Hz of a swell, a standing line and a tension that follows it."""
     for k in range(round(10.0 * first_s), round(10.0 * last_s)):
         at = 0.1 * k
@@ -80,17 +80,17 @@ def test_series() -> None:
 
 def test_it_says_what_it_waits_for(scene: Scene) -> None:
     """Too little heard is no forecast."""
-    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
-    assert forecaster.waits_for(heard) == "heave, line out and tension"
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), LiveInputs()
+    assert forecaster.missing_inputs(heard) == "heave, line out and tension"
     feed(heard, 0.0, 50.0)
-    assert forecaster.waits_for(heard) == "70 s more of heave"
+    assert forecaster.missing_inputs(heard) == "70 s more of heave"
     with pytest.raises(InputError, match="waits"):
         forecaster.forecast(heard, lambda: BEGIN_S)
 
 
 def test_forecasts_follow_each_other(scene: Scene) -> None:
     """The second begins where the first has left its nominal rope; waves up-sea enter both."""
-    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), LiveInputs()
     feed(heard, 0.0, 130.0)
     for k in range(4 * 130):
         heard.waves.append((BEGIN_S + 0.25 * k, 300.0, 0.3 * math.sin(0.6 * 0.25 * k)))
@@ -105,10 +105,10 @@ def test_forecasts_follow_each_other(scene: Scene) -> None:
     at = round(2.0 / SAMPLE_S) - 1
     apart = second.forecast.band()[1, at] - first.forecast.band()[1, at + 2]
     assert abs(apart) < 0.2 * np.std(first.forecast.values[TENSION][-1]) + 500.0
-    assert forecaster.kept is not None
-    assert len(forecaster.kept) == 1
+    assert forecaster.verification is not None
+    assert len(forecaster.verification) == 1
     feed(heard, 140.0, 150.0)  # after a gap everything begins again
-    assert "more of heave" in forecaster.waits_for(heard)
+    assert "more of heave" in forecaster.missing_inputs(heard)
 
 
 def test_waves_up_sea_move_the_ship_of_the_scene(tmp_path: Path) -> None:
@@ -144,7 +144,7 @@ def test_waves_up_sea_move_the_ship_of_the_scene(tmp_path: Path) -> None:
 
 def test_worker_publishes_and_ends(scene: Scene) -> None:
     """Each origin once; a stop is heeded; its CPU time is counted."""
-    heard, made = Heard(), list[LiveForecast]()
+    heard, made = LiveInputs(), list[LiveForecast]()
     forecaster = LiveForecaster(scene, LIMITS, SETTINGS)
     worker = ForecastWorker(forecaster, heard, made.append, lambda: BEGIN_S + 126.0, 0.05)
     worker.start()
@@ -167,7 +167,7 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
     assert worker.state(now_s + 60.0) == (False, "no forecast for 60 s: no line out for 12 s")
     heard.doubt = "the ship's heave is lost"
     assert worker.state(now_s) == (False, "the ship's heave is lost")
-    for topic, rows in tables_of(made[0], LIMITS).items():
+    for topic, rows in forecast_rows(made[0], LIMITS).items():
         message = decode(topic, encode_forecast(topic, 1_234_567_890_123, "map", rows))
         table = read_cloud(message)
         assert table.dtype.names == FORECAST_COLUMNS[topic]
@@ -176,8 +176,8 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
         )
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (1234, 567_890_123)
     tension = read_cloud(
-        decode("forecast/tension", encode_forecast("forecast/tension", 0, "map",
-                                                   tables_of(made[0], LIMITS)["forecast/tension"]))
+        decode("forecast/tension", encode_forecast(
+            "forecast/tension", 0, "map", forecast_rows(made[0], LIMITS)["forecast/tension"]))
     )  # fmt: skip
     assert tension["top_tension_50_n"] == pytest.approx(made[0].forecast.band()[1])
     assert (tension["top_tension_5_n"] <= tension["top_tension_95_n"]).all()
@@ -185,14 +185,14 @@ def test_worker_publishes_and_ends(scene: Scene) -> None:
 
 def test_orders_are_compared_once(scene: Scene) -> None:
     """On the seas of the forecast, beside hold; one that the scene cannot follow says why."""
-    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), LiveInputs()
     feed(heard, 0.0, 130.0)
     heard.asked = read_orders("lower:0.5 haul:0.5 land:0.2 hold")
     made = forecaster.forecast(heard, lambda: BEGIN_S + 130.0)
     assert [one.order for one in made.orders] == ["hold", "lower:0.5", "haul:0.5"]
     assert "no seabed" in made.refused[0]
     assert len(made.refused) == 1
-    rows = orders_of(made, LIMITS, None)
+    rows = order_rows(made, LIMITS, None)
     topic = "forecast/orders"
     table = read_cloud(decode(topic, encode_forecast(topic, 0, "map", rows)))
     assert table.dtype.names == FORECAST_COLUMNS[topic]
@@ -231,26 +231,26 @@ def test_topics_of_forecasts() -> None:
 
 def test_usual_limits(scene: Scene, tmp_path: Path) -> None:
     """The scene's own limit in place of 0."""
-    own = usual_limits(scene, (0.0, 0.5, 0.3, 10.0))
+    own = read_limits(scene, (0.0, 0.5, 0.3, 10.0))
     assert own.tension_n == scene.limits.utilisation * scene.ropes[0].breaking_load_n
-    assert usual_limits(scene, (5e4, 0.5, 0.3, 10.0)).tension_n == 5e4
+    assert read_limits(scene, (5e4, 0.5, 0.3, 10.0)).tension_n == 5e4
     with pytest.raises(InputError, match="quiet_s"):
-        usual_limits(scene, (0.0, 0.5, 0.3, 0.0))
-    assert usual_limits(scene, (0.0, 0.5, 0.3, 50.0)).quiet_s == 50.0
+        read_limits(scene, (0.0, 0.5, 0.3, 0.0))
+    assert read_limits(scene, (0.0, 0.5, 0.3, 50.0)).quiet_s == 50.0
     with pytest.raises(InputError, match="at most 50 s"):
-        usual_limits(scene, (0.0, 0.5, 0.3, 55.0))
+        read_limits(scene, (0.0, 0.5, 0.3, 55.0))
 
 
 def test_a_hole_of_tension_does_not_begin_again(scene: Scene) -> None:
     """Heave and line out go on: the record stays as long, and no value is made up in the hole."""
-    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), LiveInputs()
     feed(heard, 0.0, 50.0)
     for k in range(500, 600):
         heard.heave_m.add(BEGIN_S + 0.1 * k, 0.1)
         heard.line_out_m.add(BEGIN_S + 0.1 * k, 200.0)
     feed(heard, 60.0, 70.0)
-    assert forecaster.waits_for(heard) == "50 s more of heave"
-    own = _sampled(heard)
+    assert forecaster.missing_inputs(heard) == "50 s more of heave"
+    own = _resampled(heard)
     assert own is not None
     hole = (own.time_s > BEGIN_S + 50.5) & (own.time_s < BEGIN_S + 60.0)
     assert np.isnan(own.mean_n[hole]).all()
@@ -260,17 +260,17 @@ def test_a_hole_of_tension_does_not_begin_again(scene: Scene) -> None:
 
 def test_forecasts_begin_again_when_the_clock_goes_back(scene: Scene) -> None:
     """Another run of earlier times is forecast, kept, and without the old one's waves."""
-    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), Heard()
+    forecaster, heard = LiveForecaster(scene, LIMITS, SETTINGS), LiveInputs()
     feed(heard, 1000.0, 1125.0)
     heard.waves.append((BEGIN_S + 1100.0, 300.0, 0.3))
     forecaster.forecast(heard, lambda: BEGIN_S)
-    old = forecaster.kept
+    old = forecaster.verification
     feed(heard, 0.0, 125.0)
     made = forecaster.forecast(heard, lambda: BEGIN_S)
     assert made.forecast.origin_s == BEGIN_S + 124.5
-    assert forecaster.kept is not None
-    assert forecaster.kept is not old
-    assert len(forecaster.kept) == 1
+    assert forecaster.verification is not None
+    assert forecaster.verification is not old
+    assert len(forecaster.verification) == 1
     assert not heard.waves
 
 
@@ -280,10 +280,10 @@ class _Surprised:
     def __init__(self) -> None:
         self.calls = 0
 
-    def waits_for(self, heard: Heard) -> str:
+    def missing_inputs(self, heard: LiveInputs) -> str:
         return ""
 
-    def forecast(self, heard: Heard, now_s: object) -> SimpleNamespace:
+    def forecast(self, heard: LiveInputs, now_s: object) -> SimpleNamespace:
         self.calls += 1
         if self.calls == 2:
             raise IndexError("a surprise")
@@ -293,7 +293,7 @@ class _Surprised:
 def test_worker_goes_on_after_a_surprise() -> None:
     """It says what happened, tries again, and publishes origins before the last one."""
     made, own = list[Any](), _Surprised()
-    worker = ForecastWorker(cast("Any", own), Heard(), made.append, lambda: 0.0, 0.01)
+    worker = ForecastWorker(cast("Any", own), LiveInputs(), made.append, lambda: 0.0, 0.01)
     worker.start()
     until = time.monotonic() + 20.0
     while len(made) < 2 and time.monotonic() < until:

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rope_twin.errors import InputError
 from rope_twin.forecast.orders import (
     KINDS,
-    LineNow,
+    LineState,
     Order,
     compensation_path,
     line_path,
@@ -29,7 +29,7 @@ from rope_twin.twin.winch.components import Compensation
 WINCH = load_scene("deep_lift").winch
 assert WINCH is not None
 STEP_S = 0.05
-STILL = LineNow(3000.0, 0.0)
+STILL = LineState(3000.0, 0.0)
 
 
 def test_words_of_orders() -> None:
@@ -69,7 +69,7 @@ def test_line_keeps_the_limits_of_the_winch(
 ) -> None:
     """Acceleration, speed, and rate as the derivative of the line, in every case."""
     given_speed = speed if kind in ("lower", "haul") else 0.0
-    path = line_path(Order(kind, given_speed), LineNow(out, now), WINCH, 1200, STEP_S)
+    path = line_path(Order(kind, given_speed), LineState(out, now), WINCH, 1200, STEP_S)
     rate, line = path.speed_m_per_s, path.out_m
     assert np.abs(np.diff(rate)).max() <= 0.3 * STEP_S + 1e-12
     assert np.abs(rate).max() <= max(abs(now), given_speed) + 1e-9
@@ -80,14 +80,14 @@ def test_lowering_takes_the_time_of_its_acceleration() -> None:
     """v²/2a on the way to v, then v·t; back to rest in v/a."""
     path = line_path(Order("lower", 0.6), STILL, WINCH, 200, STEP_S)
     assert path.out_m[-1] - 3000.0 == pytest.approx(0.6 * 10.0 - 0.6**2 / 0.6, abs=1e-9)
-    braked = line_path(Order("hold"), LineNow(3000.0, 0.6), WINCH, 200, STEP_S)
+    braked = line_path(Order("hold"), LineState(3000.0, 0.6), WINCH, 200, STEP_S)
     assert braked.out_m[-1] - 3000.0 == pytest.approx(0.6**2 / 0.6, abs=0.6 * STEP_S)
     assert braked.speed_m_per_s[-1] == 0.0
 
 
 def test_line_ends_at_the_limit() -> None:
     """It slows down before the most line out, reports it, and stays."""
-    path = line_path(Order("lower", 1.0), LineNow(3195.0, 1.0), WINCH, 1200, STEP_S)
+    path = line_path(Order("lower", 1.0), LineState(3195.0, 1.0), WINCH, 1200, STEP_S)
     assert path.out_m[-1] == pytest.approx(3200.0, abs=0.06)
     assert "3200 m" in path.note
     landed = line_path(

@@ -18,7 +18,7 @@ from rope_twin.estimation.recorded_lift import read_lift as read_to_learn
 from rope_twin.forecast.heave_process import SAMPLE_S, MotionError
 from rope_twin.forecast.offline import RecordingForecaster
 from rope_twin.forecast.orders import read_order
-from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift, tension_doubt
+from rope_twin.forecast.recorded_lift import RecordedLift, _on_at, read_lift, tension_unit_warning
 from rope_twin.forecast.tension_forecast import TENSION, ForecastSettings
 from rope_twin.messages import encode_heave, encode_measurement
 from rope_twin.messages.cdr import decode, serialise
@@ -170,11 +170,11 @@ def test_speed_of_an_order_takes_a_unit() -> None:
 
 def test_tension_in_other_units_is_doubted(lift: RecordedLift) -> None:
     """A load cell in kN, or in mN, is named; one in N is not."""
-    assert tension_doubt(lift) == ""
-    doubt = tension_doubt(replace(lift, peak_n=1e-3 * lift.peak_n))
+    assert tension_unit_warning(lift) == ""
+    doubt = tension_unit_warning(replace(lift, peak_n=1e-3 * lift.peak_n))
     assert "winch/measured" in doubt
     assert "unit (N)" in doubt
-    assert "unit (N)" in tension_doubt(replace(lift, peak_n=1e3 * lift.peak_n))
+    assert "unit (N)" in tension_unit_warning(replace(lift, peak_n=1e3 * lift.peak_n))
 
 
 def test_recordings_that_do_not_serve(tmp_path: Path) -> None:

@@ -11,8 +11,8 @@ from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
 from rope_twin.forecast.risk import (
     KEEP_EVERY_S,
-    KEPT,
-    KeptForecasts,
+    MAX_FORECASTS,
+    ForecastVerification,
     Limits,
     compare,
     first_contact,
@@ -123,18 +123,18 @@ def test_orders_are_compared_member_by_member() -> None:
 def test_spread_factor_follows_the_bands(spread: float, expected: float) -> None:
     """Bands half as wide as right are widened, by what a hundred forecasts prove."""
     random = np.random.default_rng(2)
-    kept = KeptForecasts(LEADS)
-    for number in range(KEPT + 20):
+    kept = ForecastVerification(LEADS)
+    for number in range(MAX_FORECASTS + 20):
         origin = number * 70.0
         truth = random.standard_normal(120)
         # what is known of it: nothing but its distribution
         members = spread * random.standard_normal((120, MEMBERS))
-        kept.keep(forecast(origin, members))
-        kept.see(origin, 0.0)
+        kept.add(forecast(origin, members))
+        kept.observe(origin, 0.0)
         for lead, value in zip(LEADS, truth, strict=True):
-            kept.see(origin + lead, value)
-    assert len(kept) == KEPT
-    weight = KEPT / (KEPT + 40.0)
+            kept.observe(origin + lead, value)
+    assert len(kept) == MAX_FORECASTS
+    weight = MAX_FORECASTS / (MAX_FORECASTS + 40.0)
     assert np.exp(np.log(kept.factor()).mean()) == pytest.approx(expected**weight, rel=0.08)
     if spread == 1.0:
         assert kept.coverage() == pytest.approx(0.9, abs=0.02)
@@ -144,12 +144,12 @@ def test_spread_factor_follows_the_bands(spread: float, expected: float) -> None
 
 def test_kept_forecasts_wait_for_their_time() -> None:
     """Nothing is judged before; one too near the last is not kept; gaps are not bridged."""
-    kept = KeptForecasts(LEADS)
+    kept = ForecastVerification(LEADS)
     assert (kept.factor() == 1.0).all()
-    kept.keep(forecast(0.0))
-    kept.keep(forecast(KEEP_EVERY_S - 1.0))
+    kept.add(forecast(0.0))
+    kept.add(forecast(KEEP_EVERY_S - 1.0))
     assert len(kept) == 1
-    kept.see(0.0, 100e3)
-    kept.see(30.0, 100e3)  # half a minute without readings
+    kept.observe(0.0, 100e3)
+    kept.observe(30.0, 100e3)  # half a minute without readings
     assert (kept.factor() == 1.0).all()
     assert math.isnan(kept.coverage())

@@ -20,10 +20,10 @@ from rope_twin.forecast.tension_forecast import (
     MARGIN,
     TENSION,
     ForecastSettings,
-    Known,
+    Observations,
     TensionForecast,
     TensionForecaster,
-    line_now,
+    line_state,
     smoother_gain,
     unlearned_spread,
 )
@@ -84,15 +84,15 @@ def truth_of(scene: Scene, line: np.ndarray) -> np.ndarray:
     return tops.reshape(-1, 10)
 
 
-def known_of(scene: Scene) -> Known:
+def known_of(scene: Scene) -> Observations:
     """Ten minutes of it as the sensors see them, without error but for a millimetre."""
     at = SAMPLE_S * np.arange(ORIGIN - 1199, ORIGIN + 1)
     seen = heave_at(at) + 1e-3 * np.random.default_rng(3).standard_normal(1200)
-    return Known(ORIGIN * SAMPLE_S, seen, np.full(1200, scene.ropes[0].length_m))
+    return Observations(ORIGIN * SAMPLE_S, seen, np.full(1200, scene.ropes[0].length_m))
 
 
 @pytest.fixture(scope="module")
-def made(scene: Scene) -> tuple[TensionForecaster, list[TensionForecast], Known]:
+def made(scene: Scene) -> tuple[TensionForecaster, list[TensionForecast], Observations]:
     """Three orders on the same heave."""
     forecaster = TensionForecaster(scene, SETTINGS)
     at = SAMPLE_S * np.arange(ORIGIN + 1)
@@ -103,7 +103,7 @@ def made(scene: Scene) -> tuple[TensionForecaster, list[TensionForecast], Known]
 
 
 def test_known_heave_gives_the_rope_s_own_tension(
-    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Known]
+    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Observations]
 ) -> None:
     """Swell that ten minutes reveal: 10 s ahead a skill of 0.98.
 
@@ -123,7 +123,7 @@ def test_known_heave_gives_the_rope_s_own_tension(
 
 
 def test_orders_on_the_same_paths(
-    made: tuple[TensionForecaster, list[TensionForecast], Known],
+    made: tuple[TensionForecaster, list[TensionForecast], Observations],
 ) -> None:
     """A standing winch that goes on is one that holds; hauling shortens the rope by its line."""
     going, holding, hauling = made[1]
@@ -135,7 +135,7 @@ def test_orders_on_the_same_paths(
 
 
 def test_load_pin_shifts_the_first_seconds(
-    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Known]
+    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Observations]
 ) -> None:
     """Members of different weight follow the readings; far ahead they do not."""
     _, forecasts, known = made
@@ -162,7 +162,7 @@ def test_load_pin_shifts_the_first_seconds(
 
 
 def test_factor_widens_the_band(
-    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Known]
+    scene: Scene, made: tuple[TensionForecaster, list[TensionForecast], Observations]
 ) -> None:
     """Twice the factor, twice the band about the same median."""
     forecasts = []
@@ -184,9 +184,9 @@ def test_refusals(scene: Scene) -> None:
             dataclasses.replace(SETTINGS, **change)
     heave = np.zeros(300)
     with pytest.raises(InputError, match="as many of each"):
-        Known(0.0, heave, np.zeros(299))
+        Observations(0.0, heave, np.zeros(299))
     with pytest.raises(InputError, match="gaps"):
-        Known(0.0, heave, np.full(300, np.nan))
+        Observations(0.0, heave, np.full(300, np.nan))
     with pytest.raises(InputError, match="ascending"):
         nominal_states(scene, heave, np.full(300, 200.0), [20, 10], SETTINGS)
     with pytest.raises(SceneError):
@@ -216,7 +216,7 @@ def test_line_speed_is_not_a_step_of_the_counter(scene: Scene) -> None:
     """0.2 m/s read in centimetres: a sample off by one shifts the slope by less than 1 cm/s."""
     line = 200.0 + 0.2 * SAMPLE_S * np.arange(-299.0, 1.0)
     line[-2] += 0.01
-    now = line_now(Known(0.0, np.zeros(300), line), line, scene.winch)
+    now = line_state(Observations(0.0, np.zeros(300), line), line, scene.winch)
     assert now.speed_m_per_s == pytest.approx(0.2, abs=0.01)
 
 
@@ -233,7 +233,7 @@ def test_a_recorded_line_has_the_compensation_in_it(
 
     monkeypatch.setattr(forecaster.fleet, "advance", spy)
     heave = heave_at(SAMPLE_S * np.arange(300))
-    known = Known(0.0, heave, np.full(300, 200.0), compensated=True)
+    known = Observations(0.0, heave, np.full(300, 200.0), compensated=True)
     start, line = forecaster.fleet.state(0), np.full(1201, 200.0)
     for is_whole in (True, False):
         plan = LinePath(line, 0.0 * line, is_whole=is_whole)

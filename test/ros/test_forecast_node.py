@@ -62,15 +62,15 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
         if k % 4 == 0:
             publishers["sea/measured_elevation"].publish(encode_elevation(ns, 0.4 * z))
         if k % 20 == 0:
-            length = len(node._heard.heave_m.table())
+            length = len(node._inputs.heave_m.table())
             bench.until(
-                lambda before=length: len(node._heard.heave_m.table()) >= before, "it keeps up"
+                lambda before=length: len(node._inputs.heave_m.table()) >= before, "it keeps up"
             )
         bench._spin(0.002)
     bench.until(lambda: all(tables[name] for name in ("tension", "risk", "quiet")), "forecasts")
     publishers["forecast/what_if"].publish(encode_text("swim"))  # a warning, and no more
     publishers["forecast/what_if"].publish(encode_text("lower:0.5 stop"))
-    bench.until(lambda: node._heard.asked, "the orders are heard")
+    bench.until(lambda: node._inputs.asked, "the orders are heard")
     ns += round(0.5e9)
     publishers["ship/heave"].publish(encode_heave(ns, 0.1, 0.0))
     publishers["winch/measured"].publish(
@@ -79,7 +79,7 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     bench.until(lambda: tables["orders"], "orders are compared")
     answer = read_cloud(tables["orders"][0])
     assert {bytes(name) for name in answer["name"]} == {b"hold", b"lower:0.5", b"stop"}
-    assert set(node._heard.line_out_m.table()[:, 1].tolist()) == {200.0}
+    assert set(node._inputs.line_out_m.table()[:, 1].tolist()) == {200.0}
     message = tables["tension"][0]
     newest_s = BEGIN_NS // S + math.floor((count - 1) * PERIOD_S / 0.5) * 0.5
     assert message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec <= newest_s
@@ -90,7 +90,7 @@ def test_it_publishes_what_it_forecasts(bench: Bench, tmp_path: Path) -> None:
     assert risk["span_s"].tolist() == [10.0, 20.0, 30.0, 60.0]
     assert (risk["tension_limit_n"] == 80e3).all()
     assert read_cloud(tables["quiet"][0])["begin_s"][0] == 0.0
-    assert len(node._heard.waves) > 30
+    assert len(node._inputs.waves) > 30
     node.close()
     assert not node.worker._thread.is_alive()
 
@@ -105,7 +105,7 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
         bench.until(publisher.get_subscription_count, "the node listens")
     shot = Twin(load_scene("two_line_lift")).snapshot()
     publishers["ropes/length"].publish(Encoder(BEGIN_NS).encode("ropes/length", shot))
-    lines = node._heard.lines_m
+    lines = node._inputs.lines_m
     bench.until(lambda: "aft_sheave" in lines, "the simulation's line is heard")
     ns = BEGIN_NS + S
     rows = (("aft_sheave", 601.0, 0.0, 1e5), ("winch", 602.0, 0.0, 1e5))
@@ -113,7 +113,7 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
     publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
     bench.until(lambda: len(lines["aft_sheave"].rows()) == 2, "the measured line is heard")
     assert lines["aft_sheave"].rows()[:, 1].tolist() == [600.0, 601.0]
-    assert node._heard.line_out_m.rows()[:, 1].tolist() == [600.0, 602.0]
+    assert node._inputs.line_out_m.rows()[:, 1].tolist() == [600.0, 602.0]
     assert list(lines) == ["aft_sheave"]
     node.close()
 
@@ -128,7 +128,7 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
-    heard, ns = node._heard, BEGIN_NS
+    heard, ns = node._inputs, BEGIN_NS
     for k in range(4):
         ns += S // 4
         publishers["ship/heave"].publish(encode_heave(ns, 1e6 if k == 2 else 0.01 * k, 0.04))
