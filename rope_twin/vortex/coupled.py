@@ -91,9 +91,9 @@ class CoupledModel:
         self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope, response)
         response.follow(span, response.search(span))  # in parts, as later: bit-identical
-        still = response.kept()
+        initial = response.kept()
         response.advance(COMPILE_STEP_S)  # compile now, not at the first sampling
-        response.take_back(still)
+        response.take_back(initial)
         self.notice = self.words(span)
 
     @property
@@ -103,21 +103,23 @@ class CoupledModel:
 
     def words(self, span: Span) -> str:
         """Return a description with the cost of a mode search, measured here."""
-        began = time.perf_counter()
+        started = time.perf_counter()
         search = self._response.search(span)
-        parts = search.left
-        found = search.found()
-        took_ms = 1e3 * (time.perf_counter() - began)
-        places = len(self._response.span.s)
-        searched = f"found again every {self._every_s:g} s in {took_ms:.0f} ms, {parts} parts"
-        if not len(found.frequency):
+        part_count = search.left
+        modes = search.found()
+        search_ms = 1e3 * (time.perf_counter() - started)
+        node_count = len(self._response.span.s)
+        search_text = (
+            f"found again every {self._every_s:g} s in {search_ms:.0f} ms, {part_count} parts"
+        )
+        if not len(modes.frequency):
             return (
-                f"vibration {self.model}: the current excites no mode on {places} places; "
-                f"modes are {searched}."
+                f"vibration {self.model}: the current excites no mode on {node_count} places; "
+                f"modes are {search_text}."
             )
         return (
-            f"vibration {self.model}: {len(found.frequency)} modes up to "
-            f"{found.frequency.max():.3g} Hz on {places} places, {searched}, steps of "
+            f"vibration {self.model}: {len(modes.frequency)} modes up to "
+            f"{modes.frequency.max():.3g} Hz on {node_count} places, {search_text}, steps of "
             f"{1e3 * self._response.step_s:.3g} ms."
         )
 
@@ -126,8 +128,8 @@ class CoupledModel:
 
         sample_s: that time [s]; vortices_hz: frequency of the fastest vortex shedding [Hz].
         """
-        share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGING_PERIODS))
-        mix_flow(self._flow, rope, share)
+        weight = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGING_PERIODS))
+        mix_flow(self._flow, rope, weight)
         self._since_s += sample_s
         if self._since_s >= self._every_s - 1e-9:
             # the delay of this sampling counts towards the next search: instants do not drift
@@ -144,13 +146,15 @@ class CoupledModel:
         if isinstance(self._response, DecomposedResponse):
             self._response.thrifty = True
 
-    def cut(self, hangs_on: float) -> None:
-        """Adapt to a cut rope of which this fraction of the elements is left.
+    def cut(self, remaining: float) -> None:
+        """Adapt to a cut rope of which the fraction `remaining` of the elements is left.
 
-        It keeps vibrating as before until its own modes are found, which are searched at once.
+        It continues in the old modes until the new ones are found; their search starts immediately.
         """
-        shares = 1.0 - hangs_on * (1.0 - FRACTIONS)
-        self._flow = np.stack([np.interp(shares, FRACTIONS, part) for part in self._flow])
+        fractions = 1.0 - remaining * (1.0 - FRACTIONS)
+        self._flow = np.stack(
+            [np.interp(fractions, FRACTIONS, component) for component in self._flow]
+        )
         self._searched = self._search = None
         self._since_s = self._every_s
 
@@ -190,8 +194,8 @@ class CoupledModel:
     def moved(self, rope: Rope, marks: Floats) -> Floats:
         """Displacement across the flow at material coordinates [m]."""
         span = self._response.span
-        found = np.interp(self._places(rope, marks), span.s, self._response.motion, 0.0, 0.0)
-        return np.asarray(found)
+        displacement = np.interp(self._places(rope, marks), span.s, self._response.motion, 0.0, 0.0)
+        return np.asarray(displacement)
 
     def _places(self, rope: Rope, marks: Floats) -> Floats:
         """Position of material coordinates on the response's line model [m]."""
@@ -205,13 +209,13 @@ class CoupledModel:
         s, y, h = rope.state.s[: n + 1], self._response.motion, span.s[1] - span.s[0]
         curve = np.zeros(len(y))
         curve[1:-1] = (y[2:] - 2.0 * y[1:-1] + y[:-2]) / (h * h)
-        at = self._places(rope, middles)
-        place = rope.state.nodes[_PLACE, : n + 1]
-        shares = np.linspace(0.0, 1.0, n + 1)
-        flow = np.stack([np.interp(shares, FRACTIONS, part) for part in self._flow])
-        across = turned(flow_directions(place, flow)[0], tangents(place))
-        there = np.stack([np.interp(middles, s, part) for part in across])
-        return np.asarray(there * np.interp(at, span.s, curve, 0.0, 0.0))
+        on_model = self._places(rope, middles)
+        nodes = rope.state.nodes[_PLACE, : n + 1]
+        fractions = np.linspace(0.0, 1.0, n + 1)
+        flow = np.stack([np.interp(fractions, FRACTIONS, component) for component in self._flow])
+        across = turned(flow_directions(nodes, flow)[0], tangents(nodes))
+        direction = np.stack([np.interp(middles, s, component) for component in across])
+        return np.asarray(direction * np.interp(on_model, span.s, curve, 0.0, 0.0))
 
     def kept(self) -> CoupledModelState:
         """Return the state from which `take_back` resumes."""
@@ -221,17 +225,17 @@ class CoupledModel:
             self._since_s, self.solves, self.note,
         )  # fmt: skip
 
-    def take_back(self, kept: CoupledModelState) -> None:
+    def take_back(self, saved: CoupledModelState) -> None:
         """Resume from this state."""
-        self._response.take_back(kept.response)
-        if kept.searching:
-            self._searched, self._search = kept.searched, self._response.search(kept.searched)
-            self._search.found()  # at once: the remainder would not be spread as before
-        self._flow, self._since_s, self.solves = kept.flow.copy(), kept.since_s, kept.solves
-        self.note = kept.note
+        self._response.take_back(saved.response)
+        if saved.searching:
+            self._searched, self._search = saved.searched, self._response.search(saved.searched)
+            self._search.found()  # at once: parts would be spread otherwise than in the saved run
+        self._flow, self._since_s, self.solves = saved.flow.copy(), saved.since_s, saved.solves
+        self.note = saved.note
 
     def _follow(self, rope: Rope) -> None:
-        """Take over the modes found in the last second, and start searching the present ones."""
+        """Use the modes found in the last second, and start the next mode search."""
         if self._search is not None and self._searched is not None:
             self._response.follow(self._searched, self._search)
             self.solves += 1
@@ -268,11 +272,11 @@ def force_decomposition_model(
     """
 
     def span_of(rope: Rope, response: DecomposedResponse) -> Span:
-        given, kept = line_model(rope, moved_water=False), len(response.span.tension)
-        return fine_enough(given, model, kept, response.recent)
+        span, elements = line_model(rope, moved_water=False), len(response.span.tension)
+        return fine_enough(span, model, elements, response.recent)
 
-    first = fine_enough(line_model(rope, moved_water=False), model)
-    return CoupledModel(name, rope, span_of, DecomposedResponse(first, model), every_s)
+    initial = fine_enough(line_model(rope, moved_water=False), model)
+    return CoupledModel(name, rope, span_of, DecomposedResponse(initial, model), every_s)
 
 
 class VivDragState(NamedTuple):
@@ -289,8 +293,8 @@ class VivDragState(NamedTuple):
 class VivDragAmplification:
     """Loosely coupled VIV model of a scene, from a start without vibration.
 
-    In a multi-line system every rope has a response of its own, in the modes that it has while its
-    ends at connections are held. All are sampled at once.
+    In a multi-line system every rope has its own response, in the modes with its ends at
+    connections fixed. All ropes are sampled at the same time.
 
     Raises:
         InputError: a rope is slack somewhere.
@@ -336,7 +340,7 @@ class VivDragAmplification:
         boundary: of the first rope, row 0 is the present; steps: done by the twin; currents: number
         of profiles accepted. Ropes beyond those of the start, parts below a cut, have no vibration.
         """
-        began = time.perf_counter()
+        started = time.perf_counter()
         since_s = (steps - self._looked) * self._step_s
         self._looked = steps
         followed = ropes[: len(self.trackers)]
@@ -345,15 +349,15 @@ class VivDragAmplification:
             tracker.take(rope, since_s, self.hz)
         self.amplify(followed)
         self._looked_s += since_s
-        self._took_s += time.perf_counter() - began
+        self._took_s += time.perf_counter() - started
 
     def amplify(self, ropes: Sequence[Rope]) -> None:
         """Set the drag amplification at the nodes that carry loads."""
         for tracker, loaded, rope in zip(self.trackers, self._loaded, ropes, strict=False):
-            grown = self._amplification_less_1(tracker, rope)
-            for own in rope.effects:
-                if isinstance(own, DragGrowth):
-                    set_growth(own, rope.state, grown if loaded else grown[:-1])
+            amplification = self._amplification_less_1(tracker, rope)
+            for effect in rope.effects:
+                if isinstance(effect, DragGrowth):
+                    set_growth(effect, rope.state, amplification if loaded else amplification[:-1])
 
     def sample_now(
         self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int
@@ -379,18 +383,18 @@ class VivDragAmplification:
 
         Its first sampling is at the same time as this one's.
         """
-        other = copy.deepcopy(self)
-        for tracker in other.trackers:
+        coarse = copy.deepcopy(self)
+        for tracker in coarse.trackers:
             tracker.restrict_searches()
-        other._rarer = rarer
-        if other.hz > 0.0:
-            other.every = rarer * sampling_steps(other.hz, other._step_s, other._cycle)
-        return other
+        coarse._rarer = rarer
+        if coarse.hz > 0.0:
+            coarse.every = rarer * sampling_steps(coarse.hz, coarse._step_s, coarse._cycle)
+        return coarse
 
     def cut(self, number: int, whole: Rope, upper: Rope) -> None:
-        """Adapt to a cut of a rope: the part left has modes of its own."""
-        n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
-        self.trackers[number].cut(min(left / n, 1.0))
+        """Adapt to a cut of a rope: the remaining part has its own modes."""
+        n, remaining = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
+        self.trackers[number].cut(min(remaining / n, 1.0))
 
     def shots(self, ropes: Sequence[Rope]) -> tuple[RopeVibration, ...]:
         """Return the VIV response at the nodes of each rope, from its last node down."""
@@ -411,14 +415,14 @@ class VivDragAmplification:
     def _amplification_less_1(self, tracker: CoupledModel, rope: Rope) -> Floats:
         """Return the drag amplification less 1 at the nodes of a rope.
 
-        A node takes the mean up to its neighbours, over at least half a wave length to either side.
-        The drag of a rope in standing waves is then the same whether the nodes resolve the waves or
-        not.
+        The value at a node is the mean up to its neighbours, over at least half a wave length to
+        either side, so that the drag in standing waves does not depend on whether the nodes resolve
+        them.
         """
         s, amplitude, half_wave = tracker.at_model_nodes()
-        grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
-        at = along(rope)
-        return mean_around(at, s, grown, np.interp(at, s, half_wave))
+        amplification = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
+        position = along(rope)
+        return mean_around(position, s, amplification, np.interp(position, s, half_wave))
 
     def kept(self) -> VivDragState:
         """Return the state from which `take_back` resumes."""
@@ -427,13 +431,13 @@ class VivDragAmplification:
             trackers, self.hz, self._currents, self._looked, self._second, self._step_since
         )
 
-    def take_back(self, kept: VivDragState) -> None:
+    def take_back(self, saved: VivDragState) -> None:
         """Resume from this state."""
-        for tracker, own in zip(self.trackers, kept.trackers, strict=True):
-            tracker.take_back(own)
-        self.hz, self._currents = kept.hz, kept.currents
-        self._looked, self._second = kept.looked, kept.second
-        self._step_since = kept.step_since
+        for tracker, state in zip(self.trackers, saved.trackers, strict=True):
+            tracker.take_back(state)
+        self.hz, self._currents = saved.hz, saved.currents
+        self._looked, self._second = saved.looked, saved.second
+        self._step_since = saved.step_since
         self.every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
 
     def _update_interval(self, ropes: Sequence[Rope], boundary: Boundary, currents: int) -> None:
@@ -472,9 +476,13 @@ def decomposed_of(params: DecomposedForceParams, density: float) -> Decomposed:
     )
     if params.table is None:
         return model
-    own = params.table.figures()
+    table = params.table.figures()
     return replace(
-        model, table=own.forces, band=own.band, centre=own.centre, first_amplitude=own.amplitude
+        model,
+        table=table.forces,
+        band=table.band,
+        centre=table.centre,
+        first_amplitude=table.amplitude,
     )
 
 

@@ -65,32 +65,39 @@ def upper_bands(matrix: Any, diagonals: int) -> Floats:
     return bands
 
 
-def bathe(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
+def bathe(motion: Motion, matrices: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
     """Advance ½ h by the trapezoidal rule, then by v' = (y - 4·y½ + 3·y')/h, likewise a'."""
     after, work = np.empty((3, len(end))), np.empty((5, len(end)))
-    bathe_step(at, parts, middle, end, h, after, work)
+    bathe_step(motion, matrices, middle, end, h, after, work)
     return Motion(after[0], after[1], after[2])
 
 
 @jit
 def newmark_step(
-    at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
+    motion: Any,
+    matrices: Any,
+    force: Any,
+    h: float,
+    alpha: float,
+    delta: float,
+    after: Any,
+    work: Any,
 ) -> None:
     """Write displacement, velocity and acceleration after h seconds to the rows of `after`, (3, n).
 
-    y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a') with the force at the end; at: the
-    three before; parts: mass, damping and stiffness (LAPACK's upper form); work: scratch, (5, n).
+    y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a') with the force at the end; motion:
+    before the step; matrices: mass, damping, stiffness (LAPACK upper form); work: scratch, (5, n).
     """
-    y, v, a = at.place, at.speed, at.acceleration
+    y, v, a = motion.place, motion.speed, motion.acceleration
     weight = alpha * h * h
     for i in range(y.shape[0]):
         after[0, i] = y[i] + h * v[i] + (0.5 - alpha) * h * h * a[i]
         after[1, i] = v[i] + (1.0 - delta) * h * a[i]
-        work[0, i] = (parts.mass[i] + delta * h * parts.damping[i]) / weight
-    _multiply(parts.stiffness, after, work)
+        work[0, i] = (matrices.mass[i] + delta * h * matrices.damping[i]) / weight
+    _multiply(matrices.stiffness, after, work)
     for i in range(y.shape[0]):
-        work[1, i] = force[i] - parts.damping[i] * after[1, i] - work[1, i]
-    _solve(parts.stiffness, work)
+        work[1, i] = force[i] - matrices.damping[i] * after[1, i] - work[1, i]
+    _solve(matrices.stiffness, work)
     for i in range(y.shape[0]):
         after[2, i] = work[1, i] / weight
         after[0, i] += work[1, i]
@@ -98,17 +105,19 @@ def newmark_step(
 
 
 @jit_entry
-def bathe_step(at: Any, parts: Any, middle: Any, end: Any, h: float, after: Any, work: Any) -> None:
+def bathe_step(
+    motion: Any, matrices: Any, middle: Any, end: Any, h: float, after: Any, work: Any
+) -> None:
     """Write the state after h seconds by Bathe's method; middle, end: forces of its substeps."""
-    newmark_step(at, parts, middle, 0.5 * h, 0.25, 0.5, after, work)
-    y, v, mass, damping = at.place, at.speed, parts.mass, parts.damping
+    newmark_step(motion, matrices, middle, 0.5 * h, 0.25, 0.5, after, work)
+    y, v, mass, damping = motion.place, motion.speed, matrices.mass, matrices.damping
     for i in range(y.shape[0]):
         v_hat = (y[i] - 4.0 * after[0, i]) / h
         a_hat = (v[i] - 4.0 * after[1, i] + 3.0 * v_hat) / h
         work[0, i] = 9.0 / (h * h) * mass[i] + 3.0 / h * damping[i]
         work[1, i] = end[i] - mass[i] * a_hat - damping[i] * v_hat
         after[0, i] = v_hat
-    _solve(parts.stiffness, work)
+    _solve(matrices.stiffness, work)
     for i in range(y.shape[0]):
         speed = after[0, i] + 3.0 / h * work[1, i]
         after[2, i] = (3.0 * speed - 4.0 * after[1, i] + v[i]) / h
@@ -134,16 +143,16 @@ def _solve(K: Any, work: Any) -> None:
     d, r, first, second = work[2], work[1], work[3], work[4]  # subdiagonals of L
     for i in range(n):
         d[i], first[i], second[i] = K[last, i] + work[0, i], 0.0, 0.0
-        far = 0.0
+        second_off = 0.0
         if last == 2 and i > 1:
-            far = K[0, i]
-            second[i] = far / d[i - 2]
-            d[i] -= second[i] * far
+            second_off = K[0, i]
+            second[i] = second_off / d[i - 2]
+            d[i] -= second[i] * second_off
             r[i] -= second[i] * r[i - 2]
         if i > 0:
-            near = K[last - 1, i] - first[i - 1] * far
-            first[i] = near / d[i - 1]
-            d[i] -= first[i] * near
+            first_off = K[last - 1, i] - first[i - 1] * second_off
+            first[i] = first_off / d[i - 1]
+            d[i] -= first[i] * first_off
             r[i] -= first[i] * r[i - 1]
     for i in range(n - 1, -1, -1):
         r[i] /= d[i]
@@ -185,16 +194,16 @@ class DecomposedResponse:
         self._first = 1 if span.end_mass is None else 0
         self._table = model.table
         if not model.varying:
-            same = np.full_like(model.table.added_mass, model.fixed_added_mass)
-            self._table = model.table._replace(added_mass=same)
+            constant = np.full_like(model.table.added_mass, model.fixed_added_mass)
+            self._table = model.table._replace(added_mass=constant)
         self._take(span, None)
         self._angles = np.zeros(len(self.excitation.frequency))  # phases of the modes at `_since_s`
         self._since_s = 0.0
         self._nodes, self._drives = self._at_nodes(), self._driven()
-        still = np.zeros((6, len(self._nodes.dry)))
-        self._motion = Motion(still[0], still[1], still[2])
-        self._squares = still[3:5]  # running mean of ẏ², ÿ²
-        self.amplitude, self.omega = still[5], self._nodes.omega.copy()
+        zeros = np.zeros((6, len(self._nodes.dry)))
+        self._motion = Motion(zeros[0], zeros[1], zeros[2])
+        self._squares = zeros[3:5]  # running mean of ẏ², ÿ²
+        self.amplitude, self.omega = zeros[5], self._nodes.omega.copy()
 
     def search(self, span: Span) -> ExcitationSearch:
         """Return an incremental analysis for a changed rope, to be passed to `follow` when
@@ -205,8 +214,8 @@ class DecomposedResponse:
         Raises:
             InputError: it is slack somewhere.
         """
-        near = near_driven(self.excitation) if self.thrifty else None
-        return ExcitationSearch(span, self.model, PART, near)
+        range_hz = near_driven(self.excitation) if self.thrifty else None
+        return ExcitationSearch(span, self.model, PART, range_hz)
 
     def follow(self, span: Span, search: ExcitationSearch | None = None) -> None:
         """Update to a changed rope (tension, length or current); the motion continues.
@@ -217,19 +226,23 @@ class DecomposedResponse:
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
         """
-        turned = 2.0 * pi * self.excitation.frequency * (self.time_s - self._since_s)
-        angles, before = self._angles + turned, self._below_top()
+        advanced = 2.0 * pi * self.excitation.frequency * (self.time_s - self._since_s)
+        angles, height_before = self._angles + advanced, self._below_top()
         self._take(span, search)
         self._angles = np.zeros(len(self.excitation.frequency))
-        known = min(len(angles), len(self._angles))
-        self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
+        shared = min(len(angles), len(self._angles))
+        self._angles[:shared] = np.remainder(angles[:shared], 2.0 * pi)
         self._since_s = self.time_s
         self._nodes, self._drives = self._at_nodes(), self._driven()
-        now = self._below_top()
-        self._motion = Motion(*(np.interp(now, before, part) for part in self._motion))
-        self._squares = np.stack([np.interp(now, before, part) for part in self._squares])
-        self.amplitude = np.interp(now, before, self.amplitude)
-        self.omega = np.interp(now, before, self.omega)
+        height = self._below_top()
+        self._motion = Motion(
+            *(np.interp(height, height_before, values) for values in self._motion)
+        )
+        self._squares = np.stack(
+            [np.interp(height, height_before, values) for values in self._squares]
+        )
+        self.amplitude = np.interp(height, height_before, self.amplitude)
+        self.omega = np.interp(height, height_before, self.omega)
 
     @property
     def frequency(self) -> Floats:
@@ -253,14 +266,14 @@ class DecomposedResponse:
             self._angles.copy(), self._since_s, self.time_s, self.recent.kept(),
         )  # fmt: skip
 
-    def take_back(self, kept: KeptResponse) -> None:
+    def take_back(self, saved: KeptResponse) -> None:
         """Restore a response from its restart data; its modes were those of a search."""
-        self._take(kept.span, self.search(kept.span))
-        self.recent.take_back(kept.recent)
-        self._motion = Motion(*kept.nodes[:3])
-        self._squares = kept.nodes[3:5].copy()
-        self.amplitude, self.omega = kept.nodes[5], kept.nodes[6]
-        self._angles, self._since_s, self.time_s = kept.angles, kept.since_s, kept.time_s
+        self._take(saved.span, self.search(saved.span))
+        self.recent.take_back(saved.recent)
+        self._motion = Motion(*saved.nodes[:3])
+        self._squares = saved.nodes[3:5].copy()
+        self.amplitude, self.omega = saved.nodes[5], saved.nodes[6]
+        self._angles, self._since_s, self.time_s = saved.angles, saved.since_s, saved.time_s
         self._nodes, self._drives = self._at_nodes(), self._driven()
 
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
@@ -275,7 +288,7 @@ class DecomposedResponse:
     def _at_nodes(self) -> Nodes:
         """Return the load coefficients of the free nodes."""
         span, density = self.span, self.model.density
-        whole = Nodes(
+        all_nodes = Nodes(
             push=0.5 * density * span.diameter * span.speed**2 * span.node_length,
             water=displaced(span, density),
             dry=span.node_mass,
@@ -283,7 +296,7 @@ class DecomposedResponse:
             speed=np.maximum(span.speed, 1e-6),
             omega=2.0 * pi * self._first_guess(),
         )
-        return Nodes(*(np.ascontiguousarray(part[self._first : -1]) for part in whole))
+        return Nodes(*(np.ascontiguousarray(values[self._first : -1]) for values in all_nodes))
 
     def _driven(self) -> Drives:
         """Return the modes excited by the free nodes, and set the longest step."""
@@ -291,11 +304,11 @@ class DecomposedResponse:
         self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
         free = slice(self._first, -1)
         zones = self.excitation.zones[free]
-        part = zones * np.sign(self.excitation.modes.shape[free])
+        signed = zones * np.sign(self.excitation.modes.shape[free])
         node, mode = np.nonzero(zones)
         first = np.searchsorted(node, np.arange(len(zones) + 1))
         omega = 2.0 * pi * self.excitation.frequency
-        return Drives(first, mode, part[node, mode], omega, self._angles)
+        return Drives(first, mode, signed[node, mode], omega, self._angles)
 
     def _below_top(self) -> Floats:
         """Return the coordinate of the free nodes below the hang-off, negative [m]."""

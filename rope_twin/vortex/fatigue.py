@@ -214,15 +214,18 @@ def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
     if name == OWN:
         return ""
     kinds = [
-        (number, other_material(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)
+        (number, other_material(section.rope, EI))
+        for number, section in enumerate(line.made_of, start=1)
     ]
-    of = "polyester" if name == FIBRE else "wire"
+    material = "polyester" if name == FIBRE else "wire"
     if name == FIBRE:
         kinds = [(number, "" if kind == NOT_STEEL else kind or "steel") for number, kind in kinds]
-    others = [f"section {number} is {kind}" for number, kind in kinds if kind]
-    if not others:
+    excluded = [f"section {number} is {kind}" for number, kind in kinds if kind]
+    if not excluded:
         return ""
-    problem = f"{name} is a curve of {of} rope, and of rope '{line.name}' {', '.join(others)}"
+    problem = (
+        f"{name} is a curve of {material} rope, and of rope '{line.name}' {', '.join(excluded)}"
+    )
     return phrase("fatigue", problem, "what it tells of those metres compares them and is no life")
 
 
@@ -234,7 +237,7 @@ def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
     """
     for number, section in enumerate(line.made_of):
         if np.isnan(metal_area(section.rope, EI)):
-            tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
+            tensions = [name for name, curve in CURVES.items() if isinstance(curve, TensionCurve)]
             remedy = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
             where = f"rope '{line.name}', section {number + 1}"
             raise InputError(where, "it is not all of steel: no stress is known", remedy)
@@ -246,7 +249,7 @@ INITIAL_CAPACITY = 16  # initial capacity for open turning points of a series
 
 
 class RainflowCount:
-    """Rainflow count of several series from their first value on; a NaN is skipped."""
+    """Rainflow count of several series; NaN values are skipped."""
 
     def __init__(self, series: int) -> None:
         self.used = np.zeros(series)  # damage by closed cycles
@@ -257,59 +260,68 @@ class RainflowCount:
         self._count = np.zeros(series, np.int64)
 
     def take(self, values: Vector, cost: Damage) -> None:
-        """Take the next value of each series, (series,)."""
-        begun = np.isfinite(self._last)
-        new = np.where(np.isnan(values), self._last, values)
+        """Add the next value of each series, (series,)."""
+        has_value = np.isfinite(self._last)
+        current = np.where(np.isnan(values), self._last, values)
         with np.errstate(invalid="ignore"):
-            way = np.where(begun, np.sign(new - self._last), 0.0)
-        turned = np.flatnonzero((way != 0.0) & (way != self._way))
-        if len(turned):
-            self._push(turned, self._last[turned], cost)
-            self._way[turned] = way[turned]
-        self._last = new
+            direction = np.where(has_value, np.sign(current - self._last), 0.0)
+        reversals = np.flatnonzero((direction != 0.0) & (direction != self._way))
+        if len(reversals):
+            self._push(reversals, self._last[reversals], cost)
+            self._way[reversals] = direction[reversals]
+        self._last = current
 
     def total(self, cost: Damage) -> Vector:
         """Return the damage of all cycles, with the open ones as half cycles, (series,)."""
-        end = copy.deepcopy(self)
-        begun = np.flatnonzero(end._count > 0)
-        end._push(begun, end._last[begun], cost)
-        deepest = int(end._count.max(initial=0))
+        final = copy.deepcopy(self)
+        non_empty = np.flatnonzero(final._count > 0)
+        final._push(non_empty, final._last[non_empty], cost)
+        deepest = int(final._count.max(initial=0))
         for k in range(deepest - 1):
-            some = np.flatnonzero(end._count > k + 1)
-            end._close(some, end._open[some, k], end._open[some, k + 1], 0.5, cost)
-        return end.used
+            with_cycle = np.flatnonzero(final._count > k + 1)
+            final._close(
+                with_cycle, final._open[with_cycle, k], final._open[with_cycle, k + 1], 0.5, cost
+            )
+        return final.used
 
-    def _push(self, which: Numbers, points: Vector, cost: Damage) -> None:
+    def _push(self, series: Numbers, points: Vector, cost: Damage) -> None:
         """Add a turning point to these series, and close the cycles that it completes."""
         if int(self._count.max(initial=0)) + 1 >= self._open.shape[1]:
             self._open = np.hstack([self._open, np.zeros_like(self._open)])
-        kept, count = self._open, self._count
-        kept[which, count[which]] = points
-        count[which] += 1
-        which = which[count[which] >= 3]
-        while len(which):
-            at = count[which]
-            low, middle, high = (kept[which, at - k] for k in (3, 2, 1))
-            covered = np.abs(high - middle) >= np.abs(middle - low)
-            which, at = which[covered], at[covered]
-            low, middle, high = low[covered], middle[covered], high[covered]
-            first = at == 3
-            self._close(which, low, middle, np.where(first, 0.5, 1.0), cost)
-            halves, wholes = which[first], which[~first]
-            kept[halves, 0], kept[halves, 1] = middle[first], high[first]
-            count[halves] -= 1
-            kept[wholes, at[~first] - 3] = high[~first]
-            count[wholes] -= 2
-            which = which[count[which] >= 3]
+        open_points, count = self._open, self._count
+        open_points[series, count[series]] = points
+        count[series] += 1
+        series = series[count[series] >= 3]
+        while len(series):
+            depth = count[series]
+            first_point, mid_point, last_point = (open_points[series, depth - k] for k in (3, 2, 1))
+            is_closed = np.abs(last_point - mid_point) >= np.abs(mid_point - first_point)
+            series, depth = series[is_closed], depth[is_closed]
+            first_point, mid_point, last_point = (
+                first_point[is_closed],
+                mid_point[is_closed],
+                last_point[is_closed],
+            )
+            is_first = depth == 3
+            self._close(series, first_point, mid_point, np.where(is_first, 0.5, 1.0), cost)
+            half_cycles, full_cycles = series[is_first], series[~is_first]
+            open_points[half_cycles, 0], open_points[half_cycles, 1] = (
+                mid_point[is_first],
+                last_point[is_first],
+            )
+            count[half_cycles] -= 1
+            open_points[full_cycles, depth[~is_first] - 3] = last_point[~is_first]
+            count[full_cycles] -= 2
+            series = series[count[series] >= 3]
 
     def _close(
-        self, which: Numbers, one: Vector, other: Vector, count: Vector | float, cost: Damage
+        self, series: Numbers, begin: Vector, end: Vector, count: Vector | float, cost: Damage
     ) -> None:
-        if len(which):
-            counts = np.broadcast_to(np.asarray(count, dtype=np.float64), one.shape)
-            cycles = Cycles(np.abs(other - one), 0.5 * (one + other), counts)
-            self.used[which] += cost(cycles)
-            self.cycles[which] += counts
+        if len(series):
+            counts = np.broadcast_to(np.asarray(count, dtype=np.float64), begin.shape)
+            cycles = Cycles(np.abs(end - begin), 0.5 * (begin + end), counts)
+            self.used[series] += cost(cycles)
+            self.cycles[series] += counts
 
 
 def damage_of_series(values: Vector, used: Damage) -> Vector:
@@ -332,7 +344,7 @@ class Layers(Protocol):
 
 
 class BendPlace(NamedTuple):
-    """A place inboard of the hang-off where the curvature of the rope changes."""
+    """Point inboard of the hang-off at which the curvature of the rope changes."""
 
     inboard_m: float  # distance along the rope from the hang-off
     diameter_m: float  # D of the groove; of a drum that of the bare drum
@@ -372,14 +384,14 @@ class BendResult:
 
 
 def reach_m(path: Sequence[BendPlace]) -> float:
-    """Return the distance from the hang-off to the furthest place [m]; 0: there is none."""
+    """Return the distance from the hang-off to the furthest sheave or drum [m]; 0 without any."""
     return max((place.inboard_m for place in path), default=0.0)
 
 
 class BendCount:
     """Bends and Miner's sum of points of material; the sum does not depend on the sampling.
 
-    All that turns back within a sample is lost: samples must resolve the winch's motion.
+    Reversals within a sampling interval are lost: samples must resolve the motion of the winch.
     """
 
     def __init__(
@@ -400,26 +412,26 @@ class BendCount:
         self._section = np.repeat(section_of, self._points)
         self._spacing, self._whole_m = piece_m / self._points, whole_m
         self.bends, self.damage = np.zeros((2, len(self._section)))
-        self._at = np.full(len(self.path), -1)  # points below each place; -1: not known yet
+        self._at = np.full(len(self.path), -1)  # points below each sheave; -1: not known yet
 
     def take(self, top_m: float, tension_n: float) -> None:
-        """Take the material coordinate at the hang-off [m] and the tension there [N]."""
+        """Add a sample: material coordinate at the hang-off [m] and the tension there [N]."""
         for number, place in enumerate(self.path):
-            # points at (k + 0.5)·spacing; one that is exactly at the place is above it
+            # points at (k + 0.5)·spacing; one exactly at the sheave is above it
             below = ceil((top_m + place.inboard_m) / self._spacing - 0.5)
-            now, before = min(max(below, 0), len(self.bends)), int(self._at[number])
-            self._at[number] = now
-            if before in (now, -1):
+            current, previous = min(max(below, 0), len(self.bends)), int(self._at[number])
+            self._at[number] = current
+            if previous in (current, -1):
                 continue
-            passed = slice(min(now, before), max(now, before))
+            passed = slice(min(current, previous), max(current, previous))
             half = HALF * place.weight
             self.bends[passed] += half
-            used = np.array([own.used(tension_n, self._bent(place, top_m, own.diameter_m))
-                             for own in self.sections])  # fmt: skip
+            used = np.array([section.used(tension_n, self._bent(place, top_m, section.diameter_m))
+                             for section in self.sections])  # fmt: skip
             self.damage[passed] += half * used[self._section[passed]]
 
     def _bent(self, place: BendPlace, top_m: float, diameter_m: float) -> float:
-        """Return the diameter below the rope [m], of a drum that of its present layer."""
+        """Return the bending diameter under the rope [m]; on a drum, that of its present layer."""
         if place.drum is None:
             return place.diameter_m
         stored_m = max(self._whole_m - top_m, 0.0)
@@ -427,15 +439,15 @@ class BendCount:
         return 2.0 * place.drum.radius_m(layer, diameter_m) - diameter_m
 
     def result(self) -> BendResult:
-        """Return the bends of each piece, which are those of its most bent point."""
-        first = self._section[:: self._points]
-        known = np.array([own.log10_a is not None for own in self.sections])
-        discard = np.array([own.discard_bends or np.nan for own in self.sections])
+        """Return the bends of each piece: those of its most bent point."""
+        section_of = self._section[:: self._points]
+        has_life = np.array([section.log10_a is not None for section in self.sections])
+        discard = np.array([section.discard_bends or np.nan for section in self.sections])
         bends, damage = (
-            part.reshape(-1, self._points).max(axis=1) for part in (self.bends, self.damage)
+            values.reshape(-1, self._points).max(axis=1) for values in (self.bends, self.damage)
         )
-        sources = dict.fromkeys(own.source for own in self.sections if own.source)
+        sources = dict.fromkeys(section.source for section in self.sections if section.source)
         return BendResult(
-            bends, np.where(known[first], damage, np.nan), bends / discard[first],
+            bends, np.where(has_life[section_of], damage, np.nan), bends / discard[section_of],
             "; ".join(sources),
         )  # fmt: skip

@@ -41,112 +41,120 @@ _SPEED = slice(rows.VELOCITY, rows.VELOCITY + 3)
 
 def along(rope: Rope) -> Floats:
     """Return the nodes' coordinates along the stretched rope, from the hang-off, negative [m]."""
-    found = np.empty(int(rope.state.counts[ELEMENTS]) + 1)
-    _along(rope.state.nodes, found)
-    return found
+    position = np.empty(int(rope.state.counts[ELEMENTS]) + 1)
+    _along(rope.state.nodes, position)
+    return position
 
 
-def mix_flow(flow: Floats, rope: Rope, share: float) -> None:
-    """Update the running mean `flow` of relative water velocity [m/s], (3, shares), by a fraction.
+def mix_flow(flow: Floats, rope: Rope, weight: float) -> None:
+    """Update the running mean `flow` of relative water velocity [m/s], (3, points), by a weight.
 
     flow: at equal fractions of the elements from the lower end up; the hang-off has the value of
     the node below.
     """
-    _mix(flow, rope.state.nodes, rope.work, int(rope.state.counts[ELEMENTS]), share)
+    _mix(flow, rope.state.nodes, rope.work, int(rope.state.counts[ELEMENTS]), weight)
 
 
-def mean_around(at: Floats, s: Floats, values: Floats, least: Floats) -> Floats:
-    """Return weighted means of `values`, linear between `s`, around each of `at`.
+def mean_around(points: Floats, s: Floats, values: Floats, half_width: Floats) -> Floats:
+    """Return weighted means of `values`, linear between `s`, around each of `points`.
 
-    `at` and `s` are ascending. The weight falls linearly to 0 at the neighbours of `at`, so that a
-    sum over coarse nodes contains everything that oscillates between them. `least`, (len(at),):
+    `points` and `s` are ascending. The weight falls linearly to 0 at the neighbouring points, so
+    that a sum over coarse nodes contains oscillations between them. `half_width`, (len(points),):
     minimum half width of the window, so that oscillations of about that period give the same mean
     on any mesh. Values are mirrored at both ends of `s`.
     """
-    found, once, twice = np.empty(len(at)), np.empty(len(s)), np.empty(len(s))
-    _mean(at, s, values, least, once, twice, found)
-    return found
+    means, integral, double = np.empty(len(points)), np.empty(len(s)), np.empty(len(s))
+    _mean(points, s, values, half_width, integral, double, means)
+    return means
 
 
 @jit_entry
-def _along(nodes: Any, found: Any) -> None:
-    n = found.shape[0] - 1
-    found[n] = 0.0
+def _along(nodes: Any, position: Any) -> None:
+    n = position.shape[0] - 1
+    position[n] = 0.0
     for i in range(n - 1, -1, -1):
         square = 0.0
         for k in range(POSITION, POSITION + 3):
             step = nodes[k, i + 1] - nodes[k, i]
             square += step * step
-        found[i] = found[i + 1] - sqrt(square)
+        position[i] = position[i + 1] - sqrt(square)
 
 
 @jit_entry
-def _mix(flow: Any, nodes: Any, work: Any, n: int, share: float) -> None:
-    shares = flow.shape[1]
-    for j in range(shares):
-        place = j * n / (shares - 1.0)
-        i = min(int(place), n - 1)
-        part, above = place - i, min(i + 1, n - 1)
+def _mix(flow: Any, nodes: Any, work: Any, n: int, weight: float) -> None:
+    points = flow.shape[1]
+    for j in range(points):
+        at_element = j * n / (points - 1.0)
+        i = min(int(at_element), n - 1)
+        fraction, above = at_element - i, min(i + 1, n - 1)
         for k in range(3):
-            low = work[FLOW + k, i] - nodes[VELOCITY + k, i]
-            high = work[FLOW + k, above] - nodes[VELOCITY + k, above]
-            flow[k, j] += share * (low + part * (high - low) - flow[k, j])
+            lower = work[FLOW + k, i] - nodes[VELOCITY + k, i]
+            upper = work[FLOW + k, above] - nodes[VELOCITY + k, above]
+            flow[k, j] += weight * (lower + fraction * (upper - lower) - flow[k, j])
 
 
 @jit_entry
-def _mean(at: Any, s: Any, values: Any, least: Any, once: Any, twice: Any, found: Any) -> None:
-    once[0] = twice[0] = 0.0  # integrals of the values from s[0], and double integrals
+def _mean(
+    points: Any,
+    s: Any,
+    values: Any,
+    half_width: Any,
+    integral: Any,
+    double: Any,
+    means: Any,
+) -> None:
+    integral[0] = double[0] = 0.0  # integrals of the values from s[0], and double integrals
     for i in range(1, s.shape[0]):
         step = s[i] - s[i - 1]
-        once[i] = once[i - 1] + 0.5 * (values[i] + values[i - 1]) * step
-        twice[i] = twice[i - 1] + once[i - 1] * step
-        twice[i] += (2.0 * values[i - 1] + values[i]) * step * step / 6.0
-    last, length, low, high = at.shape[0] - 1, s[-1] - s[0], 0, 0
+        integral[i] = integral[i - 1] + 0.5 * (values[i] + values[i - 1]) * step
+        double[i] = double[i - 1] + integral[i - 1] * step
+        double[i] += (2.0 * values[i - 1] + values[i]) * step * step / 6.0
+    last, length, low, high = points.shape[0] - 1, s[-1] - s[0], 0, 0
     for node in range(last + 1):
-        middle = min(max(at[node], s[0]), s[-1])
-        down = at[node] - at[node - 1] if node > 0 else at[1] - at[0]
-        up = at[node + 1] - at[node] if node < last else at[last] - at[last - 1]
-        down = min(max(down, least[node]), length)
-        up = min(max(up, least[node]), length)
+        middle = min(max(points[node], s[0]), s[-1])
+        down = points[node] - points[node - 1] if node > 0 else points[1] - points[0]
+        up = points[node + 1] - points[node] if node < last else points[last] - points[last - 1]
+        down = min(max(down, half_width[node]), length)
+        up = min(max(up, half_width[node]), length)
         low, high = _below(s, middle - down, low), _below(s, middle + up, high)
-        here = _twice(s, values, once, twice, middle, _below(s, middle, low))
-        above = _mirrored(s, values, once, twice, middle + up, high) - here
-        below = here - _mirrored(s, values, once, twice, middle - down, low)
-        found[node] = (above / up - below / down) / (0.5 * (up + down))
+        centre = _twice(s, values, integral, double, middle, _below(s, middle, low))
+        above = _mirrored(s, values, integral, double, middle + up, high) - centre
+        below = centre - _mirrored(s, values, integral, double, middle - down, low)
+        means[node] = (above / up - below / down) / (0.5 * (up + down))
 
 
 @jit
-def _below(s: Any, at: float, guess: int) -> int:
-    """Return the index of the last of `s` not above `at`, from a guess; 0 if all are above."""
+def _below(s: Any, position: float, guess: int) -> int:
+    """Return the index of the last of `s` not above `position`, from a guess; 0 without one."""
     i, last = guess, s.shape[0] - 1
-    while i < last and s[i + 1] <= at:
+    while i < last and s[i + 1] <= position:
         i += 1
-    while i > 0 and s[i] > at:
+    while i > 0 and s[i] > position:
         i -= 1
     return i
 
 
 @jit
-def _twice(s: Any, values: Any, once: Any, twice: Any, at: float, i: int) -> float:
-    """Return the double integral of the values from s[0] to `at`; i: the last of `s` below."""
+def _twice(s: Any, values: Any, once: Any, twice: Any, position: float, i: int) -> float:
+    """Return the double integral of the values from s[0] to `position`; i: last `s` below it."""
     i = min(i, s.shape[0] - 2)
-    step = at - s[i]
+    step = position - s[i]
     slope = (values[i + 1] - values[i]) / (s[i + 1] - s[i])
     inner = 0.5 * values[i] + slope * step / 6.0
     return float(twice[i] + step * (once[i] + step * inner))
 
 
 @jit
-def _mirrored(s: Any, values: Any, once: Any, twice: Any, at: float, guess: int) -> float:
+def _mirrored(s: Any, values: Any, once: Any, twice: Any, position: float, guess: int) -> float:
     """Return the double integral, extended beyond the ends of `s` by mirroring."""
-    if at < s[0]:
-        inside = 2.0 * s[0] - at
+    if position < s[0]:
+        inside = 2.0 * s[0] - position
         return float(_twice(s, values, once, twice, inside, _below(s, inside, guess)))
-    if at > s[-1]:
-        inside = 2.0 * s[-1] - at
-        found = _twice(s, values, once, twice, inside, _below(s, inside, guess))
-        return float(found + 2.0 * once[-1] * (at - s[-1]))
-    return float(_twice(s, values, once, twice, at, guess))
+    if position > s[-1]:
+        inside = 2.0 * s[-1] - position
+        value = _twice(s, values, once, twice, inside, _below(s, inside, guess))
+        return float(value + 2.0 * once[-1] * (position - s[-1]))
+    return float(_twice(s, values, once, twice, position, guess))
 
 
 def shedding_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
@@ -157,8 +165,8 @@ def shedding_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
     n = int(rope.state.counts[rows.ELEMENTS])
     flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - boundary.rate[0, :3, None]
     flow[2] = 0.0  # heave and waves' vertical motion run along the rope
-    along = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
-    across = flow - (flow * along).sum(axis=0) * along
+    tangent = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
+    across = flow - (flow * tangent).sum(axis=0) * tangent
     speed = np.sqrt((across * across).sum(axis=0))
     return float((strouhal * speed / diameters(rope)[:n]).max())
 
@@ -192,32 +200,32 @@ def relative_flow(rope: Rope) -> Floats:
     return np.asarray(relative)
 
 
-def tangents(place: Floats) -> Floats:
+def tangents(position: Floats) -> Floats:
     """Unit vectors along the rope at its nodes, upward, (3, nodes)."""
-    step = np.diff(place, axis=1)
-    along = np.concatenate([step[:, :1], step[:, 1:] + step[:, :-1], step[:, -1:]], axis=1)
-    return np.asarray(along / np.sqrt((along * along).sum(axis=0)))
+    step = np.diff(position, axis=1)
+    tangent = np.concatenate([step[:, :1], step[:, 1:] + step[:, :-1], step[:, -1:]], axis=1)
+    return np.asarray(tangent / np.sqrt((tangent * tangent).sum(axis=0)))
 
 
 def diameters(rope: Rope) -> Floats:
     """Hydrodynamic diameter at the nodes [m], (nodes,)."""
     n, sections = int(rope.state.counts[rows.ELEMENTS]), rope.sections
     s = rope.state.s[: n + 1]
-    which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
-    diameter = np.sqrt(4.0 * sections[rows.PER_METRE + 1, which] / pi)
+    section = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
+    diameter = np.sqrt(4.0 * sections[rows.PER_METRE + 1, section] / pi)
     return np.append(diameter, diameter[-1])
 
 
-def flow_directions(place: Floats, flow: Floats) -> Floats:
+def flow_directions(position: Floats, flow: Floats) -> Floats:
     """Unit vectors across rope and flow, and across the rope with the flow, (2, 3, nodes)."""
-    along = tangents(place)
-    across: Any = np.cross(flow, along, axis=0)
-    size = np.sqrt((across * across).sum(axis=0))
-    east = np.zeros_like(along)
+    tangent = tangents(position)
+    across: Any = np.cross(flow, tangent, axis=0)
+    norm = np.sqrt((across * across).sum(axis=0))
+    east = np.zeros_like(tangent)
     east[0] = 1.0
-    across = np.where(size > 1e-9, across, np.cross(east, along, axis=0))
+    across = np.where(norm > 1e-9, across, np.cross(east, tangent, axis=0))
     across = across / np.maximum(np.sqrt((across * across).sum(axis=0)), 1e-12)
-    return np.stack([across, np.cross(along, across, axis=0)])
+    return np.stack([across, np.cross(tangent, across, axis=0)])
 
 
 def curvature(rope: Rope) -> tuple[Floats, Floats]:
@@ -227,33 +235,35 @@ def curvature(rope: Rope) -> tuple[Floats, Floats]:
     """
     n = int(rope.state.counts[rows.ELEMENTS])
     s = rope.state.s[: n + 1]
-    rest = np.diff(s)
-    q = np.diff(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1) / rest
-    bent = np.zeros((3, n + 1))
-    bent[:, 1:-1] = np.diff(q, axis=1) / (0.5 * (rest[1:] + rest[:-1]))
-    for own in rope.effects:
-        if isinstance(own, Bending) and own.clamp > 0.0:
-            held = np.array([own.x, own.y, own.z])
-            lacking = held - q[:, -1]
-            bent[:, -1] = 2.0 / rest[-1] * (lacking - (lacking @ held) * held)
-    along = np.concatenate([q[:, :1], q[:, 1:] + q[:, :-1], q[:, -1:]], axis=1)
-    return s, turned(bent, along / np.sqrt((along * along).sum(axis=0)))
+    unstretched = np.diff(s)
+    q = np.diff(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1) / unstretched
+    kappa = np.zeros((3, n + 1))
+    kappa[:, 1:-1] = np.diff(q, axis=1) / (0.5 * (unstretched[1:] + unstretched[:-1]))
+    for effect in rope.effects:
+        if isinstance(effect, Bending) and effect.clamp > 0.0:
+            clamp_direction = np.array([effect.x, effect.y, effect.z])
+            misfit = clamp_direction - q[:, -1]
+            kappa[:, -1] = (
+                2.0 / unstretched[-1] * (misfit - (misfit @ clamp_direction) * clamp_direction)
+            )
+    tangent = np.concatenate([q[:, :1], q[:, 1:] + q[:, :-1], q[:, -1:]], axis=1)
+    return s, turned(kappa, tangent / np.sqrt((tangent * tangent).sum(axis=0)))
 
 
-def turned(vectors: Floats, along: Floats) -> Floats:
+def turned(vectors: Floats, tangent: Floats) -> Floats:
     """Components (2, points) of vectors (3, points) across a rope along unit vectors.
 
     East and north as carried along by a rope that is tilted from upright without twist: a·b - (a·(e
     + t))·t_b/(1 + t_z), with e upward and t along the rope.
     """
-    lean = vectors[2] + (vectors * along).sum(axis=0)
-    share = lean / np.maximum(1.0 + along[2], 1e-9)
-    return np.asarray(vectors[:2] - share * along[:2])
+    lean = vectors[2] + (vectors * tangent).sum(axis=0)
+    factor = lean / np.maximum(1.0 + tangent[2], 1e-9)
+    return np.asarray(vectors[:2] - factor * tangent[:2])
 
 
 def bending_stiffness(effects: tuple[Any, ...]) -> float:
     """Bending stiffness EI of the rope [N·m²]; 0: none."""
-    return float(sum(own.EI for own in effects if isinstance(own, Bending)))
+    return float(sum(effect.EI for effect in effects if isinstance(effect, Bending)))
 
 
 EVEN = 32  # the number of elements is a multiple, independent of the input mesh
@@ -270,7 +280,7 @@ class Span(NamedTuple):
     diameter: Floats  # hydrodynamic, at the nodes [m], (n + 1,)
     speed: Floats  # normal water speed at the nodes [m/s], (n + 1,)
     stiffness: float = 0.0  # bending stiffness EI [N·m²], ends hinged
-    end_mass: float | None = None  # at the free lower end [kg], or None if it is fixed
+    end_mass: float | None = None  # at the free lower end [kg], or None if fixed
 
     @property
     def node_mass(self) -> Floats:
@@ -293,17 +303,17 @@ class Span(NamedTuple):
 
 
 class RecentSpeeds:
-    """Largest U/d of a line over the last minute, in a current that changes in time."""
+    """Largest U/d of a line over the last minute, in a time-varying current."""
 
     def __init__(self) -> None:
         self._held = np.zeros((2, 0))  # times [s] and U/d [1/s], the latter descending
 
     def add(self, time_s: float, span: Span) -> None:
-        """Take the present flow in, at a time that never goes back."""
-        own = _fastest(span)
+        """Add the present flow; times must not decrease."""
+        present = _fastest(span)
         times, speeds = self._held
-        lasting = (times >= time_s - MEMORY_S) & (speeds > own)
-        self._held = np.append(self._held[:, lasting], [[time_s], [own]], axis=1)
+        retained = (times >= time_s - MEMORY_S) & (speeds > present)
+        self._held = np.append(self._held[:, retained], [[time_s], [present]], axis=1)
 
     def fastest(self, span: Span) -> float:
         """Return the largest U/d of a span and of those that were added [1/s]."""
@@ -313,9 +323,9 @@ class RecentSpeeds:
         """Return the restart data for `take_back`."""
         return self._held.copy()
 
-    def take_back(self, kept: Floats) -> None:
+    def take_back(self, saved: Floats) -> None:
         """Resume from this state."""
-        self._held = kept.copy()
+        self._held = saved.copy()
 
 
 def _fastest(span: Span) -> float:
@@ -327,18 +337,18 @@ def refined(span: Span, longest_m: float, multiple: int = 1, kept: int = 0) -> S
 
     multiple: their number is a multiple of it, except for a rope given in more; kept: the previous
     number, 0 for none. The number is kept while it is roughly right: a change shifts all
-    frequencies by about 1e-4, and would happen at another time on every mesh.
+    frequencies by about 1e-4, and its time would depend on the mesh.
     """
     length = float(span.s[-1] - span.s[0])
     count = max(len(span.s) - 1, multiple * int(np.ceil(length / (longest_m * multiple))))
     if FEWER * kept <= count <= MORE * kept:
         count = kept
     s = np.linspace(span.s[0], span.s[-1], count + 1)
-    middle, own = 0.5 * (s[1:] + s[:-1]), 0.5 * (span.s[1:] + span.s[:-1])
+    middle, given_middle = 0.5 * (s[1:] + s[:-1]), 0.5 * (span.s[1:] + span.s[:-1])
     return span._replace(
         s=s,
-        tension=extended(middle, own, span.tension),
-        mass=np.interp(middle, own, span.mass),
+        tension=extended(middle, given_middle, span.tension),
+        mass=np.interp(middle, given_middle, span.mass),
         diameter=np.interp(s, span.s, span.diameter),
         speed=np.interp(s, span.s, span.speed),
     )
@@ -356,33 +366,35 @@ def half_waves(span: Span, per_diameter: float, moved: Floats | float = 0.0) -> 
     return np.asarray(0.5 * speed / np.maximum(frequency, 0.5 * speed / length))
 
 
-def extended(at: Floats, s: Floats, values: Floats) -> Floats:
+def extended(points: Floats, s: Floats, values: Floats) -> Floats:
     """Return linear interpolation, with linear extrapolation beyond the first and last value."""
     if len(s) < 2:
-        return np.full(len(at), values[0])
-    found = np.interp(at, s, values)
-    low, high = at < s[0], at > s[-1]
-    found[low] = values[0] + (at[low] - s[0]) * (values[1] - values[0]) / (s[1] - s[0])
-    last = (values[-1] - values[-2]) / (s[-1] - s[-2])
-    found[high] = values[-1] + (at[high] - s[-1]) * last
-    return found
+        return np.full(len(points), values[0])
+    result = np.interp(points, s, values)
+    below, above = points < s[0], points > s[-1]
+    result[below] = values[0] + (points[below] - s[0]) * (values[1] - values[0]) / (s[1] - s[0])
+    slope = (values[-1] - values[-2]) / (s[-1] - s[-2])
+    result[above] = values[-1] + (points[above] - s[-1]) * slope
+    return result
 
 
 def line_model(rope: Rope, moved_water: bool = True) -> Span:
     """Return the line model of the present rope; moved_water: include its added mass."""
     n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
     velocity = rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, :n]
-    steps = np.diff(place, axis=1)
+    steps = np.diff(position, axis=1)
     length = np.sqrt((steps * steps).sum(axis=0))
     s = rope.state.s[: n + 1]
-    which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
-    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
-    added = sum(own.density for own in rope.effects if isinstance(own, AddedMass | AxialAddedMass))
+    section = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
+    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, section]
+    added = sum(
+        effect.density for effect in rope.effects if isinstance(effect, AddedMass | AxialAddedMass)
+    )
     added = added if moved_water else 0.0
-    payload = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
+    payload = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)
-    direction = tangents(place)[:, :n]
+    direction = tangents(position)[:, :n]
     relative = work[rows.FLOW : rows.FLOW + 3, :n] - velocity
     across = relative - (relative * direction).sum(axis=0) * direction
     speed = np.sqrt((across * across).sum(axis=0))
@@ -395,15 +407,15 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
         mass=(mass + added * volume) * np.diff(s) / length,
         diameter=np.append(diameter, diameter[-1]),
         speed=np.append(speed, np.maximum(at_top, 0.0)),
-        stiffness=sum(own.EI for own in rope.effects if isinstance(own, Bending)),
-        end_mass=sum(own.Mx for own in payload) if rope.model.first_free == 0 else None,
+        stiffness=sum(effect.EI for effect in rope.effects if isinstance(effect, Bending)),
+        end_mass=sum(effect.Mx for effect in payload) if rope.model.first_free == 0 else None,
     )
 
 
 def lines_of(system: System, count: int | None = None) -> list[tuple[int, ...]]:
     """Return the numbers of the ropes of each line, from its lower end up.
 
-    count: number of the first ropes that are looked at; None: all. Lines are in the order of their
+    count: only the first so many ropes; None: all. Lines are in the order of their
     uppermost ropes.
     """
     joints = system.joints

@@ -80,8 +80,8 @@ class ModalResponse:
         self._elements = 0
         self._recent = RecentSpeeds()
         self._take(span)
-        place, rate = np.zeros((2, len(self.modes.frequency)))
-        self._ringing = ModalState(place, rate, _first_angles(len(place)))
+        displacement, rate = np.zeros((2, len(self.modes.frequency)))
+        self._ringing = ModalState(displacement, rate, _first_angles(len(displacement)))
         self._drive, self.zones = self._driven()  # zones: fraction excited, (places, modes)
         self.amplitude = np.zeros(len(self.span.s))  # A/d of the places
 
@@ -102,7 +102,7 @@ class ModalResponse:
 
     @property
     def modal_amplitude(self) -> Floats:
-        """Return the amplitude of each mode [m]; creep that is damped beyond critical is none."""
+        """Return the amplitude of each mode [m]; 0 for overdamped creep."""
         return np.hypot(self._swing * self._ringing.place, self._ringing.rate)
 
     @property
@@ -115,8 +115,8 @@ class ModalResponse:
         """Return the frequency of the strongest mode at each place; 0 without one."""
         if not len(self.frequency):
             return np.zeros(len(self.span.s))
-        share = np.abs(self.modes.shape) * self.modal_amplitude
-        return np.where(share.max(axis=1) > 0.0, self.frequency[share.argmax(axis=1)], 0.0)
+        response = np.abs(self.modes.shape) * self.modal_amplitude
+        return np.where(response.max(axis=1) > 0.0, self.frequency[response.argmax(axis=1)], 0.0)
 
     def follow_speed(self, speed: Floats) -> None:
         """Set another water speed at the places [m/s]; the modes are kept."""
@@ -144,14 +144,14 @@ class ModalResponse:
         before, s = np.einsum("nk,jk->jn", self.modes.shape, ringing), self.span.s
         angle = self._ringing.angle
         self._take(span, search)
-        new = self.span.s
-        place, rate = (np.interp(new - new[-1], s - s[-1], part) for part in before)
-        moved = np.stack([place, rate]) * self.span.node_mass
-        moved = np.einsum("nk,jn->jk", self.modes.shape, moved) / self.modes.mass
-        known = min(len(angle), moved.shape[1])
-        angles = _first_angles(moved.shape[1])
-        angles[:known] = angle[:known]
-        self._ringing = ModalState(moved[0], moved[1], angles)
+        s_new = self.span.s
+        displacement, rate = (np.interp(s_new - s_new[-1], s - s[-1], values) for values in before)
+        momentum = np.stack([displacement, rate]) * self.span.node_mass
+        momentum = np.einsum("nk,jn->jk", self.modes.shape, momentum) / self.modes.mass
+        shared = min(len(angle), momentum.shape[1])
+        angles = _first_angles(momentum.shape[1])
+        angles[:shared] = angle[:shared]
+        self._ringing = ModalState(momentum[0], momentum[1], angles)
         self._drive, self.zones = self._driven()
         self.amplitude = self._amplitude()
 
@@ -164,26 +164,26 @@ class ModalResponse:
 
     def kept(self) -> KeptResponse:
         """Return the restart data for `take_back`."""
-        place, rate, angle = (part.copy() for part in self._ringing)
+        displacement, rate, angle = (values.copy() for values in self._ringing)
         return KeptResponse(
-            self.given, place, rate, angle, self._drive.active.copy(), self.time_s,
+            self.given, displacement, rate, angle, self._drive.active.copy(), self.time_s,
             self._elements, self._fastest, self._recent.kept(),
         )  # fmt: skip
 
-    def take_back(self, kept: KeptResponse) -> None:
+    def take_back(self, saved: KeptResponse) -> None:
         """Restore a response from its restart data; its modes were those of a search."""
-        self._elements = kept.elements
-        self._take(kept.given, self._search(kept.given, kept.fastest))
-        self._recent.take_back(kept.recent)
-        own = (kept.coordinate, kept.rate, kept.angle)
-        self._ringing, self.time_s = ModalState(*(part.copy() for part in own)), kept.time_s
-        self._drive, self.zones = self._driven(kept.active)
+        self._elements = saved.elements
+        self._take(saved.given, self._search(saved.given, saved.fastest))
+        self._recent.take_back(saved.recent)
+        state = (saved.coordinate, saved.rate, saved.angle)
+        self._ringing, self.time_s = ModalState(*(values.copy() for values in state)), saved.time_s
+        self._drive, self.zones = self._driven(saved.active)
         self.amplitude = self._amplitude()
 
     def _search(self, span: Span, fastest: float, part: int = PART) -> ModeSearch:
-        """Start the search for the modes that U/d up to `fastest` [1/s] can lock in.
+        """Start the search for the modes that lock in at U/d up to `fastest` [1/s].
 
-        It is on a mesh that is fine enough for them.
+        The mesh resolves their waves.
         """
         shedding, highest = self.shedding.strouhal * fastest, fastest / self.shedding.band[0]
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))

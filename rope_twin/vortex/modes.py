@@ -84,22 +84,22 @@ class ModeSearch:
 
     @property
     def left(self) -> int:
-        """Return the number of calls that are left."""
+        """Return the number of remaining calls."""
         return len(self._bands) - len(self._parts)
 
     def go_on(self) -> None:
         """Compute the next group, if any is left."""
         if self.left:
             band = self._bands[len(self._parts)]
-            solve = _three_diagonals if self.span.stiffness == 0.0 else _sparse
+            solve = _tridiagonal_modes if self.span.stiffness == 0.0 else _bending_modes
             self._parts.append(solve(self.span, self._mass, self._first, band))
 
     def found(self) -> LateralModes:
         """Complete the search and return all modes."""
         while self.left:
             self.go_on()
-        squares = np.concatenate([part[0] for part in self._parts])
-        vectors = np.concatenate([part[1] for part in self._parts], axis=1)
+        squares = np.concatenate([group[0] for group in self._parts])
+        vectors = np.concatenate([group[1] for group in self._parts], axis=1)
         span, first = self.span, self._first
         shape = np.zeros((len(span.s), len(squares)))
         shape[first:-1] = vectors / np.sqrt(self._mass)[:, None]
@@ -117,27 +117,27 @@ def modes_below(span: Span, frequency_hz: float) -> float:
     return float(2.0 * frequency_hz * (np.sqrt(span.mass / span.tension) * np.diff(span.s)).sum())
 
 
-def _three_diagonals(
+def _tridiagonal_modes(
     span: Span, mass: Floats, first: int, band: tuple[float, float]
 ) -> tuple[Floats, Floats]:
     """Return squared frequencies in a band [rad²/s²] and vectors of the mass-normalised problem."""
     k = span.tension / np.diff(span.s)
-    own = k[first:].copy()
-    own[1 - first :] += k[: len(k) - 1]
-    own /= mass
-    between = -k[first:-1] / np.sqrt(mass[1:] * mass[:-1])
+    diagonal = k[first:].copy()
+    diagonal[1 - first :] += k[: len(k) - 1]
+    diagonal /= mass
+    off_diagonal = -k[first:-1] / np.sqrt(mass[1:] * mass[:-1])
     low, high = np.sqrt(np.maximum(band, 0.0))
     expected = ceil(modes_below(span, float(high - low) / (2.0 * pi)))
     shifts = np.linspace(low, high, SHIFTS_PER_MODE * expected + 1) ** 2
     shifts[[0, -1]] = band
-    counts = count_below(own, between, shifts)
-    return find_eigenpairs(own, between, shifts, counts, np.arange(counts[0], counts[-1]))
+    counts = count_below(diagonal, off_diagonal, shifts)
+    return find_eigenpairs(diagonal, off_diagonal, shifts, counts, np.arange(counts[0], counts[-1]))
 
 
-def _sparse(
+def _bending_modes(
     span: Span, mass: Floats, first: int, band: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """Return the same with bending, which only reduces the number of modes in a band.
+    """Return the same with bending stiffness, which can only reduce the number of modes in a band.
 
     The modes nearest to the middle of the band are computed, or from the lowest up, until some are
     beyond it.
@@ -149,15 +149,15 @@ def _sparse(
     K = (root @ stiffness(span)[first:-1, first:-1] @ root).tocsc()
     edges = np.sqrt([max(low, 0.0), top])
     middle = 0.0 if low < 0.0 else float(edges.mean()) ** 2
-    wanted = ceil(modes_below(span, float(np.diff(edges)[0]) / (2.0 * pi)))
-    wanted += SPARE if low < 0.0 else 2 * SPARE
+    requested = ceil(modes_below(span, float(np.diff(edges)[0]) / (2.0 * pi)))
+    requested += SPARE if low < 0.0 else 2 * SPARE
     start = np.random.default_rng(1).standard_normal(len(mass))  # reproducible start vector
     while True:
-        count = min(wanted, len(mass) - 2)
+        count = min(requested, len(mass) - 2)
         squares, vectors = eigsh(K, k=count, sigma=middle, which="LM", v0=start)
-        if count < wanted or (squares.max() > top and (low < 0.0 or squares.min() <= low)):
+        if count < requested or (squares.max() > top and (low < 0.0 or squares.min() <= low)):
             break
-        wanted *= 2
+        requested *= 2
     order = np.argsort(squares)
     order = order[(squares[order] > low) & (squares[order] <= top)]
     return squares[order], vectors[:, order]
@@ -168,20 +168,20 @@ def stiffness(span: Span) -> Any:
     from scipy.sparse import csr_array, diags_array
 
     n = len(span.tension)
-    rest = np.diff(span.s)
-    slope = diags_array([-1.0 / rest, 1.0 / rest], offsets=[0, 1], shape=(n, n + 1))
+    length = np.diff(span.s)
+    slope = diags_array([-1.0 / length, 1.0 / length], offsets=[0, 1], shape=(n, n + 1))
     curve = diags_array([-np.ones(n - 1), np.ones(n - 1)], offsets=[0, 1], shape=(n - 1, n)) @ slope
-    per_node = diags_array(2.0 * span.stiffness / (rest[1:] + rest[:-1]))
-    taut = slope.T @ diags_array(span.tension * rest) @ slope
-    return csr_array(taut + curve.T @ per_node @ curve)
+    per_node = diags_array(2.0 * span.stiffness / (length[1:] + length[:-1]))
+    tension = slope.T @ diags_array(span.tension * length) @ slope
+    return csr_array(tension + curve.T @ per_node @ curve)
 
 
-EXACT = 1e-13  # of a bracket's width: a shift this close to the eigenvalue is converged
-ROUNDING = 2e-16  # of n times the largest diagonal entry: a smaller γ is round-off
-MOST_ROUNDS = 200  # bisection alone takes 60
+SHIFT_TOL = 1e-13  # of a bracket's width: a shift this close to the eigenvalue is converged
+ROUND_OFF = 2e-16  # of n times the largest diagonal entry: a smaller γ is round-off
+MAX_ITERATIONS = 200  # bisection alone takes 60
 
 
-class _Hunt(NamedTuple):
+class _Iteration(NamedTuple):
     """Iteration state of each eigenvalue, (k,)."""
 
     number: Floats  # from the lowest, 0
@@ -207,124 +207,127 @@ class _Pivots(NamedTuple):
     sum_above: Floats
 
 
-def count_below(own: Floats, between: Floats, shifts: Floats) -> Floats:
-    """Return the number of eigenvalues below each shift; own: diagonal, between: off-diagonal."""
+def count_below(diagonal: Floats, off_diagonal: Floats, shifts: Floats) -> Floats:
+    """Return the number of eigenvalues below each shift."""
     counts = np.zeros(len(shifts))
-    _count(own, between, shifts, counts, np.zeros(len(shifts)))
+    _count(diagonal, off_diagonal, shifts, counts, np.zeros(len(shifts)))
     return counts
 
 
 def find_eigenpairs(
-    own: Floats, between: Floats, grid: Floats, counts: Floats, numbers: Floats
+    diagonal: Floats, off_diagonal: Floats, grid: Floats, counts: Floats, numbers: Floats
 ) -> tuple[Floats, Floats]:
     """Return the eigenvalues of these indices (lowest: 0), (k,), and their vectors, (n, k).
 
     grid, counts: ascending shifts and the number of eigenvalues below each; the eigenvalues lie
     between them. The largest component of a vector is about 1.
     """
-    n, k = len(own), len(numbers)
+    n, k = len(diagonal), len(numbers)
     vectors = np.zeros((n, k))
-    above = np.searchsorted(counts, numbers, side="right")
-    low, high = grid[above - 1], grid[above]
-    none = np.zeros((5, k))
-    hunt = _Hunt(
+    upper = np.searchsorted(counts, numbers, side="right")
+    low, high = grid[upper - 1], grid[upper]
+    zeros = np.zeros((5, k))
+    search = _Iteration(
         np.asarray(numbers, dtype=float), 0.5 * (low + high), low.copy(), high.copy(),
-        counts[above - 1], counts[above], none[0], none[1], none[2], high - low, none[3], none[4],
+        counts[upper - 1], counts[upper], zeros[0], zeros[1], zeros[2], high - low, zeros[3],
+        zeros[4],
     )  # fmt: skip
-    least = ROUNDING * n * float(own.max())
-    _find(own, between, least, hunt, _Pivots(*np.empty((4, n, k))), vectors)
-    return hunt.value, vectors
+    round_off = ROUND_OFF * n * float(diagonal.max())
+    _find(diagonal, off_diagonal, round_off, search, _Pivots(*np.empty((4, n, k))), vectors)
+    return search.value, vectors
 
 
 @jit_entry
-def _count(own: Any, between: Any, shifts: Any, counts: Any, pivots: Any) -> None:
+def _count(diagonal: Any, off_diagonal: Any, shifts: Any, counts: Any, pivots: Any) -> None:
     for k in range(shifts.shape[0]):
-        pivots[k] = own[0] - shifts[k]
+        pivots[k] = diagonal[0] - shifts[k]
         counts[k] = 1.0 if pivots[k] < 0.0 else 0.0
-    for i in range(1, own.shape[0]):
-        a, square = own[i], between[i - 1] * between[i - 1]
+    for i in range(1, diagonal.shape[0]):
+        a, square = diagonal[i], off_diagonal[i - 1] * off_diagonal[i - 1]
         for k in range(shifts.shape[0]):
             pivots[k] = a - shifts[k] - square / pivots[k]
             counts[k] += 1.0 if pivots[k] < 0.0 else 0.0
 
 
 @jit_entry
-def _find(own: Any, between: Any, least: float, hunt: Any, pivots: Any, vectors: Any) -> None:
-    for _ in range(MOST_ROUNDS):
-        _factorise(own, between, hunt, pivots)
-        going = 0
+def _find(
+    diagonal: Any, off_diagonal: Any, round_off: float, search: Any, pivots: Any, vectors: Any
+) -> None:
+    for _ in range(MAX_ITERATIONS):
+        _factorise(diagonal, off_diagonal, search, pivots)
+        active = 0
         for k in range(vectors.shape[1]):
-            if hunt.done[k] == 0.0:
-                going += _improve(least, hunt, pivots, k)
-        if going == 0:
+            if search.done[k] == 0.0:
+                active += _improve(round_off, search, pivots, k)
+        if active == 0:
             break
     for k in range(vectors.shape[1]):
-        _write(between, hunt, pivots, vectors, k)
+        _write(off_diagonal, search, pivots, vectors, k)
 
 
 @jit
-def _factorise(own: Any, between: Any, hunt: Any, pivots: Any) -> None:
+def _factorise(diagonal: Any, off_diagonal: Any, search: Any, pivots: Any) -> None:
     """Compute pivots from below and above, sums of squares, and where γ is smallest."""
     n, lanes = pivots.below.shape
     p, q, u, w = pivots.below, pivots.above, pivots.sum_below, pivots.sum_above
-    x, count, twist, at = hunt.shift, hunt.counted, hunt.twist, hunt.at
+    x, count, twist, at = search.shift, search.counted, search.twist, search.at
     for k in range(lanes):
-        p[0, k] = own[0] - x[k]
-        q[n - 1, k] = own[n - 1] - x[k]
+        p[0, k] = diagonal[0] - x[k]
+        q[n - 1, k] = diagonal[n - 1] - x[k]
         u[0, k] = w[n - 1, k] = 1.0
         count[k] = 1.0 if p[0, k] < 0.0 else 0.0
         twist[k] = np.inf
     for i in range(1, n):
-        a, b = own[i], between[i - 1]
+        a, b = diagonal[i], off_diagonal[i - 1]
         for k in range(lanes):
             ratio = b / p[i - 1, k]
             p[i, k] = a - x[k] - b * ratio
             u[i, k] = 1.0 + ratio * ratio * u[i - 1, k]
             count[k] += 1.0 if p[i, k] < 0.0 else 0.0
     for i in range(n - 2, -1, -1):
-        a, b = own[i], between[i]
+        a, b = diagonal[i], off_diagonal[i]
         for k in range(lanes):
             ratio = b / q[i + 1, k]
             q[i, k] = a - x[k] - b * ratio
             w[i, k] = 1.0 + ratio * ratio * w[i + 1, k]
     for i in range(n):
-        a = own[i]
+        a = diagonal[i]
         for k in range(lanes):
-            found = p[i, k] + q[i, k] - (a - x[k])
-            less = abs(found) < abs(twist[k])
-            twist[k] = found if less else twist[k]
-            at[k] = float(i) if less else at[k]
+            gamma = p[i, k] + q[i, k] - (a - x[k])
+            is_smaller = abs(gamma) < abs(twist[k])
+            twist[k] = gamma if is_smaller else twist[k]
+            at[k] = float(i) if is_smaller else at[k]
 
 
 @jit
-def _improve(least: float, hunt: Any, pivots: Any, k: int) -> int:
+def _improve(round_off: float, search: Any, pivots: Any, k: int) -> int:
     """Set the next shift of one eigenvalue; return 0 if it has converged."""
-    x, r = hunt.shift[k], int(hunt.at[k])
+    x, r = search.shift[k], int(search.at[k])
     square = pivots.sum_below[r, k] + pivots.sum_above[r, k] - 1.0
-    better = x + hunt.twist[k] / square
-    alone = hunt.high_count[k] - hunt.low_count[k] == 1.0
-    inside = hunt.low[k] < better < hunt.high[k]
-    exact = abs(better - x) < EXACT * hunt.width[k] or abs(hunt.twist[k]) < least
-    if alone and inside and exact:
-        hunt.value[k], hunt.done[k] = better, 1.0
+    better = x + search.twist[k] / square
+    isolated = search.high_count[k] - search.low_count[k] == 1.0
+    inside = search.low[k] < better < search.high[k]
+    exact = abs(better - x) < SHIFT_TOL * search.width[k] or abs(search.twist[k]) < round_off
+    if isolated and inside and exact:
+        search.value[k], search.done[k] = better, 1.0
         return 0
-    if hunt.counted[k] <= hunt.number[k]:
-        hunt.low[k], hunt.low_count[k] = x, hunt.counted[k]
+    if search.counted[k] <= search.number[k]:
+        search.low[k], search.low_count[k] = x, search.counted[k]
     else:
-        hunt.high[k], hunt.high_count[k] = x, hunt.counted[k]
-    inside = hunt.low[k] < better < hunt.high[k]
-    alone = hunt.high_count[k] - hunt.low_count[k] == 1.0
-    hunt.shift[k] = better if alone and inside else 0.5 * (hunt.low[k] + hunt.high[k])
-    hunt.value[k] = hunt.shift[k]
+        search.high[k], search.high_count[k] = x, search.counted[k]
+    inside = search.low[k] < better < search.high[k]
+    isolated = search.high_count[k] - search.low_count[k] == 1.0
+    search.shift[k] = better if isolated and inside else 0.5 * (search.low[k] + search.high[k])
+    search.value[k] = search.shift[k]
     return 1
 
 
 @jit
-def _write(between: Any, hunt: Any, pivots: Any, vectors: Any, k: int) -> None:
+def _write(off_diagonal: Any, search: Any, pivots: Any, vectors: Any, k: int) -> None:
     """Write the eigenvector that is 1 at its twist index."""
-    r = int(hunt.at[k])
+    r = int(search.at[k])
     vectors[r, k] = 1.0
     for i in range(r - 1, -1, -1):
-        vectors[i, k] = -between[i] / pivots.below[i, k] * vectors[i + 1, k]
+        vectors[i, k] = -off_diagonal[i] / pivots.below[i, k] * vectors[i + 1, k]
     for i in range(r + 1, vectors.shape[0]):
-        vectors[i, k] = -between[i - 1] / pivots.above[i, k] * vectors[i - 1, k]
+        vectors[i, k] = -off_diagonal[i - 1] / pivots.above[i, k] * vectors[i - 1, k]

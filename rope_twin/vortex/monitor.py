@@ -78,17 +78,17 @@ class MeasuredVibration:
         slowest, rate = CUT_OFF * vortices_hz, 1.0 / sample_s
         self._filter = butter(ORDER, slowest, "highpass", fs=rate, output="sos")
         self._slow_filter = butter(ORDER, slowest, "lowpass", fs=rate, output="sos")
-        self._s, place = _marks(rope), _places(rope)
+        self._s, position = _marks(rope), _places(rope)
         self._flow = relative_flow(rope)
-        self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
+        self._memory = sosfilt_zi(self._filter)[:, :, None, None] * position
         self._slow_memory = sosfilt_zi(self._slow_filter)[:, :, None, None] * self._flow
-        self._waiting: list[Floats] = []  # positions and flows that are not filtered yet
-        self._sides = flow_directions(place, self._flow)  # unit vectors for the waiting samples
-        self._before = np.zeros((2, place.shape[1]))
-        # mean squares of motion, difference and sum; averaged once, and once more against ripple
-        self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
+        self._waiting: list[Floats] = []  # samples (position, flow) to be filtered
+        self._sides = flow_directions(position, self._flow)  # unit vectors for the waiting samples
+        self._before = np.zeros((2, position.shape[1]))
+        # mean squares of motion, difference and sum; averaged twice to reduce ripple
+        self._first, self._means = np.zeros((2, 3, 2, position.shape[1]))
         # means of drag times flow, with vibration and without
-        self._first_drag, self._drag = np.zeros((2, 2, place.shape[1]))
+        self._first_drag, self._drag = np.zeros((2, 2, position.shape[1]))
         self._taken = 0
 
     @property
@@ -98,19 +98,19 @@ class MeasuredVibration:
         return periods >= SETTLING_PERIODS + MIN_PERIODS
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
-        """Take one sample of the rope, at the sampling interval after the previous one."""
+        """Add one sample of the rope, at the sampling interval after the previous one."""
         s = _marks(rope)
         if len(s) != len(self._s) or not np.array_equal(s[:-1], self._s[:-1]):
             self._work_off()
             self._carry_over(s)
         self._s = s
-        place = _places(rope)
-        share = 1.0 - exp(-self._sample_s * self._hz / AVERAGING_PERIODS)
+        position = _places(rope)
+        weight = 1.0 - exp(-self._sample_s * self._hz / AVERAGING_PERIODS)
         flow = relative_flow(rope)
-        self._flow = self._flow + share * (flow - self._flow)
+        self._flow = self._flow + weight * (flow - self._flow)
         if not self._waiting:
-            self._sides = flow_directions(place, self._flow)
-        self._waiting.append(np.stack([place, flow]))
+            self._sides = flow_directions(position, self._flow)
+        self._waiting.append(np.stack([position, flow]))
         if len(self._waiting) == BLOCK:
             self._work_off()
 
@@ -171,41 +171,44 @@ class MeasuredVibration:
 
         if not self._waiting:
             return
-        places, flows = np.stack(self._waiting, axis=1)
-        fast, self._memory = sosfilt(self._filter, places, axis=0, zi=self._memory)
+        positions, flows = np.stack(self._waiting, axis=1)
+        fast, self._memory = sosfilt(self._filter, positions, axis=0, zi=self._memory)
         slow, self._slow_memory = sosfilt(self._slow_filter, flows, axis=0, zi=self._slow_memory)
         self._waiting = []
-        settled = round(SETTLING_PERIODS / (self._hz * self._sample_s))
-        forgotten = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGING_PERIODS)
-        both = np.einsum("skn,qrkn->rqsn", self._sides, np.stack([fast, slow]))
-        for moved, streaming in both:
+        settling_samples = round(SETTLING_PERIODS / (self._hz * self._sample_s))
+        forgetting = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGING_PERIODS)
+        components = np.einsum("skn,qrkn->rqsn", self._sides, np.stack([fast, slow]))
+        for moved, streaming in components:
             self._taken += 1
-            if self._taken > settled:
-                share = max(forgotten, 1.0 / (self._taken - settled))
-                rise = moved - self._before
-                now = np.stack([moved, rise, moved + self._before]) ** 2
-                self._first += share * (now - self._first)
-                self._means += share * (self._first - self._means)
-                drag = _drags(streaming, rise / self._sample_s)
-                self._first_drag += share * (drag - self._first_drag)
-                self._drag += share * (self._first_drag - self._drag)
+            if self._taken > settling_samples:
+                weight = max(forgetting, 1.0 / (self._taken - settling_samples))
+                difference = moved - self._before
+                squares = np.stack([moved, difference, moved + self._before]) ** 2
+                self._first += weight * (squares - self._first)
+                self._means += weight * (self._first - self._means)
+                drag = _drags(streaming, difference / self._sample_s)
+                self._first_drag += weight * (drag - self._first_drag)
+                self._drag += weight * (self._first_drag - self._drag)
             self._before = moved
 
     def _carry_over(self, s: Floats) -> None:
         """Interpolate to nodes with other material coordinates."""
         high = np.clip(np.searchsorted(self._s, s), 1, len(self._s) - 1)
         low = high - 1
-        share = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
+        fraction = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
         for name in INTERPOLATED:
-            kept = getattr(self, name)
-            setattr(self, name, kept[..., low] * (1.0 - share) + kept[..., high] * share)
+            values = getattr(self, name)
+            setattr(self, name, values[..., low] * (1.0 - fraction) + values[..., high] * fraction)
 
 
-def _drags(flow: Floats, fast: Floats) -> Floats:
+def _drags(flow: Floats, motion: Floats) -> Floats:
     """Return |u|·u·flow of a vibrating and a steady rope; all arrays (2, nodes)."""
-    shaken = flow - fast
+    vibrating = flow - motion
     return np.stack(
-        [np.sqrt((own * own).sum(axis=0)) * (own * flow).sum(axis=0) for own in (shaken, flow)]
+        [
+            np.sqrt((velocity * velocity).sum(axis=0)) * (velocity * flow).sum(axis=0)
+            for velocity in (vibrating, flow)
+        ]
     )
 
 
@@ -267,7 +270,7 @@ class RopeMonitor:
 
     def __init__(
         self,
-        asked: MonitorSettings,
+        settings: MonitorSettings,
         vortices: CoupledSettings,
         rope: Rope,
         interval: tuple[float, int],
@@ -278,19 +281,19 @@ class RopeMonitor:
         """Start without vibration.
 
         rope: the line as one rope; interval: time step [s], and steps of a real-time cycle;
-        damages: fatigue count of each of its ropes, if asked for; viv_drag: loosely coupled model
-        of the scene, which has a sampling interval of its own; number: of the rope in that model.
+        damages: fatigue count of each of its ropes, if enabled; viv_drag: loosely coupled model
+        of the scene, which has its own sampling interval; number: of the rope in that model.
 
         Raises:
             InputError: the rope is slack somewhere.
         """
-        self._asked, self._vortices, self._viv_drag = asked, vortices, viv_drag
+        self._asked, self._vortices, self._viv_drag = settings, vortices, viv_drag
         self._number = number
         self.damages = damages
         self.fatigue: tuple[MaterialFatigue, ...] = ()  # of each rope, once it is known
         self._hz, self._profiles = 0.0, 0  # vortex frequency and profiles of the interval
         self.set_step(*interval)
-        if asked.vibration == TIME_DOMAIN and viv_drag is None:
+        if settings.vibration == TIME_DOMAIN and viv_drag is None:
             import scipy.signal  # noqa: F401  the filters of a measurement take a second to load
         # a monitor of the nodes' motion starts with the flow
         self._tracker = self._coupled_model(rope)
@@ -313,41 +316,41 @@ class RopeMonitor:
             return self._viv_drag.steps_to_sampling(steps)
         return self.every - steps % self.every
 
-    def observe(self, seen: Sample) -> None:
+    def observe(self, sample: Sample) -> None:
         """Sample the line; once a second the interval and the fatigue results are updated too."""
-        began = time.perf_counter()
-        second = seen.time_ns // SECOND_NS
-        new, self._second = second != self._second, second
-        if new:
-            self._update_interval(seen)
+        started = time.perf_counter()
+        second = sample.time_ns // SECOND_NS
+        is_new_second, self._second = second != self._second, second
+        if is_new_second:
+            self._update_interval(sample)
         if self._tracker is not None and self._viv_drag is None:
-            self._tracker.take(seen.line, self.every * self._step_s, self._hz)
+            self._tracker.take(sample.line, self.every * self._step_s, self._hz)
         if self.damages:
-            self._take_damage(seen)
-            if new:
-                counted_s = (seen.time_ns - self.counting_from_ns) * 1e-9
+            self._take_damage(sample)
+            if is_new_second:
+                counted_s = (sample.time_ns - self.counting_from_ns) * 1e-9
                 self.fatigue = tuple(
-                    damage.shot(one.line_out_m, counted_s)
-                    for damage, one in zip(self.damages, seen.ropes, strict=True)
+                    damage.shot(rope.line_out_m, counted_s)
+                    for damage, rope in zip(self.damages, sample.ropes, strict=True)
                 )
-        self._observing_s += time.perf_counter() - began
+        self._observing_s += time.perf_counter() - started
         self._observed_s += self.every * self._step_s
 
-    def _take_damage(self, seen: Sample) -> None:
+    def _take_damage(self, sample: Sample) -> None:
         """Count the damage of each rope; the line's coordinate at its lower end grows upward."""
-        low_m = 0.0
-        for damage, one in zip(self.damages, seen.ropes, strict=True):
-            if one.beyond is not None:
-                pulls = one.top_tension_n, one.beyond.top_tension_n
-                damage.take_over_sheave(one.rope, one.beyond.rope, pulls)
+        lower_m = 0.0
+        for damage, rope in zip(self.damages, sample.ropes, strict=True):
+            if rope.beyond is not None:
+                tensions_n = rope.top_tension_n, rope.beyond.top_tension_n
+                damage.take_over_sheave(rope.rope, rope.beyond.rope, tensions_n)
                 continue
-            if one.lost_m > 0.0:
-                damage.cut_off(one.lost_m)
-            bent = None
+            if rope.lost_m > 0.0:
+                damage.cut_off(rope.lost_m)
+            kappa = None
             if damage.bends:
-                bent = self.bent(seen.line, damage.middles - one.lost_m + low_m)
-            damage.take(one.rope, one.top_tension_n, bent)
-            low_m += float(one.rope.state.s[int(one.rope.state.counts[ELEMENTS])])
+                kappa = self.bent(sample.line, damage.middles - rope.lost_m + lower_m)
+            damage.take(rope.rope, rope.top_tension_n, kappa)
+            lower_m += float(rope.rope.state.s[int(rope.rope.state.counts[ELEMENTS])])
 
     @property
     def cost_pct(self) -> float:
@@ -358,69 +361,69 @@ class RopeMonitor:
         """Return the vibration at the nodes of the line; None: not monitored, or not known yet."""
         if self._viv_drag is not None or self._tracker is None:
             return None
-        found: RopeVibration | None = self._tracker.shot(rope)
-        return found
+        response: RopeVibration | None = self._tracker.shot(rope)
+        return response
 
     def bent(self, rope: Rope, middles: Floats) -> Floats:
         """Curvature of line and vibration at material coordinates of the line [1/m], (2, places).
 
         rope: the line as one rope; middles: from its lower end [m], (places,).
         """
-        bent = np.zeros((2, len(middles)))
+        kappa = np.zeros((2, len(middles)))
         if bending_stiffness(rope.effects) > 0.0:
-            s, own = curvature(rope)
-            bent += [np.interp(middles, s, part) for part in own]
+            s, components = curvature(rope)
+            kappa += [np.interp(middles, s, component) for component in components]
         vibrating = self._tracker.bent(rope, middles) if self._tracker is not None else None
-        return bent if vibrating is None else bent + vibrating
+        return kappa if vibrating is None else kappa + vibrating
 
     def cut(self) -> None:
-        """Restart the vibration monitor on the part of a cut line that is left."""
+        """Restart the vibration monitor on the remaining part of a cut line."""
         self._tracker, self._hz = None, 0.0
 
     def kept(self) -> dict[str, Any]:
         """Return the state from which `take_back` resumes, by name."""
-        kept: dict[str, Any] = {}
+        state: dict[str, Any] = {}
         if self.damages:
-            kept["counting_from_ns"] = self.counting_from_ns
+            state["counting_from_ns"] = self.counting_from_ns
         for number, damage in enumerate(self.damages):
-            kept[wear_name(number)] = damage
+            state[wear_name(number)] = damage
         if self._tracker is not None and self._viv_drag is None:
-            kept["model"] = self._asked.vibration
-            kept["tracker"] = self._tracker.kept()
-            kept["looks"] = [self._hz, self._profiles]
-        return kept
+            state["model"] = self._asked.vibration
+            state["tracker"] = self._tracker.kept()
+            state["looks"] = [self._hz, self._profiles]
+        return state
 
     def take_back(
-        self, kept: dict[str, Any], rope: Rope, time_ns: int, read: Callable[[str, Any], Any]
+        self, state: dict[str, Any], rope: Rope, time_ns: int, read: Callable[[str, Any], Any]
     ) -> None:
-        """Resume from this state as far as it has these monitors.
+        """Resume from this state, for the monitors that it contains.
 
         read: returns a saved object by its name and a template of it.
         """
-        self.counting_from_ns = kept.get("counting_from_ns", time_ns)
-        if wear_name(0) in kept:
+        self.counting_from_ns = state.get("counting_from_ns", time_ns)
+        if wear_name(0) in state:
             self.damages = tuple(
                 read(wear_name(number), damage) for number, damage in enumerate(self.damages)
             )
         self._tracker = self._coupled_model(rope)
-        if self._asked.vibration and kept.get("model") == self._asked.vibration:
-            self._hz, self._profiles = kept["looks"]
+        if self._asked.vibration and state.get("model") == self._asked.vibration:
+            self._hz, self._profiles = state["looks"]
             self.set_step(self._step_s, self._cycle)
             tracker = self._tracker or self._measured_vibration(rope)
             tracker.take_back(read("tracker", tracker.kept()))
             self._tracker = tracker
 
-    def _update_interval(self, seen: Sample) -> None:
+    def _update_interval(self, sample: Sample) -> None:
         """Adapt the sampling interval to the vortex frequency; only a new current extends it."""
-        sheds = self._asked.vibration or self._vortices.name
-        if self._viv_drag is not None or not sheds:
+        has_vortices = self._asked.vibration or self._vortices.name
+        if self._viv_drag is not None or not has_vortices:
             return
-        hz = shedding_hz(seen.line, seen.boundary, self._vortices.strouhal)
-        if needs_new_interval(hz, self._hz, seen.profiles != self._profiles):
-            self._hz, self._profiles = hz, seen.profiles
+        hz = shedding_hz(sample.line, sample.boundary, self._vortices.strouhal)
+        if needs_new_interval(hz, self._hz, sample.profiles != self._profiles):
+            self._hz, self._profiles = hz, sample.profiles
             self.set_step(self._step_s, self._cycle)
             if self._asked.vibration == TIME_DOMAIN:
-                self._tracker = self._measured_vibration(seen.line) if hz > 0.0 else None
+                self._tracker = self._measured_vibration(sample.line) if hz > 0.0 else None
 
     def _measured_vibration(self, rope: Rope) -> Any:
         return MeasuredVibration(rope, self.every * self._step_s, self._hz)

@@ -75,8 +75,8 @@ class Excitation:
         """Return the mean excitation frequency of each node [Hz], (nodes,); 0 where it is not
         excited.
         """
-        whole = self.zones.sum(axis=1)
-        mean = (self.zones * self.frequency).sum(axis=1) / np.where(whole > 0.0, whole, 1.0)
+        total = self.zones.sum(axis=1)
+        mean = (self.zones * self.frequency).sum(axis=1) / np.where(total > 0.0, total, 1.0)
         return np.asarray(mean)
 
 
@@ -109,8 +109,8 @@ class ExcitationSearch:
         """
         self.span, self._model, self._part = span, model, part
         self._slowest, fastest_hz = near_hz or (0.0, np.inf)
-        share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
-        moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
+        per_metre = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
+        moved = span._replace(mass=span.mass + model.fixed_added_mass * per_metre)
         fastest = float((span.speed / span.diameter).max())
         highest = min(1.5 * model.band[1] * fastest, fastest_hz)
         self._search = ModeSearch(moved, highest, part)
@@ -120,7 +120,7 @@ class ExcitationSearch:
 
     @property
     def left(self) -> int:
-        """Return the number of calls that are left."""
+        """Return the number of remaining calls."""
         if self._modes is None:
             return self._search.left + 1 + self._expected
         return -(-len(self._modes.frequency) // self._part) - len(self._parts)
@@ -133,10 +133,10 @@ class ExcitationSearch:
             self._modes = self._search.found()
         elif self.left:
             first = self._part * len(self._parts)
-            some = _some(self._modes, slice(first, first + self._part))
-            idle = float(some.frequency[-1]) < self._slowest
+            group = _some(self._modes, slice(first, first + self._part))
+            idle = float(group.frequency[-1]) < self._slowest
             self._parts.append(
-                _idle(self._model, some) if idle else _excited(self.span, self._model, some)
+                _idle(self._model, group) if idle else _excited(self.span, self._model, group)
             )
 
     def found(self) -> Excitation:
@@ -144,10 +144,10 @@ class ExcitationSearch:
         while self.left:
             self.go_on()
         modes = self._modes or self._search.found()
-        none, nowhere = np.zeros(0), np.zeros((len(self.span.s), 0))
-        parts = self._parts or [_Part(none, none, none, nowhere)]
+        no_modes, no_zones = np.zeros(0), np.zeros((len(self.span.s), 0))
+        groups = self._parts or [_Part(no_modes, no_modes, no_modes, no_zones)]
         frequency, added, power, band = (
-            np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
+            np.concatenate(columns, axis=-1) for columns in zip(*groups, strict=True)
         )
         nearest = self._model.lock_in == "nearest"
         zones = (
@@ -158,15 +158,15 @@ class ExcitationSearch:
         return Excitation(modes, frequency, added, power, zones)
 
 
-def near_driven(found: Excitation) -> tuple[float, float] | None:
+def near_driven(excitation: Excitation) -> tuple[float, float] | None:
     """Return the frequency range of modes that may soon be excited [Hz]; None: any.
 
     Frequencies are those at constant added mass; the range extends a tenth beyond the modes that
     have POWER_MIN of the largest power now.
     """
-    if not found.power.any():
+    if not excitation.power.any():
         return None
-    driven = found.modes.frequency[found.power > POWER_MIN * found.power.max()]
+    driven = excitation.modes.frequency[excitation.power > POWER_MIN * excitation.power.max()]
     return 0.9 * float(driven[0]), 1.1 * float(driven[-1])
 
 
@@ -247,27 +247,27 @@ def _powers(
 ) -> tuple[Floats, Floats]:
     """Return Π of each mode, and the fraction of each node at which f·D/U is in the band."""
     reduced, omega = frequency * _per_speed(span)[:, None], 2.0 * pi * frequency
-    turned, (low, high) = span.speed / span.diameter, model.band
-    band = parts_below(turned, frequency / low) - parts_below(turned, frequency / high)
+    rate, (low, high) = span.speed / span.diameter, model.band
+    band = parts_below(rate, frequency / low) - parts_below(rate, frequency / high)
     lift = model.table.lift_along(model.first_amplitude, reduced)
     push = 0.5 * model.density * (span.diameter * span.speed**2 * span.node_length)[:, None]
     force = (band * push * np.maximum(lift, 0.0) * np.abs(modes.shape)).sum(axis=0)
     speed = model.first_amplitude * span.diameter[:, None] * omega
     outside = (1.0 - band) * push * np.maximum(-lift, 0.0)
-    against = (outside / speed * modes.shape**2).sum(axis=0)
-    own = 2.0 * model.structural * omega * modes.mass
-    return 0.5 * force * force / (against + own), band
+    hydrodynamic = (outside / speed * modes.shape**2).sum(axis=0)
+    structural = 2.0 * model.structural * omega * modes.mass
+    return 0.5 * force * force / (hydrodynamic + structural), band
 
 
-def _share_out(power: Floats, band: Floats, least: float) -> Floats:
+def _share_out(power: Floats, band: Floats, threshold: float) -> Floats:
     """Assign its band to the strongest mode, the remainder to the next.
 
     Modes below `least` of the largest power get nothing, those slightly above it a part.
     """
     if not power.any():
         return np.zeros_like(band)
-    above = (power / (least * power.max()) - 1.0) / TIE
-    return share_out(power, band * np.clip(above, 0.0, 1.0), TIE)
+    excess = (power / (threshold * power.max()) - 1.0) / TIE
+    return share_out(power, band * np.clip(excess, 0.0, 1.0), TIE)
 
 
 def _nearest(span: Span, frequency: Floats, band: Floats, centre: float) -> Floats:

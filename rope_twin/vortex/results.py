@@ -129,7 +129,7 @@ class MaterialFatigue:
     from_hang_off_m: Vector  # its present distance below the hang-off; negative: aboard
     used: Vector  # Miner damage D; 1: failure
     bending: bool  # whether bending stress is included
-    bent: BendResult | None = None  # bends over sheaves and drum, or None if the rope has none
+    bent: BendResult | None = None  # bends over sheaves and drum; None without any
 
     @property
     def worst(self) -> int:
@@ -140,8 +140,8 @@ class MaterialFatigue:
     def most_bent(self) -> int:
         """Index of the metre with the largest bending damage, else with the most bends."""
         assert self.bent is not None
-        known = np.nan_to_num(self.bent.damage)
-        return int((known if known.any() else self.bent.bends).argmax())
+        damage = np.nan_to_num(self.bent.damage)
+        return int((damage if damage.any() else self.bent.bends).argmax())
 
 
 SEGMENT_M = 1.0
@@ -157,24 +157,24 @@ class DamageSettings:
     bends: bool  # whether curvature is given in addition to tension
     wires: tuple[tuple[float, float], ...] = ()  # sheaves: distance inboard, stress of the wires
     own: TensionCurve | None = None  # the rope's own curve, instead of the named one
-    path: tuple[BendPlace, ...] = ()  # where the rope is bent and straightened
+    path: tuple[BendPlace, ...] = ()  # sheaves and drum that bend the rope
     endurance: tuple[Endurance, ...] = ()  # of each section, with a path
-    reach_m: float = 0.0  # rope inboard of the maximum payout that counts too
+    reach_m: float = 0.0  # rope inboard of the maximum payout that is counted too
     piece_m: float = SEGMENT_M  # length of a piece of the count
 
 
 def tension_along(s: Floats, tension: Floats, upper_n: float) -> tuple[Floats, Floats]:
-    """Return places along a rope from its lower end up [m], and the tension there [N].
+    """Return points along a rope from its lower end up [m], and their tensions [N].
 
-    s: of the nodes, (n + 1,); tension: of the elements, at whose middles it holds, (n,); upper_n:
-    at the upper end. At the lower end it goes on as between the two lowest elements, at least 0.
+    s: of the nodes, (n + 1,); tension: of the elements, at their middles, (n,); upper_n: at the
+    upper end. At the lower end it is extrapolated from the two lowest elements, at least 0.
     """
-    places = np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]))
+    points = np.concatenate((s[:1], 0.5 * (s[1:] + s[:-1]), s[-1:]))
     lower = tension[0]
     if len(tension) > 1:
-        slope = (tension[1] - tension[0]) / (places[2] - places[1])
-        lower = max(lower - slope * (places[1] - places[0]), 0.0)
-    return places, np.concatenate(([lower], tension, [upper_n]))
+        slope = (tension[1] - tension[0]) / (points[2] - points[1])
+        lower = max(lower - slope * (points[1] - points[0]), 0.0)
+    return points, np.concatenate(([lower], tension, [upper_n]))
 
 
 class RopeDamage:
@@ -203,13 +203,15 @@ class RopeDamage:
         by_stress = isinstance(self._curve, StressCurve)
         if by_stress:
             check_all_steel(line, EI)
-        which = np.searchsorted(ends_m, self.middles, side="right").astype(np.int64)
-        made = [section.rope for section in line.made_of]
-        area = np.array([metal_area(rope, EI) for rope in made])
-        strength = area if by_stress else np.array([rope.breaking_load_n for rope in made])
-        fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in made]) / area
-        self._per_tension = 1.0 / strength[which]
-        self._per_curvature = fibre[which] if by_stress and settings.bends else np.zeros(pieces)
+        section_of = np.searchsorted(ends_m, self.middles, side="right").astype(np.int64)
+        materials = [section.rope for section in line.made_of]
+        area = np.array([metal_area(rope, EI) for rope in materials])
+        strength = area if by_stress else np.array([rope.breaking_load_n for rope in materials])
+        fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in materials]) / area
+        self._per_tension = 1.0 / strength[section_of]
+        self._per_curvature = (
+            fibre[section_of] if by_stress and settings.bends else np.zeros(pieces)
+        )
         self._wires = settings.wires if by_stress else ()
         self._aboard = np.full((len(self._wires), pieces), UNKNOWN)
         points = np.arange(CIRCUMFERENCE_POINTS if self.bends else 1)
@@ -220,7 +222,7 @@ class RopeDamage:
         self._over: BendCount | None = None
         if settings.path:
             self._over = BendCount(
-                settings.path, settings.endurance, which, length_m, most_line_out_m
+                settings.path, settings.endurance, section_of, length_m, most_line_out_m
             )
 
     @property
@@ -232,49 +234,53 @@ class RopeDamage:
         """Set the length below a cut [m]; its damage no longer changes."""
         self._lost_m = lost_m
 
-    def take(self, rope: Rope, pull_n: float, bent: Floats | None = None) -> None:
-        """Take one instant of the rope; the sampling must resolve the crests of the load.
+    def take(self, rope: Rope, pull_n: float, curvature: Floats | None = None) -> None:
+        """Add one sample of the rope; the sampling must resolve the crests of the load.
 
-        pull_n: tension at the hang-off [N]; bent: curvature of each metre across the rope, in the
+        pull_n: tension at the hang-off [N]; curvature: of each metre across the rope, in the
         components of `turned` [1/m], (2, metres).
         """
         s, tension = _tensions(rope)
-        self.take_tensions(self._lost_m + s, tension, pull_n, bent)
+        self.take_tensions(self._lost_m + s, tension, pull_n, curvature)
 
     def take_tensions(
-        self, from_lower_m: Floats, tension_n: Floats, upper_n: float, bent: Floats | None = None
+        self,
+        from_lower_m: Floats,
+        tension_n: Floats,
+        upper_n: float,
+        curvature: Floats | None = None,
     ) -> None:
-        """Take one instant of a rope: nodes from its lower end up, (n + 1,), and elements, (n,)."""
-        along = tension_along(from_lower_m, tension_n, upper_n)
-        self._take(along, float(from_lower_m[-1]), upper_n, bent)
+        """Add one sample of a rope: nodes from its lower end up, (n + 1,), and elements, (n,)."""
+        profile = tension_along(from_lower_m, tension_n, upper_n)
+        self._take(profile, float(from_lower_m[-1]), upper_n, curvature)
 
     def take_over_sheave(self, first: Rope, other: Rope, pulls_n: tuple[float, float]) -> None:
-        """Take one instant of two ropes that run as one over the sheave at their upper ends.
+        """Add one sample of two ropes that run as one over the sheave at their upper ends.
 
         The material is that of the first from its lower end, then that of the other to its lower
         end; pulls_n: tension of each at the sheave [N].
         """
-        places, values = tension_along(*_tensions(first), pulls_n[0])
-        beyond, others = tension_along(*_tensions(other), pulls_n[1])
-        whole_m = places[-1] + beyond[-1]
-        along = (
-            np.concatenate((places, whole_m - beyond[::-1])),
-            np.concatenate((values, others[::-1])),
+        points, values = tension_along(*_tensions(first), pulls_n[0])
+        beyond, beyond_values = tension_along(*_tensions(other), pulls_n[1])
+        whole_m = points[-1] + beyond[-1]
+        profile = (
+            np.concatenate((points, whole_m - beyond[::-1])),
+            np.concatenate((values, beyond_values[::-1])),
         )
-        self._take(along, float(places[-1]), max(pulls_n), None)
+        self._take(profile, float(points[-1]), max(pulls_n), None)
 
     def _take(
-        self, along: tuple[Floats, Floats], top_m: float, pull_n: float, bent: Floats | None
+        self, profile: tuple[Floats, Floats], top_m: float, pull_n: float, curvature: Floats | None
     ) -> None:
-        """Take tensions [N] along the material [m], of which that at `top_m` is on the sheave."""
-        load = np.interp(self.middles, *along, np.nan, np.nan) * self._per_tension
+        """Add tensions [N] along the material [m]; the material at `top_m` is on the sheave."""
+        load = np.interp(self.middles, *profile, np.nan, np.nan) * self._per_tension
         self._bend_wires(top_m, pull_n)
         if self._over is not None:
             self._over.take(top_m, pull_n)
-        if bent is None:
+        if curvature is None:
             loads = np.tile(load, len(self._around))
         else:
-            loads = (load + self._around @ (bent * self._per_curvature)).ravel()
+            loads = (load + self._around @ (curvature * self._per_curvature)).ravel()
         self._count.take(loads, self._curve.used)
 
     def _bend_wires(self, top_m: float, pull_n: float) -> None:

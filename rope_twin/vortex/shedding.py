@@ -52,10 +52,12 @@ class Lift:
 
     def __call__(self, amplitude: Floats) -> Floats:
         """Return C_l at an amplitude in diameters."""
-        off = amplitude - self.largest_at
+        difference = amplitude - self.largest_at
         low = (self.largest - self.at_rest) / self.largest_at**2
         high = self.largest / (self.zero - self.largest_at) ** 2
-        return np.asarray(self.largest - np.where(off < 0.0, low, high) * off * off)
+        return np.asarray(
+            self.largest - np.where(difference < 0.0, low, high) * difference * difference
+        )
 
 
 def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
@@ -63,9 +65,9 @@ def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
     if not len(frequency):
         return locked
     nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
-    none, whole = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
-    near = np.diff(np.concatenate([none, nearer_below, whole], axis=1), axis=1)
-    return np.minimum(near, locked)
+    zeros, ones = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
+    nearest = np.diff(np.concatenate([zeros, nearer_below, ones], axis=1), axis=1)
+    return np.minimum(nearest, locked)
 
 
 def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
@@ -76,14 +78,14 @@ def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
     """
     if not len(frequency):
         return locked
-    between = np.interp(shedding, frequency, np.arange(len(frequency)))
-    lower, place = between.astype(int), np.arange(len(shedding))
-    upper, nearer = np.minimum(lower + 1, len(frequency) - 1), between - lower
-    size = np.zeros(len(frequency))
-    for mode, share in ((lower, 1.0 - nearer), (upper, nearer)):
-        feeds = share * moved[place, mode] * locked[place, mode]
-        size += np.bincount(mode, feeds, len(frequency))
-    return share_out(size, locked, TIE)
+    mode_number = np.interp(shedding, frequency, np.arange(len(frequency)))
+    lower, points = mode_number.astype(int), np.arange(len(shedding))
+    upper, nearer = np.minimum(lower + 1, len(frequency) - 1), mode_number - lower
+    response = np.zeros(len(frequency))
+    for mode, weight in ((lower, 1.0 - nearer), (upper, nearer)):
+        contribution = weight * moved[points, mode] * locked[points, mode]
+        response += np.bincount(mode, contribution, len(frequency))
+    return share_out(response, locked, TIE)
 
 
 # f(mode frequencies, shedding frequencies of the places, fraction of each place with lock-in of a
@@ -109,8 +111,10 @@ class Shedding:
     def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
         """Return damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
         d = diameter[:, None]
-        own = 0.5 * pi * self.density * d
-        return own * (STILL_SQUARE * np.sqrt(omega * self.viscosity)), own * d * (STILL * omega)
+        factor = 0.5 * pi * self.density * d
+        return factor * (STILL_SQUARE * np.sqrt(omega * self.viscosity)), factor * d * (
+            STILL * omega
+        )
 
     def damping(
         self, omega: Floats, diameter: Floats, speed: Floats, below: Floats, above: Floats
@@ -134,52 +138,52 @@ class Shedding:
 
         Elsewhere modes are locked in.
         """
-        turned = 2.0 * pi * speed / diameter
-        up_to = parts_below(turned, self.band[1] * omega)
-        return parts_below(turned, self.band[0] * omega), 1.0 - up_to
+        rate = 2.0 * pi * speed / diameter
+        up_to = parts_below(rate, self.band[1] * omega)
+        return parts_below(rate, self.band[0] * omega), 1.0 - up_to
 
 
-def share_out(size: Floats, locked: Floats, tie: float) -> Floats:
+def share_out(strength: Floats, locked: Floats, tie: float) -> Floats:
     """Return the fraction of each place assigned to each mode, 0 to 1, (places, modes).
 
-    size: amplitude of the modes (0: assigned nothing); locked: fraction of each place that a mode
-    is locked in over.
+    strength: amplitude of the modes (0: assigned nothing); locked: fraction of each place with
+    lock-in of a mode.
     """
-    given, larger = np.zeros_like(locked), np.zeros((len(size), len(size)))
-    _share_out(np.ascontiguousarray(size), locked, log(1.0 + tie), larger, given)
-    return given
+    assigned, larger = np.zeros_like(locked), np.zeros((len(strength), len(strength)))
+    _share_out(np.ascontiguousarray(strength), locked, log(1.0 + tie), larger, assigned)
+    return assigned
 
 
 @jit_entry
-def _share_out(size: Any, locked: Any, width: float, larger: Any, given: Any) -> None:
-    modes = size.shape[0]
+def _share_out(strength: Any, locked: Any, width: float, larger: Any, assigned: Any) -> None:
+    modes = strength.shape[0]
     for j in range(modes):
         for k in range(modes):
-            larger[j, k] = 0.0 if j == k else _larger(size[j], size[k], width)
+            larger[j, k] = 0.0 if j == k else _larger(strength[j], strength[k], width)
     for p in range(locked.shape[0]):
         first, last = modes, -1
         for k in range(modes):
-            if locked[p, k] > 0.0 and size[k] > 0.0:
+            if locked[p, k] > 0.0 and strength[k] > 0.0:
                 first, last = min(first, k), k
-        free, whole = 1.0, 0.0
+        unlocked, total = 1.0, 0.0
         for k in range(first, last + 1):
-            if size[k] > 0.0:
-                part = locked[p, k]
-                free *= 1.0 - part
+            if strength[k] > 0.0:
+                claim = locked[p, k]
+                unlocked *= 1.0 - claim
                 for j in range(first, last + 1):
-                    part *= 1.0 - locked[p, j] * larger[j, k]
-                given[p, k] = part
-                whole += part
+                    claim *= 1.0 - locked[p, j] * larger[j, k]
+                assigned[p, k] = claim
+                total += claim
         for k in range(first, last + 1):
-            given[p, k] *= (1.0 - free) / whole
+            assigned[p, k] *= (1.0 - unlocked) / total
 
 
 @jit
-def _larger(one: float, other: float, width: float) -> float:
+def _larger(first: float, second: float, width: float) -> float:
     """Return 1 where one is larger than the other, 0 where it is smaller, smooth within a tie."""
-    if one <= 0.0 or other <= 0.0:
+    if first <= 0.0 or second <= 0.0:
         return 0.0
-    x = log(one / other) / width
+    x = log(first / second) / width
     if x <= -1.0:
         return 0.0
     if x >= 1.0:
@@ -194,18 +198,18 @@ def parts_below(values: Floats, limits: Floats) -> Floats:
     """
     ends = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
     low, high = np.minimum(ends[1:], ends[:-1]), np.maximum(ends[1:], ends[:-1])
-    found = np.empty((len(values), len(limits)))
-    _parts_below(low, high, np.ascontiguousarray(limits), found)
-    return found
+    fractions = np.empty((len(values), len(limits)))
+    _parts_below(low, high, np.ascontiguousarray(limits), fractions)
+    return fractions
 
 
 @jit_entry
-def _parts_below(low: Any, high: Any, limits: Any, found: Any) -> None:
+def _parts_below(low: Any, high: Any, limits: Any, fractions: Any) -> None:
     for p in range(low.shape[0]):
         width = high[p] - low[p]
         for k in range(limits.shape[0]):
             above = limits[k] - low[p]
             if above <= 0.0:
-                found[p, k] = 0.0
+                fractions[p, k] = 0.0
             else:
-                found[p, k] = 1.0 if above >= width else above / width
+                fractions[p, k] = 1.0 if above >= width else above / width
