@@ -57,7 +57,7 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import anywhere, by_type, by_width
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import (
     CURVATURE,
     DYNAMIC,
@@ -424,4 +424,4 @@ def _copy_merged(m: Any, source: int, target: int, hauled: Any) -> None:
         m[r, target] = choose(hauled, m[r, source], m[r, target])
 
 
-remembering(Fibre, CARRIED)
+declare_internal_variables(Fibre, CARRIED)

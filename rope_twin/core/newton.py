@@ -62,7 +62,7 @@ from rope_twin.core.joined.stage import (
 )
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.balance import is_calm, load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.loads.memory import predict_memories, prepare_axial
+from rope_twin.core.loads.memory import predict_internal_variables, prepare_axial
 from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.state import (
     BLOCK,
@@ -199,7 +199,7 @@ def _evaluate_rope(
                 end_rope(work, n)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
-            predict_memories(rope.effects, rope, stage, kind, done, last)
+            predict_internal_variables(rope.effects, rope, stage, kind, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
     add_couplings(rope.effects, work, stage, n, upto)

@@ -53,12 +53,12 @@ from rope_twin.core.joined.stage import (
     step_of,
 )
 from rope_twin.core.loads.memory import (
-    accept_memories,
+    accept_internal_variables,
     begin_step,
-    keep_memories,
     prepare_axial,
-    return_memories,
-    settle_memories,
+    restore_internal_variables,
+    save_internal_variables,
+    update_internal_variables,
 )
 from rope_twin.core.newton import MAX_CORRECTIONS, MAX_CORRECTIONS_LAST, solve_stage
 from rope_twin.core.payout import finish, place_hang_off, report_at_connection
@@ -137,7 +137,7 @@ def _settle(system: Any, stage: Stage, kind: int, pending: float) -> Any:
             stage_of(system, stage, r),
             count_loaded(system, r),
         )
-        remaining = settle_memories(rope.effects, rope, rope_stage, kind, pending, upto)
+        remaining = update_internal_variables(rope.effects, rope, rope_stage, kind, pending, upto)
     return remaining
 
 
@@ -183,7 +183,7 @@ def _accept(system: Any, q: float, pending: float) -> None:
             nodes[k, n] = work[k, n]
             if first == 1:
                 nodes[k, 0] = work[k, 0]
-        accept_memories(rope.effects, count_loaded(system, r))
+        accept_internal_variables(rope.effects, count_loaded(system, r))
     copy_connections(system, ZERO, BACK)
 
 
@@ -195,10 +195,10 @@ def _copy_start(system: Any, way: int) -> None:
         nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
         if way == OUT:
             copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
-            keep_memories(rope.effects, upto)
+            save_internal_variables(rope.effects, upto)
         else:
             copy(work, KEPT_ROWS, nodes, ZERO, n + 1)
-            return_memories(rope.effects, upto)
+            restore_internal_variables(rope.effects, upto)
     copy_connections(system, KEPT_ROWS, way)
 
 

@@ -34,7 +34,7 @@ from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel, switching
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import (
     BLOCK,
     DIVISOR_MIN,
@@ -236,7 +236,7 @@ def _register(effect_type: type, bed_at: Any) -> None:
             memory[REACHED, i], memory[REACHED + 1, i], memory[REACHED + 2, i] = x[i], y[i], z[i]
 
     account("power", effect_type)(power)
-    remembering(effect_type, CARRIED)
+    declare_internal_variables(effect_type, CARRIED)
     switching(effect_type)
 
 

@@ -56,7 +56,7 @@ from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import lowest_account
 from rope_twin.core.loads.hooks import kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import DIVISOR_MIN, POSITION, VELOCITY, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
 
@@ -358,7 +358,7 @@ def settle(unit: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     memory[SENSED, 0] = seen
 
 
-remembering(Compensator, CARRIED)
+declare_internal_variables(Compensator, CARRIED)
 
 
 def forces(unit: Compensator, x: float, v: float, k: float, depth: float) -> CompensatorForces:

@@ -46,7 +46,7 @@ from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, whole
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -592,5 +592,5 @@ def power(hull: HullContact, place: Any) -> Any:
 
 
 account("power", HullContact)(power)
-remembering(HullContact, CARRIED)
+declare_internal_variables(HullContact, CARRIED)
 switching(HullContact)

@@ -42,7 +42,7 @@ from rope_twin.core.joined.stack import facing_of
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, new_memory, remembering
+from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,
@@ -154,7 +154,7 @@ class NetCurtain(NamedTuple):
 
 
 grows(NetCurtain, "along", "facing", "lift", "pushed")
-remembering(NetCurtain, CARRIED)
+declare_internal_variables(NetCurtain, CARRIED)
 
 
 class _Part(NamedTuple):

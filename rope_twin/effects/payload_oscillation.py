@@ -31,7 +31,7 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
 from rope_twin.core.loads.hooks import Load, kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import ACCELERATION, FLOW, FLOW_RATE, SPEED2_MIN, VELOCITY, Floats
 from rope_twin.quantity import quantity
 from rope_twin.vortex.drag_amplification import keulegan_carpenter
@@ -120,7 +120,7 @@ def build(params: PayloadOscillationParams, payload: Any, environment: Any) -> P
     )
 
 
-remembering(PayloadOscillation, CARRIED)
+declare_internal_variables(PayloadOscillation, CARRIED)
 
 
 @kernel("start", PayloadOscillation)

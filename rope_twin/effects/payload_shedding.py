@@ -37,7 +37,7 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
-from rope_twin.core.loads.memory import new_memory, remembering
+from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import FLOW, SPEED2_MIN, TANGENT, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
@@ -77,7 +77,7 @@ def build(params: PayloadSheddingParams, payload: Any, environment: Any) -> Payl
     return PayloadShedding(new_memory(CARRIED, OWN_ROWS, environment.room), float(k), float(turns))
 
 
-remembering(PayloadShedding, CARRIED)
+declare_internal_variables(PayloadShedding, CARRIED)
 grows(PayloadShedding, "k", factor=VORTICES)
 
 

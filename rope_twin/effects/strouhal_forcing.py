@@ -35,7 +35,7 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel, wide_kernel
-from rope_twin.core.loads.memory import count_known, new_memory, remembering
+from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIRECTION,
@@ -113,7 +113,7 @@ def build(params: StrouhalForcingParams, payload: Any, environment: Any) -> Stro
 
 
 grows(StrouhalForcing, "strength", factor=VORTICES)
-remembering(StrouhalForcing, CARRIED)
+declare_internal_variables(StrouhalForcing, CARRIED)
 
 
 @kernel("start", StrouhalForcing)

@@ -35,7 +35,7 @@ from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, new_memory, remembering
+from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIVISOR_MIN,
@@ -136,7 +136,7 @@ def build(params: TravellingWavesParams, payload: Any, environment: Any) -> Trav
 
 
 grows(TravellingWaves, "half_density", factor=VORTICES)
-remembering(TravellingWaves, CARRIED)
+declare_internal_variables(TravellingWaves, CARRIED)
 
 
 @jit

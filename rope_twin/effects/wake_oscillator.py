@@ -41,7 +41,7 @@ from rope_twin.core.jit.rows import rows
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, new_memory, remembering
+from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import ELEMENTS, FLOW, REST, SPEED2_MIN, TANGENT, VELOCITY, ZERO, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -162,7 +162,7 @@ def build(params: WakeOscillatorParams, payload: Any, environment: Any) -> WakeO
 
 
 grows(WakeOscillator, "strength", factor=VORTICES)
-remembering(WakeOscillator, CARRIED)
+declare_internal_variables(WakeOscillator, CARRIED)
 
 
 @jit

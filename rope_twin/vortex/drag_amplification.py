@@ -40,7 +40,7 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, kernel
-from rope_twin.core.loads.memory import count_known, new_memory, remembering
+from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIVISOR_MIN,
@@ -104,7 +104,7 @@ def set_growth(growth: DragGrowth, state: State, values: Floats) -> None:
     growth.memory[NODES, -1] = n
 
 
-remembering(DragGrowth, CARRIED)
+declare_internal_variables(DragGrowth, CARRIED)
 
 
 @kernel("start", DragGrowth)
@@ -212,7 +212,7 @@ def oscillating_drag(
     return OscillatingDrag(memory, float(kn), float(kt), number, factor, float(window_s))
 
 
-remembering(OscillatingDrag, OSCILLATION_CARRIED)
+declare_internal_variables(OscillatingDrag, OSCILLATION_CARRIED)
 
 
 @jit_within

@@ -81,30 +81,30 @@ def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
     soil: k, χ, μ.
     """
     k, chi, mu = soil
-    away = dot(v, n)
-    gain = max(fused(-chi, away, 1.0), 0.0)
-    N, slide = k * d * gain, along(v, -away, n)
-    rub = mu * N / sqrt(dot(slide, slide) + CREEP * CREEP)
-    return along(along(NONE, N, n), -rub, slide), (N, gain, slide)
+    v_normal = dot(v, n)
+    damping = max(fused(-chi, v_normal, 1.0), 0.0)
+    N, sliding = k * d * damping, along(v, -v_normal, n)
+    friction = mu * N / sqrt(dot(sliding, sliding) + CREEP * CREEP)
+    return along(along(NONE, N, n), -friction, sliding), (N, damping, sliding)
 
 
 @jit_exact
-def push_change(soil: Any, d: float, n: Any, found: Any, moved: Any) -> Any:
+def push_change(soil: Any, d: float, n: Any, contact: Any, motion: Any) -> Any:
     """Return the change of the contact force for a change of position and velocity."""
     k, chi, mu = soil
-    N, gain, slide = found
-    place, speed = moved
-    if not anywhere(gain > 0.0):
+    N, damping, sliding = contact
+    dx, dv = motion
+    if not anywhere(damping > 0.0):
         return NONE
-    off = dot(speed, n)
-    dN = -k * fused(gain, dot(place, n), d * chi * off)
-    across = along(speed, -off, n)
-    inverse = 1.0 / sqrt(dot(slide, slide) + CREEP * CREEP)
-    out = along(along(NONE, dN, n), -mu * dN * inverse, slide)
-    out = along(out, -mu * N * inverse, across)
-    rub = mu * N * inverse * inverse * inverse
-    out = along(out, rub * dot(slide, across), slide)
-    return chosen(gain > 0.0, out, NONE)
+    dv_normal = dot(dv, n)
+    dN = -k * fused(damping, dot(dx, n), d * chi * dv_normal)
+    across = along(dv, -dv_normal, n)
+    inverse = 1.0 / sqrt(dot(sliding, sliding) + CREEP * CREEP)
+    change = along(along(NONE, dN, n), -mu * dN * inverse, sliding)
+    change = along(change, -mu * N * inverse, across)
+    friction = mu * N * inverse * inverse * inverse
+    change = along(change, friction * dot(sliding, across), sliding)
+    return chosen(damping > 0.0, change, NONE)
 
 
 @jit_exact
@@ -114,33 +114,33 @@ def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
     touch: soil, depth (> 0, in one lane at least), normal, velocity of the surface touched.
     """
     _, R, v, spin = pose
-    soil, d, n, under = touch
-    turning = cross(spin, r)
-    speed = along(along(v, 1.0, outward(R, turning)), -1.0, under)
-    push, found = push_of(soil, d, n, speed)
+    soil, d, n, surface_velocity = touch
+    rotation_velocity = cross(spin, r)
+    speed = along(along(v, 1.0, outward(R, rotation_velocity)), -1.0, surface_velocity)
+    push, contact = push_of(soil, d, n, speed)
     f = chosen(d > 0.0, inward(R, push), NONE)
     for k in range(6):
-        place, rate, arm = change_of(body, k, r, turning)
-        w = push_change(soil, d, n, found, (outward(R, place), outward(R, rate)))
+        dx, dv, arm = change_of(body, k, r, rotation_velocity)
+        w = push_change(soil, d, n, contact, (outward(R, dx), outward(R, dv)))
         w = chosen(d > 0.0, inward(R, w), NONE)
         add_change(body, k, -q, w, moment_change(r, w, arm, f))
-    return f, cross(r, f), choose(d > 0.0, found[0], 0.0)
+    return f, cross(r, f), choose(d > 0.0, contact[0], 0.0)
 
 
 @part("act", Deck)
 def act_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
     """Return the contact force and moment of all corners on the deck."""
     x, R, _, _ = pose
-    up, under = (0.0, 0.0, 1.0), (0.0, 0.0, body.stage[at.DECK_SPEED])
-    f, t, size = NONE, NONE, 0.0
+    up, deck_velocity = (0.0, 0.0, 1.0), (0.0, 0.0, body.stage[at.DECK_SPEED])
+    f, t, total = NONE, NONE, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
         d = body.stage[at.DECK_Z] - x[2] - dot(R[2], r)
         if anywhere(d > 0.0):
-            touch = (deck.k, deck.chi, deck.mu), d, up, under
-            more, twist, N = add_push(body, q, pose, r, touch)
-            f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
-    return f, t, size
+            touch = (deck.k, deck.chi, deck.mu), d, up, deck_velocity
+            force, moment, N = add_push(body, q, pose, r, touch)
+            f, t, total = along(f, 1.0, force), along(t, 1.0, moment), total + N
+    return f, t, total
 
 
 @part("foresee", Deck)
@@ -151,16 +151,16 @@ def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None
     height = deck.height + deck.with_ship * ship
     speed = deck.with_ship * rope.work[VELOCITY + 2, n]
     for j in range(deck.heaves.shape[0]):
-        share, rate, ramp = 1.0, 0.0, deck.heaves[j, 3]
+        factor, factor_rate, ramp = 1.0, 0.0, deck.heaves[j, 3]
         if anywhere(time < ramp):
             u = max(time, 0.0) / ramp
-            share = choose(time < ramp, u * u * u * (10.0 + u * (6.0 * u - 15.0)), 1.0)
-            rate = choose(time < ramp, 30.0 * u * u * (u - 1.0) * (u - 1.0) / ramp, 0.0)
+            factor = choose(time < ramp, u * u * u * (10.0 + u * (6.0 * u - 15.0)), 1.0)
+            factor_rate = choose(time < ramp, 30.0 * u * u * (u - 1.0) * (u - 1.0) / ramp, 0.0)
         amplitude, omega = deck.heaves[j, 0], deck.heaves[j, 1]
         angle = omega * time + deck.heaves[j, 2]
         z, w = amplitude * sin(angle), amplitude * omega * cos(angle)
-        height = height + share * z
-        speed = speed + share * w + rate * z
+        height = height + factor * z
+        speed = speed + factor * w + factor_rate * z
     s[at.DECK_Z], s[at.DECK_SPEED] = height, speed
 
 
@@ -173,10 +173,10 @@ def floor_deck(deck: Any, body: Any, place: Any) -> float:
 def deck_pushes(deck: Deck, body: RigidBody, pose: Any) -> Floats:
     """Return the deck's force on each corner, (corners, 3) [N]; pose: of core/body/step.py."""
     v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
-    sunk = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
-    push = deck.k * sunk * np.maximum(1.0 - deck.chi * v[:, 2], 0.0)
-    rub = deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
-    return np.column_stack([-rub * v[:, 0], -rub * v[:, 1], push])
+    depth = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
+    push = deck.k * depth * np.maximum(1.0 - deck.chi * v[:, 2], 0.0)
+    friction = deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
+    return np.column_stack([-friction * v[:, 0], -friction * v[:, 1], push])
 
 
 @part("power", Deck)
@@ -210,14 +210,14 @@ _ground = by_type(Plane, lambda bed, x, y: _plane(bed, x, y), lambda bed, x, y: 
 @part("act", PlaneBed, GridBed)
 def act_bed(bed: Any, body: Any, q: float, pose: Any) -> Any:
     """Return the contact force and moment of all corners on the seabed."""
-    f, t, size = NONE, NONE, 0.0
+    f, t, total = NONE, NONE, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
-        place = along(pose[0], 1.0, outward(pose[1], r))
-        ground = _ground(bed.shape, place[0], place[1])
-        more, twist, N = _push(bed, body, q, pose, r, ground)
-        f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
-    return f, t, size
+        position = along(pose[0], 1.0, outward(pose[1], r))
+        ground = _ground(bed.shape, position[0], position[1])
+        force, moment, N = _push(bed, body, q, pose, r, ground)
+        f, t, total = along(f, 1.0, force), along(t, 1.0, moment), total + N
+    return f, t, total
 
 
 @part("floor", PlaneBed, GridBed)
@@ -234,22 +234,22 @@ def bed_pushes(
 
     pose: of core/body/step.py.
     """
-    places, v = pose.place(body.corners), pose.speed(body.corners)
-    found = beds_at(bed.shape, places[:, 0].copy(), places[:, 1].copy()).T
-    normal = np.column_stack([-found[:, 1:], np.ones(len(found))])
-    steep = np.sqrt((normal * normal).sum(axis=1))
-    normal /= steep[:, None]
-    above, away = places[:, 2] - found[:, 0], (v * normal).sum(axis=1)
-    sunk = np.maximum(-above / steep, 0.0)
-    push = bed.k * sunk * np.maximum(1.0 - bed.chi * away, 0.0)
-    slide = v - away[:, None] * normal
-    rub = bed.mu * push / np.sqrt((slide * slide).sum(axis=1) + CREEP**2)
-    return above, push, push[:, None] * normal - rub[:, None] * slide
+    positions, v = pose.place(body.corners), pose.speed(body.corners)
+    ground = beds_at(bed.shape, positions[:, 0].copy(), positions[:, 1].copy()).T
+    normal = np.column_stack([-ground[:, 1:], np.ones(len(ground))])
+    norm = np.sqrt((normal * normal).sum(axis=1))
+    normal /= norm[:, None]
+    clearance, v_normal = positions[:, 2] - ground[:, 0], (v * normal).sum(axis=1)
+    depth = np.maximum(-clearance / norm, 0.0)
+    push = bed.k * depth * np.maximum(1.0 - bed.chi * v_normal, 0.0)
+    sliding = v - v_normal[:, None] * normal
+    friction = bed.mu * push / np.sqrt((sliding * sliding).sum(axis=1) + CREEP**2)
+    return clearance, push, push[:, None] * normal - friction[:, None] * sliding
 
 
 @part("power", PlaneBed, GridBed)
 def power_bed(bed: Any, body: RigidBody, pose: Any) -> float:
-    """Return the power of contact and friction [W]; energy stored in the soil is given back."""
+    """Return the power of contact and friction [W]; elastic energy of the soil is returned."""
     return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())
 
 
@@ -272,17 +272,17 @@ def _extent(part: Any, n: Any) -> Any:
 
 
 @jit_exact
-def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
+def _extent_change(part: Any, n: Any, extent: Any, dn: Any) -> Any:
     """Return the changes of e and ∂e/∂n for a change dn of the vertical in body axes."""
-    e, g = found
+    e, g = extent
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
     de, s = dot(g, dn), 7.0 / (_sixth(e) * e)
-    bent = (
+    stretch = (
         s * _sixth(a) * part.side_x * part.side_x * dn[0],
         s * _sixth(b) * part.side_y * part.side_y * dn[1],
         s * _sixth(H) * part.height * part.height * dn[2],
     )
-    return de, along(bent, -7.0 * de / e, g)
+    return de, along(stretch, -7.0 * de / e, g)
 
 
 @jit_exact

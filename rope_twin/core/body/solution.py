@@ -100,8 +100,8 @@ def balance(body: Any, q: float, hook: Any) -> Any:
     f, t = loads(body, q, (x, R, v, spin), hook, (theta, rate))
     P, L = momenta(body, R, v, spin)
     F, M = outward(R, f), outward(R, t)
-    lost = inward(R, along(along(vector(s, P_HAT), q, F), -1.0, P))
-    turn_lost = inward(R, along(along(vector(s, L_HAT), q, M), -1.0, L))
+    p_error = inward(R, along(along(vector(s, P_HAT), q, F), -1.0, P))
+    l_error = inward(R, along(along(vector(s, L_HAT), q, M), -1.0, L))
     put(s, PLACE, x)
     put(s, TURN, theta)
     put(s, SPIN_NOW, spin)
@@ -112,14 +112,14 @@ def balance(body: Any, q: float, hook: Any) -> Any:
     for k in range(4):
         s[ATTITUDE + k] = attitude[k]
     for k in range(3):
-        body.matrix[k, MISS] = lost[k]
-        body.matrix[3 + k, MISS] = turn_lost[k]
+        body.matrix[k, MISS] = p_error[k]
+        body.matrix[3 + k, MISS] = l_error[k]
     P_hat, L_hat = vector(s, P_HAT), vector(s, L_HAT)
-    kept = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
-    blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
-    allowed = q * (FORCE_TOL * s[FORCES] + blur) + MOMENTUM_TOL * kept + NO_LOAD
-    turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
-    return (sqrt(dot(lost, lost)) + turns) / allowed
+    scale = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
+    round_off = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
+    allowed = q * (FORCE_TOL * s[FORCES] + round_off) + MOMENTUM_TOL * scale + NO_LOAD
+    l_norm = sqrt(dot(l_error, l_error)) / body.reach
+    return (sqrt(dot(p_error, p_error)) + l_norm) / allowed
 
 
 @jit_exact
@@ -127,9 +127,9 @@ def _reduce_below(A: Any, j: int) -> None:
     """Subtract row j from those below it, so that their column j vanishes."""
     inverse = 1.0 / A[j, j]
     for i in range(j + 1, 6):
-        part = A[i, j] * inverse
+        ratio = A[i, j] * inverse
         for c in range(j, A.shape[1]):
-            A[i, c] = fused(-part, A[j, c], A[i, c])
+            A[i, c] = fused(-ratio, A[j, c], A[i, c])
 
 
 @jit_exact
@@ -260,8 +260,8 @@ def _lift(body: Any, drop: float) -> float:
     total = 0.0
     for j in range(body.legs.shape[0]):
         r = vector(body.legs[j], 0)
-        found = pull_of(body.legs[j], body.stage[SHARE], (-r[0], -r[1], drop - r[2]), NONE)
-        total += found[0][2]
+        tension = pull_of(body.legs[j], body.stage[SHARE], (-r[0], -r[1], drop - r[2]), NONE)
+        total += tension[0][2]
     return total
 
 
@@ -284,59 +284,59 @@ def _drop(body: Any) -> float:
 
 
 @jit_exact
-def creep_of(body: Any, place: Any, held: Any) -> Any:
-    """Return the creep velocity along the ground of a body displaced from where friction held it.
+def creep_of(body: Any, position: Any, anchor: Any) -> Any:
+    """Return the creep velocity along the ground of a body displaced from its friction anchor.
 
-    held: that position; v_0/d_0, 0 without friction; and the allowed displacement.
+    anchor: that position; v_0/d_0, 0 without friction; and the allowed displacement.
     """
-    start, rate, _ = held
+    start, rate, _ = anchor
     if not rate > 0.0:
         return NONE
-    x, y = rate * (place[0] - start[0]), rate * (place[1] - start[1])
-    _, east, north = _ground(body, place)
+    x, y = rate * (position[0] - start[0]), rate * (position[1] - start[1])
+    _, east, north = _ground(body, position)
     return x, y, east * x + north * y
 
 
 @jit_exact
-def _forces_at(body: Any, place: Any, attitude: Any, creep: Any) -> Any:
+def _forces_at(body: Any, position: Any, attitude: Any, creep: Any) -> Any:
     """Return force and moment in body axes of a body that creeps together with water and hook."""
     s, flow, frozen = body.stage, vector(body.stage, FLOW_NOW), vector(body.stage, FROZEN)
     put(s, FLOW_NOW, along(flow, 1.0, creep))
     put(s, FROZEN, along(frozen, 1.0, creep))
-    pose = (place, matrix_of(attitude), creep, NONE)
-    found = loads(body, 1.0, pose, (vector(s, HOOK), creep), (NONE, NONE))
+    pose = (position, matrix_of(attitude), creep, NONE)
+    result = loads(body, 1.0, pose, (vector(s, HOOK), creep), (NONE, NONE))
     put(s, FLOW_NOW, flow)
     put(s, FROZEN, frozen)
-    return found
+    return result
 
 
 @jit_exact
-def _forces(body: Any, place: Any, attitude: Any, held: Any) -> Any:
+def _forces(body: Any, position: Any, attitude: Any, anchor: Any) -> Any:
     """Return force and moment in body axes."""
-    return _forces_at(body, place, attitude, creep_of(body, place, held))
+    return _forces_at(body, position, attitude, creep_of(body, position, anchor))
 
 
 @jit_exact
-def _moved(place: Any, attitude: Any, change: Any, turn: Any) -> Any:
+def _moved(position: Any, attitude: Any, change: Any, turn: Any) -> Any:
     """Return position and attitude after a change given in body axes."""
-    return along(place, 1.0, outward(matrix_of(attitude), change)), turned(attitude, turn)
+    return along(position, 1.0, outward(matrix_of(attitude), change)), turned(attitude, turn)
 
 
 @jit_exact
-def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) -> None:
-    """Put -dF/d(position, rotation) into the matrix and the forces into its last column."""
+def _difference_matrix(body: Any, position: Any, attitude: Any, forces: Any, anchor: Any) -> None:
+    """Set the matrix to -dF/d(position, rotation) by differences, its last column to the forces."""
     # `loads` clears the matrix, so the columns are buffered in a record that is still unused
-    spare, (f, t) = body.records, found
+    buffer, (f, t) = body.records, forces
     for k in range(6):
-        size = DIFFERENCE_STEP * body.reach if k < 3 else DIFFERENCE_STEP
-        change, turn = unit(k, size), unit(k - 3, size)
-        there, so = _moved(place, attitude, change, turn)
-        force, twist = _forces(body, there, so, held)
-        row = spare[1 + k // 3]
-        put(row, 6 * (k % 3), along((0.0, 0.0, 0.0), -1.0 / size, along(force, -1.0, f)))
-        put(row, 6 * (k % 3) + 3, along((0.0, 0.0, 0.0), -1.0 / size, along(twist, -1.0, t)))
+        step = DIFFERENCE_STEP * body.reach if k < 3 else DIFFERENCE_STEP
+        change, turn = unit(k, step), unit(k - 3, step)
+        moved, turned_attitude = _moved(position, attitude, change, turn)
+        force, twist = _forces(body, moved, turned_attitude, anchor)
+        row = buffer[1 + k // 3]
+        put(row, 6 * (k % 3), along((0.0, 0.0, 0.0), -1.0 / step, along(force, -1.0, f)))
+        put(row, 6 * (k % 3) + 3, along((0.0, 0.0, 0.0), -1.0 / step, along(twist, -1.0, t)))
     for k in range(6):
-        row = spare[1 + k // 3]
+        row = buffer[1 + k // 3]
         for i in range(6):
             body.matrix[i, k] = row[6 * (k % 3) + i]
     for i in range(3):
@@ -353,78 +353,80 @@ def _step(body: Any, drag: float) -> Any:
         A[3 + k, 3 + k] += drag * body.reach
     eliminate(A)
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
-    far = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
-    share = min(1.0, MAX_CHANGE / (far + DIVISOR_MIN))
-    return along(NONE, share, change), along(NONE, share, turn)
+    distance = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
+    factor = min(1.0, MAX_CHANGE / (distance + DIVISOR_MIN))
+    return along(NONE, factor, change), along(NONE, factor, turn)
 
 
 @jit_exact
-def _miss(body: Any, found: Any) -> float:
+def _norm(body: Any, forces: Any) -> float:
     """Return the norm of force and moment [N]."""
-    f, t = found
+    f, t = forces
     return float(sqrt(dot(f, f)) + sqrt(dot(t, t)) / body.reach)
 
 
 @jit_exact
-def _is_near(place: Any, held: Any) -> bool:
+def _is_near(position: Any, anchor: Any) -> bool:
     """Return whether a body is close enough to its starting position."""
-    start, _, far = held
-    x, y = place[0] - start[0], place[1] - start[1]
-    return bool(sqrt(x * x + y * y) <= far)
+    start, _, max_distance = anchor
+    x, y = position[0] - start[0], position[1] - start[1]
+    return bool(sqrt(x * x + y * y) <= max_distance)
 
 
 @jit_exact
-def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
+def _iterate(body: Any, start: Any, weight: float, anchor: Any) -> Any:
     """Iterate position and attitude towards equilibrium; return them and whether they converged.
 
-    The iteration ends where the body moves too far.
+    The iteration stops if the body moves too far.
     """
-    place, attitude = start
-    blur = ROUND_OFF * (body.reach + sqrt(dot(place, place))) * body.stiffness
-    drag, enough = FIRST_DRAG * weight, STATIC_FORCE_TOL * weight + blur
-    found = _forces(body, place, attitude, held)
-    miss = _miss(body, found)
+    position, attitude = start
+    round_off = ROUND_OFF * (body.reach + sqrt(dot(position, position))) * body.stiffness
+    drag, tolerance = FIRST_DRAG * weight, STATIC_FORCE_TOL * weight + round_off
+    forces = _forces(body, position, attitude, anchor)
+    miss = _norm(body, forces)
     for _ in range(ROUNDS):
-        if not (miss > enough and _is_near(place, held)):
+        if not (miss > tolerance and _is_near(position, anchor)):
             break
-        _take_slopes(body, place, attitude, found, held)
+        _difference_matrix(body, position, attitude, forces, anchor)
         change, turn = _step(body, drag)
-        there, so = _moved(place, attitude, change, turn)
-        after = _forces(body, there, so, held)
-        last, miss = miss, _miss(body, after)
-        if not miss < 2.0 * last + 0.1 * weight:  # overshoot: slings are stiff as it swings
-            drag, miss = 10.0 * drag, last
+        next_position, next_attitude = _moved(position, attitude, change, turn)
+        next_forces = _forces(body, next_position, next_attitude, anchor)
+        previous, miss = miss, _norm(body, next_forces)
+        if not miss < 2.0 * previous + 0.1 * weight:  # overshoot: slings are stiff as it swings
+            drag, miss = 10.0 * drag, previous
             continue
-        place, attitude, found = there, so, after
-        drag = max(drag * (min(miss / last, 0.5) if miss < last else 2.0), MIN_DRAG * weight)
-    return place, attitude, miss <= enough and _is_near(place, held)
+        position, attitude, forces = next_position, next_attitude, next_forces
+        drag = max(
+            drag * (min(miss / previous, 0.5) if miss < previous else 2.0), MIN_DRAG * weight
+        )
+    return position, attitude, miss <= tolerance and _is_near(position, anchor)
 
 
 @jit_exact
-def _ground(body: Any, place: Any) -> Any:
+def _ground(body: Any, position: Any) -> Any:
     """Return the height of the support below a position, and its slopes (east, north)."""
-    low = highest_floor(body.parts, body, place, FAR_DOWN)
-    east = highest_floor(body.parts, body, along(place, SLOPE_STEP, (1.0, 0.0, 0.0)), FAR_DOWN)
-    north = highest_floor(body.parts, body, along(place, SLOPE_STEP, (0.0, 1.0, 0.0)), FAR_DOWN)
-    return low, (east - low) / SLOPE_STEP, (north - low) / SLOPE_STEP
+    height = highest_floor(body.parts, body, position, FAR_DOWN)
+    east = highest_floor(body.parts, body, along(position, SLOPE_STEP, (1.0, 0.0, 0.0)), FAR_DOWN)
+    north = highest_floor(body.parts, body, along(position, SLOPE_STEP, (0.0, 1.0, 0.0)), FAR_DOWN)
+    return height, (east - height) / SLOPE_STEP, (north - height) / SLOPE_STEP
 
 
 @jit_exact
 def _start(body: Any, hook: Any) -> Any:
     """Return the initial guess: upright below the hook, or flat on a higher support."""
-    place, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
+    position, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
     for j in range(body.corners.shape[0]):
         lowest = min(lowest, body.corners[j, 2])
     half = 0.5 * body.heading
     attitude = (0.0, 0.0, sin(half), cos(half))
-    low, east, north = _ground(body, place)
-    steep = sqrt(east * east + north * north)
-    if not low > place[2] + lowest:
-        return place, attitude
-    if steep > 0.0:
-        lean = along(NONE, atan(steep) / steep, (north, -east, 0.0))
+    ground, east, north = _ground(body, position)
+    slope = sqrt(east * east + north * north)
+    if not ground > position[2] + lowest:
+        return position, attitude
+    if slope > 0.0:
+        lean = along(NONE, atan(slope) / slope, (north, -east, 0.0))
         attitude = turned(attitude, inward(matrix_of(attitude), lean))
-    return (hook[0], hook[1], low - lowest * sqrt(1.0 + steep * steep)), attitude
+    return (hook[0], hook[1], ground - lowest * sqrt(1.0 + slope * slope)), attitude
 
 
 @jit_exact
@@ -437,42 +439,46 @@ def _softest(body: Any, weight: float) -> float:
 
 
 @jit_exact
-def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
+def _continue_stiffness(body: Any, start: Any, weight: float, anchor: Any) -> Any:
     """Solve for position and attitude of equilibrium; return them and whether it converged.
 
-    Continuation in the sling stiffness: the slings are soft at first, so that they yield while the
-    body finds its attitude, then ten times stiffer and so on up to their own stiffness.
+    Continuation in the sling stiffness: it starts with soft slings, which yield while the body
+    takes its attitude, and is raised in steps up to the actual stiffness.
     """
     s = body.stage
     s[SHARE] = _softest(body, weight)
-    found = _relax(body, start, weight, held)
-    while s[SHARE] < 1.0 and _is_near(found[0], held):
+    pose = _iterate(body, start, weight, anchor)
+    while s[SHARE] < 1.0 and _is_near(pose[0], anchor):
         s[SHARE] = min(1.0, STIFFNESS_FACTOR * s[SHARE])
-        found = _relax(body, (found[0], found[1]), weight, held)
+        pose = _iterate(body, (pose[0], pose[1]), weight, anchor)
     s[SHARE] = 1.0
-    return found
+    return pose
 
 
 @jit_exact
-def _rest_of(body: Any, start: Any, weight: float) -> Any:
+def _equilibrium(body: Any, start: Any, weight: float) -> Any:
     """Return position, attitude and creep velocity of equilibrium, and whether it converged."""
-    below, forever = start[0], -FAR_DOWN
-    place, attitude, rests = _settle(body, start, weight, (below, 0.0, MAX_SLIDE * body.reach))
-    if rests:
-        return place, attitude, NONE, rests
-    held = (below, CREEP / (YIELD_DISTANCE * body.reach), forever)
-    place, attitude, rests = _settle(body, start, weight, held)
-    creep = creep_of(body, place, held)
-    rubs = _miss(body, _forces_at(body, place, attitude, NONE)) > FRICTION_MIN * weight
-    if rests and rubs and dot(creep, creep) < MAX_CREEP * MAX_CREEP:
-        return place, attitude, creep, rests
-    place, attitude, rests = _settle(body, start, weight, (below, 0.0, forever))
-    return place, attitude, NONE, rests
+    start_position, forever = start[0], -FAR_DOWN
+    position, attitude, converged = _continue_stiffness(
+        body, start, weight, (start_position, 0.0, MAX_SLIDE * body.reach)
+    )
+    if converged:
+        return position, attitude, NONE, converged
+    anchor = (start_position, CREEP / (YIELD_DISTANCE * body.reach), forever)
+    position, attitude, converged = _continue_stiffness(body, start, weight, anchor)
+    creep = creep_of(body, position, anchor)
+    needs_friction = _norm(body, _forces_at(body, position, attitude, NONE)) > FRICTION_MIN * weight
+    if converged and needs_friction and dot(creep, creep) < MAX_CREEP * MAX_CREEP:
+        return position, attitude, creep, converged
+    position, attitude, converged = _continue_stiffness(
+        body, start, weight, (start_position, 0.0, forever)
+    )
+    return position, attitude, NONE, converged
 
 
 @jit_exact
 def solve_body_statics(body: Any, hook: Any) -> None:
-    """Set record 0 to the static equilibrium below the hook; it is not finite if none was found.
+    """Set record 0 to the static equilibrium below the hook; not finite if there is none.
 
     The stage gives the water and the deck's height at which the run begins.
     """
@@ -484,10 +490,10 @@ def solve_body_statics(body: Any, hook: Any) -> None:
     put(s, HOOK, hook)
     weight = (body.m + body.displaced) * body.g + TINY_WEIGHT
     s[SHARE] = _softest(body, weight)
-    place, attitude, creep, rests = _rest_of(body, _start(body, hook), weight)
+    position, attitude, creep, converged = _equilibrium(body, _start(body, hook), weight)
     for k in range(RECORD):
         record[k] = 0.0
-    put(record, X, place)
+    put(record, X, position)
     for k in range(4):
         record[Q + k] = attitude[k]
-    put(record, V, creep if rests else (nan, nan, nan))
+    put(record, V, creep if converged else (nan, nan, nan))

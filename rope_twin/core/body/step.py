@@ -53,7 +53,7 @@ from rope_twin.core.jit.rows import column, rows
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, set_flow
 from rope_twin.core.loads.hooks import Load, kernel, switching
-from rope_twin.core.loads.memory import remembering
+from rope_twin.core.loads.memory import declare_internal_variables
 from rope_twin.core.state import (
     ACCELERATION,
     CORRECTION,
@@ -79,15 +79,15 @@ def start(body: Any, rope: Any, upto: int) -> None:
 
 
 @jit_exact
-def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
+def _set_water(body: Any, rope: Any, stage: Any, position: Any) -> None:
     """Set velocity and acceleration of the water at a position, using a ghost node's column."""
-    work, slot = rope.work, rope.state.s.shape[0] + LOW
+    work, ghost = rope.work, rope.state.s.shape[0] + LOW
     for k in range(3):
-        work[POSITION + k, slot] = place[k]
-    set_flow(rope.effects, work, stage, slot, slot + 1)
+        work[POSITION + k, ghost] = position[k]
+    set_flow(rope.effects, work, stage, ghost, ghost + 1)
     for k in range(3):
-        body.stage[at.FLOW_NOW + k] = work[FLOW + k, slot]
-        body.stage[at.FLOW_GROWS + k] = work[FLOW_RATE + k, slot]
+        body.stage[at.FLOW_NOW + k] = work[FLOW + k, ghost]
+        body.stage[at.FLOW_GROWS + k] = work[FLOW_RATE + k, ghost]
 
 
 @jit_exact
@@ -101,28 +101,30 @@ def _begin(body: Any, hook: Any) -> None:
 
 
 @jit_exact
-def _predict_first(body: Any, now: Any, q: float) -> None:
+def _predict_first(body: Any, record: Any, q: float) -> None:
     """Predict the trapezoidal stage from the valid record `now`."""
     s = body.stage
-    v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
-    grown = along(vector(s, at.FLOW_NOW), -1.0, before)
-    put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # velocity at the middle of the substep
-    then = vector(now, at.ARM_THEN)
-    moved = along(vector(s, at.WET_ARM), -1.0, then)
-    put(s, at.ARM_HELD, along(then, 0.5 / GAMMA, moved))
-    put(s, at.ARM_GROWS, along(NONE, 0.5 / q, moved))
-    grown_wet = s[at.WET] - now[at.WET_THEN]
-    s[at.WET_HELD] = now[at.WET_THEN] + 0.5 / GAMMA * grown_wet
-    s[at.WET_GROWS] = 0.5 / q * grown_wet
-    P, L = momenta(body, matrix_of(quaternion(now, at.Q)), v, spin)
+    v, spin, before = vector(record, at.V), vector(record, at.SPIN), vector(record, at.WATER)
+    flow_change = along(vector(s, at.FLOW_NOW), -1.0, before)
+    put(
+        s, at.FROZEN, along(before, 0.5 / GAMMA, flow_change)
+    )  # velocity at the middle of the substep
+    arm_start = vector(record, at.ARM_THEN)
+    arm_change = along(vector(s, at.WET_ARM), -1.0, arm_start)
+    put(s, at.ARM_HELD, along(arm_start, 0.5 / GAMMA, arm_change))
+    put(s, at.ARM_GROWS, along(NONE, 0.5 / q, arm_change))
+    wet_change = s[at.WET] - record[at.WET_THEN]
+    s[at.WET_HELD] = record[at.WET_THEN] + 0.5 / GAMMA * wet_change
+    s[at.WET_GROWS] = 0.5 / q * wet_change
+    P, L = momenta(body, matrix_of(quaternion(record, at.Q)), v, spin)
     put(s, at.P_START, P)
     put(s, at.L_START, L)
     for k in range(4):
-        s[at.Q_START + k] = now[at.Q + k]
-    put(s, at.X_HAT, along(vector(now, at.X), q, v))
+        s[at.Q_START + k] = record[at.Q + k]
+    put(s, at.X_HAT, along(vector(record, at.X), q, v))
     put(s, at.TURN_HAT, along((0.0, 0.0, 0.0), q, spin))
-    put(s, at.P_HAT, along(P, q, vector(now, at.FORCE)))
-    put(s, at.L_HAT, along(L, q, vector(now, at.MOMENT)))
+    put(s, at.P_HAT, along(P, q, vector(record, at.FORCE)))
+    put(s, at.L_HAT, along(L, q, vector(record, at.MOMENT)))
     put(s, at.SPEED, v)
     put(s, at.TURN_RATE, spin)
 
@@ -133,10 +135,10 @@ def _put_second(s: Any, hat: int, middle: int, first: Any) -> None:
 
 
 @jit_exact
-def _predict_second(body: Any, now: Any) -> None:
+def _predict_second(body: Any, record: Any) -> None:
     """Predict the BDF2 stage from the start of the substep and the first stage."""
     s = body.stage
-    _put_second(s, at.X_HAT, at.X_MIDDLE, vector(now, at.X))
+    _put_second(s, at.X_HAT, at.X_MIDDLE, vector(record, at.X))
     _put_second(s, at.TURN_HAT, at.TURN_MIDDLE, (0.0, 0.0, 0.0))
     _put_second(s, at.P_HAT, at.P_MIDDLE, vector(s, at.P_START))
     _put_second(s, at.L_HAT, at.L_MIDDLE, vector(s, at.L_START))
@@ -149,7 +151,7 @@ def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Evaluate components and water at the pose predicted for the stage."""
     foresee_all(body.parts, body, rope, stage, pose)
     h = along(vector(body.watered, 0), 1.0, vector(body.stage, at.WET_ARM))
-    _ask_water(body, rope, stage, along(pose[0], 1.0, outward(pose[1], h)))
+    _set_water(body, rope, stage, along(pose[0], 1.0, outward(pose[1], h)))
 
 
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
@@ -164,37 +166,37 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
         _begin(body, hook)
         # repeat, in the water at the equilibrium position
-        rest = body.records[0]
-        pose = vector(rest, at.X), matrix_of(quaternion(rest, at.Q)), NONE, NONE
+        equilibrium = body.records[0]
+        pose = vector(equilibrium, at.X), matrix_of(quaternion(equilibrium, at.Q)), NONE, NONE
         _foresee(body, rope, stage, pose)
         _begin(body, hook)
     predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
 
 
 @jit_exact
-def predict_stage(body: Any, rope: Any, stage: Any, kind: int, now: Any) -> None:
+def predict_stage(body: Any, rope: Any, stage: Any, kind: int, record: Any) -> None:
     """Set the explicit part of the stage from the valid record `now`, and water and deck."""
     s, q = body.stage, stage.q
     if kind == TRAPEZOID:
-        v, spin = vector(now, at.V), vector(now, at.SPIN)
-        place = along(vector(now, at.X), 2.0 * q, v)
-        then = turned(quaternion(now, at.Q), along(NONE, 2.0 * q, spin))
-        _foresee(body, rope, stage, (place, matrix_of(then), v, spin))
-        _predict_first(body, now, q)
+        v, spin = vector(record, at.V), vector(record, at.SPIN)
+        position = along(vector(record, at.X), 2.0 * q, v)
+        attitude = turned(quaternion(record, at.Q), along(NONE, 2.0 * q, spin))
+        _foresee(body, rope, stage, (position, matrix_of(attitude), v, spin))
+        _predict_first(body, record, q)
     else:
-        _predict_second(body, now)
+        _predict_second(body, record)
         v, spin = vector(s, at.SPEED), vector(s, at.SPIN_NOW)
-        place = along(vector(s, at.X_HAT), q, v)
-        _foresee(body, rope, stage, (place, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
+        position = along(vector(s, at.X_HAT), q, v)
+        _foresee(body, rope, stage, (position, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
 @jit_exact
 def _solve(body: Any, q: float, hook: Any) -> bool:
     """Solve the equations of motion for this motion of the hook, and store it; return success."""
-    found = solve(body, q, hook)
-    put(body.tangent, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
+    solved = solve(body, q, hook)
+    put(body.tangent, at.SOLVED_PLACE, hook[0] if solved else (nan, nan, nan))
     put(body.tangent, at.SOLVED_SPEED, hook[1])
-    return bool(found)
+    return bool(solved)
 
 
 @jit_exact
@@ -202,8 +204,8 @@ def _is_solved(body: Any, q: float, hook: Any) -> bool:
     """Solve for this motion of the hook, if it has changed; return success."""
     x, v = hook
     x0, v0 = vector(body.tangent, at.SOLVED_PLACE), vector(body.tangent, at.SOLVED_SPEED)
-    there = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
-    if there and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
+    same_position = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
+    if same_position and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
         return True
     return bool(_solve(body, q, hook))
 
@@ -247,35 +249,35 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
 
 
 @jit_exact
-def corrected_hook(work: Any, stage: Any, share: float) -> Any:
+def corrected_hook(work: Any, stage: Any, fraction: float) -> Any:
     """Return position and velocity of the hook after share·delta."""
     d = column(work, CORRECTION, 0)
-    place = along(column(work, POSITION, 0), share * stage.p, d)
-    return place, along(column(work, VELOCITY, 0), share * stage.q, d)
+    position = along(column(work, POSITION, 0), fraction * stage.p, d)
+    return position, along(column(work, VELOCITY, 0), fraction * stage.q, d)
 
 
 @jit_exact
-def is_as_linearised(body: Any, work: Any, share: float) -> Any:
+def is_as_linearised(body: Any, work: Any, fraction: float) -> Any:
     """Return whether the force on the hook after share·delta agrees with its linearisation."""
     tangent = body.tangent
     (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
     change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), column(work, CORRECTION, 0))
-    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
-    miss = along(miss, share, change)
-    return dot(miss, miss) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]
+    error = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
+    error = along(error, fraction, change)
+    return dot(error, error) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]
 
 
-def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+def calm(body: Any, work: Any, stage: Any, n: int, fraction: float) -> bool:
     """Return whether the force on the hook after share·delta agrees with its linearisation.
 
     It does not where slings tighten or where a deck or the seabed is touched (a change of active
     set).
     """
-    if share == 0.0 or body.here == 0.0:
+    if fraction == 0.0 or body.here == 0.0:
         return True
-    if not _is_solved(body, stage.q, corrected_hook(work, stage, share)):
+    if not _is_solved(body, stage.q, corrected_hook(work, stage, fraction)):
         return False
-    return bool(is_as_linearised(body, work, share))
+    return bool(is_as_linearised(body, work, fraction))
 
 
 @jit_exact
@@ -316,20 +318,20 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     if kind == TRAPEZOID:
         store_middle(body.stage)
         return
-    free = 0
-    while free in (int(body.memory[0, 0]), int(body.memory[2, 0])):
-        free += 1
+    unused = 0
+    while unused in (int(body.memory[0, 0]), int(body.memory[2, 0])):
+        unused += 1
     speed = vector(body.stage, at.SPEED) if solved else (nan, nan, nan)
-    write_record(body, body.records[free], speed)
-    body.memory[1, 0] = float(free)
+    write_record(body, body.records[unused], speed)
+    body.memory[1, 0] = float(unused)
 
 
 @jit_exact
 def middle_in(body: Any, record: Any) -> Any:
     """Return height [m] and vertical velocity [m/s] of the body's middle in a record."""
-    up, r = matrix_of(quaternion(record, at.Q))[2], vector(body.middle, 0)
+    vertical, r = matrix_of(quaternion(record, at.Q))[2], vector(body.middle, 0)
     x, v = vector(record, at.X), vector(record, at.V)
-    return x[2] + dot(up, r), v[2] + dot(up, cross(vector(record, at.SPIN), r))
+    return x[2] + dot(vertical, r), v[2] + dot(vertical, cross(vector(record, at.SPIN), r))
 
 
 def middle(body: Any, height: float, speed: float) -> Any:
@@ -362,9 +364,9 @@ class Pose(NamedTuple):
 
 def pose_of(body: RigidBody) -> Pose:
     """Return the pose of the body after the last accepted substep."""
-    now = body.records[int(body.memory[0, 0])]
-    Q = now[at.Q : at.Q + 4].copy()
-    return Pose(_three(now, at.X), _three(now, at.V), Q, _three(now, at.SPIN), _matrix(Q))
+    record = body.records[int(body.memory[0, 0])]
+    Q = record[at.Q : at.Q + 4].copy()
+    return Pose(_three(record, at.X), _three(record, at.V), Q, _three(record, at.SPIN), _matrix(Q))
 
 
 def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Floats]:
@@ -378,21 +380,23 @@ def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Fl
     length = np.sqrt((d * d).sum(axis=1) + SLING2_MIN)
     n = d / length[:, None]
     stretch, rate = length - legs[:, LENGTH], (n * e).sum(axis=1)
-    pull = np.maximum(k * stretch + c * rate, 0.0)
-    taut = np.maximum(stretch, 0.0)
+    tension = np.maximum(k * stretch + c * rate, 0.0)
+    extension = np.maximum(stretch, 0.0)
     pinned = legs[:, LENGTH] == 0.0
-    force = np.where(pinned[:, None], k[:, None] * d + c[:, None] * e, pull[:, None] * n)
-    stored = 0.5 * k * np.where(pinned, (d * d).sum(axis=1), taut * taut)
-    lost = np.where(pinned, c * (e * e).sum(axis=1), (pull - k * taut) * rate)
-    return force, stored, lost
+    force = np.where(pinned[:, None], k[:, None] * d + c[:, None] * e, tension[:, None] * n)
+    stored = 0.5 * k * np.where(pinned, (d * d).sum(axis=1), extension * extension)
+    dissipated = np.where(pinned, c * (e * e).sum(axis=1), (tension - k * extension) * rate)
+    return force, stored, dissipated
 
 
-def kinetic(body: Any, place: Any) -> Any:
+def kinetic(body: Any, rope: Any) -> Any:
     """Return the kinetic energy of body, added mass and hook [J]."""
-    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
-    own = 0.5 * body.m * pose.velocity @ pose.velocity + 0.5 * pose.spin @ body.inertia @ pose.spin
-    water = _of_water(body, pose, now[at.WET_THEN], _three(now, at.ARM_THEN))
-    return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
+    pose, record = pose_of(body), body.records[int(body.memory[0, 0])]
+    solid = (
+        0.5 * body.m * pose.velocity @ pose.velocity + 0.5 * pose.spin @ body.inertia @ pose.spin
+    )
+    water = _of_water(body, pose, record[at.WET_THEN], _three(record, at.ARM_THEN))
+    return solid + water + 0.5 * body.hook * (rope.velocity**2).sum(axis=0)
 
 
 def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
@@ -407,12 +411,12 @@ def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
     return float(wet * water)
 
 
-def potential(body: Any, place: Any) -> Any:
+def potential(body: Any, rope: Any) -> Any:
     """Return the potential energy of body and hook in water, and of stretched slings [J]."""
     pose = pose_of(body)
-    _, stored, _ = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    _, stored, _ = pulls_of(body, rope.position[:, 0], rope.velocity[:, 0])
     height = body.m * pose.centre[2] - body.displaced * pose.place(body.buoyed)[2]
-    return body.g * height + stored.sum() + body.hook_weight * place.position[2]
+    return body.g * height + stored.sum() + body.hook_weight * rope.position[2]
 
 
 def power(body: Any, place: Any) -> Any:
@@ -469,7 +473,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
         kernel(own.__name__, kind, exact=True)(own)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))
-    remembering(kind, 1, "records", "stage")
+    declare_internal_variables(kind, 1, "records", "stage")
     switching(kind)
     globals()[name] = kind
     return kind

@@ -54,7 +54,7 @@ from rope_twin.core.joined.stack import (
     work_of,
 )
 from rope_twin.core.lanes.effects import each_of
-from rope_twin.core.loads.memory import has_memories
+from rope_twin.core.loads.memory import has_internal_variables
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -343,7 +343,7 @@ def size_of_connections(system: Any) -> Any:
 @by_kind(lambda system, stage, pending: None)
 def settle_ends(system: Any, stage: Any, pending: Any) -> Any:
     """Set the ropes' ends to the connections' motion, if effects have internal variables."""
-    if has_memories(rope_at(system, ZERO).effects):
+    if has_internal_variables(rope_at(system, ZERO).effects):
         place_ends(system)
         p, q = pending * stage.p, pending * stage.q
         for r in range(system.stack.counts.shape[0]):

@@ -24,7 +24,7 @@ from rope_twin.core.body.step import start
 from rope_twin.core.joined.initial_guess import coarsen, interpolate_from, set_initial_guess
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.stack import FRICTION, FROM, INTO, WHEEL, Sheaves
-from rope_twin.core.loads.memory import forget_memories
+from rope_twin.core.loads.memory import reset_internal_variables
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     ACCELERATION,
@@ -161,7 +161,7 @@ def _stop(system: System) -> None:
         table[VELOCITY:NODE_ROWS] = 0.0
     for rope in system.ropes:
         rope.state.health[:] = 0
-        forget_memories(rope.effects)
+        reset_internal_variables(rope.effects)
         for body in rope.effects:
             if isinstance(body, RigidBody):
                 start(body, rope, 0)

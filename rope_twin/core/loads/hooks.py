@@ -24,7 +24,7 @@ and no branch. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
 - `share(effect, time, factor)` returns a factor on forces of the water (`grows`).
 - `axial(effect, extension, rate, weights, stiffness, depth)` is the law of the lowest element
   instead of its section's: its force [N], which the element bounds to a pull, and the tangent of it
-  with the strain rate included (core/elements.py), as long as the effect's field `here` is not 0.
+  with the strain rate included (core/elements.py), where the effect's field `here` is not 0.
 - `prepare(effect, rope, stage, kind)`, of such an effect with internal variables: once a stage,
   before the elements of the predicted motion.
 - `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step of a
@@ -88,7 +88,7 @@ WITHIN = ("soak", "load", "share", "axial")  # inlined into the calling loop
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
 _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
-# the places of the fields that are real numbers, of each type whose numbers may differ
+# indices of the real-number fields, by type of which the numbers may differ between ropes
 DIFFERING: dict[type, list[int]] = {}
 
 
@@ -108,8 +108,8 @@ def kernel(
         raise ValueError(f"{effect.__name__} already has a kernel for '{hook}'")
 
     def register(function: Any) -> Any:
-        plain = jit_exact if exact else jit
-        compiled = jit_within(function) if hook in WITHIN else plain(function)
+        decorator = jit_exact if exact else jit
+        compiled = jit_within(function) if hook in WITHIN else decorator(function)
         _KERNELS[hook][effect] = compiled
         if wide:
             _WIDE[hook][effect] = compiled
@@ -164,7 +164,7 @@ def all_wide(kinds: Iterable[type]) -> bool:
 
 
 def is_wide(kind: type, *besides: str) -> bool:
-    """Return whether an effect's type has SIMD variants of its kernels but those of some hooks."""
+    """Return whether all kernels of an effect have SIMD variants; besides: hooks that need none."""
     return all(kind in _WIDE[hook] for hook in set(hooks_of(kind)) - set(besides))
 
 
@@ -190,16 +190,16 @@ def kernel_of(hook: str, effect: type) -> Any:
 
 def kernels_by_place(hook: str, effects: Any) -> dict[int, Any]:
     """Return the kernels of a hook by the effect's index (of numba types); hook "": none."""
-    known = _KERNELS.get(hook, {})
-    found = {i: known.get(effect.instance_class) for i, effect in enumerate(effects)}
-    return {i: call for i, call in found.items() if call is not None}
+    registered = _KERNELS.get(hook, {})
+    by_index = {i: registered.get(effect.instance_class) for i, effect in enumerate(effects)}
+    return {i: call for i, call in by_index.items() if call is not None}
 
 
 def kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     """Return the kernels of a hook by the effect's index; SIMD variants for a SIMD `work`."""
-    known = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
-    found = {i: known.get(effect.instance_class) for i, effect in enumerate(effects)}
-    return {i: call for i, call in found.items() if call is not None}
+    registered = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
+    by_index = {i: registered.get(effect.instance_class) for i, effect in enumerate(effects)}
+    return {i: call for i, call in by_index.items() if call is not None}
 
 
 def axial_place(kinds: Iterable[type]) -> int | None:
@@ -209,8 +209,8 @@ def axial_place(kinds: Iterable[type]) -> int | None:
 
 def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
     """Return the effects that have a kernel for a hook, each with its kernel (plain Python)."""
-    known = _KERNELS[hook]
-    return [(effect, known[type(effect)]) for effect in effects if type(effect) in known]
+    registered = _KERNELS[hook]
+    return [(effect, registered[type(effect)]) for effect in effects if type(effect) in registered]
 
 
 def chosen_by(test: Callable[[Iterable[type]], bool], yes: Any, no: Any) -> Any:
@@ -234,7 +234,7 @@ def struct_text(
 ) -> str:
     """Return the source text of a copy of a struct whose numbers and arrays are given by `leaf`.
 
-    kind: numba type of the struct; path: its text; scope: where the types that are named are put.
+    kind: numba type of the struct; path: its text; scope: receives the named types.
     """
     if not isinstance(kind, types.BaseTuple):
         return leaf(kind, path)
@@ -317,14 +317,14 @@ def grown(effects: Any, time_s: float) -> Any:
     )
 
 
-def _times(value: Any, share: float) -> Any:
+def _times(value: Any, factor: float) -> Any:
     """Return a coefficient, or the data of an effect, times a factor."""
     if type(value) in _GROWING:
         names = _GROWING[type(value)][1]
-        return value._replace(**{name: _times(getattr(value, name), share) for name in names})
+        return value._replace(**{name: _times(getattr(value, name), factor) for name in names})
     if isinstance(value, tuple):
-        return tuple(_times(one, share) for one in value)
-    return share * value
+        return tuple(_times(item, factor) for item in value)
+    return factor * value
 
 
 class Growth:
@@ -333,8 +333,8 @@ class Growth:
     def __init__(self, effects: Any) -> None:
         """Take the numba types of the effects."""
         self._effects = effects
-        self.names: dict[str, Any] = {}  # what the text refers to
-        self.lines: list[str] = []  # they come first
+        self.names: dict[str, Any] = {}  # names in the text
+        self.lines: list[str] = []  # lines that precede it
         ramps = kernels_by_place("share", effects)
         kinds = [effect.instance_class for effect in effects]
         for i in ramps:
@@ -353,19 +353,21 @@ class Growth:
             return path
         factor, names = _GROWING[kind]
         self.names[kind.__name__] = kind
-        parts = []
-        for name, own in zip(effect.fields, effect.types, strict=True):
-            at = f"{path}.{name}"
+        texts = []
+        for name, field_type in zip(effect.fields, effect.types, strict=True):
+            field_path = f"{path}.{name}"
             if name not in names:
-                parts.append(at)
-            elif isinstance(own, types.BaseNamedTuple):
-                parts.append(self._text(own, at))
-            elif isinstance(own, types.UniTuple):
-                times = ", ".join(f"share_{factor} * {at}[{k}]" for k in range(own.count))
-                parts.append(f"({times},)")
+                texts.append(field_path)
+            elif isinstance(field_type, types.BaseNamedTuple):
+                texts.append(self._text(field_type, field_path))
+            elif isinstance(field_type, types.UniTuple):
+                times = ", ".join(
+                    f"share_{factor} * {field_path}[{k}]" for k in range(field_type.count)
+                )
+                texts.append(f"({times},)")
             else:
-                parts.append(f"share_{factor} * {at}")
-        return f"{kind.__name__}({', '.join(parts)})"
+                texts.append(f"share_{factor} * {field_path}")
+        return f"{kind.__name__}({', '.join(texts)})"
 
 
 def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False) -> Any:
@@ -388,8 +390,11 @@ def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False
         else:
             calls = kernels_by_place(hook, effects)
         text = Growth(effects if growth and calls else ())
-        own = [text.of(i) if text.lines else f"effects[{i}]" for i in calls]
-        lines = [f"kernel_{i}({one}, {names})" for i, one in zip(calls, own, strict=True)]
+        effect_texts = [text.of(i) if text.lines else f"effects[{i}]" for i in calls]
+        lines = [
+            f"kernel_{i}({effect_text}, {names})"
+            for i, effect_text in zip(calls, effect_texts, strict=True)
+        ]
         return written_out(
             f"effects, {names}", [*text.lines, *lines, "return None"], calls, **text.names
         )

@@ -5,8 +5,8 @@ implicitly: within the stage an effect solves it at each node for the node's acc
 its derivative to the node's block.
 
 Such an effect is a NamedTuple with a field `memory`, rows by columns, one column per node of the
-rope (0: the lower end) and a spare one. It registers `remembering(Type, k)`: k numbers are carried
-over. Their rows are
+rope (0: the lower end) and a spare one. It calls
+`declare_internal_variables(Type, k)`: k numbers are carried over. Their rows are
 
     0 ... k-1       current values, at the end of the last accepted substep
     k ... 2k-1      at the end of the stage that `settle` was last called for
@@ -48,43 +48,43 @@ from rope_twin.core.loads.hooks import (
 )
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
-_REMEMBERED: dict[type, int] = {}
-_CARRIED: dict[type, tuple[str, ...]] = {}
+_VARIABLE_COUNTS: dict[type, int] = {}
+_CARRIED_ARRAYS: dict[type, tuple[str, ...]] = {}
 
 
-def remembering(effect: type, count: int, *arrays: str) -> None:
+def declare_internal_variables(effect: type, count: int, *arrays: str) -> None:
     """Declare that an effect carries `count` internal variables per node.
 
     arrays: further fields whose numbers change from step to step.
 
     Raises:
-        ValueError: it has no memory, or was declared already.
+        ValueError: it has no field `memory`, or was declared before.
     """
     if "memory" not in getattr(effect, "_fields", ()):
         raise ValueError(f"{effect.__name__} has no field 'memory' for its internal variables")
-    if effect in _REMEMBERED:
+    if effect in _VARIABLE_COUNTS:
         raise ValueError(f"{effect.__name__} has declared its internal variables already")
-    _REMEMBERED[effect] = count
-    _CARRIED[effect] = arrays
+    _VARIABLE_COUNTS[effect] = count
+    _CARRIED_ARRAYS[effect] = arrays
 
 
 def arrays_carried(kind: type) -> tuple[str, ...]:
     """Return the fields besides `memory` whose numbers change from step to step."""
-    return _CARRIED.get(kind, ())
+    return _CARRIED_ARRAYS.get(kind, ())
 
 
 def remembers(kinds: Iterable[type]) -> bool:
     """Return whether one of these types of effects has internal variables."""
-    return any(kind in _REMEMBERED for kind in kinds)
+    return any(kind in _VARIABLE_COUNTS for kind in kinds)
 
 
 # Whether one of these effects has internal variables.
-has_memories = chosen_by(remembers, lambda effects: True, lambda effects: False)
+has_internal_variables = chosen_by(remembers, lambda effects: True, lambda effects: False)
 
 
 def numbers_carried(kind: type) -> int:
     """Return the number of internal variables per node of an effect of this type; 0: none."""
-    return _REMEMBERED.get(kind, 0)
+    return _VARIABLE_COUNTS.get(kind, 0)
 
 
 def new_memory(count: int, own_rows: int, room: int) -> Any:
@@ -97,10 +97,10 @@ def count_known(effect: Any) -> int:
 
     These are all nodes except a hang-off.
     """
-    return int(effect.memory[3 * _REMEMBERED[type(effect)], -1])
+    return int(effect.memory[3 * _VARIABLE_COUNTS[type(effect)], -1])
 
 
-def forget_memories(effects: Any) -> None:
+def reset_internal_variables(effects: Any) -> None:
     """Set internal variables to zero for a static solution.
 
     They would grow without bound in its long steps.
@@ -112,17 +112,17 @@ def forget_memories(effects: Any) -> None:
 @jit
 def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
     """Interpolate the values to the present nodes, if these have changed since the last call."""
-    last = memory.shape[1] - 1
-    old = int(memory[3 * k, last])
-    if n == old:
+    last_column = memory.shape[1] - 1
+    previous_count = int(memory[3 * k, last_column])
+    if n == previous_count:
         return
-    if old == 0:  # static solution, before time 0: zeros
+    if previous_count == 0:  # static solution, before time 0: zeros
         _mark(memory, state, k, n)
         return
     marks, j = memory[3 * k], 0
     for i in range(n):
         s = state.s[i]
-        while j < old - 2 and marks[j + 1] <= s:
+        while j < previous_count - 2 and marks[j + 1] <= s:
             j += 1
         fraction = min(max((s - marks[j]) / (marks[j + 1] - marks[j]), 0.0), 1.0)
         for r in range(k):
@@ -150,13 +150,17 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 
 def _with_variables(effects: Any) -> list[tuple[Any, int]]:
     """Return the effects with internal variables, each with their number (plain Python)."""
-    return [(own, _REMEMBERED[type(own)]) for own in effects if type(own) in _REMEMBERED]
+    return [
+        (effect, _VARIABLE_COUNTS[type(effect)])
+        for effect in effects
+        if type(effect) in _VARIABLE_COUNTS
+    ]
 
 
 def counts_carried(effects: Any) -> dict[int, int]:
     """Return the number of internal variables of effects that have them, by index (numba types)."""
     kinds = [effect.instance_class for effect in effects]
-    return {i: _REMEMBERED[kind] for i, kind in enumerate(kinds) if kind in _REMEMBERED}
+    return {i: _VARIABLE_COUNTS[kind] for i, kind in enumerate(kinds) if kind in _VARIABLE_COUNTS}
 
 
 def _for_each(
@@ -168,8 +172,8 @@ def _for_each(
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
     if "stage" in head and counts:
         growth, line = Growth(effects), line.replace("effects[#]", "{own}")
-        own = [line.replace("{own}", growth.of(i)).replace("#", str(i)) for i in counts]
-        lines, names = [*growth.lines, *own], names | growth.names
+        calls_text = [line.replace("{own}", growth.of(i)).replace("#", str(i)) for i in counts]
+        lines, names = [*growth.lines, *calls_text], names | growth.names
     else:
         lines = [line.replace("#", str(i)) for i in counts]
     return written_out(head, [*lines, f"return {result}"], calls, **names)
@@ -201,7 +205,7 @@ def _compose_begin(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
 
 # Predict internal variables at the beginning of a stage, for the nodes low <= i < high. Position,
 # velocity and water are predicted already.
-predict_memories = calls_of("predict", "rope, stage, kind, low, high", growth=True)
+predict_internal_variables = calls_of("predict", "rope, stage, kind, low, high", growth=True)
 # Prepare the law of the lowest element for a stage, before its elements are evaluated.
 prepare_axial = calls_of("prepare", "rope, stage, kind")
 
@@ -215,7 +219,7 @@ def _complete(rope: Rope, stage: Stage, pending: float) -> float:
     return 0.0
 
 
-def settle_memories(
+def update_internal_variables(
     effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
 ) -> Any:
     """Update internal variables after a converged stage; return the pending correction.
@@ -228,7 +232,7 @@ def settle_memories(
     return pending
 
 
-@overload(settle_memories, jit_options=LINKED, strict=False)
+@overload(update_internal_variables, jit_options=LINKED, strict=False)
 def _compose_settle(
     effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
 ) -> Any:
@@ -257,6 +261,6 @@ def _copies(source: int, target: int) -> Any:
 
 # Save the values at the start of a step, when its first substep is accepted; accept those of a
 # substep; restore those at the start, after a failed step.
-keep_memories = _copies(0, 2)
-accept_memories = _copies(1, 0)
-return_memories = _copies(2, 0)
+save_internal_variables = _copies(0, 2)
+accept_internal_variables = _copies(1, 0)
+restore_internal_variables = _copies(2, 0)
