@@ -109,8 +109,8 @@ def require(module: str, why: str, extra: str, name: str = "") -> None:
 def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Return the nearest known word as a question, or the list of known words."""
     options = sorted(known)
-    for one in options:
-        if one.casefold() == str(word).casefold():
-            return f"did you mean '{one}'?"
+    for option in options:
+        if option.casefold() == str(word).casefold():
+            return f"did you mean '{option}'?"
     near = difflib.get_close_matches(str(word), options, n=1, cutoff=0.5)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(options)}"

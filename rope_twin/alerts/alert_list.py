@@ -137,7 +137,7 @@ class AlertList:
         """Take the situations of this time; return the alerts that have changed."""
         self.now_ns = now_ns
         before = dict(self._alerts)
-        present = {(one.identifier, one.where): one for one in situations}
+        present = {(situation.identifier, situation.where): situation for situation in situations}
         for key, one in present.items():
             self._alerts[key] = self._raised(key, one)
         for key, alert in self._alerts.items():
@@ -201,14 +201,16 @@ class AlertList:
         The mark stays with it while others of the same cause follow, until nothing waits.
         """
         waiting = [
-            key for key, one in self._alerts.items() if one.waits and not one.shelved(self.now_ns)
+            key
+            for key, alert in self._alerts.items()
+            if alert.waits and not alert.shelved(self.now_ns)
         ]
         marked = next((key for key in waiting if self._alerts[key].first_out), None)
         if marked is None and waiting:
             marked = min(waiting, key=lambda key: self._alerts[key].since_ns)
-        for key, one in self._alerts.items():
-            if one.first_out is not (key == marked):
-                self._alerts[key] = replace(one, first_out=key == marked)
+        for key, alert in self._alerts.items():
+            if alert.first_out is not (key == marked):
+                self._alerts[key] = replace(alert, first_out=key == marked)
 
     def listed(self) -> list[Alert]:
         """Return the alerts to show, those that want attention first.
@@ -218,14 +220,14 @@ class AlertList:
         each group the newest first. Shelved ones are not among them.
         """
         shown = [
-            one for one in self._alerts.values()
-            if one.state is not State.NORMAL and not one.shelved(self.now_ns)
+            alert for alert in self._alerts.values()
+            if alert.state is not State.NORMAL and not alert.shelved(self.now_ns)
         ]  # fmt: skip
         return sorted(shown, key=lambda one: (_group(one), -one.since_ns, one.identifier))
 
     def shelved(self) -> list[Alert]:
         """Return the shelved alerts, by the end of their time."""
-        found = (one for one in self._alerts.values() if one.shelved(self.now_ns))
+        found = (alert for alert in self._alerts.values() if alert.shelved(self.now_ns))
         return sorted(found, key=lambda one: one.shelved_until_ns)
 
     # -- what a crew does ------------------------------------------------------------------------
@@ -271,8 +273,8 @@ class AlertList:
         return f"alert {key} shelved for {seconds:g} s" if seconds else f"alert {key} listed again"
 
     def _find(self, key: str) -> tuple[int, str]:
-        for at, one in self._alerts.items():
-            if one.key == key:
+        for at, alert in self._alerts.items():
+            if alert.key == key:
                 return at
         known = ", ".join(one.key for one in self.listed()) or "none is listed"
         raise InputError("alert", f"there is no '{key}'", f"listed: {known}")

@@ -200,7 +200,7 @@ class SceneFigures:
     def __init__(self, scene: Scene) -> None:
         rules = LoadRules(scene)
         self.limits = scene.limits
-        self.payloads = tuple(one.name for one in scene.payloads)
+        self.payloads = tuple(payload.name for payload in scene.payloads)
         self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
         self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
         self.crew = CrewLimits(scene_limits(scene), impossible_limits(scene))
@@ -289,7 +289,7 @@ class LimitWatch:
             if in_force[limit] != self._broken[limit, where].allowed:
                 del self._broken[limit, where]
         if least_n is not None:
-            names = [one.name for one in shot.ropes] or [one.name for one in shot.strength]
+            names = [rope.name for rope in shot.ropes] or [one.name for one in shot.strength]
             for name, low_n in zip(names, lowest_n(shot), strict=False):
                 if low_n < least_n:
                     self._break(shot.time_s, "min_tension_n", name, (low_n, least_n))

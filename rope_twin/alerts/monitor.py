@@ -74,30 +74,30 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
     cautions: set[tuple[str, int]] = set()
     standing: dict[str, None] = {}
     for now_ns, alerts in lists:
-        for one in alerts:
-            at = one.key, one.since_ns
-            if one.standing(now_ns):
-                standing[one.key] = None
-            if one.priority is Priority.CAUTION:
+        for alert in alerts:
+            at = alert.key, alert.since_ns
+            if alert.standing(now_ns):
+                standing[alert.key] = None
+            if alert.priority is Priority.CAUTION:
                 cautions.add(at)
                 continue
             known = begun.get(at)
             if known is None:
-                known = Coming(one.key, one.name, one.priority, one.since_ns, one.text)
+                known = Coming(alert.key, alert.name, alert.priority, alert.since_ns, alert.text)
             after = known.acknowledged_after_s
-            if after is None and not one.waits:
-                after = (one.changed_ns - one.since_ns) / SECOND
-            highest = max(known.priority, one.priority)
-            begun[at] = Coming(one.key, one.name, highest, one.since_ns, known.text, after)
+            if after is None and not alert.waits:
+                after = (alert.changed_ns - alert.since_ns) / SECOND
+            highest = max(known.priority, alert.priority)
+            begun[at] = Coming(alert.key, alert.name, highest, alert.since_ns, known.text, after)
     comings = tuple(sorted(begun.values(), key=lambda one: (one.at_ns, one.key)))
     return AlertRates(
         duration_s=end_ns / SECOND,
         comings=comings,
         cautions=len(cautions),
-        most_in_window=_most([one.at_ns for one in comings], WINDOW_NS),
+        most_in_window=_most([coming.at_ns for coming in comings], WINDOW_NS),
         standing=tuple(standing),
         chattering=_chattering(comings),
-        by_name=dict(Counter(one.name for one in comings).most_common()),
+        by_name=dict(Counter(coming.name for coming in comings).most_common()),
     )
 
 
@@ -114,8 +114,8 @@ def _most(times_ns: list[int], window_ns: int) -> int:
 def _chattering(comings: tuple[Coming, ...]) -> tuple[str, ...]:
     """Return the keys of alerts that come again and again."""
     times: dict[str, list[int]] = {}
-    for one in comings:
-        times.setdefault(one.key, []).append(one.at_ns)
+    for coming in comings:
+        times.setdefault(coming.key, []).append(coming.at_ns)
     return tuple(key for key, some in times.items() if _most(some, CHATTER_NS) >= CHATTER)
 
 

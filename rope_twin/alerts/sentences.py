@@ -70,7 +70,7 @@ def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
         alerts: those that are not normal.
         sequence: number of the group, 0 to 99.
     """
-    shown = [one for one in alerts if one.state is not State.NORMAL]
+    shown = [alert for alert in alerts if alert.state is not State.NORMAL]
     groups = [shown[k : k + _ALC_ENTRIES] for k in range(0, len(shown), _ALC_ENTRIES)] or [[]]
     for number, some in enumerate(groups, start=1):
         entries = "".join(

@@ -112,7 +112,7 @@ def _residual(at: Moment) -> Iterator[Measure]:
 
 def _drum(at: Moment) -> Iterator[Measure]:
     """Find a drum that is nearly empty, and one whose rope changes its layer soon."""
-    lengths = [at.shot.line_out_m, *(one.line_out_m for one in at.shot.ropes[1:])]
+    lengths = [at.shot.line_out_m, *(rope.line_out_m for rope in at.shot.ropes[1:])]
     for number, line_out_m in enumerate(lengths):
         store = at.scene.stores.get(number)
         if store is None:
@@ -135,12 +135,14 @@ def _stroke(at: Moment) -> Iterator[Measure]:
 
 def _apart(at: Moment) -> Iterator[Measure]:
     """Find measured values that lie apart from the computed ones."""
-    for one in at.shot.residuals:
-        if disagrees(one):
-            label = one.quantity.rpartition("_")[0].replace("_", " ")
-            text = f"{label} of '{one.name}': measured {one.measured:.6g}, "
-            text += f"computed {one.computed:.6g}; {one.outside or 0.0:.0%} of a minute apart"
-            yield present(f"{one.name} {one.quantity}", WARNING, text)
+    for residual in at.shot.residuals:
+        if disagrees(residual):
+            label = residual.quantity.rpartition("_")[0].replace("_", " ")
+            text = f"{label} of '{residual.name}': measured {residual.measured:.6g}, "
+            text += (
+                f"computed {residual.computed:.6g}; {residual.outside or 0.0:.0%} of a minute apart"
+            )
+            yield present(f"{residual.name} {residual.quantity}", WARNING, text)
 
 
 def _touchdown(at: Moment) -> Iterator[Measure]:
@@ -190,9 +192,9 @@ def _quality(at: Moment) -> Iterator[Measure]:
 
 def _stopped(at: Moment) -> Iterator[Measure]:
     """Find winches in emergency stop."""
-    for one in at.shot.winches:
-        if one.mode == EMERGENCY_STOP:
-            yield present(one.name, WARNING, f"'{one.name}' is in emergency stop")
+    for winch in at.shot.winches:
+        if winch.mode == EMERGENCY_STOP:
+            yield present(winch.name, WARNING, f"'{winch.name}' is in emergency stop")
 
 
 def _cut(at: Moment) -> Iterator[Measure]:
@@ -378,7 +380,7 @@ class Watch:
         """Return the share of LIMIT_WINDOW_NS that the winch was at one of its limits."""
         past_ns = 0 if self._seen_ns is None else shot.stamp_ns - self._seen_ns
         self._seen_ns = shot.stamp_ns
-        stopped = any(one.mode == EMERGENCY_STOP for one in shot.winches)  # an alert of its own
+        stopped = any(winch.mode == EMERGENCY_STOP for winch in shot.winches)  # an alert of its own
         if shot.winch_at_limit and past_ns > 0 and not stopped:
             self._limited.append((shot.stamp_ns, past_ns))
         while self._limited and self._limited[0][0] <= shot.stamp_ns - LIMIT_WINDOW_NS:

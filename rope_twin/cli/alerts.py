@@ -102,7 +102,7 @@ def read_rates(bag: Path) -> AlertRates:
 
 
 def _figures(bag: Path, found: AlertRates) -> dict[str, Any]:
-    rows = [asdict(one) | {"priority": one.priority.name.lower()} for one in found.comings]
+    rows = [asdict(coming) | {"priority": coming.priority.name.lower()} for coming in found.comings]
     return {
         "bag": bag,
         "duration_s": found.duration_s,
@@ -120,12 +120,12 @@ def _figures(bag: Path, found: AlertRates) -> dict[str, Any]:
 
 def _report(bag: Path, found: AlertRates) -> None:
     print(f"{bag}: {found.duration_s:.0f} s")
-    for one in found.comings:
-        waited = one.acknowledged_after_s
+    for coming in found.comings:
+        waited = coming.acknowledged_after_s
         after = "" if waited is None else f"; acknowledged after {waited:.0f} s"
         print(
-            f"  {one.at_ns * 1e-9:9.1f} s  {one.priority.name.lower():<9} {one.key:<9} "
-            f"{one.text}{after}"
+            f"  {coming.at_ns * 1e-9:9.1f} s  {coming.priority.name.lower():<9} {coming.key:<9} "
+            f"{coming.text}{after}"
         )
     print(
         f"{len(found.comings)} alarms and warnings, {found.per_window:.1f} in 10 min "

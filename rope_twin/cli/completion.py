@@ -52,7 +52,7 @@ def _commands(
     nested: list[Command] = []
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            abouts = {one.dest: one.help or "" for one in action._choices_actions}
+            abouts = {choice.dest: choice.help or "" for choice in action._choices_actions}
             for name, child in action.choices.items():
                 nested += _commands(child, (*path, name), abouts[name])
         if action.option_strings:
@@ -65,15 +65,17 @@ def _commands(
 
 def _bash(commands: list[Command]) -> str:
     cases = []
-    for one in commands:
-        names = [name for option in one.options for name in option.option_strings]
-        cases.append(f'        "{" ".join(one.path)}") words="{" ".join([*one.words, *names])}" ;;')
-        for option in one.options:
+    for command in commands:
+        names = [name for option in command.options for name in option.option_strings]
+        cases.append(
+            f'        "{" ".join(command.path)}") words="{" ".join([*command.words, *names])}" ;;'
+        )
+        for option in command.options:
             if option.nargs != 0:  # it takes a value: one of its choices, or perhaps a file
-                key = " ".join((*one.path, option.option_strings[-1]))
+                key = " ".join((*command.path, option.option_strings[-1]))
                 choices = " ".join(str(choice) for choice in option.choices or ())
                 cases.append(f'        "{key}") words="{choices}" ;;')
-    actions = {one.path[0] for one in commands if len(one.path) == 2}
+    actions = {command.path[0] for command in commands if len(command.path) == 2}
     return "\n".join(
         (
             "# completion of rope_twin for bash",
@@ -107,18 +109,21 @@ def _zsh(commands: list[Command]) -> str:
 
 def _fish(commands: list[Command]) -> str:
     lines = ["# completion of rope_twin for fish"]
-    for one in commands:
-        within = [f"__fish_seen_subcommand_from {word}" for word in one.path]
+    for command in commands:
+        within = [f"__fish_seen_subcommand_from {word}" for word in command.path]
         here = "; and ".join(within) or "__fish_use_subcommand"
-        nested = [other for other in commands if other.path[:-1] == one.path and other.path]
+        nested = [other for other in commands if other.path[:-1] == command.path and other.path]
         names = " ".join(other.path[-1] for other in nested)
         first = f"{here}; and not __fish_seen_subcommand_from {names}" if within else here
         for other in nested:
             about = _quoted(other.about)
             lines.append(f"complete -c rope_twin -n '{first}' -fa {other.path[-1]} -d {about}")
-        if one.words and not nested:
-            lines.append(f"complete -c rope_twin -n '{here}' -a {_quoted(' '.join(one.words))}")
-        lines += [f"complete -c rope_twin -n '{here}' {_fish_option(own)}" for own in one.options]
+        if command.words and not nested:
+            lines.append(f"complete -c rope_twin -n '{here}' -a {_quoted(' '.join(command.words))}")
+        lines += [
+            f"complete -c rope_twin -n '{here}' {_fish_option(option)}"
+            for option in command.options
+        ]
     return "\n".join(lines)
 
 

@@ -105,14 +105,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run all checks and print them; NEGATIVE if one is ERROR."""
     checks = list(check_all())
-    failed = any(one.level == ERROR for one in checks)
+    failed = any(check.level == ERROR for check in checks)
     if args.json:
-        print_json({"ok": not failed, "checks": [asdict(one) for one in checks]})
+        print_json({"ok": not failed, "checks": [asdict(check) for check in checks]})
     else:
-        for one in checks:
-            print(f"{one.level:5}  {one.name:14}  {one.found}")
-            if one.remedy:
-                print(f"{'':23}remedy: {one.remedy}")
+        for check in checks:
+            print(f"{check.level:5}  {check.name:14}  {check.found}")
+            if check.remedy:
+                print(f"{'':23}remedy: {check.remedy}")
     return ExitCode.NEGATIVE if failed else ExitCode.OK
 
 
@@ -246,7 +246,7 @@ def check_cache() -> Check:
     home = os.environ.get("ROPE_TWIN_CACHE") or os.environ.get("XDG_CACHE_HOME")
     folder = Path(home or Path.home() / ".cache") / "rope_twin"
     if not folder.exists():
-        above = next(one for one in folder.parents if one.exists())
+        above = next(parent for parent in folder.parents if parent.exists())
         free = os.access(above, os.W_OK)
         found = f"{folder}, created by the first run" if free else f"{above} is not writable"
         return _judged("compile cache", free, found, _CACHE_REMEDY)

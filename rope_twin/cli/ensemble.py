@@ -267,6 +267,8 @@ def _grid(result: StudyResult) -> list[str]:
 
 def _failures(result: StudyResult) -> list[str]:
     """Return the first few members that stopped early, and how many more."""
-    said = [f"member {k}: {one.failure}" for k, one in enumerate(result.figures) if one.failure]
+    said = [
+        f"member {k}: {figure.failure}" for k, figure in enumerate(result.figures) if figure.failure
+    ]
     more = len(said) - FAILURES_SHOWN
     return said[:FAILURES_SHOWN] + ([f"and {more} more members, see --out"] if more > 0 else [])

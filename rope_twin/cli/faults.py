@@ -111,18 +111,20 @@ def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
     drops = sound_run(scene, 3600.0 * hours, report)
     progress.finish()
     if as_json:
-        rows = [asdict(one) for one in drops]
+        rows = [asdict(drop) for drop in drops]
         print_json({"scene": scene.name, "hours": hours, "drops": len(rows), "findings": rows})
     else:
-        for one in drops:
-            print(f"{one.at_s:10.1f} s  {one.element} falls to {one.index:.2f} by {one.reason}")
+        for drop in drops:
+            print(f"{drop.at_s:10.1f} s  {drop.element} falls to {drop.index:.2f} by {drop.reason}")
         print(f"{len(drops)} false drops of the quality index in {hours:g} h")
     return ExitCode.OK if len(drops) <= max(1.0, hours / 10.0) else ExitCode.NEGATIVE
 
 
 def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:
-    rows = [{**asdict(one), "met": one.met, "dropped": one.dropped} for one in findings]
-    missed = sum(not one.met for one in findings)
+    rows = [
+        {**asdict(finding), "met": finding.met, "dropped": finding.dropped} for finding in findings
+    ]
+    missed = sum(not finding.met for finding in findings)
     seen, dropped = _drops(findings)
     counts = {"runs": len(rows), "missed": missed, "detectable": seen, "quality_dropped": dropped}
     return {"scene": scene, **counts, "findings": rows}
@@ -130,7 +132,7 @@ def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:
 
 def _drops(findings: list[Finding]) -> tuple[int, int]:
     """Return how many faults can be detected, and for how many of them the index fell in time."""
-    seen = [one for one in findings if not one.hidden]
+    seen = [finding for finding in findings if not finding.hidden]
     return len(seen), sum(one.dropped for one in seen)
 
 
@@ -140,17 +142,18 @@ def _as_text(findings: list[Finding]) -> str:
         f"{'off, OK':>8} {'quality':>8}"
     )
     lines = [head]
-    for one in sorted(findings, key=lambda one: (one.met, bool(one.hidden))):
-        flagged = "never" if one.flagged_after_s is None else f"{one.flagged_after_s:.2f} s"
-        fell = "never" if one.quality_after_s is None else f"{one.quality_after_s:.2f} s"
-        verdict = "" if one.met else "  MISSED" if one.survived else "  ABORTED"
+    for finding in sorted(findings, key=lambda finding: (finding.met, bool(finding.hidden))):
+        flagged = "never" if finding.flagged_after_s is None else f"{finding.flagged_after_s:.2f} s"
+        fell = "never" if finding.quality_after_s is None else f"{finding.quality_after_s:.2f} s"
+        verdict = "" if finding.met else "  MISSED" if finding.survived else "  ABORTED"
         lines.append(
-            f"{one.input:22} {one.fault:44} {flagged:>8} {one.level:6} {one.worst_error_pct:9.1f} "
-            f"{one.worst_error_pct_while_ok:10.1f} {one.off_while_ok_s:6.2f} s {fell:>8}"
-            + (f"  undetectable: {one.hidden}" if one.hidden else "") + verdict
+            f"{finding.input:22} {finding.fault:44} {flagged:>8} {finding.level:6} "
+            f"{finding.worst_error_pct:9.1f} "
+            f"{finding.worst_error_pct_while_ok:10.1f} {finding.off_while_ok_s:6.2f} s {fell:>8}"
+            + (f"  undetectable: {finding.hidden}" if finding.hidden else "") + verdict
         )  # fmt: skip
-    hidden = sum(bool(one.hidden) for one in findings)
-    missed = sum(not one.met for one in findings)
+    hidden = sum(bool(finding.hidden) for finding in findings)
+    missed = sum(not finding.met for finding in findings)
     lines.append(
         f"{len(findings)} runs: {missed} with an error above {OFF_PCT:g} % of the standard "
         f"deviation for longer than {PATIENCE_S:g} s without a flag, or aborted; {hidden} "

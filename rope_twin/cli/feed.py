@@ -148,16 +148,20 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: Lin
         for source in sources.values():
             source.close()
         stop.restore()
-    figures = {name: _figures(one, last.get(name)) for name, one in instruments.items()}
+    figures = {
+        name: _figures(instrument, last.get(name)) for name, instrument in instruments.items()
+    }
     if args.json:
         print_json({"feeds": figures})
-    for name, one in instruments.items():
+    for name, instrument in instruments.items():
         if not args.json:
-            print(f"{name}: {_counts(one)}", file=sys.stderr)
+            print(f"{name}: {_counts(instrument)}", file=sys.stderr)
         if fault := sources[name].fault:
             print(phrase(feeds[name].source, fault, "check the connection"), file=sys.stderr)
     return (
-        ExitCode.OK if all(one.counts.accepted for one in instruments.values()) else ExitCode.ERROR
+        ExitCode.OK
+        if all(instrument.counts.accepted for instrument in instruments.values())
+        else ExitCode.ERROR
     )
 
 

@@ -50,16 +50,16 @@ def _describe(args: argparse.Namespace) -> int:
     content = read_content(args.bag)
     if args.json:
         sessions = [
-            _session_figures(one.session) | {"slots_with_inputs": len(one.entries)}
-            for one in content.sessions
+            _session_figures(session.session) | {"slots_with_inputs": len(session.entries)}
+            for session in content.sessions
         ]
         print_json({"bag": args.bag, "sessions": sessions, "notes": content.notes})
         return ExitCode.OK
     print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
-    for one in content.sessions:
-        for name, words in _session_rows(one.session):
+    for session in content.sessions:
+        for name, words in _session_rows(session.session):
             print(f"  {name:12} {words}")
-        print(f"  {'inputs':12} in {len(one.entries)} slots")
+        print(f"  {'inputs':12} in {len(session.entries)} slots")
     for note in content.notes:
         print(f"  note: {note}")
     return ExitCode.OK

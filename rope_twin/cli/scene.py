@@ -125,7 +125,7 @@ def _list(args: argparse.Namespace) -> int:
     names = scene_names()
     if args.json:
         scenes = [load_scene(name) for name in names]
-        rows = [{"name": one.name, "about": one.about, "path": one.path} for one in scenes]
+        rows = [{"name": scene.name, "about": scene.about, "path": scene.path} for scene in scenes]
         print_json({"scenes": rows})
         return ExitCode.OK
     width = max((len(name) for name in names), default=0)
@@ -191,12 +191,12 @@ def _check(args: argparse.Namespace) -> int:
     pressed = [
         phrase(
             "effects bending",
-            f"in static equilibrium, {compressed_words(one.compressed_m, name)}",
+            f"in static equilibrium, {compressed_words(bend.compressed_m, name)}",
             "give it tension, or take it from a beam analysis",
         )
-        for one in resting.bends
-        for name in [one.now.name if len(resting.bends) > 1 else ""]
-        if one.compressed_m > 0.0
+        for bend in resting.bends
+        for name in [bend.now.name if len(resting.bends) > 1 else ""]
+        if bend.compressed_m > 0.0
     ]
     warnings, broken = _warnings(scene) + pressed, resting.breaches
     if args.json:

@@ -183,7 +183,7 @@ def _work_for(goal_pct: float, known: list[tuple[float, float]]) -> float:
 def _nearest_step(step_s: float, times: float) -> float:
     """Return the time step, a fraction of a cycle, nearest to `step_s` over `times`."""
     steps = [step_s, *(SLOT_S / count for count in IN_SLOT if SLOT_S / count < step_s)]
-    return min(steps, key=lambda one: abs(math.log(step_s / times / one)))
+    return min(steps, key=lambda step: abs(math.log(step_s / times / step)))
 
 
 def _next(setting: Setting, pct: float, most: int) -> tuple[Setting, float]:

@@ -97,6 +97,6 @@ def _show(found: Sensitivity) -> None:
     for output, (low, middle, high) in found.spread.items():
         own = OUTPUTS[output]
         values = (found.case.nominal[output], low, middle, high)
-        plan, *shares = (f"{own.scale * one:.4g} {own.unit}".strip() for one in values)
+        plan, *shares = (f"{own.scale * value:.4g} {own.unit}".strip() for value in values)
         print("\n{}: {} by the plan; P10 {}, P50 {}, P90 {}".format(own.words, plan, *shares))
         print_table(table_rows(found, output))

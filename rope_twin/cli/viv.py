@@ -87,16 +87,16 @@ def run(args: argparse.Namespace) -> int:
     scene = load_scene(args.scene)
     assess = _time_domain if args.time_domain else _frequency_domain
     lines = list(assess(args, scene, curve))
-    files = [path for one in lines for path in one.files]
+    files = [path for line in lines for path in line.files]
     if args.json:
-        rows = [{"line": one.name, **one.figures} for one in lines]
+        rows = [{"line": line.name, **line.figures} for line in lines]
         figures = {"lines": rows} if is_joined(scene) else lines[0].figures
         print_json({"scene": scene.name, **figures, "files": [str(path) for path in files]})
         return ExitCode.OK
-    for one in lines:
+    for line in lines:
         if is_joined(scene):
-            print(f"{one.name}, places below its upper end:")
-        one.show()
+            print(f"{line.name}, places below its upper end:")
+        line.show()
     if not args.time_domain and (model := shedding_model(scene)):
         print(f"(frequency-domain modes; for the scene's own {model}: --time-domain)")
     for path in files:

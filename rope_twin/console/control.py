@@ -386,10 +386,10 @@ class Desk:
         ):
             return
         self._repeated_s = now_s
-        for winch, own in self._set_points.items():
+        for winch, set_point in self._set_points.items():
             if self._mode(winch).startswith(f"{winch}: emergency stop"):
-                own.stop()
-            self._commander.send(winch, own.command)
+                set_point.stop()
+            self._commander.send(winch, set_point.command)
 
     def _commands(self, winch: str) -> bool:
         """Return whether the twin has this console in command of a winch."""

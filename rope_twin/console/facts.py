@@ -178,7 +178,7 @@ class SeaLimits:
             "other_scene": scene is not None and scene != chart.scene,
             "percentile": chart.percentile,
             "sea": None if sea is None else {**asdict(sea), "at_s": None, "age_s": age_s},
-            "rows": [self._row(name, own) for name, own in chart.phases.items()],
+            "rows": [self._row(name, phase) for name, phase in chart.phases.items()],
         }
 
     def _row(self, name: str, own: PhaseChart) -> Values:

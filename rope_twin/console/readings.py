@@ -305,7 +305,7 @@ def _diagnostics(message: Any) -> Values:
     rows = {}
     for row in message.status:
         level = row.level[0] if isinstance(row.level, bytes) else int(row.level) & 0xFF
-        values = {str(one.key): str(one.value) for one in row.values}
+        values = {str(value.key): str(value.value) for value in row.values}
         rows[f"diagnostics {row.name}"] = {
             "level": level, "message": str(row.message), "values": values,
         }  # fmt: skip

@@ -99,26 +99,29 @@ class Log:
 
     def state(self) -> Values:
         """Return casts and newest markers for the pages; times of the open cast by the second."""
-        casts = [asdict(one) for one in self.casts]
-        for one in casts:
-            one["from_s"], one["to_s"] = round(one["from_s"]), round(one["to_s"])
-        return {"casts": casts, "markers": [asdict(one) for one in self.markers[-SHOWN_MARKERS:]]}
+        casts = [asdict(cast) for cast in self.casts]
+        for cast in casts:
+            cast["from_s"], cast["to_s"] = round(cast["from_s"]), round(cast["to_s"])
+        return {
+            "casts": casts,
+            "markers": [asdict(marker) for marker in self.markers[-SHOWN_MARKERS:]],
+        }
 
     def casts_csv(self) -> str:
         """Return all casts as CSV, rope by rope."""
         extremes = list(Extremes.__dataclass_fields__)
         rows = [
-            [one.number, one.from_s, one.to_s, self._rope(number)]
+            [cast.number, cast.from_s, cast.to_s, self._rope(number)]
             + [getattr(rope, name) for name in extremes]
-            for one in self.casts
-            for number, rope in enumerate(one.ropes)
+            for cast in self.casts
+            for number, rope in enumerate(cast.ropes)
         ]
         return _csv(["number", "from_s", "to_s", "rope", *extremes], rows)
 
     def markers_csv(self) -> str:
         """Return all markers as CSV."""
         names = list(Marker.__dataclass_fields__)
-        return _csv(names, [[getattr(one, name) for name in names] for one in self.markers])
+        return _csv(names, [[getattr(marker, name) for name in names] for marker in self.markers])
 
     def trend_csv(self) -> str:
         """Return the rows of the last minute as CSV, rope by rope."""

@@ -457,17 +457,17 @@ class TerminalConsole(App[None]):
 
     def _alerts(self) -> Text:
         rows = alert_rows(self.pages.readings.values)
-        self._sound([one.priority for one in rows if one.sounds])
+        self._sound([row.priority for row in rows if row.sounds])
         text = Text.assemble((f"Alerts ({len(rows)})", "bold"))
         alarm, warning = self._styles.limit, self._styles.measured
         colours = {"emergency": alarm, "alarm": alarm, "warning": warning}
-        for one in rows:
-            colour = colours.get(one.priority, self._styles.axis)
-            style = f"{colour} reverse" if one.state == "unacknowledged" else colour
-            mark = f"{_STATES.get(one.state, ' ')}{one.priority.upper()}"
+        for row in rows:
+            colour = colours.get(row.priority, self._styles.axis)
+            style = f"{colour} reverse" if row.state == "unacknowledged" else colour
+            mark = f"{_STATES.get(row.state, ' ')}{row.priority.upper()}"
             text.append("\n")
             text.append(mark, style)
-            text.append(f" {one.title}: {one.text}")
+            text.append(f" {row.title}: {row.text}")
         if not rows:
             text.append("\nNo alert", "dim")
         return text
@@ -483,12 +483,12 @@ class TerminalConsole(App[None]):
             self.bell()
 
     def _table(self, rows: Sequence[Figure], ages: dict[str, float]) -> Text:
-        text, width = Text(no_wrap=True), max((len(one.label) for one in rows), default=0)
-        for one in rows:
-            age, old = self._age(one.topic, ages)
-            style = "dim" if old else self._styles.limit if one.warns else "bold"
-            value = f"{one.text} {one.unit}".rstrip() + (f" ({age} old)" if old else "")
-            text.append(f"{one.label:<{width}} ").append(value, style).append("\n")
+        text, width = Text(no_wrap=True), max((len(row.label) for row in rows), default=0)
+        for row in rows:
+            age, old = self._age(row.topic, ages)
+            style = "dim" if old else self._styles.limit if row.warns else "bold"
+            value = f"{row.text} {row.unit}".rstrip() + (f" ({age} old)" if old else "")
+            text.append(f"{row.label:<{width}} ").append(value, style).append("\n")
         text.rstrip()
         return text
 

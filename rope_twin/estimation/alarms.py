@@ -383,9 +383,9 @@ class FaultWatch:
         """Give new samples to the rules on stuck sensors."""
         lift = self._lift
         heard = []
-        for own in lift.ropes:
-            counter = own.counter if np.isfinite(own.counter.newest_s) else own.line_out
-            heard += [own.tension, counter]
+        for rope in lift.ropes:
+            counter = rope.counter if np.isfinite(rope.counter.newest_s) else rope.line_out
+            heard += [rope.tension, counter]
         heard.insert(1, lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave)
         for k, series in enumerate(heard):
             table = series.table

@@ -173,14 +173,14 @@ class FaultLanes:
             SolverError: the rope without a fault cannot be stepped up to the onset.
         """
         total = round((end_s - begin_s) / MEAN_S)
-        starts = [round((one - begin_s) / MEAN_S) for one in onsets_s]
-        starts = [min(max(one, 0), total - 1) for one in starts]
+        starts = [round((onset - begin_s) / MEAN_S) for onset in onsets_s]
+        starts = [min(max(start, 0), total - 1) for start in starts]
         first = min(starts)
         first_s = begin_s + MEAN_S * first
         if first > 0:
             state = self._model.state_at(theta, state, begin_s, first_s)
         self._fleet.restore(replace(state, time_ns=round(first_s * 1e9)))
-        starts_in = [one - first for one in starts]
+        starts_in = [start - first for start in starts]
         tensions, lines = self._step(theta, state, starts_in, first_s, total - first)
         changes = np.zeros((total, len(tensions), len(self.pairs)))
         for p, (pin, tension) in enumerate(zip(self._model.pins, tensions, strict=True)):

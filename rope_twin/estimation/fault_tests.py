@@ -176,8 +176,8 @@ class LostPayload:
         n = len(self._samples)
         if n < LEAST_MEANS:
             return None
-        measured = sum(one[1] for one in self._samples) / n
-        predicted = sum(one[2] for one in self._samples) / n
+        measured = sum(sample[1] for sample in self._samples) / n
+        predicted = sum(sample[2] for sample in self._samples) / n
         limit_n = rope_n + 0.5 * payload_n
         if measured < min(limit_n, predicted - 0.25 * payload_n):
             if self._begun_s is None:
@@ -256,11 +256,13 @@ class FaultTests:
             InputError: a signature names a figure that there is not, or gives nothing.
         """
         self.signatures = tuple(signatures)
-        self._directions = np.array([_along(one, names) for one in signatures]).reshape(
+        self._directions = np.array([_along(signature, names) for signature in signatures]).reshape(
             len(self.signatures), len(names)
         )
-        self._ramps = np.array([one.ramp_n_per_s for one in signatures], dtype=np.float64)
-        self._ramping = np.array([one.pin for one in signatures], dtype=np.int64)
+        self._ramps = np.array(
+            [signature.ramp_n_per_s for signature in signatures], dtype=np.float64
+        )
+        self._ramping = np.array([signature.pin for signature in signatures], dtype=np.int64)
         self._white: Floats = np.atleast_1d(np.square(white_n))
         self.pins = len(self._white)
         self._colour = np.reshape(autocovariance, (self.pins, self.pins, -1))
@@ -377,13 +379,13 @@ class FaultTests:
     def suspicions(self) -> list[Suspicion]:
         """Return each cause with its most likely onset, the most likely cause first."""
         ratio, found = self.ratios(), []
-        for cause, one in enumerate(self.signatures):
+        for cause, signature in enumerate(self.signatures):
             onset = int(ratio[:, cause].argmax()) if len(ratio) else 0
             if ratio[onset, cause] <= 0.0:
                 continue
             onset_s = self.begin_s + self.interval_s * float(self._onset[onset])
             size = float(self._product[onset, cause] / self._power[onset, cause])
-            found.append(Suspicion(one.cause, float(ratio[onset, cause]), onset_s, size))
+            found.append(Suspicion(signature.cause, float(ratio[onset, cause]), onset_s, size))
         return sorted(found, key=lambda one: -one.ratio)
 
     def detectable(self, onset_s: float, threshold: float, share: float) -> Floats:

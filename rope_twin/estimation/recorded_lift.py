@@ -94,16 +94,16 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
     for taken_over in found(INPUT_LOG_TOPIC, _applied):
         applied |= taken_over
     for stamp_s, rows in found(WINCH_MEASURED, rope_values):
-        for one in rows:
-            tension, line_out = measured.setdefault(one.name, (Series(1), Series(1)))
-            tension.add(stamp_s, one.tension_n)
-            line_out.add(stamp_s, one.line_out_m)
+        for row in rows:
+            tension, line_out = measured.setdefault(row.name, (Series(1), Series(1)))
+            tension.add(stamp_s, row.tension_n)
+            line_out.add(stamp_s, row.line_out_m)
     for topic, series in ((HEAVE, heave), (HANG_OFF, hang_off)):
         for stamp_s, moved in found(topic, vertical_motion):
             series.add(stamp_s, *moved)
     for stamp_s, rows in found(LENGTH, rope_values):
-        for one in rows:
-            lengths.setdefault(one.name, Series(1)).add(stamp_s, one.line_out_m)
+        for row in rows:
+            lengths.setdefault(row.name, Series(1)).add(stamp_s, row.line_out_m)
     rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
     if scene is None and session is not None:
         scene = session.scene()
@@ -177,7 +177,7 @@ def _applied(topic: str, data: bytes) -> dict[str, float]:
         calls = calls_of(decode_json(topic, data).get("calls", []))
     except ValueError as error:
         raise InputError(INPUT_LOG_TOPIC, str(error), "give the bag as recorded") from error
-    given = (one.named for one in calls if one.method == "offer_figures")
+    given = (call.named for call in calls if call.method == "offer_figures")
     return {
         name: float(value)
         for named in given

@@ -70,9 +70,9 @@ def lci90(channel: str = "") -> Parser:
         text = clean(line)
         starts = list(_RD.finditer(text))[-_MOST_STARTS:]
         refused: Refusal | None = None
-        for one in reversed(starts):
+        for start in reversed(starts):
             try:
-                best = _rd(text[one.start() :], one[1] or "")
+                best = _rd(text[start.start() :], start[1] or "")
             except Refusal as refusal:
                 refused = refused or refusal
             else:
@@ -123,7 +123,7 @@ def wir(checksum: str) -> Parser:
             raise Refusal(INCOMPLETE, f"{len(fields)} fields in WIR")
         archived = not _FLAGS.fullmatch(fields[6]) and bool(_FLAGS.fullmatch(fields[8].strip()))
         place, flags = (6, fields[7:]) if archived else (8, fields[6:8])
-        if not all(_FLAGS.fullmatch(one.strip()) for one in flags):
+        if not all(_FLAGS.fullmatch(flag.strip()) for flag in flags):
             raise Refusal(NUMBER, "warnings or alarms of WIR are not eight digits 0 or 1")
         given = fields[place].strip()
         if checksum == "sum":

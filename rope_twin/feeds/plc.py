@@ -113,7 +113,7 @@ class ModbusSource(Source):
             if reply.isError() or len(reply.registers) < count:
                 raise OSError(None, f"{table} register {first} to {first + count - 1}: {reply}")
             words |= {(table, first + k): word for k, word in enumerate(reply.registers)}
-        return [self._value(client, one, words) for one in self._registers.values()]
+        return [self._value(client, register, words) for register in self._registers.values()]
 
     def _value(self, client: Any, one: Register, words: dict[tuple[str, int], int]) -> float:
         own = [words[one.table, at] for at in range(one.address, one.end)]

@@ -66,13 +66,15 @@ class Register:
 def requests(registers: Mapping[str, Register]) -> list[tuple[str, int, int]]:
     """Return table, first address and count of the requests for all registers, as few as can be."""
     found: list[tuple[str, int, int]] = []
-    for one in sorted(registers.values(), key=lambda one: (one.table, one.address, one.end)):
+    for register in sorted(
+        registers.values(), key=lambda register: (register.table, register.address, register.end)
+    ):
         if found:
             table, first, count = found[-1]
-            if one.table == table and one.end - first <= MOST_REGISTERS:
-                found[-1] = table, first, max(count, one.end - first)
+            if register.table == table and register.end - first <= MOST_REGISTERS:
+                found[-1] = table, first, max(count, register.end - first)
                 continue
-        found.append((one.table, one.address, one.end - one.address))
+        found.append((register.table, register.address, register.end - register.address))
     return found
 
 
@@ -100,8 +102,8 @@ def line_of(values: Sequence[float | str], start: str = START) -> bytes:
     values: in the order of the map; text: why a value is missing, or is no number.
     """
     fields = [
-        one if isinstance(one, str) else f"{one:.9f}" if math.isfinite(one) else str(one)
-        for one in values
+        value if isinstance(value, str) else f"{value:.9f}" if math.isfinite(value) else str(value)
+        for value in values
     ]
     return nmea(",".join([start[1:], *fields]))
 

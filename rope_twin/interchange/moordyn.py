@@ -96,7 +96,7 @@ def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
             yield f"effect {name}: it is not exported"
     if scene.listed(WeightParams) is None:
         yield "no effect weight: MoorDyn has gravity and buoyancy in any case"
-    if scene.winch is not None or any(one.winch for one in scene.hang_offs):
+    if scene.winch is not None or any(hang_off.winch for hang_off in scene.hang_offs):
         yield "winches: lines have constant lengths"
     if scene.sea_state.moves:
         yield "motion of the ship: the program that calls MoorDyn moves the coupled points"
@@ -289,7 +289,7 @@ class _Reader:
         self._loads.check(own.name for own in deck.types)
         self._left_out = list(deck.unread)
         self._types = {own.name: own for own in deck.types}
-        self._points = {own.number: own for own in deck.points}
+        self._points = {point.number: point for point in deck.points}
         self._options: dict[str, float] = {}
         self._read_options()
         self._hang_offs = self._find_hang_offs()
@@ -335,9 +335,9 @@ class _Reader:
 
     def _find_hang_offs(self) -> dict[int, str]:
         """Return names of the points where ropes leave the ship."""
-        coupled = [own.number for own in self._deck.points if own.kind == COUPLED]
+        coupled = [point.number for point in self._deck.points if point.kind == COUPLED]
         if not coupled:
-            fixed = [own for own in self._deck.points if own.kind == FIXED]
+            fixed = [point for point in self._deck.points if point.kind == FIXED]
             if not fixed:
                 return {}
             top = max(fixed, key=lambda own: own.at_m[2])
@@ -350,8 +350,8 @@ class _Reader:
     def _upper_and_lower(self, line: Line) -> tuple[int, int] | None:
         """Return the ends of a line from its upper one; None if it has no equal."""
         ends = [self._points[line.end_a], self._points[line.end_b]]
-        on_ship = [own for own in ends if own.number in self._hang_offs]
-        held = [own for own in ends if own.kind == FIXED and own not in on_ship]
+        on_ship = [end for end in ends if end.number in self._hang_offs]
+        held = [end for end in ends if end.kind == FIXED and end not in on_ship]
         if len(on_ship) == 2 or len(held) == 2:
             said = f"line {line.number}: both its ends are held, and none is a free point"
             self._left_out.append(said)
@@ -359,9 +359,9 @@ class _Reader:
         if on_ship:
             upper = on_ship[0]
         elif held:
-            upper = next(own for own in ends if own not in held)
+            upper = next(end for end in ends if end not in held)
         else:
-            upper = max(ends, key=lambda own: own.at_m[2])
+            upper = max(ends, key=lambda end: end.at_m[2])
         lower = ends[0] if upper is ends[1] else ends[1]
         return upper.number, lower.number
 

@@ -264,12 +264,12 @@ def _check_names(
     if not lines:
         raise InputError(str(path), "it has no lines", "give one or more")
     for words, names in (("line type", [own.name for own in types]),
-                         ("point", [own.number for own in points]),
+                         ("point", [point.number for point in points]),
                          ("line", [own.number for own in lines])):  # fmt: skip
         double = next((name for name in names if list(names).count(name) > 1), None)
         if double is not None:
             raise InputError(str(path), f"{words} {double} is double", "rename one")
-    known, numbers = {own.name for own in types}, {own.number for own in points}
+    known, numbers = {own.name for own in types}, {point.number for point in points}
     for line in lines:
         where = f"{path}, line {line.number} of LINES"
         if line.type_name not in known:

@@ -129,7 +129,7 @@ class _Model:
             raise InputError(str(self._path), problem, "give a model with such a line")
         ropes.sort(key=lambda rope: rope["from"] != WINCH)
         used = {rope.get("to") for rope in ropes} | {rope["from"] for rope in ropes}
-        payloads = [self._payload(own) for name, own in self._buoys.items() if name in used]
+        payloads = [self._payload(buoy) for name, buoy in self._buoys.items() if name in used]
         scene: Keys = {"about": self._path.stem, "source": f"OrcaFlex model {self._path.name}"}
         scene["ropes"] = ropes
         if payloads or self._ends:

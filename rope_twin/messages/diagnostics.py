@@ -104,7 +104,9 @@ class BreachWords:
         """Return a sentence for each limit that was not yet violated at an earlier call."""
         if len(snapshot.breaches) == len(self._said):
             return []
-        fresh = [one for one in snapshot.breaches if (one.limit, one.where) not in self._said]
+        fresh = [
+            breach for breach in snapshot.breaches if (breach.limit, breach.where) not in self._said
+        ]
         self._said |= {(one.limit, one.where) for one in fresh}
         return [f"limit violated: {breach_words(one)}" for one in fresh]
 

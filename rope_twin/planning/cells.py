@@ -88,7 +88,7 @@ class PhaseWork:
     @property
     def static_use(self) -> float:
         """Return the largest use of a limit by the static hook load, in flat water."""
-        hook = [one.most for one in self.limits if one.quantity == "hook_load"]
+        hook = [limit.most for limit in self.limits if limit.quantity == "hook_load"]
         return max((self.static_hook_n / most for most in hook), default=0.0)
 
     @property

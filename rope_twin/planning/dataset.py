@@ -85,8 +85,8 @@ def plan_dataset(result: PlanResult) -> Dataset:
         "comment": "Loads are characteristic values at the limiting height, with the interval of "
         "their estimate; limits are operational limits, before any alpha factor.",
     }
-    units = {one.key: unit_of(SUFFIXES[QUANTITIES[one.quantity].unit])
-             for work in result.works for one in work.limits}  # fmt: skip
+    units = {limit.key: unit_of(SUFFIXES[QUANTITIES[limit.quantity].unit])
+             for work in result.works for limit in work.limits}  # fmt: skip
     coordinates = {
         "phase": ("phase", [work.title for work in result.works], {"long_name": "phase"}),
         "tp_s": ("tp_s", list(plan.sea.tp_s), {
@@ -118,7 +118,7 @@ def write_netcdf(result: PlanResult, path: Path) -> None:
 
 
 def _criteria(result: PlanResult) -> list[str]:
-    return list(dict.fromkeys(one.key for work in result.works for one in work.limits))
+    return list(dict.fromkeys(limit.key for work in result.works for limit in work.limits))
 
 
 Named = Iterator[tuple[str, tuple[Any, ...]]]
@@ -215,8 +215,8 @@ def _phases(result: PlanResult) -> Named:
         ("payload_submerged_n", "submerged weight of the payload", [w.weight_n for w in works]),
     ):
         yield name, ("phase", values, _attributes(name, words))
-    limits = [{one.key: one.most for one in work.limits} for work in result.works]
-    table = [[own.get(key, math.nan) for key in keys] for own in limits]
+    limits = [{limit.key: limit.most for limit in work.limits} for work in result.works]
+    table = [[limit.get(key, math.nan) for key in keys] for limit in limits]
     words = "limit of each criterion, in its `criterion_unit`; NaN: none"
     yield "criterion_limit", (("phase", "criterion"), table, {"long_name": words})
 

@@ -226,17 +226,17 @@ def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
 
 def _rope_limits(criteria: Criteria, ropes: Sequence[RopeAtRest]) -> Iterator[Limit]:
     """Yield the criteria of each of several ropes; those from the ship are held by a crane."""
-    for one in ropes:
-        load, loss = f"rope_load[{one.name}]", f"rope_loss[{one.name}]"
-        if criteria.swl_n is not None and one.from_ship:
-            yield Limit(f"swl_n[{one.name}]", load, criteria.swl_n, f"SWL {one.name}")
+    for rope in ropes:
+        load, loss = f"rope_load[{rope.name}]", f"rope_loss[{rope.name}]"
+        if criteria.swl_n is not None and rope.from_ship:
+            yield Limit(f"swl_n[{rope.name}]", load, criteria.swl_n, f"SWL {rope.name}")
         if criteria.safety_factor is not None:
-            most = one.breaking_load_n / criteria.safety_factor
-            words = f"MBL/{criteria.safety_factor:g} {one.name}"
-            yield Limit(f"safety_factor[{one.name}]", load, most, words)
-        if criteria.uplift_share is not None and one.lower_n > 0.0:
-            words = f"slack {one.name}"
-            yield Limit(f"uplift_share[{one.name}]", loss, criteria.uplift_share, words)
+            most = rope.breaking_load_n / criteria.safety_factor
+            words = f"MBL/{criteria.safety_factor:g} {rope.name}"
+            yield Limit(f"safety_factor[{rope.name}]", load, most, words)
+        if criteria.uplift_share is not None and rope.lower_n > 0.0:
+            words = f"slack {rope.name}"
+            yield Limit(f"uplift_share[{rope.name}]", loss, criteria.uplift_share, words)
 
 
 def plain_name(name: str) -> str:
@@ -300,7 +300,7 @@ class Judgement:
         """Return the largest use; infinite if the sea could not be run."""
         if self.fault or self.failures:
             return math.inf
-        return max((one.value for one in self.uses.values()), default=0.0)
+        return max((use.value for use in self.uses.values()), default=0.0)
 
     @property
     def passed(self) -> bool:
@@ -312,15 +312,15 @@ class Judgement:
         """Return whether the intervals leave no doubt about it."""
         if not math.isfinite(self.use):
             return True
-        above = any(one.low > 1.0 for one in self.uses.values())
-        return above or all(one.high <= 1.0 for one in self.uses.values())
+        above = any(use.low > 1.0 for use in self.uses.values())
+        return above or all(use.high <= 1.0 for use in self.uses.values())
 
     def narrow(self, within: float) -> bool:
         """Return whether the values that count are known to ± this share of them.
 
         They are the hook load, the governing one, and each whose interval contains its limit.
         """
-        count = [one for one in self.uses.values() if one.low <= 1.0 < one.high]
+        count = [use for use in self.uses.values() if use.low <= 1.0 < use.high]
         count += [self.uses[self.governing]] if self.uses else []
         count += [self.values["hook_load"]] if "hook_load" in self.values else []
         return all(one.half_width <= within for one in count)
@@ -337,11 +337,11 @@ def judge(
         if len(sample) >= LEAST_SEEDS:
             values[name] = characteristic_maximum(sample, method.percentile, method.confidence)
     uses = {
-        one.key: values[one.quantity].scaled(1.0 / one.most)
-        for one in limits
-        if one.quantity in values and one.most > 0.0
+        limit.key: values[limit.quantity].scaled(1.0 / limit.most)
+        for limit in limits
+        if limit.quantity in values and limit.most > 0.0
     }
-    beyond = next((one for one in limits if one.most <= 0.0), None)
+    beyond = next((limit for limit in limits if limit.most <= 0.0), None)
     fault = f"{beyond.key} is out of reach at rest" if beyond is not None else ""
     seed, leg = _governing_run(limits, uses, rows, weight_n)
     return Judgement(
@@ -365,7 +365,7 @@ def _governing_run(
     if not uses or not good:
         return -1, 0
     key = max(uses, key=lambda name: uses[name].value)
-    quantity = next(one.quantity for one in limits if one.key == key)
+    quantity = next(limit.quantity for limit in limits if limit.key == key)
     worst = max(good, key=lambda row: samples_of([row], weight_n)[quantity][0])
     return int(worst["seed"]), int(worst["leg"])
 
@@ -384,4 +384,4 @@ def simplified_uses(limits: Sequence[Limit], found: Sequence[Simplified], weight
         "stroke": max(one.tip_m for one in found),
         "stroke_speed": max(one.tip_m_per_s for one in found),
     }
-    return {one.key: values[one.quantity] / one.most for one in limits if one.most > 0.0}
+    return {limit.key: values[limit.quantity] / limit.most for limit in limits if limit.most > 0.0}

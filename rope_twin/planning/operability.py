@@ -235,7 +235,7 @@ def table_rows(found: Operability) -> list[list[str]]:
     for own in (*found.months, found.whole):
         shares = (own.within_limit, own.within_forecast, own.possible_starts)
         times = (*own.wait.percentiles_s, *own.duration.percentiles_s)
-        rows.append([own.name, *(f"{100.0 * one:.1f} %" for one in shares),
+        rows.append([own.name, *(f"{100.0 * share:.1f} %" for share in shares),
                      *(hours_text(one) for one in times)])  # fmt: skip
     return rows
 

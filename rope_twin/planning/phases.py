@@ -190,7 +190,7 @@ def _lift_off(plan: Plan, scene: Scene, settled_s: float, own: LiftOff) -> Leg:
         CommandSample(round(settled_s * 1e9), WinchCommand(SPEED, -speed)),
     )
     fixed = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=()))
-    effects = tuple(fixed if one is body else one for one in scene.effects)
+    effects = tuple(fixed if effect is body else effect for effect in scene.effects)
     figures, middle = lift_figures(scene), height + 0.5 * body.size_m[2]
     return Leg(
         number=0,
@@ -212,7 +212,7 @@ def _lift_off(plan: Plan, scene: Scene, settled_s: float, own: LiftOff) -> Leg:
 def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
     """Return the leg of a scene as it is."""
     shot, at = Twin(scene).snapshot(), places(scene)
-    by_name = {one.name: one for one in shot.ropes}
+    by_name = {rope.name: rope for rope in shot.ropes}
     ropes = tuple(
         RopeAtRest(
             name=line.name,
@@ -234,7 +234,9 @@ def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
         from_m=depth,
         to_m=depth,
         speed_m_per_s=0.0,
-        static_hook_n=max([shot.tension_top_n, *(one.upper_n for one in ropes if one.from_ship)]),
+        static_hook_n=max(
+            [shot.tension_top_n, *(rope.upper_n for rope in ropes if rope.from_ship)]
+        ),
         payload_n=shot.tension_payload_n,
         by_twin=True,
         ropes=ropes,

@@ -157,7 +157,7 @@ def limits_figure(result: PlanResult) -> Any:
     for axes, work in zip(panels, result.works, strict=True):
         cells = result.of_phase(work.title)
         for number, heading in enumerate(result.plan.sea.headings_deg):
-            own = [one for one in cells if one.heading_deg == heading]
+            own = [cell for cell in cells if cell.heading_deg == heading]
             _draw_limit(axes, own, number, f"{heading:g}°")
         axes.set_title(work.title, fontsize=10)
         axes.set_xlabel("Tp [s]")
@@ -182,19 +182,19 @@ def _panels(count: int, each: float) -> tuple[Any, list[Any]]:
 
 
 def _draw_limit(axes: Any, cells: Sequence[CellLimit], number: int, label: str) -> None:
-    periods = [one.period_s for one in cells]
+    periods = [cell.period_s for cell in cells]
     colour, style = f"C{number}", STYLES[number % len(STYLES)]
-    heights = [one.height_m or 0.0 for one in cells]
+    heights = [cell.height_m or 0.0 for cell in cells]
     axes.plot(periods, heights, f"o{style}", color=colour, markersize=4, label=label)
-    capped = [(one.period_s, one.height_m or 0.0) for one in cells if one.capped]
+    capped = [(cell.period_s, cell.height_m or 0.0) for cell in cells if cell.capped]
     if capped:
         axes.plot(*zip(*capped, strict=True), "^", color=colour, markersize=8)
-    low, high = [one.low_m for one in cells], [one.high_m for one in cells]
+    low, high = [cell.low_m for cell in cells], [cell.high_m for cell in cells]
     axes.fill_between(periods, low, high, color=colour, alpha=0.2, linewidth=0.0)
-    simple = [one.simplified_height_m or 0.0 for one in cells]
+    simple = [cell.simplified_height_m or 0.0 for cell in cells]
     axes.plot(periods, simple, color=colour, linewidth=0.7)
     ends = [
-        (one.period_s, one.simplified_height_m or 0.0) for one in cells if one.simplified_capped
+        (cell.period_s, cell.simplified_height_m or 0.0) for cell in cells if cell.simplified_capped
     ]
     if ends:
         axes.plot(
@@ -216,7 +216,7 @@ def contour_figure(result: PlanResult) -> Any:
     if len(sea.tp_s) < 2 or len(headings) < 2:
         return None
     figure, panels = _panels(len(result.works), 2.8)
-    top = math.ceil(2.0 * max(one.height_m or 0.0 for one in result.cells)) / 2.0
+    top = math.ceil(2.0 * max(cell.height_m or 0.0 for cell in result.cells)) / 2.0
     levels = np.linspace(0.0, max(top, 0.5), 13)
     for axes, work in zip(panels, result.works, strict=True):
         cells = result.by_sea(work.title)

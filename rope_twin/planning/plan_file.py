@@ -138,7 +138,7 @@ class SeaGrid:
         for name, values in (("tp_s", self.tp_s), ("headings_deg", self.headings_deg)):
             if not values:
                 return f"{name} is empty; give one value or more"
-            twice = next((one for one in values if values.count(one) > 1), None)
+            twice = next((value for value in values if values.count(value) > 1), None)
             if twice is not None:
                 return f"{name} has {twice:g} twice; keep one of them"
         if any(b <= a for a, b in zip(self.tp_s, self.tp_s[1:], strict=False)):
@@ -438,7 +438,7 @@ class Plan:
         if self.current is None:
             return scene
         own = self.current.towards(self.bow_of(scene))
-        others = tuple(one for one in scene.effects if not isinstance(one, CurrentParams))
+        others = tuple(effect for effect in scene.effects if not isinstance(effect, CurrentParams))
         digest = hashlib.sha256(f"{scene.digest} {own}".encode()).hexdigest()
         return replace(scene, effects=(own, *others), digest=digest)
 
@@ -457,7 +457,7 @@ class Plan:
         twice = next((name for name in names if names.count(name) > 1), "")
         if twice:
             return f"two phases are called '{twice}'; give one of them a `name`"
-        keys = [one.key for one in self.uncertainties]
+        keys = [uncertainty.key for uncertainty in self.uncertainties]
         if again := next((key for key in keys if keys.count(key) > 1), ""):
             return f"uncertainties has '{again}' twice; keep one of them"
         cells = len(self.grid)

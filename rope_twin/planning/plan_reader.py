@@ -307,19 +307,19 @@ def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
 def _uncertainty_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     """Yield every uncertain number that cannot be changed, or not to the ends of its range."""
     files = (f"{plan.path}, ", f"{scene.path}, ", f"{plan.path}: ", f"{scene.path}: ")
-    for number, own in enumerate(plan.uncertainties):
+    for number, uncertainty in enumerate(plan.uncertainties):
         where = ("uncertainties", number, "key")
-        if own.key.startswith(CERTAIN):
-            problem = f"'{own.key}' is no property of the lift"
+        if uncertainty.key.startswith(CERTAIN):
+            problem = f"'{uncertainty.key}' is no property of the lift"
             yield where, problem, "give a key of vessel, sea, current, phases, criteria or scene"
             continue
-        if plan.current is not None and own.key.startswith(SCENE_CURRENT):
-            problem = f"'{own.key}' is replaced by the plan's `current`"
+        if plan.current is not None and uncertainty.key.startswith(SCENE_CURRENT):
+            problem = f"'{uncertainty.key}' is replaced by the plan's `current`"
             yield where, problem, "give current.speed_m_per_s or another key of it"
             continue
-        for value in own.distribution.quantile(np.array([0.0, 1.0])).tolist():
+        for value in uncertainty.distribution.quantile(np.array([0.0, 1.0])).tolist():
             try:
-                with_values(plan, scene, [own], [value])
+                with_values(plan, scene, [uncertainty], [value])
             except RopeTwinError as error:
                 sentence = str(error)
                 for file in files:

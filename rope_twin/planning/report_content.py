@@ -94,8 +94,8 @@ def write_report(result: PlanResult, folder: Path) -> list[Path]:
 def report_of(result: PlanResult) -> Report:
     """Return the content of a plan's report; governing runs are run once more."""
     # phases as in a text: `at depth`
-    works = (replace(one, title=one.title.replace("_", " ")) for one in result.works)
-    cells = (replace(one, phase=one.phase.replace("_", " ")) for one in result.cells)
+    works = (replace(work, title=work.title.replace("_", " ")) for work in result.works)
+    cells = (replace(cell, phase=cell.phase.replace("_", " ")) for cell in result.cells)
     result = replace(result, works=tuple(works), cells=tuple(cells))
     plan, scene = result.plan, result.scene
     report = Report(
@@ -213,7 +213,8 @@ def _add_basis(report: Report, result: PlanResult) -> None:
             "Data that the plan calls uncertain. The limits are those of the data above; "
             "`rope_twin sensitivity` shows which of it they depend on.",
             ("number", "distribution", "source"),
-            [(one.title, one.words, one.source) for one in plan.uncertainties], (0, 1, 2), (1, 2),
+            [(datum.title, datum.words, datum.source) for datum in plan.uncertainties],
+            (0, 1, 2), (1, 2),
         )  # fmt: skip
 
 
@@ -256,8 +257,8 @@ def _current(result: PlanResult) -> Iterator[tuple[str, str, str]]:
 
 def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:
     """Yield the payloads and ropes of a multi-line scene."""
-    for one in scene.payloads:
-        yield one.name, f"payload, {1e-3 * one.mass_kg:g} t in air", "scene"
+    for payload in scene.payloads:
+        yield payload.name, f"payload, {1e-3 * payload.mass_kg:g} t in air", "scene"
     for line in scene.ropes:
         words = f"{line.length_m:g} m, MBL {1e-3 * line.breaking_load_n:g} kN"
         yield line.name, f"from {line.from_} to {line.to or 'a fixed point'}, {words}", "scene"
@@ -377,10 +378,10 @@ def _add_limits(report: Report, result: PlanResult) -> None:
         contour_figure(result),
         "Contours of limiting Hs over peak period and heading, linear between the cells (dots).",
     )
-    for one in further_tables(result):
-        report.heading(one.title, 2)
-        text = [k for k, name in enumerate(one.rows[0]) if name in WORDS]
-        report.table(one.about, one.rows[0], one.rows[1:], text, text, True)
+    for table in further_tables(result):
+        report.heading(table.title, 2)
+        text = [k for k, name in enumerate(table.rows[0]) if name in WORDS]
+        report.table(table.about, table.rows[0], table.rows[1:], text, text, True)
 
 
 def _matrix_words(result: PlanResult, cell: CellLimit) -> str:

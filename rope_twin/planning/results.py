@@ -210,7 +210,7 @@ def _failures(result: PlanResult) -> Iterator[str]:
 def _intervals(result: PlanResult) -> Iterator[str]:
     method = result.plan.method
     wide = [
-        (max(one.half_width for one in cell.judged.uses.values()), cell)
+        (max(use.half_width for use in cell.judged.uses.values()), cell)
         for cell in result.cells
         if cell.judged is not None and cell.judged.uses and not cell.judged.narrow(method.within)
     ]
@@ -309,7 +309,7 @@ def result_object(result: PlanResult) -> dict[str, Any]:
         "phases": [
             {
                 "name": work.title,
-                "limits": {one.key: one.most for one in work.limits},
+                "limits": {limit.key: limit.most for limit in work.limits},
                 "static_hook_n": work.static_hook_n,
                 "payload_submerged_n": work.weight_n,
                 "legs": [
@@ -383,8 +383,8 @@ def _judgement_object(judged: Judgement | None) -> dict[str, Any] | None:
         "hs_m": judged.height_m,
         "seeds": judged.seeds,
         "governing_seed": judged.governing_seed,
-        "values": {name: vars(one) for name, one in judged.values.items()},
-        "uses": {name: vars(one) for name, one in judged.uses.items()},
+        "values": {name: vars(value) for name, value in judged.values.items()},
+        "uses": {name: vars(use) for name, use in judged.uses.items()},
         "slack_share": judged.slack_share,
         "failures": judged.failures,
         "fault": judged.fault,
@@ -405,7 +405,7 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
         charts[work.title] = {
             "kind": result.plan.phases[work.number].kind,
             "depth_m": [work.legs[0].from_m, work.legs[-1].to_m],
-            "limits": {one.key: one.most for one in work.limits},
+            "limits": {limit.key: limit.most for limit in work.limits},
             "limiting_hs_m": [[one.height_m for one in row] for row in rows],
             "governing": [[one.governing for one in row] for row in rows],
             "hook_load_n": [[_hook_n(one) for one in row] for row in rows],

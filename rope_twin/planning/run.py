@@ -212,7 +212,7 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
         return limit.error * max(own.elements / one.elements, one.step_s / own.step_s) ** 2
 
     chosen = next((one for one in rest if expected(one) <= method.error_within), rest[-1])
-    settings = [chosen if k == leg else one for k, one in enumerate(limit.settings)]
+    settings = [chosen if k == leg else setting for k, setting in enumerate(limit.settings)]
     try:
         return search.at_settings(settings, limit.refinements + 1)
     except RopeTwinError:

@@ -107,8 +107,8 @@ def indices(
         seed: of the bootstrap.
     """
     found = []
-    for output, own in values.items():
-        rows = _indices(method, _problem(names), samples, np.asarray(own), seed)
+    for output, value in values.items():
+        rows = _indices(method, _problem(names), samples, np.asarray(value), seed)
         made = [Index(name, output, *row) for name, row in zip(names, rows, strict=True)]
         found += sorted(
             made, key=lambda index: -index.first if method == "morris" else -index.total
@@ -164,7 +164,7 @@ class Case:
     @property
     def names(self) -> list[str]:
         """Return the names of the uncertain numbers."""
-        return [one.title for one in self.plan.uncertainties]
+        return [uncertainty.title for uncertainty in self.plan.uncertainties]
 
 
 @dataclass(frozen=True)
@@ -296,7 +296,10 @@ def run_sensitivity(
     plan, seed = case.plan, case.plan.method.seed
     unit = design(method, case.names, count, seed)
     values = np.column_stack(
-        [one.distribution.quantile(unit[:, k]) for k, one in enumerate(plan.uncertainties)]
+        [
+            uncertainty.distribution.quantile(unit[:, k])
+            for k, uncertainty in enumerate(plan.uncertainties)
+        ]
     )
     tasks = [SampleTask(case, k, tuple(row)) for k, row in enumerate(values.tolist())]
     inputs = repr((plan_stamp(plan, case.scene), case.cell, method, count, plan.uncertainties))
@@ -320,7 +323,7 @@ def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Se
         problem = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
         raise InputError(str(case.plan.path), problem, "narrow the distributions")
     columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
-    whole = {name: own for name, own in columns.items() if np.isfinite(own).all()}
+    whole = {name: column for name, column in columns.items() if np.isfinite(column).all()}
     ends = {
         name: tuple(float(one) for one in np.percentile(own, [10.0, 50.0, 90.0]))
         for name, own in whole.items()
@@ -337,17 +340,19 @@ def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Se
 
 def table_rows(found: Sensitivity, output: str = LIMIT) -> list[list[str]]:
     """Return the weights for an output as rows of text below a head."""
-    sources = {one.title: one.source for one in found.case.plan.uncertainties}
+    sources = {
+        uncertainty.title: uncertainty.source for uncertainty in found.case.plan.uncertainties
+    }
     head = ["uncertain", "μ*", "±", "σ", "source"]
     if found.method == "sobol":
         head = ["uncertain", "S1", "±", "ST", "±", "source"]
     rows, sobol = [], found.method == "sobol"
     scale = 1.0 if sobol else OUTPUTS[output].scale
-    for own in found.indices:
-        if own.output == output:
-            numbers = [scale * own.first, scale * own.first_width, scale * own.total]
-            numbers += [own.total_width] if sobol else []
-            rows.append([own.name, *(f"{one:.3g}" for one in numbers), sources[own.name]])
+    for index in found.indices:
+        if index.output == output:
+            numbers = [scale * index.first, scale * index.first_width, scale * index.total]
+            numbers += [index.total_width] if sobol else []
+            rows.append([index.name, *(f"{number:.3g}" for number in numbers), sources[index.name]])
     return [head, *rows]
 
 
@@ -363,7 +368,7 @@ def result_object(found: Sensitivity) -> dict[str, Any]:
         "nominal": {name: found.case.nominal.get(name) for name in OUTPUTS},
         "spread": {name: dict(zip(("p10", "p50", "p90"), own, strict=True))
                    for name, own in found.spread.items()},
-        "indices": [_named(own, found.method) for own in found.indices],
+        "indices": [_named(index, found.method) for index in found.indices],
     }  # fmt: skip
 
 
@@ -384,7 +389,7 @@ def panels(found: Sensitivity) -> list[Panel]:
     """
     made = []
     for output in found.spread:
-        own = [one for one in found.indices if one.output == output]
+        own = [index for index in found.indices if index.output == output]
         quantity = OUTPUTS[output]
         if found.method == "morris":
             k = quantity.scale

@@ -249,7 +249,7 @@ def vertical_stiffness_n_per_m(body: RigidBodyParams) -> float:
     """Return the stiffness of a body's slings below the hook, Σ k·cos² of their inclination."""
     if body.pinned_at_m is not None:
         return body.pin_stiffness_n_per_m
-    flat = [math.hypot(one.to_m[0], one.to_m[1]) / one.length_m for one in body.slings]
+    flat = [math.hypot(sling.to_m[0], sling.to_m[1]) / sling.length_m for sling in body.slings]
     parts = zip(body.slings, flat, strict=True)
     return sum(one.stiffness_n_per_m * max(1.0 - sin**2, 0.0) for one, sin in parts)
 

@@ -175,7 +175,7 @@ def sling_shares(slings: Slings, load_n: float) -> SlingShares:
     shifts = {(a * x, b * y, 0.0) for a, b in product((-1.0, 1.0), repeat=2)} | {(0.0, 0.0, 0.0)}
     tolerance = slings.length_tolerance_m or 0.0
     signs = product((-1.0, 1.0), repeat=slings.count) if tolerance > 0.0 else [(0.0,)]
-    errors = [tolerance * np.array(one) for one in signs]
+    errors = [tolerance * np.array(sign) for sign in signs]
     largest = nominal
     for shift, error in product(sorted(shifts), errors):
         moved = points - np.array(shift)

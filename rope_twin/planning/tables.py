@@ -122,7 +122,7 @@ def _snaps(result: PlanResult) -> Table:
     rows = [list(SNAP)]
     for work in result.works:
         hook = min(
-            (one.most for one in work.limits if one.quantity == "hook_load"), default=math.inf
+            (limit.most for limit in work.limits if limit.quantity == "hook_load"), default=math.inf
         )
         for cell in result.of_phase(work.title):
             one = cell.shown
@@ -207,7 +207,8 @@ def _lower_end_n(result: PlanResult, work: PhaseWork) -> float | None:
     judged = [cell.shown for cell in result.of_phase(work.title)]
     values = [one.values for one in judged if one is not None]
     return max(
-        (one["lower_end_load"].value for one in values if "lower_end_load" in one), default=None
+        (value["lower_end_load"].value for value in values if "lower_end_load" in value),
+        default=None,
     )
 
 
@@ -215,12 +216,12 @@ def _slings(result: PlanResult) -> Table:
     slings = result.plan.slings
     assert slings is not None
     rows = [list(SLING)]
-    for one in sling_loads(result):
+    for load in sling_loads(result):
         rows.append([
-            one["phase"], str(one["sling"]), f"{100.0 * one['share']:.1f}",
-            f"{100.0 * one['largest_share']:.1f}", f"{1e-3 * one['lower_end_n']:.0f}",
-            f"{1e-3 * one['load_n']:.1f}", f"{1e-3 * one['allowed_n']:.1f}",
-            f"{100.0 * one['utilisation']:.0f}",
+            load["phase"], str(load["sling"]), f"{100.0 * load['share']:.1f}",
+            f"{100.0 * load['largest_share']:.1f}", f"{1e-3 * load['lower_end_n']:.0f}",
+            f"{1e-3 * load['load_n']:.1f}", f"{1e-3 * load['allowed_n']:.1f}",
+            f"{100.0 * load['utilisation']:.0f}",
         ])  # fmt: skip
     own, shares = slings.factors, sling_shares(slings, result.works[0].weight_n)
     if slings.skew_load_factor is not None:

@@ -41,7 +41,7 @@ def offset_m(shot: Snapshot, from_ship: Collection[str] = ()) -> float:
 
     from_ship: names of the ropes that leave the ship in multi-line systems; their middle counts.
     """
-    tips = [one.node_position_m[0] for one in shot.ropes if one.name in from_ship]
+    tips = [rope.node_position_m[0] for rope in shot.ropes if rope.name in from_ship]
     middle = np.mean(tips, axis=0) if tips else shot.hang_off_position_m
     return float(np.hypot(*(shot.payload_position_m - middle)[:2]))
 
@@ -91,7 +91,7 @@ class TwinExtremes:
 
     def __init__(self, leg: Leg) -> None:
         self._first_s, self._ropes = leg.first_s, leg.ropes
-        self._from_ship = {one.name for one in leg.ropes if one.from_ship}
+        self._from_ship = {rope.name for rope in leg.ropes if rope.from_ship}
         self._decked = leg.deck_m is not None
         self._found = Extremes(re_hit_m_per_s=0.0 if self._decked else math.nan)
         self.aloft = False  # whether it has left the deck
@@ -105,17 +105,17 @@ class TwinExtremes:
             return
         least = min(
             [float(shot.element_tension_n.min())]
-            + [float(one.element_tension_n.min()) for one in shot.ropes]
+            + [float(rope.element_tension_n.min()) for rope in shot.ropes]
         )
-        tops = [one.tension_top_n for one in shot.ropes if one.name in self._from_ship]
+        tops = [rope.tension_top_n for rope in shot.ropes if rope.name in self._from_ship]
         top, depth_m = max([shot.tension_top_max_n, *tops]), -float(shot.payload_position_m[2])
         found = self._found
         found.take_top(top, shot.time_s, depth_m)
         found.payload_max_n = max(found.payload_max_n, shot.tension_payload_n)
-        for one in shot.ropes:
-            seen = self._by_rope.setdefault(one.name, [-math.inf, math.inf])
-            seen[0] = max(seen[0], float(one.element_tension_n.max()), one.tension_top_n)
-            seen[1] = min(seen[1], float(one.element_tension_n[-1]))
+        for rope in shot.ropes:
+            seen = self._by_rope.setdefault(rope.name, [-math.inf, math.inf])
+            seen[0] = max(seen[0], float(rope.element_tension_n.max()), rope.tension_top_n)
+            seen[1] = min(seen[1], float(rope.element_tension_n[-1]))
         if self._decked:
             self._take_deck(shot)
         if not self._decked or (self.aloft and not self.on_deck):
@@ -142,10 +142,10 @@ class TwinExtremes:
     def row(self) -> Row:
         """Return the run's results."""
         found = self._found.row()
-        for one in self._ropes:
-            high, low = self._by_rope.get(one.name, (math.nan, math.nan))
-            found[f"rope_load[{one.name}]"] = high
-            found[f"rope_loss[{one.name}]"] = 1.0 - low / one.lower_n
+        for rope in self._ropes:
+            high, low = self._by_rope.get(rope.name, (math.nan, math.nan))
+            found[f"rope_load[{rope.name}]"] = high
+            found[f"rope_loss[{rope.name}]"] = 1.0 - low / rope.lower_n
         return found
 
 
@@ -270,5 +270,5 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
         if amplitude > SMALLEST_M and 2.0 * math.pi / omega > SHORTEST_S
     )
     moved = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=heaves))
-    effects = tuple(moved if own is body else own for own in scene.effects)
+    effects = tuple(moved if effect is body else effect for effect in scene.effects)
     return replace(scene, effects=effects)

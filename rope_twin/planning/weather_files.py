@@ -319,17 +319,17 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
         words = " ".join(str(error).split())[:120] or type(error).__name__
         remedy = f"give a file of the format {reader}"
         raise InputError(where, f"it cannot be read ({words})", remedy) from None
-    if any(one.shape != stamps.shape or one.ndim != 1 for one in rows):
+    if any(row.shape != stamps.shape or row.ndim != 1 for row in rows):
         problem = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
         raise InputError(where, problem, "give a time series at one place")
     kept = np.isfinite(rows).all(axis=0)
     if kept.sum() < 2:
         raise InputError(where, "it has fewer than two spectra", "give a time series")
     order = np.argsort(stamps[kept])
-    stamps, (hs, tp, come_from) = stamps[kept][order], (one[kept][order] for one in rows)
+    stamps, (hs, tp, come_from) = stamps[kept][order], (row[kept][order] for row in rows)
     if (np.diff(stamps) <= np.timedelta64(0, "s")).any():
         raise InputError(where, "a time is double", "give each once")
-    times = [one.astype(datetime).replace(tzinfo=UTC) for one in stamps]
+    times = [stamp.astype(datetime).replace(tzinfo=UTC) for stamp in stamps]
     return _series(where, times, hs, tp, (come_from + 180.0) % 360.0)
 
 
@@ -364,7 +364,9 @@ def read_alpha(path: Path) -> AlphaTable:
     """
     where, found = str(path), dict[tuple[float, float], float]()
     comments = _comments(path)
-    source = next((one[7:].strip() for one in comments if one.lower().startswith("source:")), "")
+    source = next(
+        (comment[7:].strip() for comment in comments if comment.lower().startswith("source:")), ""
+    )
     if not source:
         remedy = "add a line `# source: ...` with the standard or forecast service"
         raise InputError(where, "it names no source", remedy)

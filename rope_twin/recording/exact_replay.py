@@ -97,10 +97,12 @@ def verify(bag: Path) -> Verification:
         RopeTwinError: its twin cannot be built here.
     """
     content = read_content(bag)
-    found = Verification(tuple(one.session for one in content.sessions))
+    found = Verification(tuple(session.session for session in content.sessions))
     found.notes += content.notes
-    for one in content.sessions:
-        found.notes += (words for words in one.session.differences() if words not in found.notes)
+    for session in content.sessions:
+        found.notes += (
+            words for words in session.session.differences() if words not in found.notes
+        )
     _compare_inputs(content, found)
     replays = {run: RunReplay(content.of(run), content.last_ns(run)) for run in content.runs}
     for message in content.messages(COMPARED):

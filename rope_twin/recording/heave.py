@@ -105,7 +105,7 @@ def _refuse_poses(bag: BagReader) -> None:
     Raises:
         BagError: the bag has poses, and no heave of the usual name.
     """
-    counts = {f"/{name.lstrip('/')}": own.messages for name, own in bag.topics.items()}
+    counts = {f"/{name.lstrip('/')}": topic.messages for name, topic in bag.topics.items()}
     heard = [name for name, count in counts.items() if count and is_topic(name, _HEAVE.name)]
     posed = [name for name, count in counts.items() if count and is_topic(name, _POSE.name)]
     if posed and not heard:

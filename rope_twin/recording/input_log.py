@@ -178,8 +178,8 @@ class MeasuredReplay:
 
     def __init__(self, measurements: list[Measurement], source: str, note: str = "") -> None:
         """Keep measurements whose stamps are in simulation time [ns]."""
-        self._measurements = sorted(measurements, key=lambda one: one.stamp_ns)
-        self._stamps = [one.stamp_ns for one in self._measurements]
+        self._measurements = sorted(measurements, key=lambda measurement: measurement.stamp_ns)
+        self._stamps = [measurement.stamp_ns for measurement in self._measurements]
         self.source, self.note = source, note
 
     def between(self, from_ns: int, to_ns: int) -> list[Measurement]:
@@ -204,7 +204,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
         remedy = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
         faults = [one for one in found if isinstance(one, str)]
         raise BagError(where, faults[0] if faults else "it has no measurements", remedy)
-    first_ns, last_ns = (pick(one.stamp_ns for one in readings) for pick in (min, max))
+    first_ns, last_ns = (pick(reading.stamp_ns for reading in readings) for pick in (min, max))
     zero_ns = begins_ns or epoch_ns or first_ns
     if last_ns < zero_ns or first_ns > zero_ns + APART_NS:
         early_s = (zero_ns - first_ns) * 1e-9
@@ -214,7 +214,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
         raise BagError(
             where, problem, "heave and measurements must be of the same time, by one clock"
         )
-    counts = Counter(one.source for one in readings)
+    counts = Counter(reading.source for reading in readings)
     parts = [counted(counts[source], group.replace("_", " ") + " reading")
              for source, group in GROUPS.items() if counts[source]]  # fmt: skip
     span = f"from {(first_ns - zero_ns) * 1e-9:.2f} to {(last_ns - zero_ns) * 1e-9:.2f} s"
@@ -222,7 +222,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     wrong = Counter(one for one in found if isinstance(one, str))
     notes = [f"{where}: {counted(count, 'message')} left out: {words}"
              for words, count in wrong.most_common(3)]  # fmt: skip
-    placed = [one._replace(stamp_ns=one.stamp_ns - zero_ns) for one in readings]
+    placed = [reading._replace(stamp_ns=reading.stamp_ns - zero_ns) for reading in readings]
     return MeasuredReplay(placed, source, " ".join(notes))
 
 
@@ -250,7 +250,7 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
 def _epoch_ns(reader: BagReader) -> int:
     """Return the ROS time of t = 0 of the run that the bag recorded; 0: none, or several."""
     found: set[int] = set()
-    for name in (one for one in reader.topics if is_topic(one, _EPOCH)):
+    for name in (topic for topic in reader.topics if is_topic(topic, _EPOCH)):
         for _, data in reader.messages(name):
             stamp: Any = decode(_EPOCH, data)
             found.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))

@@ -131,7 +131,7 @@ def rope_values(topic: str, data: bytes) -> tuple[float, list[RopeValues]]:
         return stamp_ns * 1e-9, rows
     message: Any = decode(topic, data)
     columns = [list(values) for values in (message.position, message.effort)]
-    columns = [own or [math.nan] * len(message.name) for own in columns]
+    columns = [column or [math.nan] * len(message.name) for column in columns]
     return _stamp_s(message), [
         RopeValues(str(name), float(m), float(n))
         for name, m, n in zip(message.name, *columns, strict=False)

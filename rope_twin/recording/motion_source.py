@@ -121,8 +121,8 @@ def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
     """
     if not samples:
         return None
-    heave = ((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
-    aside = [one.aside for one in samples if one.aside is not None]
+    heave = ((sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) for sample in samples)
+    aside = [sample.aside for sample in samples if sample.aside is not None]
     return HeaveSeries.of(heave, aside)
 
 

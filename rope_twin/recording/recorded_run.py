@@ -146,7 +146,7 @@ class BagContent:
     @cached_property
     def runs(self) -> list[str]:
         """Return the names of the runs, by time."""
-        return list(dict.fromkeys(one.session.run for one in self.sessions))
+        return list(dict.fromkeys(session.session.run for session in self.sessions))
 
     @cached_property
     def _begins(self) -> list[int]:
@@ -154,7 +154,7 @@ class BagContent:
 
     def of(self, run: str) -> list[RecordedSession]:
         """Return the sessions of a run, by number."""
-        return [one for one in self.sessions if one.session.run == run]
+        return [session for session in self.sessions if session.session.run == run]
 
     def run_at(self, log_ns: int) -> str | None:
         """Return the run that published at a time; None: before the first."""

@@ -75,9 +75,9 @@ class AlertOutputNode(SuiteNode):
     def _take(self, data: bytes) -> None:
         stamp_ns, now_ns, alerts = decode_alerts(data)
         before, shown = self._alerts, {}
-        for one in alerts:
-            if not one.shelved(now_ns):
-                shown[one.key] = one
+        for alert in alerts:
+            if not alert.shelved(now_ns):
+                shown[alert.key] = alert
         for key, one in shown.items():
             if key not in before or _state_of(before[key]) != _state_of(one):
                 self._send_alert(one, stamp_ns - now_ns + one.changed_ns)

@@ -168,8 +168,8 @@ class WinchCommander:
             self._queued.pop(service_name(winch, TAKE), None)
             self._call(service_name(winch, RELEASE))
         self._winches.clear()
-        for one in self._publishers.values():
-            self._node.destroy_publisher(one)
+        for publisher in self._publishers.values():
+            self._node.destroy_publisher(publisher)
         self._publishers.clear()
 
     def command_alerts(self, words: str) -> None:

@@ -93,12 +93,12 @@ class _Gathered:
 
     def __init__(self, nodes: list[Any], guard: Any, context: Any) -> None:
         held = self._held = ExitStack()
-        self._timers = _by_pointer(held, [one for node in nodes for one in node.timers])
+        self._timers = _by_pointer(held, [timer for node in nodes for timer in node.timers])
         self._subscriptions = _by_pointer(
-            held, [one for node in nodes for one in node.subscriptions]
+            held, [subscription for node in nodes for subscription in node.subscriptions]
         )
-        self._services = _by_pointer(held, [one for node in nodes for one in node.services])
-        self._clients = _by_pointer(held, [one for node in nodes for one in node.clients])
+        self._services = _by_pointer(held, [service for node in nodes for service in node.services])
+        self._clients = _by_pointer(held, [client for node in nodes for client in node.clients])
         self._guards = _by_pointer(held, [one for node in nodes for one in node.guards])
         self._guard = guard.handle
         self._waitables = [one for node in nodes for one in node.waitables]
@@ -130,14 +130,14 @@ class _Gathered:
         """Wait at most `timeout_s` for any entity (None: for ever) and return the ready ones."""
         found = self._set
         found.clear_entities()
-        for one in self._subscriptions.values():
-            found.add_subscription(one.handle)
-        for one in self._timers.values():
-            found.add_timer(one.handle)
-        for one in self._services.values():
-            found.add_service(one.handle)
-        for one in self._clients.values():
-            found.add_client(one.handle)
+        for subscription in self._subscriptions.values():
+            found.add_subscription(subscription.handle)
+        for timer in self._timers.values():
+            found.add_timer(timer.handle)
+        for service in self._services.values():
+            found.add_service(service.handle)
+        for client in self._clients.values():
+            found.add_client(client.handle)
         for one in self._guards.values():
             found.add_guard_condition(one.handle)
         found.add_guard_condition(self._guard)
@@ -162,9 +162,9 @@ class _Gathered:
 
 def _by_pointer(held: ExitStack, entities: list[Any]) -> dict[int, Any]:
     """Return the entities by the pointer that a wait set reports, each of them held."""
-    for one in entities:
-        held.enter_context(one.handle)
-    return {one.handle.pointer: one for one in entities}
+    for entity in entities:
+        held.enter_context(entity.handle)
+    return {entity.handle.pointer: entity for entity in entities}
 
 
 def _of(entities: dict[int, Any], pointers: list[int]) -> list[Any]:

@@ -155,7 +155,7 @@ class FeedNode(SuiteNode):
         stop_s = self._params.stop_after_s
         if stop_s and time.monotonic() - self._began_s > stop_s:
             return True
-        return bool(self._channels) and all(one.ended for one in self._channels)
+        return bool(self._channels) and all(channel.ended for channel in self._channels)
 
     def begin(self) -> None:
         """Open all sources.
@@ -176,30 +176,34 @@ class FeedNode(SuiteNode):
         self.every(_POLL_S, self._publish_arrived)
         self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self._began_s = time.monotonic()
-        for one in self._channels:
-            one.source.start()
+        for channel in self._channels:
+            channel.source.start()
 
     def _needs(self, topic: str) -> bool:
-        lines = any(one.settings.is_line_monitor for one in self._channels)
+        lines = any(channel.settings.is_line_monitor for channel in self._channels)
         motion = {
-            "ship/heave" if one.settings.heave_of == "crane_tip" else "ship/odometry"
-            for one in self._channels
-            if not one.settings.is_line_monitor
+            "ship/heave" if channel.settings.heave_of == "crane_tip" else "ship/odometry"
+            for channel in self._channels
+            if not channel.settings.is_line_monitor
         }
         return topic in motion or (lines and topic not in MOTION_TOPICS)
 
     def close(self) -> None:
         """Stop all sources and report; may be called twice."""
-        for one in self._channels:
-            one.close()
+        for channel in self._channels:
+            channel.close()
 
     def figures(self) -> dict[str, Any]:
         """Return the counts of all feeds for an output in JSON."""
-        return {"feeds": {one.name: one.instrument.counts.figures() for one in self._channels}}
+        return {
+            "feeds": {
+                channel.name: channel.instrument.counts.figures() for channel in self._channels
+            }
+        }
 
     def statuses(self) -> list[Status]:
         """Return a diagnostics row for each instrument."""
-        return [one.status() for one in self._channels]
+        return [channel.status() for channel in self._channels]
 
     def _publish_arrived(self) -> None:
         for channel in self._channels:

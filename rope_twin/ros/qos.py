@@ -176,7 +176,9 @@ class Senders:
     def _publishers(self, topics: Iterable[str]) -> Iterator[tuple[bytes, str]]:
         """Yield identity and node of each publisher on these topics; "": its node is not known."""
         own = self._node.get_namespace()
-        for end in (end for one in topics for end in self._node.get_publishers_info_by_topic(one)):
+        for end in (
+            end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)
+        ):
             name = "" if end.node_name == _UNKNOWN else str(end.node_name)
             if name and end.node_namespace != own:
                 name = f"{end.node_namespace.rstrip('/')}/{name}"

@@ -50,7 +50,7 @@ def solver_version(scene: Scene) -> str:
 
 def _bare_line(line: RopeLine) -> RopeLine:
     """Return the line without descriptive text."""
-    sections = tuple(replace(one, rope=_bare(one.rope)) for one in line.sections)
+    sections = tuple(replace(section, rope=_bare(section.rope)) for section in line.sections)
     rope = None if line.rope is None else _bare(line.rope)
     return replace(line, rope=rope, sections=sections)
 
@@ -86,7 +86,9 @@ class ConvergenceStudy:
     def finest(self) -> Setting:
         """Return the most elements and the shortest step of the study."""
         levels = self.own_levels
-        return Setting(max(one.elements for one in levels), min(one.step_s for one in levels))
+        return Setting(
+            max(level.elements for level in levels), min(level.step_s for level in levels)
+        )
 
     def age(self, scene: Scene) -> str:
         """Return why the study does not apply to the scene any more; "" if it does."""
@@ -105,9 +107,13 @@ class ConvergenceStudy:
         A finer setting counts as the finest; a coarser one than all has none.
         """
         levels, finest = self.own_levels, self.finest
-        counts = _around(min(elements, finest.elements), sorted({one.elements for one in levels}))
-        steps = _around(max(step_s, finest.step_s), sorted({one.step_s for one in levels}))
-        return tuple(one for one in levels if one.elements in counts and one.step_s in steps)
+        counts = _around(
+            min(elements, finest.elements), sorted({level.elements for level in levels})
+        )
+        steps = _around(max(step_s, finest.step_s), sorted({level.step_s for level in levels}))
+        return tuple(
+            level for level in levels if level.elements in counts and level.step_s in steps
+        )
 
 
 def study_path(scene: Scene) -> Path:

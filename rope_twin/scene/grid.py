@@ -313,5 +313,7 @@ def hanging_bars(
     if figures is not None:
         submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
         load = submerged * water.gravity_m_per_s2
-    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
+    along = sum(
+        effect.tangential for effect in scene.effects if isinstance(effect, AddedMassParams)
+    )
     return bars_of(line, line_out_m, load, water, along)

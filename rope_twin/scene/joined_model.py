@@ -136,7 +136,9 @@ def build_joined(scene: Scene) -> BuiltSystem:
         if line.to:
             owners.setdefault(line.to, number)
     figures, where = point_figures(scene), first_places(scene)
-    body = next((one for one in scene.payloads if one.name == body_payload(scene)), None)
+    body = next(
+        (payload for payload in scene.payloads if payload.name == body_payload(scene)), None
+    )
     if body is not None:  # its bars are at the hook
         figures[body.name] = payload_figures(body, scene.environment.water_density_kg_per_m3)
     joint_of = {name: number for number, name in enumerate(_meetings(scene))}
@@ -255,7 +257,7 @@ def _meetings(scene: Scene) -> list[str]:
     barred = {name for strut in scene.struts for name in strut.between}
     touching = scene.listed(PayloadContactParams)
     barred |= {body.name for body in touching.bodies} if touching is not None else set()
-    return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
+    return [point.name for point in points if ends.count(point.name) > 1 or point.name in barred]
 
 
 def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:

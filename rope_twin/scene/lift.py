@@ -79,7 +79,9 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
     lift = density * figures.volume_m3 * g
     hook = body.hook_mass_kg * (1.0 - density / STEEL) * g if body else 0.0
     wet = figures.mass_kg * g - lift + hook
-    surfacing = next((own for own in scene.effects if isinstance(own, SplashZoneParams)), None)
+    surfacing = next(
+        (effect for effect in scene.effects if isinstance(effect, SplashZoneParams)), None
+    )
     if surfacing is None:
         return HungLoad(wet)
     top = scene.ship.hang_off_m[2] - (_below_hook_m(body) if body else 0.0)
@@ -91,8 +93,8 @@ def _below_hook_m(body: RigidBodyParams) -> float:
     if body.pinned_at_m is not None:
         return body.pinned_at_m[2]
     drops = [
-        one.to_m[2] + sqrt(max(one.length_m**2 - one.to_m[0] ** 2 - one.to_m[1] ** 2, 0.0))
-        for one in body.slings
+        sling.to_m[2] + sqrt(max(sling.length_m**2 - sling.to_m[0] ** 2 - sling.to_m[1] ** 2, 0.0))
+        for sling in body.slings
     ]
     return sum(drops) / len(drops)
 
@@ -123,7 +125,7 @@ def hung_together(scene: Scene) -> HungTogether | None:
     water = scene.environment
     density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
     loads = point_figures(scene).values()
-    weight = sum((one.mass_kg - density * one.volume_m3) * g for one in loads)
+    weight = sum((load.mass_kg - density * load.volume_m3) * g for load in loads)
     for line in scene.ropes:
         lengths = zip(line.made_of, line.lengths_m(line.length_m), strict=True)
         weight += sum(weight_n_per_m(one.rope, water) * length for one, length in lengths)
@@ -332,8 +334,8 @@ def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
     Those of a rigid body include its hook.
     """
     density = scene.environment.water_density_kg_per_m3
-    found = {one.name: payload_figures(one, density) for one in scene.payloads}
-    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
+    found = {payload.name: payload_figures(payload, density) for payload in scene.payloads}
+    found |= {joint.name: _steel(joint.mass_kg) for joint in scene.joints}
     for strut in scene.struts:
         for name in strut.between:
             found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))

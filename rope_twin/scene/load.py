@@ -282,7 +282,7 @@ def _find_tables(effect: Item, scene_file: Path) -> None:
     keys = _mapping(effect)
     also = keys["also"].value if "also" in keys else None
     systems = [keys, *(_mapping(one) for one in (also if isinstance(also, list) else ()))]
-    named = [(one, "measured", "file") for one in systems] + [(keys, "table", "path")]
+    named = [(system, "measured", "file") for system in systems] + [(keys, "table", "path")]
     for one, part, key in named:
         section = _mapping(one[part]) if part in one else {}
         item = section.get(key)
@@ -382,11 +382,12 @@ def following_measured(scene: Scene) -> Scene:
     winch = scene.winch and dataclasses.replace(scene.winch, follows=FOLLOWS_MEASURED)
     hang_offs = tuple(
         dataclasses.replace(
-            one, winch=one.winch and dataclasses.replace(one.winch, follows=FOLLOWS_MEASURED)
+            hang_off,
+            winch=hang_off.winch and dataclasses.replace(hang_off.winch, follows=FOLLOWS_MEASURED),
         )
-        for one in scene.hang_offs
+        for hang_off in scene.hang_offs
     )
-    if winch is None and not any(one.winch for one in hang_offs):
+    if winch is None and not any(hang_off.winch for hang_off in hang_offs):
         place = Place(scene.path, "winch")
         raise place.refuse("there is no winch that could follow a measured line out", "add one")
     scene = dataclasses.replace(scene, winch=winch, hang_offs=hang_offs)

@@ -124,7 +124,7 @@ def _meeting_faults(net: FlexibleNet, before: Sequence[FlexibleNet]) -> Iterator
             yield "between", problem, "give them different heights, or one net"
             continue
         for at in _heights(net) if shared else ():
-            off = min((abs(at - own), own) for own in _heights(other))
+            off = min((abs(at - height), height) for height in _heights(other))
             if SAME_M < off[0] < APART_M:
                 problem = (
                     f"on '{shared[0]}' a level at {at:g} m is close to one of '{other.name}' at "
@@ -197,7 +197,10 @@ def _shortened(scene: Scene) -> Scene:
             schedule=tuple(_less(row, reach_m) for row in winch.schedule),
         )
 
-    hang_offs = tuple(replace(one, winch=above(one.name, one.winch)) for one in scene.hang_offs)
+    hang_offs = tuple(
+        replace(hang_off, winch=above(hang_off.name, hang_off.winch))
+        for hang_off in scene.hang_offs
+    )
     return replace(scene, winch=above(WINCH, scene.winch), hang_offs=hang_offs)
 
 
@@ -240,7 +243,7 @@ def _hang(grid: _Grid, net: FlexibleNet, panels: NetCurtainParams | None) -> Non
 
 def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
     """Return the connection of a rope at this height; empty if it has none."""
-    return next((one.joint for one in levels if abs(one.height_m - height_m) < SAME_M), "")
+    return next((level.joint for level in levels if abs(level.height_m - height_m) < SAME_M), "")
 
 
 def _divided(

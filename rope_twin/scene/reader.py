@@ -369,7 +369,7 @@ def _keys_of(hint: Any) -> set[str]:
     """Return the keys of a part that is one mapping; none of other types."""
     kinds = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
     parts = (one for one in kinds if dataclasses.is_dataclass(one))
-    return {key_of(field) for one in parts for field in dataclasses.fields(one)}
+    return {key_of(field) for part in parts for field in dataclasses.fields(part)}
 
 
 def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[str, Item, Place]:

@@ -54,7 +54,7 @@ def _fields_of(cls: type) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
         if field.init and field.name not in left_out:
             hint = hints[field.name]
             if get_origin(hint) in (Union, types.UnionType):  # an optional key
-                (hint,) = (one for one in get_args(hint) if one is not type(None))
+                (hint,) = (argument for argument in get_args(hint) if argument is not type(None))
             yield field, hint
 
 
@@ -196,7 +196,7 @@ def _array(hints: tuple[Any, ...], quantity: Quantity, definitions: Schema) -> S
         return {"type": "array", "items": _value(hints[0], quantity, definitions)}
     return {
         "type": "array",
-        "prefixItems": [_value(one, quantity, definitions) for one in hints],
+        "prefixItems": [_value(hint, quantity, definitions) for hint in hints],
         "minItems": len(hints),
         "maxItems": len(hints),
     }

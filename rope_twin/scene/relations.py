@@ -313,7 +313,7 @@ def _payload_contact(scene: Scene) -> Iterator[Fault]:
         problem = "`payload_contact` acts between payloads and joints, and this scene has one"
         yield "effects", problem, "remove it, or add payloads on ropes of their own"
         return
-    names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
+    names = [*(payload.name for payload in scene.payloads), *(joint.name for joint in scene.joints)]
     for number, body in enumerate(own.bodies):
         path = f"effects.payload_contact.bodies[{number}].name"
         if body.name not in names:
@@ -393,17 +393,17 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
     """An effect at the lower end needs a payload there."""
     names = [payload.name for payload in scene.payloads]
     kinds = {NetParams: "net", FairingParams: "fairing", PayloadSheddingParams: "payload_shedding"}
-    for own in scene.effects:
-        name = kinds.get(type(own))
+    for effect in scene.effects:
+        name = kinds.get(type(effect))
         if name is None:
             continue
         if not names:
             problem = f"`{name}` is at the payload, and there is none"
             yield "effects", problem, "give the rope a payload, or remove it"
-        elif own.payload and own.payload not in names:
+        elif effect.payload and effect.payload not in names:
             problem, remedy = (
-                f"there is no payload '{own.payload}'",
-                did_you_mean(own.payload, names),
+                f"there is no payload '{effect.payload}'",
+                did_you_mean(effect.payload, names),
             )
             yield f"effects.{name}.payload", problem, remedy
 

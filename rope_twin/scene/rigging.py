@@ -49,35 +49,40 @@ def refuse_joined(scene: Scene) -> None:
 
 def places(scene: Scene) -> dict[str, Triple]:
     """Return the mean positions of the hang-offs [m], by name."""
-    return {WINCH: scene.ship.hang_off_m, **{one.name: one.at_m for one in scene.hang_offs}}
+    return {
+        WINCH: scene.ship.hang_off_m,
+        **{hang_off.name: hang_off.at_m for hang_off in scene.hang_offs},
+    }
 
 
 def winch_of(scene: Scene, line: RopeLine) -> Winch | None:
     """Return the winch that a rope comes from, or None."""
     if line.from_ == WINCH:
         return scene.winch
-    return next((one.winch for one in scene.hang_offs if one.name == line.from_), None)
+    return next(
+        (hang_off.winch for hang_off in scene.hang_offs if hang_off.name == line.from_), None
+    )
 
 
 def winches(scene: Scene) -> Iterator[tuple[str, Winch]]:
     """Yield every winch with its path in the file."""
     if scene.winch:
         yield "winch", scene.winch
-    for number, one in enumerate(scene.hang_offs):
-        if one.winch:
-            yield f"hang_offs[{number}].winch", one.winch
+    for number, hang_off in enumerate(scene.hang_offs):
+        if hang_off.winch:
+            yield f"hang_offs[{number}].winch", hang_off.winch
 
 
 def winches_by_name(scene: Scene) -> dict[str, Winch]:
     """Return every winch by the name of its hang-off."""
-    named = {WINCH: scene.winch, **{one.name: one.winch for one in scene.hang_offs}}
+    named = {WINCH: scene.winch, **{hang_off.name: hang_off.winch for hang_off in scene.hang_offs}}
     return {name: winch for name, winch in named.items() if winch}
 
 
 def meeting_points(scene: Scene) -> list[str]:
     """Return the names of payloads, joints and sheaves."""
-    names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
-    return [*names, *(one.name for one in scene.sheaves)]
+    names = [*(payload.name for payload in scene.payloads), *(joint.name for joint in scene.joints)]
+    return [*names, *(sheave.name for sheave in scene.sheaves)]
 
 
 def _given(scene: Scene) -> Iterator[Fault]:
@@ -88,11 +93,11 @@ def _given(scene: Scene) -> Iterator[Fault]:
 def _own_names(scene: Scene) -> Iterator[Fault]:
     """Payloads, joints and hang-offs have unique names."""
     groups = {
-        "payloads": [one.name for one in scene.payloads],
-        "joints": [one.name for one in scene.joints],
-        "hang_offs": [one.name for one in scene.hang_offs],
-        "struts": [one.name for one in scene.struts],
-        "sheaves": [one.name for one in scene.sheaves],
+        "payloads": [payload.name for payload in scene.payloads],
+        "joints": [joint.name for joint in scene.joints],
+        "hang_offs": [hang_off.name for hang_off in scene.hang_offs],
+        "struts": [strut.name for strut in scene.struts],
+        "sheaves": [sheave.name for sheave in scene.sheaves],
     }
     counts = Counter([WINCH, *(name for names in groups.values() for name in names)])
     for key, names in groups.items():
@@ -116,16 +121,16 @@ def _upper_ends(scene: Scene) -> Iterator[Fault]:
             yield path, f"the rope begins and ends at '{line.to}'", "let it end elsewhere"
         elif number == 0 and line.from_ != WINCH:
             remedy = "list the rope from the winch first (`from: winch`, or no `from`)"
-            if line.from_ in {one.name for one in scene.payloads}:
+            if line.from_ in {payload.name for payload in scene.payloads}:
                 remedy += "; a float's mooring goes from its anchor, ship.hang_off_m, up `to` it"
             yield path, f"the first rope comes from '{line.from_}'", remedy
         elif winch_of(scene, line) and from_winch[line.from_] > 1:
             problem = f"{from_winch[line.from_]} ropes come from the winch of '{line.from_}'"
             yield path, problem, "give each a winch of its own: add to `hang_offs`"
-    for number, one in enumerate(scene.hang_offs):
-        if not from_winch[one.name]:
-            remedy = f"give `from: {one.name}` to a rope, or remove the hang-off"
-            yield f"hang_offs[{number}]", f"no rope comes from '{one.name}'", remedy
+    for number, hang_off in enumerate(scene.hang_offs):
+        if not from_winch[hang_off.name]:
+            remedy = f"give `from: {hang_off.name}` to a rope, or remove the hang-off"
+            yield f"hang_offs[{number}]", f"no rope comes from '{hang_off.name}'", remedy
 
 
 def _lower_ends(scene: Scene) -> Iterator[Fault]:
@@ -313,7 +318,7 @@ def payload_rope(scene: Scene) -> int:
     It is the first that ends at the rigid body, else at the first payload; without any it is the
     first rope.
     """
-    name = body_payload(scene) or next((one.name for one in scene.payloads), "")
+    name = body_payload(scene) or next((payload.name for payload in scene.payloads), "")
     ends = [line.to for line in scene.ropes]
     return ends.index(name) if name in ends else 0
 
@@ -344,8 +349,8 @@ def body_holds(scene: Scene) -> Iterator[Fault]:
 
 def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]:
     """Check the effects beside a rigid body of this name, and the rope that it hangs on."""
-    others = [one.name for one in scene.payloads if one.name != name]
-    points = others + [one.name for one in scene.joints if one.mass_kg > 0.0]
+    others = [payload.name for payload in scene.payloads if payload.name != name]
+    points = others + [joint.name for joint in scene.joints if joint.mass_kg > 0.0]
     for params in scene.effects:
         at_point = OF_A_POINT.get(type(params), "")
         if at_point and not (points and isinstance(params, PayloadParams)):

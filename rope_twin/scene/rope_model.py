@@ -70,11 +70,11 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
     parts, others = list(body.parts), []
     for own in built:
         if isinstance(own, SplashZone):
-            (zone,) = (one for one in scene.effects if isinstance(one, SplashZoneParams))
+            (zone,) = (effect for effect in scene.effects if isinstance(effect, SplashZoneParams))
             parts[0] = _afloat(zone, body, scene.environment.water_density_kg_per_m3)
             continue
         if isinstance(own, Plane | Grid):
-            (params,) = (one for one in scene.effects if isinstance(one, SeabedParams))
+            (params,) = (effect for effect in scene.effects if isinstance(effect, SeabedParams))
             parts.append(_bed(own, params, body))
             if body.here:  # the rope's end carries only the hook
                 k = max(body.hook_weight, 0.0) / params.payload_penetration_m
@@ -200,7 +200,7 @@ def build_effects(
         added_mass_along=along,
         carries=scene.listed(PayloadParams) is not None,
         wets=scene.listed(WettingParams) is not None,
-        diameter=max(part.rope.diameter_m for one in scene.ropes for part in one.made_of),
+        diameter=max(part.rope.diameter_m for rope in scene.ropes for part in rope.made_of),
     )  # fmt: skip
     apart = scene.listed(RigidBodyParams) is not None
     built = []
@@ -227,8 +227,8 @@ def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | LedEnd:
     assert line.fixed_at_m is not None, "a rule of scenes"
     if motion.from_outside:
         return led_end(line.fixed_at_m, STEPS_PER_CALL + 1)
-    waves = [(*one.amplitude_m, 2.0 * pi / one.period_s, radians(one.phase_deg))
-             for one in motion.harmonics]  # fmt: skip
+    waves = [(*harmonic.amplitude_m, 2.0 * pi / harmonic.period_s, radians(harmonic.phase_deg))
+             for harmonic in motion.harmonics]  # fmt: skip
     return HarmonicEnd(np.array(line.fixed_at_m), np.array(waves, dtype=float), motion.ramp_s)
 
 

@@ -330,7 +330,7 @@ def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         return
     rows = drag.over_reynolds
     if drag.over_keulegan_carpenter is not None:
-        rows = tuple(row for own in drag.over_keulegan_carpenter.tables for row in own.rows)
+        rows = tuple(row for table in drag.over_keulegan_carpenter.tables for row in table.rows)
     factor = max((factor for _, factor in rows), default=1.0)
     yield from _coefficients("effects drag", "", factor * drag.normal, drag.tangential)
 

@@ -541,7 +541,7 @@ class Scene:
 
     def listed(self, kind: type[Params]) -> Params | None:
         """Return the parameters of an effect by their class; None if the scene does not list it."""
-        return next((own for own in self.effects if isinstance(own, kind)), None)
+        return next((effect for effect in self.effects if isinstance(effect, kind)), None)
 
 
 Rule = Callable[[Scene], Iterator[Fault]]  # yields the faults of a scene by one relation

@@ -50,8 +50,8 @@ def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
         return None
     z, tension, bars = _hanging(scene, figures)
     speed = _current(scene, z)
-    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
-    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    Ca = sum(effect.normal for effect in scene.effects if isinstance(effect, AddedMassParams))
+    EI = sum(effect.stiffness_n_m2 for effect in scene.effects if isinstance(effect, BendingParams))
     strouhal = strouhal_number(scene)
     fastest, shortest = 0.0, inf
     for u, T, bar in zip(speed, tension, bars, strict=True):
@@ -154,7 +154,7 @@ def check_vortex_resolution(scene: Scene, figures: LiftFigures) -> Iterator[str]
 
 def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check for a VIV model without flow or without force."""
-    listed = {type(own): own for own in scene.effects}
+    listed = {type(effect): effect for effect in scene.effects}
     model, sea = shedding_model(scene), scene.sea_state
     if not model:
         return
@@ -209,5 +209,5 @@ def coupled_settings(scene: Scene) -> CoupledSettings:
 
 def strouhal_number(scene: Scene) -> float:
     """Return the Strouhal number of the scene's VIV model, or the default."""
-    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    numbers = (getattr(effect, "strouhal_number", None) for effect in scene.effects)
     return next((number for number in numbers if number is not None), STROUHAL)

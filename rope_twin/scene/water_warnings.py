@@ -90,9 +90,11 @@ def _steepness(scene: Scene) -> Iterator[str]:
     waves = scene.listed(WavesParams)
     if waves is None:
         return
-    for where, own in waves.systems.items():
-        if own.regular is not None:
-            yield from _steepness_of(own.regular, f"effects {where}.regular", waves.depth_m, scene)
+    for where, system in waves.systems.items():
+        if system.regular is not None:
+            yield from _steepness_of(
+                system.regular, f"effects {where}.regular", waves.depth_m, scene
+            )
 
 
 def _steepness_of(

@@ -106,7 +106,7 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
 def _bend_order(scene: Scene) -> Iterator[Fault]:
     """Yield a drum that is not further inboard than the sheaves before it."""
     for path, winch in winches(scene):
-        ends = [one.inboard_m + one.arc_m for one in winch.inboard_sheaves]
+        ends = [sheave.inboard_m + sheave.arc_m for sheave in winch.inboard_sheaves]
         if winch.drum is not None and ends and winch.drum.inboard_m < max(ends):
             problem = (
                 f"the drum at {winch.drum.inboard_m:g} m is outboard of a sheave, which ends at "

@@ -231,7 +231,7 @@ class _DataSet:
         if sorted(own) != sorted(dimensions):
             problem = f"{name} has the dimensions {', '.join(variable.dimensions) or 'none'}"
             raise InputError(self.where, problem, f"needed are {', '.join(dimensions)}")
-        return np.transpose(numbers, [own.index(one) for one in dimensions])
+        return np.transpose(numbers, [own.index(dimension) for dimension in dimensions])
 
     def complex(self, name: str, *dimensions: str) -> Answers:
         """Return a complex variable. Raises InputError as `values`."""

@@ -341,12 +341,12 @@ def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> W
 
 def together(systems: Sequence[Waves]) -> Waves:
     """Return the components of several systems in the same water, from the longest on."""
-    order = np.argsort(np.concatenate([own.wave_number for own in systems]), kind="stable")
+    order = np.argsort(np.concatenate([system.wave_number for system in systems]), kind="stable")
     return Waves(
-        np.concatenate([own.amplitude_m for own in systems])[order],
-        np.concatenate([own.omega for own in systems])[order],
-        np.concatenate([own.wave_number for own in systems])[order],
-        np.concatenate([own.heading for own in systems])[order],
-        np.concatenate([own.phase for own in systems])[order],
+        np.concatenate([system.amplitude_m for system in systems])[order],
+        np.concatenate([system.omega for system in systems])[order],
+        np.concatenate([system.wave_number for system in systems])[order],
+        np.concatenate([system.heading for system in systems])[order],
+        np.concatenate([system.phase for system in systems])[order],
         systems[0].depth_m,
     )

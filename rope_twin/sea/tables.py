@@ -115,7 +115,7 @@ def read_grid(
 def _uneven(found: Vector, full: Vector, axes: tuple[str, str]) -> str:
     """Return in words which pair of a full grid is double or missing; both (2, rows)."""
     rows = [tuple(pair) for pair in found.T]
-    pair = next((own for k, own in enumerate(rows[1:]) if own == rows[k]), None)
+    pair = next((row for k, row in enumerate(rows[1:]) if row == rows[k]), None)
     fault = "is double" if pair else "is missing"
     if pair is None:
         given = set(rows)

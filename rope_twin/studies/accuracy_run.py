@@ -105,7 +105,7 @@ class Course:
         """Return the motion of a hang-off at this rest position: from poses with its arm, or the
         heave.
         """
-        posed = [one for one in self._samples if one.pose is not None]
+        posed = [sample for sample in self._samples if sample.pose is not None]
         if not posed or place == self.scene.ship.hang_off_m:
             return self._heave
         arm = lever_arm(self.scene, place)
@@ -463,7 +463,7 @@ def _arrays(value: Any) -> list[Any]:
     """Return all arrays in a nested tuple."""
     if isinstance(value, np.ndarray):
         return [value]
-    return [one for part in value for one in _arrays(part)] if isinstance(value, tuple) else []
+    return [array for part in value for array in _arrays(part)] if isinstance(value, tuple) else []
 
 
 def _memory_mb(value: Any) -> float:

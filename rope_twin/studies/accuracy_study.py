@@ -81,7 +81,7 @@ class Plan:
     @property
     def work(self) -> float:
         """Return nodes times steps, including the reference's coarser grids and repeated timing."""
-        settings = math.fsum(one.elements / one.step_s for one in self.settings)
+        settings = math.fsum(setting.elements / setting.step_s for setting in self.settings)
         fine = self.reference.elements / self.reference.step_s
         return self.ropes * self.seconds * (2.5 * fine + 2.5 * settings)
 
@@ -104,7 +104,7 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
 
 def dearness(scene: Scene) -> float:
     """Return the cost of a node and step relative to those of a rope without waves and vortices."""
-    components = sum(int(getattr(one, "components", 0)) for one in scene.effects)
+    components = sum(int(getattr(effect, "components", 0)) for effect in scene.effects)
     vortices = VORTICES if shedding_model(scene) else 0.0
     return 1.0 + components / COMPONENTS + vortices
 
@@ -112,7 +112,7 @@ def dearness(scene: Scene) -> float:
 def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     own = Setting(scene.ropes[0].elements, scene.time.step_s)
     h = own.step_s
-    factors = [one for one in reach.step_factors if one * h <= LONGEST_STEP_S]
+    factors = [factor for factor in reach.step_factors if factor * h <= LONGEST_STEP_S]
     look_s = _whole(math.lcm(*(round(2.0 * one) for one in factors)) * 0.5 * h)
     span = _window_s(scene, reach) if seconds is None else seconds
     span = _whole(math.floor(span / look_s + 1e-6) * look_s)
@@ -209,7 +209,7 @@ def judge(setting: Setting, runs: list[Series]) -> Reference:
     fine, n2, n4, h2, h4 = runs
     by_element = differences(n4, n2), differences(n2, fine)
     by_step = differences(h4, h2), differences(h2, fine)
-    seen = [values(one) for one in runs]
+    seen = [values(run) for run in runs]
     doubts = {}
     for name, quantity in BY_NAME.items():
         pairs = [(coarse[name], middle[name]) for coarse, middle in (by_element, by_step)]

@@ -91,7 +91,7 @@ def next_better(
 def best_bound(levels: Sequence[StudyLevel], name: str) -> float:
     """Return the smallest error of all levels; NaN if none is known."""
     bounds = [sure_bound(level, levels, name) for level in levels]
-    return min((one for one in bounds if not math.isnan(one)), default=math.nan)
+    return min((bound for bound in bounds if not math.isnan(bound)), default=math.nan)
 
 
 ENOUGH = 1000  # elements of a reference that are not doubled

@@ -99,16 +99,16 @@ def _beyond(scene: Scene) -> str:
     payload = find_payload(scene, line)
     if payload and payload_figures(payload, 1.0).differs_rising:
         return "a payload that rises by other figures than it sinks"
-    for one in scene.effects:
-        if isinstance(one, DragParams) and (
-            one.over_reynolds or one.over_keulegan_carpenter or not one.relative
+    for effect in scene.effects:
+        if isinstance(effect, DragParams) and (
+            effect.over_reynolds or effect.over_keulegan_carpenter or not effect.relative
         ):
             return "drag by a table or by the current alone"
-        if isinstance(one, AddedMassParams) and one.tangential:
+        if isinstance(effect, AddedMassParams) and effect.tangential:
             return "added mass along the rope"
-        if isinstance(one, CurrentParams) and one.over_time:
+        if isinstance(effect, CurrentParams) and effect.over_time:
             return "a current that changes in time"
-    strange = [one for one in scene.effects if not isinstance(one, KNOWN)]
+    strange = [effect for effect in scene.effects if not isinstance(effect, KNOWN)]
     return f"the effect of {type(strange[0]).__name__.removesuffix('Params')}" if strange else ""
 
 
@@ -134,7 +134,7 @@ class _Rope:
         d, gravity = rope.hydrodynamic_diameter_m, water.gravity_m_per_s2
         area = 0.25 * math.pi * d * d
         self.per_metre, self.mass = rope.mass_kg_per_m, rope.mass_kg_per_m * lump
-        has = {type(one): one for one in scene.effects}
+        has = {type(effect): effect for effect in scene.effects}
         drag, added = has.get(DragParams), has.get(AddedMassParams)
         self.added = np.zeros(count) if added is None else added.normal * density * area * lump
         self.normal = self.skin = np.zeros(count)

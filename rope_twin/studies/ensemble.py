@@ -148,12 +148,12 @@ class StudyResult:
     @property
     def failed(self) -> int:
         """Return the number of members that stopped early."""
-        return sum(bool(one.failure) for one in self.figures)
+        return sum(bool(figure.failure) for figure in self.figures)
 
     @property
     def slack(self) -> int:
         """Return the number of members with a slack line."""
-        return sum(one.slack_share > 0.0 for one in self.figures)
+        return sum(figure.slack_share > 0.0 for figure in self.figures)
 
     @property
     def overloaded(self) -> int:
@@ -164,7 +164,7 @@ class StudyResult:
     def quantiles(self, first: int = 0, count: int | None = None) -> dict[str, list[float]]:
         """Return QUANTILES of each of FIGURES over the completed members; empty: none."""
         end = None if count is None else first + count
-        whole = [one for one in self.figures[first:end] if not one.failure]
+        whole = [figure for figure in self.figures[first:end] if not figure.failure]
         if not whole:
             return {}
         return {

@@ -429,8 +429,8 @@ class HungMotion(NamedTuple):
 
 def without_body(rope: Rope) -> Rope:
     """Return a rope that carries no body."""
-    effects = (own._replace(here=0.0) if isinstance(own, RigidBody) else own
-               for own in rope.effects)  # fmt: skip
+    effects = (effect._replace(here=0.0) if isinstance(effect, RigidBody) else effect
+               for effect in rope.effects)  # fmt: skip
     return rope._replace(effects=tuple(effects))
 
 

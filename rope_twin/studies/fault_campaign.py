@@ -78,16 +78,18 @@ def motion(scene: Scene, until_s: float, posed: bool) -> list[Message]:
     """
     samples = _sea_of(scene).between(FIRST_NS, round(until_s * SECOND_NS))
     if posed:
-        poses = [one.pose or _pitched(one) for one in samples]
-        return [Message(ODOMETRY, one.stamp_ns + LATENCY_NS, one.stamp_ns, one) for one in poses]
+        poses = [sample.pose or _pitched(sample) for sample in samples]
+        return [
+            Message(ODOMETRY, pose.stamp_ns + LATENCY_NS, pose.stamp_ns, pose) for pose in poses
+        ]
     return _heaving(samples)
 
 
 def _heaving(samples: Sequence[HeaveSample]) -> list[Message]:
     return [
-        Message(HEAVE, one.stamp_ns + LATENCY_NS, one.stamp_ns,
-                (one.position_m, one.velocity_m_per_s))
-        for one in samples
+        Message(HEAVE, sample.stamp_ns + LATENCY_NS, sample.stamp_ns,
+                (sample.position_m, sample.velocity_m_per_s))
+        for sample in samples
     ]  # fmt: skip
 
 
@@ -301,7 +303,7 @@ def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
     name, (level, message) = "", (Level.OK, "")
     if first is not None:
         name, (level, message) = next(iter(raised[first].items()))
-    worst = max((one[0] for rows in raised for one in rows.values()), default=level)
+    worst = max((row[0] for rows in raised for row in rows.values()), default=level)
     finite = bool(np.isfinite(seen_n).all())
     fell = _fall(sound, faulted)
     return Finding(
@@ -338,8 +340,8 @@ def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tu
 def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
     """Return the longest uninterrupted time for which a condition holds [s]."""
     longest = begun = 0.0
-    for k, one in enumerate(holds):
-        if not one:
+    for k, hold in enumerate(holds):
+        if not hold:
             begun = 0.0
             continue
         begun = begun or float(time_s[k])

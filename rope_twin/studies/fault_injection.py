@@ -440,8 +440,8 @@ def laid_over(messages: list[Message], fault: Fault, from_ns: int, seed: int) ->
         from_ns: its beginning.
         seed: of random bytes, noise and losses.
     """
-    sound = [one for one in messages if one.stamp_ns < from_ns]
-    later = [one for one in messages if one.stamp_ns >= from_ns]
+    sound = [message for message in messages if message.stamp_ns < from_ns]
+    later = [message for message in messages if message.stamp_ns >= from_ns]
     faulted = fault.change(later, random.Random(seed))
     return sorted([*sound, *faulted], key=lambda one: one.received_ns)
 
@@ -484,21 +484,25 @@ def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) 
         seed: of the scatter.
     """
     rng, found, due_ns = random.Random(seed), list[Message](), 0
-    winch = next((one.from_ for one in scene.ropes if one.from_ in places(scene)), "")
+    winch = next((rope.from_ for rope in scene.ropes if rope.from_ in places(scene)), "")
     cell, counter = scene.measured.tension, scene.measured.line_out
     sounder = scene.measured.payload_depth
-    for one in truths:
-        if one.stamp_ns < due_ns:
+    for truth in truths:
+        if truth.stamp_ns < due_ns:
             continue
-        due_ns = one.stamp_ns + READING_NS
-        tension_n = one.tension_n + rng.gauss(0.0, cell.uncertainty(one.tension_n) or 0.0)
-        length_m = one.line_out_m + rng.gauss(0.0, counter.uncertainty(one.line_out_m) or 0.0)
-        depth_m = one.depth_m + rng.gauss(0.0, sounder.uncertainty(one.depth_m) or 0.0)
+        due_ns = truth.stamp_ns + READING_NS
+        tension_n = truth.tension_n + rng.gauss(0.0, cell.uncertainty(truth.tension_n) or 0.0)
+        length_m = truth.line_out_m + rng.gauss(0.0, counter.uncertainty(truth.line_out_m) or 0.0)
+        depth_m = truth.depth_m + rng.gauss(0.0, sounder.uncertainty(truth.depth_m) or 0.0)
         reported = Measurement.of_winch(
-            one.stamp_ns, length_m + counter.bias, one.speed_m_per_s, tension_n + cell.bias, winch
+            truth.stamp_ns,
+            length_m + counter.bias,
+            truth.speed_m_per_s,
+            tension_n + cell.bias,
+            winch,
         )
-        sounded = Measurement.of_depth(one.stamp_ns, depth_m + sounder.bias)
-        arrival_ns = one.stamp_ns + latency_ns
-        found.append(Message(SENSORS, arrival_ns, one.stamp_ns, reported, "winch"))
-        found.append(Message(DEPTH, arrival_ns, one.stamp_ns, sounded, "sounder"))
+        sounded = Measurement.of_depth(truth.stamp_ns, depth_m + sounder.bias)
+        arrival_ns = truth.stamp_ns + latency_ns
+        found.append(Message(SENSORS, arrival_ns, truth.stamp_ns, reported, "winch"))
+        found.append(Message(DEPTH, arrival_ns, truth.stamp_ns, sounded, "sounder"))
     return found

@@ -207,7 +207,7 @@ def design_runs(study: Study) -> list[StudyRun]:
     """
     if study.latin_hypercube is None:
         sizes = [_choices(one) for one in study.vary]
-        count = math.prod(len(one) for one in sizes)
+        count = math.prod(len(size) for size in sizes)
         if count > RUNS_MOST:
             remedy = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
             raise InputError(f"{study.path}: vary", f"the grid has {count} points", remedy)

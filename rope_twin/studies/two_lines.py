@@ -97,7 +97,7 @@ def run_lines(
             shot = twin.snapshot()
             near, happened = watch.look(shot)
             tensions = [shot.ropes[number].tension_top_n for number in tops]
-            crossings = [one.depth_m for one in watch.crossings]
+            crossings = [crossing.depth_m for crossing in watch.crossings]
             seen.append(_Sample(shot.time_s, tensions, near, crossings))
             events += happened
             for event in happened:

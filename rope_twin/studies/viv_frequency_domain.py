@@ -241,8 +241,8 @@ def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpa
     span = line_model(rope)._replace(speed=speed_across(scene, place))
     if span.end_mass is not None:
         x, y, _ = _across(scene, place) ** 2
-        loads = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
-        whole = sum(x * own.Mx + y * own.My for own in loads) / (x + y)
+        loads = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
+        whole = sum(x * load.Mx + y * load.My for load in loads) / (x + y)
         span = span._replace(end_mass=float(whole))
     lengths_m = tuple(float(one.state.s[one.state.counts[rows.ELEMENTS]]) for one in ropes)
     return SceneSpan(span, place, s[-1] - s, numbers, lengths_m)

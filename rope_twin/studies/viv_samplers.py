@@ -104,7 +104,7 @@ def advance_by(
     offered_s, total = -1.0, round(duration_s / twin.step_s)
     while twin.steps + (count := steps()) <= total:
         ahead_s = (twin.steps + count) * twin.step_s + AHEAD_S
-        due = [one for one in speeds if offered_s < one[0] <= ahead_s]
+        due = [speed for speed in speeds if offered_s < speed[0] <= ahead_s]
         offered_s = ahead_s
         yield from march(twin, heave, count * twin.step_s, count, due)
 
@@ -118,9 +118,9 @@ def resampled(times: Floats, *values: Floats) -> list[Floats]:
     low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
     share = (grid - times[low]) / (times[low + 1] - times[low])
     even = [grid]
-    for own in values:
-        part = share.reshape(-1, *[1] * (own.ndim - 1))
-        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
+    for value in values:
+        part = share.reshape(-1, *[1] * (value.ndim - 1))
+        even.append(value[low] * (1.0 - part) + value[low + 1] * part)
     return even
 
 

@@ -195,7 +195,7 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
         strouhal=params.strouhal if strouhal is None else strouhal,
         damping_fraction=params.damping_fraction if damping is None else damping,
     )
-    others = tuple(one for one in scene.effects if one is not own)
+    others = tuple(effect for effect in scene.effects if effect is not own)
     return with_effect(replace(scene, effects=others), params)
 
 

@@ -88,7 +88,7 @@ def layout(shown: Shown, live: bool) -> Any:
     below: Any = _space(SURFACE, "Hang-off and sea surface (to scale)", upper)
     if shown.charts:
         charts = (_CHARTS[name] for name in shown.charts)
-        below = rrb.Tabs(*(_chart(*one) for one in charts), below, active_tab=0)
+        below = rrb.Tabs(*(_chart(*chart) for chart in charts), below, active_tab=0)
     title = f"Tension [kN] vs depth [m]; thin lines: min/max of last {RANGE_S:g} s"
     sides, heights = (-0.12 * PROFILE_WIDTH, 1.04 * PROFILE_WIDTH), (-0.05 * HEIGHT, 1.15 * HEIGHT)
     middle = rrb.Vertical(_plane(PROFILE, title, sides, heights), below, row_shares=[5, 4])

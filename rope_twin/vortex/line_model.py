@@ -451,8 +451,8 @@ def _bare(system: System) -> list[int]:
 
 def _loaded(rope: Rope) -> bool:
     """Return whether a payload or connection at the rope's lower end has mass."""
-    loads = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
-    return any(own.Mx > 0.0 for own in loads)
+    loads = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
+    return any(load.Mx > 0.0 for load in loads)
 
 
 def one_rope(ropes: Sequence[Rope]) -> Rope:
