@@ -268,7 +268,7 @@ class InputBorder:
         now_s = self._now_s()
         found: list[Row] = []
         for name, *values in rows:
-            winch = self._twin.inputs.winch_called(name) if name else ""
+            winch = self._twin.inputs.winch_name(name) if name else ""
             refused = []
             for k, value in enumerate(values):
                 key = topic, winch, k
