@@ -40,7 +40,7 @@ from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact, PressedPlace, Touchdown, Vector
 from rope_twin.twin.snapshot_builder import RopeShape, body_of, midpoints
 
-NOWHERE = (math.nan, math.nan, math.nan)
+NO_CONTACT = (math.nan, math.nan, math.nan)
 
 
 def seabed_of(rope: Rope) -> Plane | Grid | None:
@@ -152,7 +152,7 @@ def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
     normal = contact_forces(hull, x, v, state.s[:nodes])[3]
     e = int(np.argmax(normal))
     if not normal[e] > 0.0:
-        return (PressedPlace("hull", 0.0, NOWHERE),)
+        return (PressedPlace("hull", 0.0, NO_CONTACT),)
     a, b, c = (0.5 * (x[:, e] + x[:, e + 1])).tolist()
     return (PressedPlace("hull", float(normal.sum()), (a, b, c)),)
 
@@ -161,7 +161,7 @@ def system_contacts(system: System) -> tuple[PressedPlace, ...]:
     """Return the present contact between ropes and between payloads, of the effects listed."""
     contacts = (("ropes", touch_of(system.stack)), ("payloads", payload_touch_of(system)))
     return tuple(
-        PressedPlace(name, touch.push, touch.at if touch.contacts else NOWHERE)
+        PressedPlace(name, touch.push, touch.at if touch.contacts else NO_CONTACT)
         for name, touch in contacts
         if touch is not None
     )

@@ -16,7 +16,7 @@ STUCK_SAMPLES = 3  # minimum number of equal samples, however slowly they arrive
 CLOCK_SAMPLES = 100  # number of offsets kept
 CLOCK_SAMPLES_MIN = 10  # minimum number of offsets to report one
 CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only add to the clocks' difference
-CLOCK_SURE = 3  # early ones of the newest CLOCK_SAMPLES_MIN: more than a single wrong stamp
+MIN_AGREEING_SAMPLES = 3  # of a step of the clock, or an early clock: more than one wrong stamp
 CLOCK_WARN_S, CLOCK_ERROR_S = 0.2, 1.0
 CLOCK_WARN_NS = 200_000_000  # also the smallest step recognised, and the largest scatter for it
 CLOCK_JITTER_NS = 50_000_000  # jitter of the offsets by the sender's link
@@ -186,8 +186,9 @@ class SenderClock:
 
     A step of the clock changes the offset from one sample to the next: forward by more than a link
     can make good, or back, with stamps that run backwards, which no link causes. Samples are
-    rejected until CLOCK_SURE of them agree on the step. From then on their stamps are corrected by
-    it, so that the motion continues without a gap, unless the step has corrected the clock.
+    rejected until MIN_AGREEING_SAMPLES of them agree on the step. From then on their stamps are
+    corrected by it, so that the motion continues without a gap, unless the step has corrected the
+    clock.
     """
 
     def __init__(self) -> None:
@@ -223,7 +224,7 @@ class SenderClock:
         if self._apart and abs(offset_ns - self._apart[0]) > CLOCK_WARN_NS:
             self._apart.clear()
         self._apart.append(offset_ns)
-        if len(self._apart) < CLOCK_SURE:
+        if len(self._apart) < MIN_AGREEING_SAMPLES:
             return -later_ns * 1e-9
         self._step(usual_ns, received_ns)
         return 0.0
@@ -257,7 +258,7 @@ class SenderClock:
             return math.nan
         low_ns = sorted(self._offsets)[int(CLOCK_QUANTILE * (len(self._offsets) - 1))]
         newest = sorted(islice(reversed(self._offsets), CLOCK_SAMPLES_MIN))
-        return min(low_ns * 1e-9, newest[CLOCK_SURE - 1] * 1e-9)
+        return min(low_ns * 1e-9, newest[MIN_AGREEING_SAMPLES - 1] * 1e-9)
 
     @property
     def lateness_s(self) -> float:

@@ -45,7 +45,7 @@ from rope_twin.vortex.results import RopeVibration
 
 SHEAVE_ZONE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
 SAME_CROSSING_TOL = 0.05  # of the sheave's depth: maximum shift of a crossing between two snapshots
-MIN_SPAN_M = 1e-3
+MIN_SPACING_M = 1e-3
 SAMPLING_NS = 1_000_000_000
 
 
@@ -201,7 +201,7 @@ class ClearanceMonitor:
         positions = places(scene)
         first, second = (np.array(positions[scene.ropes[line[0]].from_][:2]) for line in self.lines)
         spacing_m = float(np.linalg.norm(second - first))
-        if spacing_m < MIN_SPAN_M:
+        if spacing_m < MIN_SPACING_M:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
             raise InputError(f"{scene.path}: hang_offs", "both are at one place", right)
         self.plane = (second - first) / spacing_m

@@ -37,7 +37,7 @@ from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.water_warnings import is_air
-from rope_twin.twin.motion.ship_motion import STILL, ShipPose
+from rope_twin.twin.motion.ship_motion import ZERO_VECTOR, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 
 LINE_FOLLOWING = "line_following"  # input of a winch that follows its measured line
@@ -270,7 +270,7 @@ class StudyValidity:
     ) -> ShipPose | tuple[float, float] | None:
         """Return the sea's own pose, or heave and its rate, at this stamp; None: no sample."""
         if scene_motion is None:
-            return ShipPose(stamp_ns, STILL, STILL)
+            return ShipPose(stamp_ns, ZERO_VECTOR, ZERO_VECTOR)
         for sample in scene_motion.between(stamp_ns, stamp_ns + 1):
             return sample.pose or (sample.position_m, sample.velocity_m_per_s)
         return None

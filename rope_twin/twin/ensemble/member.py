@@ -54,7 +54,7 @@ from rope_twin.vortex.coupled import VivDragAmplification
 
 # Columns of a watched step: top tension [N], those of a look at its end, line out [m]
 TOP, LINE_OUT, WATCHED = 0, FOLDS + 1, FOLDS + 2
-LEAD_NS = 1_000_000_000  # heave is given to the twin this long ahead; it takes up to 2 s
+HEAVE_LEAD_NS = 1_000_000_000  # lead of heave samples to the twin, which accepts up to 2 s
 
 
 @dataclass(frozen=True)
@@ -491,11 +491,11 @@ class TwinMember:
         """Pass the inputs of a batch to the twin; return why it rejects one of the member's own."""
         faults = []
         if (series := self._heave) is not None:
-            stamps, reach_ns = series.stamp_ns, to_ns + LEAD_NS + series.start_ns
+            stamps, reach_ns = series.stamp_ns, to_ns + HEAVE_LEAD_NS + series.start_ns
             while self._samples < len(stamps) and stamps[self._samples] <= reach_ns:
                 k, self._samples = self._samples, self._samples + 1
                 at_ns = int(stamps[k]) - series.start_ns
-                if at_ns > -LEAD_NS:
+                if at_ns > -HEAVE_LEAD_NS:
                     motion = float(series.position_m[k]), float(series.velocity_m_per_s[k])
                     faults.append(self.twin.offer_heave(at_ns, *motion))
         if self._boundaries is not None:

@@ -19,7 +19,7 @@ from rope_twin.scene.environment import reference_point_m
 from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.health import (
-    CLOCK_SURE,
+    MIN_AGREEING_SAMPLES,
     STUCK_NS,
     UNJUDGED,
     Judgement,
@@ -42,8 +42,8 @@ from rope_twin.twin.motion.plausibility import (
 )
 from rope_twin.twin.motion.ship_motion import (
     MAX_RATE_RAD_PER_S,
-    STILL,
     UPRIGHT,
+    ZERO_VECTOR,
     ShipPose,
     Vector3,
     hang_off_motion,
@@ -147,7 +147,7 @@ class HangOffTrack(HeaveTrack):
         self._rates = RateCheck(NOISE_M, speed, acceleration)
         self._turns = RateCheck(NOISE_RAD, MAX_RATE_RAD_PER_S, MAX_RATE_RAD_PER_S)
         self._judged_ns, self._judged = -ASSESSMENT_NS, UNJUDGED
-        self._turned: Vector3 = STILL  # sum of the rotation vectors between poses
+        self._turned: Vector3 = ZERO_VECTOR  # sum of the rotation vectors between poses
         self._orientation = UPRIGHT  # of the newest pose
         self._timing = SampleTiming(needed_interval_s(shortest_period_s(scene)))
 
@@ -296,7 +296,7 @@ class HangOffTrack(HeaveTrack):
         if not (step_s := self.clock.take(stamp_ns, received_ns)):
             return ""
         fault = f"its stamp has stepped by {step_s:+.2f} s against its arrival"
-        right = f"it is taken once {CLOCK_SURE} samples agree on it"
+        right = f"it is taken once {MIN_AGREEING_SAMPLES} samples agree on it"
         return self.counter.refuse("unconfirmed", phrase(what, fault, right))
 
     def _shift_ns(self, received_ns: int | None) -> int:
@@ -433,7 +433,7 @@ class HangOffTrack(HeaveTrack):
             return phrase("ship pose", what, right)
         if not is_finite(pose):
             return pose_fault(pose)
-        return pose_fault(replace(pose, rate_rad_per_s=STILL))
+        return pose_fault(replace(pose, rate_rad_per_s=ZERO_VECTOR))
 
 
 def _sum(a: Vector3, b: Vector3) -> Vector3:

@@ -30,7 +30,7 @@ from rope_twin.sea.tables import Vector
 Vector3 = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
-STILL: Vector3 = (0.0, 0.0, 0.0)
+ZERO_VECTOR: Vector3 = (0.0, 0.0, 0.0)
 UNIT_LENGTH_TOL = 1e-3  # tolerance of a unit quaternion's length
 MAX_TILT_DEG = 60.0
 MAX_RATE_RAD_PER_S = 2.0
@@ -44,7 +44,7 @@ class ShipPose:
     position_m: Vector3  # of the reference point from its mean position: east, north, up
     velocity_m_per_s: Vector3  # of the reference point, in the ship's rotated axes
     orientation: Quaternion = UPRIGHT  # x, y, z, w: rotation from the mean attitude
-    rate_rad_per_s: Vector3 = STILL  # about the ship's rotated axes
+    rate_rad_per_s: Vector3 = ZERO_VECTOR  # about the ship's rotated axes
 
 
 def is_finite(pose: ShipPose) -> bool:
@@ -110,7 +110,7 @@ def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
     """Return displacement of the hang-off [m] and its velocity [m/s], in the axes of `map`."""
     px, py, pz = pose.position_m
     vx, vy, vz = pose.velocity_m_per_s
-    if pose.orientation == UPRIGHT and pose.rate_rad_per_s == STILL:
+    if pose.orientation == UPRIGHT and pose.rate_rad_per_s == ZERO_VECTOR:
         return (px, py, pz), (vx, vy, vz)
     rx, ry, rz = arm_m
     wx, wy, wz = pose.rate_rad_per_s
