@@ -102,7 +102,7 @@ def _find_files(bag: Path) -> _Source:
         source.lost.append(f"{bag} holds no .mcap file")
     information = _read_metadata(bag / "metadata.yaml")
     if information is None:
-        source.remarks.append("metadata.yaml was missing or damaged and is made anew")
+        source.remarks.append("metadata.yaml was missing or damaged and was restored")
         return source
     count, custom = information.get("message_count"), information.get("custom_data")
     source.promised = count if isinstance(count, int) else None

@@ -57,9 +57,7 @@ class CutInput:
     def __init__(self, scene: Scene) -> None:
         self.counter = InputCounter("cut")
         self.done: CutShot | None = None
-        self._whole = _reason_not_possible(
-            scene
-        )  # why no rope of this scene can be cut; "": it can
+        self._whole = _reason_not_possible(scene)  # reason why no rope can be cut; "": possible
         self._scene = scene
         # due time [ns], metres below the upper end, number of the rope
         self._waiting: tuple[int, float, int] | None = None
@@ -153,18 +151,18 @@ def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
 
 def _reason_not_possible(scene: Scene) -> str:
     if scene.sheaves:
-        return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
+        return "rope runs over a sheave in this scene; its ropes cannot be cut"
     model = shedding_model(scene)
     in_step = model and model_beside(scene) is None
     if in_step and scene.listed(BendingParams) is not None:
-        return f"`{model}` beside `bending` cannot tell the free end of a rope that is cut"
+        return f"`{model}` together with `bending` does not support a cut rope's free end"
     if scene.listed(BendingParams) is not None and not is_joined(scene):
         for name, kind in (("net_curtain", NetCurtainParams), ("bed_friction", BedFrictionParams)):
             if scene.listed(kind) is not None:
-                return f"`{name}` beside `bending` cannot tell the free end of a rope that is cut"
+                return f"`{name}` together with `bending` does not support a cut rope's free end"
     body = scene.listed(RigidBodyParams)
     if body is not None and body.deck is not None and body.deck.with_ship:
-        return "the body stands on a deck that heaves with the ship, which what falls cannot follow"
+        return "the body stands on a deck that heaves with the ship; a cut part cannot follow it"
     return ""
 
 

@@ -243,12 +243,12 @@ def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) ->
 def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
     for name, words in (
         ("two_line_loop", "runs over a sheave"),
-        ("curved_pipe", "`wake_oscillator` beside `bending`"),
+        ("curved_pipe", "`wake_oscillator` together with `bending`"),
     ):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
     chain = load_scene("chain_on_bottom")
     stiff = replace(chain, effects=(*chain.effects, BendingParams(stiffness_n_m2=100.0)))
-    assert "`bed_friction` beside `bending`" in CutInput(stiff).offer(None, 20.0, 0)
+    assert "`bed_friction` together with `bending`" in CutInput(stiff).offer(None, 20.0, 0)
 
 
 def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> None:
