@@ -147,7 +147,8 @@ class RowFolder:
         name, scene: of the study.
 
         Raises:
-            InputError: another process is at it, it holds another study, or it cannot be written.
+            InputError: another process is at it, it holds another study, or it cannot be read or
+                written.
         """
         check_parquet()
         self._folder = folder
@@ -173,16 +174,21 @@ class RowFolder:
 
     def _claim(self, content: dict[str, str]) -> None:
         mark = self._folder / MARK
-        if mark.exists():
-            found = json.loads(mark.read_text(encoding="utf-8"))
-            if found["stamp"] != content["stamp"]:
-                self._lock.close()
-                of = f"another {self.title}, scene or solver"
-                problem = f"its rows are of {of} ('{found['study']}')"
-                remedy = "give another folder with --out, or remove this one"
-                raise InputError(str(self._folder), problem, remedy)
+        if not mark.exists() and not self._files():
+            write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
             return
-        write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
+        try:
+            found = json.loads(mark.read_text(encoding="utf-8"))
+            stamp, study = found["stamp"], found["study"]
+        except (OSError, ValueError, TypeError, LookupError):
+            stamp = study = ""
+        if stamp != content["stamp"]:
+            self._lock.close()
+            problem = f"its rows are of another {self.title}, scene or solver ('{study}')"
+            if not stamp:
+                problem = f"{MARK} is missing or damaged: its rows may be of another {self.title}"
+            remedy = "give another folder with --out, or remove this one"
+            raise InputError(str(self._folder), problem, remedy)
 
     def done(self) -> set[int]:
         """Return the numbers of the runs with rows in the folder."""
@@ -194,13 +200,23 @@ class RowFolder:
         self._write(self._folder / f"part-{first:06d}-{len(rows)}.parquet", rows)
 
     def rows(self, columns: list[str] | None = None) -> list[Row]:
-        """Return all rows in the folder, by run; each once."""
+        """Return all rows in the folder, by run; each once.
+
+        Raises:
+            InputError: one of its files was damaged or edited.
+        """
+        import pyarrow
         import pyarrow.parquet as parquet
 
         found: dict[int, Row] = {}
         for path in self._files():
-            for row in parquet.read_table(path, columns=columns).to_pylist():
-                found[int(row["run"])] = row
+            try:
+                for row in parquet.read_table(path, columns=columns).to_pylist():
+                    found[int(row["run"])] = row
+            except (pyarrow.ArrowException, OSError, LookupError, TypeError, ValueError) as error:
+                what = f"it holds no rows of a {self.title}: damaged, or edited by hand"
+                right = "remove the file, and its runs are made again"
+                raise InputError(str(path), what, right) from error
         return [found[number] for number in sorted(found)]
 
     def close_rows(self) -> Path:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -184,6 +185,38 @@ def test_a_folder_is_of_one_study_and_one_process(whole: Path, tmp_path: Path) -
         pytest.raises(InputError, match="another process is at this study"),
     ):
         StudyFolder(whole, study, stamp)
+
+
+@pytest.mark.parametrize("mark", [None, b"", b"{", b"[]", b"{}", b"\xff", b"null"])
+def test_rows_whose_study_is_unknown_are_not_taken(
+    whole: Path, tmp_path: Path, mark: bytes | None
+) -> None:
+    """A folder whose study.json was removed or edited between two runs."""
+    study, _ = read_study(written(tmp_path))
+    folder = Path(shutil.copytree(whole, tmp_path / "rows"))
+    stamp = json.loads((whole / "study.json").read_text())["stamp"]
+    if mark is None:
+        (folder / "study.json").unlink()
+    else:
+        (folder / "study.json").write_bytes(mark)
+    with pytest.raises(InputError, match=r"study\.json is missing or damaged"):
+        StudyFolder(folder, study, stamp)
+
+
+def test_rows_that_were_damaged_get_one_sentence(whole: Path, tmp_path: Path) -> None:
+    study, _ = read_study(written(tmp_path))
+    folder = Path(shutil.copytree(whole, tmp_path / "rows"))
+    rows, stamp = folder / "runs.parquet", json.loads((whole / "study.json").read_text())["stamp"]
+    good = rows.read_bytes()
+    table = parquet.read_table(rows).drop_columns(["run"])
+    parquet.write_table(table, tmp_path / "no_run")
+    for bad in (b"", good[: len(good) // 2], b"run,top\n1,2", (tmp_path / "no_run").read_bytes()):
+        rows.write_bytes(bad)
+        with (
+            StudyFolder(folder, study, stamp) as opened,
+            pytest.raises(InputError, match=r"runs\.parquet: it holds no rows of a study"),
+        ):
+            opened.done()
 
 
 def test_a_part_that_is_also_in_the_whole_counts_once(whole: Path, tmp_path: Path) -> None:
