@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
@@ -166,10 +167,20 @@ class _Salvage:
                 scan.left_out.add(f"notes '{record.name}'")
 
     def finish(self, lost: list[str]) -> Path:
-        """Close the new bag, with a note that it is not the original."""
+        """Close the new bag, with a note that it is not the original.
+
+        Raises:
+            BagError: the disk did not take it whole; nothing of it is left.
+        """
         writer = self._open()
         writer.add_metadata({"recovered": "; ".join(lost) or "nothing was lost"})
-        writer.close()
+        try:
+            writer.close()
+        except BagError as error:
+            shutil.rmtree(self._out, ignore_errors=True)
+            what = "the disk does not take it whole"
+            right = "make room, or name a folder on another disk with --out"
+            raise BagError(f"bag {self._out}", what, right) from error
         return self._out
 
     def lost(self) -> list[str]:

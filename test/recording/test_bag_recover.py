@@ -1,5 +1,6 @@
 """Recovery: whatever is done to a bag, it ends in a valid one or in a clear word."""
 
+import resource
 import tempfile
 from pathlib import Path
 
@@ -249,3 +250,18 @@ def test_a_place_in_use_is_not_written_over(tmp_path):
     recover(tmp_path / "bag")
     with pytest.raises(BagError, match="the directory holds something"):
         recover(tmp_path / "bag")
+
+
+def test_a_full_disk_leaves_no_half_of_a_recovered_bag(tmp_path):
+    """The advice is another folder, and a second attempt finds the first one's place free."""
+    write_bag(tmp_path / "bag")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, before[1]))
+    try:
+        with pytest.raises(BagError) as caught:
+            recover(tmp_path / "bag")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert "name a folder on another disk with --out" in str(caught.value)
+    assert not (tmp_path / "bag_recovered").exists()
+    assert recover(tmp_path / "bag").outcome is Outcome.WHOLE
