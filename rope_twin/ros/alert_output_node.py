@@ -47,8 +47,8 @@ class AlertOutputNode(SuiteNode):
             InputError: the address cannot be used.
         """
         try:
-            found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_DGRAM)
-            family, kind, protocol, _, address = found[0]
+            addresses = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_DGRAM)
+            family, kind, protocol, _, address = addresses[0]
             self._out = socket.socket(family, kind, protocol)
             self._out.connect(address)
             self._out.setblocking(False)
@@ -67,9 +67,9 @@ class AlertOutputNode(SuiteNode):
 
     def close(self) -> None:
         """Close the sockets; may be called twice."""
-        for one in (self._out, self._back):
-            if one is not None:
-                one.close()
+        for sock in (self._out, self._back):
+            if sock is not None:
+                sock.close()
         self._out = self._back = None
 
     def _take(self, data: bytes) -> None:
@@ -82,9 +82,12 @@ class AlertOutputNode(SuiteNode):
             if key not in before or _state_of(before[key]) != _state_of(one):
                 self._send_alert(one, stamp_ns - now_ns + one.changed_ns)
         for key in before.keys() - shown.keys():
-            gone = before[key]
-            if gone.state is not State.NORMAL:  # rectified or shelved: no display lists it now
-                fields = vars(gone) | {"state": State.NORMAL, "revision": gone.revision % 99 + 1}
+            previous = before[key]
+            if previous.state is not State.NORMAL:  # rectified or shelved: no display lists it now
+                fields = vars(previous) | {
+                    "state": State.NORMAL,
+                    "revision": previous.revision % 99 + 1,
+                }
                 self._send_alert(Alert(**fields), stamp_ns)
         self._alerts = shown
 

@@ -86,10 +86,10 @@ class SuiteSource:
             if not readings.due(name):
                 continue
             with handle:
-                taken = handle.take_message(kind, True)
-                while taken is not None:
-                    readings.take(name, taken[0], now_s)
-                    taken = handle.take_message(kind, True) if name in _QUEUED else None
+                received = handle.take_message(kind, True)
+                while received is not None:
+                    readings.take(name, received[0], now_s)
+                    received = handle.take_message(kind, True) if name in _QUEUED else None
 
     def state(self) -> Values:
         """Return the state of the source: nothing beyond its messages."""

@@ -88,15 +88,15 @@ def initialise(args: list[str] | None) -> None:
     home = Path(os.environ.get("HOME", "/nonexistent"))
     if "ROS_LOG_DIR" not in os.environ and not os.access(home, os.W_OK):
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "rope_twin_log")
-    given = sys.argv if args is None else args
+    arguments = sys.argv if args is None else args
     try:
-        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
-        others = remove_ros_args(given)[1:]
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        unknown = remove_ros_args(arguments)[1:]
     except Exception as error:  # rcl raises RuntimeErrors of several kinds
         reason = str(error).splitlines()[0].partition(", at /")[0].rstrip(".")
         raise InputError("arguments", reason, _USAGE) from error
-    if others:
-        raise InputError("arguments", f"unknown argument '{others[0]}'", _USAGE)
+    if unknown:
+        raise InputError("arguments", f"unknown argument '{unknown[0]}'", _USAGE)
 
 
 def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
@@ -266,13 +266,13 @@ class InstanceLock:
             self._socket = None
 
     def _try(self) -> bool:
-        found = socket.socket(socket.AF_UNIX)
+        lock_socket = socket.socket(socket.AF_UNIX)
         try:
-            found.bind(self._name)
+            lock_socket.bind(self._name)
         except OSError as error:  # a system without abstract sockets has no locks either
-            found.close()
+            lock_socket.close()
             return error.errno != errno.EADDRINUSE
-        self._socket = found
+        self._socket = lock_socket
         return True
 
 
@@ -301,25 +301,25 @@ def lock_instance(node: Node) -> InstanceLock:
     return lock
 
 
-def _until(holds: Callable[[], bool], patience_s: float) -> bool:
+def _until(condition: Callable[[], bool], patience_s: float) -> bool:
     """Wait at most `patience_s` until a condition holds; return whether it does."""
     give_up = time.monotonic() + patience_s
-    while not (found := holds()) and time.monotonic() < give_up:
+    while not (result := condition()) and time.monotonic() < give_up:
         time.sleep(0.1)
-    return found
+    return result
 
 
 def _is_silent(namespace: str) -> bool:
     """Return whether no simulation sends messages, while ours does not send any yet."""
     listener = rclpy.create_node("single_instance", namespace=namespace)
-    heard: list[bytes] = []
+    received: list[bytes] = []
     for name in DETECTED_BY:
-        listen(listener, BY_NAME[name], heard.append)
+        listen(listener, BY_NAME[name], received.append)
     executor = SingleThreadedExecutor()
     executor.add_node(listener)
     give_up = time.monotonic() + LISTEN_S
-    while not heard and time.monotonic() < give_up:
+    while not received and time.monotonic() < give_up:
         executor.spin_once(timeout_sec=0.1)
     executor.shutdown()
     listener.destroy_node()
-    return not heard
+    return not received

@@ -1,4 +1,4 @@
-"""Executor for nodes with high message rates: it keeps its wait set instead of rebuilding it.
+"""Executor for nodes with high message rates: it keeps its wait set between waits.
 
 rclpy's executor collects every entity of every node before each wait, and its handlers wake it once
 more for each callback: with the nodes of the suite this takes 1 ms each time, a fifth of a core in
@@ -25,10 +25,10 @@ _EARLIER = "_execute_timer"  # rclpy versions with it do not return the callback
 
 def make_executor() -> SingleThreadedExecutor:
     """Return a SuiteExecutor if this rclpy has the parts that it needs, else rclpy's own."""
-    plain = SingleThreadedExecutor()
-    if hasattr(plain, _EARLIER) or not all(hasattr(plain, name) for name in _NEEDED):
-        return plain
-    plain.shutdown()
+    executor = SingleThreadedExecutor()
+    if hasattr(executor, _EARLIER) or not all(hasattr(executor, name) for name in _NEEDED):
+        return executor
+    executor.shutdown()
     return SuiteExecutor()
 
 
@@ -36,27 +36,27 @@ class SuiteExecutor(SingleThreadedExecutor):
     """Executor whose `spin_once` runs all ready callbacks; to be spun by one thread only."""
 
     def __init__(self) -> None:
-        self._gathered: _Gathered | None = None
+        self._wait_set: _WaitSet | None = None
         super().__init__()
 
     def add_node(self, node: Any) -> bool:
         """Add a node."""
-        self._gathered = None
+        self._wait_set = None
         return bool(super().add_node(node))
 
     def remove_node(self, node: Any) -> None:
         """Remove a node."""
-        self._gathered = None
+        self._wait_set = None
         super().remove_node(node)
 
     def wake(self) -> None:
         """Drop the wait set, since an entity was created or destroyed."""
-        self._gathered = None
+        self._wait_set = None
         super().wake()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
         """Release all entities and stop serving."""
-        self._gathered = None
+        self._wait_set = None
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
@@ -65,10 +65,10 @@ class SuiteExecutor(SingleThreadedExecutor):
         Raises:
             ExternalShutdownException: the context was shut down.
         """
-        gathered = self._gathered
-        if gathered is None:
-            gathered = self._gathered = _Gathered(self.get_nodes(), self._guard, self._context)
-        ready = gathered.wait(timeout_sec)
+        wait_set = self._wait_set
+        if wait_set is None:
+            wait_set = self._wait_set = _WaitSet(self.get_nodes(), self._guard, self._context)
+        ready = wait_set.wait(timeout_sec)
         if not self._context.ok():
             raise ExternalShutdownException
         for timer in ready.timers:
@@ -88,22 +88,26 @@ class _Ready(NamedTuple):
     others: bool
 
 
-class _Gathered:
-    """Wait set with all entities of some nodes, which are held so that none is destroyed."""
+class _WaitSet:
+    """Wait set with all entities of some nodes; it holds references so that none is destroyed."""
 
     def __init__(self, nodes: list[Any], guard: Any, context: Any) -> None:
-        held = self._held = ExitStack()
-        self._timers = _by_pointer(held, [timer for node in nodes for timer in node.timers])
+        references = self._references = ExitStack()
+        self._timers = _by_pointer(references, [timer for node in nodes for timer in node.timers])
         self._subscriptions = _by_pointer(
-            held, [subscription for node in nodes for subscription in node.subscriptions]
+            references, [subscription for node in nodes for subscription in node.subscriptions]
         )
-        self._services = _by_pointer(held, [service for node in nodes for service in node.services])
-        self._clients = _by_pointer(held, [client for node in nodes for client in node.clients])
-        self._guards = _by_pointer(held, [one for node in nodes for one in node.guards])
+        self._services = _by_pointer(
+            references, [service for node in nodes for service in node.services]
+        )
+        self._clients = _by_pointer(
+            references, [client for node in nodes for client in node.clients]
+        )
+        self._guards = _by_pointer(references, [entity for node in nodes for entity in node.guards])
         self._guard = guard.handle
-        self._waitables = [one for node in nodes for one in node.waitables]
-        for one in (guard.handle, context.handle, *self._waitables):
-            held.enter_context(one)
+        self._waitables = [entity for node in nodes for entity in node.waitables]
+        for entity in (guard.handle, context.handle, *self._waitables):
+            references.enter_context(entity)
         count = NumberOfEntities(
             len(self._subscriptions),
             len(self._guards) + 1,
@@ -113,7 +117,7 @@ class _Gathered:
         )
         for waitable in self._waitables:
             count += waitable.get_num_entities()
-        self._set = rclpy_implementation.WaitSet(
+        self._handle = rclpy_implementation.WaitSet(
             count.num_subscriptions,
             count.num_guard_conditions,
             count.num_timers,
@@ -124,50 +128,50 @@ class _Gathered:
         )
 
     def __del__(self) -> None:
-        self._held.close()
+        self._references.close()
 
     def wait(self, timeout_s: float | None) -> _Ready:
         """Wait at most `timeout_s` for any entity (None: for ever) and return the ready ones."""
-        found = self._set
-        found.clear_entities()
+        wait_set = self._handle
+        wait_set.clear_entities()
         for subscription in self._subscriptions.values():
-            found.add_subscription(subscription.handle)
+            wait_set.add_subscription(subscription.handle)
         for timer in self._timers.values():
-            found.add_timer(timer.handle)
+            wait_set.add_timer(timer.handle)
         for service in self._services.values():
-            found.add_service(service.handle)
+            wait_set.add_service(service.handle)
         for client in self._clients.values():
-            found.add_client(client.handle)
-        for one in self._guards.values():
-            found.add_guard_condition(one.handle)
-        found.add_guard_condition(self._guard)
+            wait_set.add_client(client.handle)
+        for entity in self._guards.values():
+            wait_set.add_guard_condition(entity.handle)
+        wait_set.add_guard_condition(self._guard)
         for waitable in self._waitables:
-            waitable.add_to_wait_set(found)
-        found.wait(-1 if timeout_s is None else round(timeout_s * 1e9))
-        guards = _of(self._guards, found.get_ready_entities("guard_condition"))
+            waitable.add_to_wait_set(wait_set)
+        wait_set.wait(-1 if timeout_s is None else round(timeout_s * 1e9))
+        guards = _ready(self._guards, wait_set.get_ready_entities("guard_condition"))
         for guard in guards:  # the wait has consumed the trigger: set it again for rclpy's executor
             guard._executor_triggered = True
-        others = (
-            bool(found.get_ready_entities("service"))
-            or bool(found.get_ready_entities("client"))
+        has_others = (
+            bool(wait_set.get_ready_entities("service"))
+            or bool(wait_set.get_ready_entities("client"))
             or bool(guards)
-            or any(one.is_ready(found) for one in self._waitables)
+            or any(entity.is_ready(wait_set) for entity in self._waitables)
         )
         return _Ready(
-            _of(self._timers, found.get_ready_entities("timer")),
-            _of(self._subscriptions, found.get_ready_entities("subscription")),
-            others,
+            _ready(self._timers, wait_set.get_ready_entities("timer")),
+            _ready(self._subscriptions, wait_set.get_ready_entities("subscription")),
+            has_others,
         )
 
 
-def _by_pointer(held: ExitStack, entities: list[Any]) -> dict[int, Any]:
-    """Return the entities by the pointer that a wait set reports, each of them held."""
+def _by_pointer(references: ExitStack, entities: list[Any]) -> dict[int, Any]:
+    """Return the entities by the pointer that a wait set reports, and hold a reference to each."""
     for entity in entities:
-        held.enter_context(entity.handle)
+        references.enter_context(entity.handle)
     return {entity.handle.pointer: entity for entity in entities}
 
 
-def _of(entities: dict[int, Any], pointers: list[int]) -> list[Any]:
+def _ready(entities: dict[int, Any], pointers: list[int]) -> list[Any]:
     return [entities[pointer] for pointer in pointers if pointer in entities]
 
 

@@ -78,10 +78,10 @@ class _Channel:
         self.heard_s = time.monotonic()
         self.refused_s, self._refused = -math.inf, 0
 
-    def _put(self, data: bytes, arrival_ns: int, whole: bool) -> None:
+    def _put(self, data: bytes, arrival_ns: int, is_complete: bool) -> None:
         if self.sink is not None:
             self.sink.send(data)
-        if not hand_over(self._pieces, (data, arrival_ns, whole), self.source):
+        if not hand_over(self._pieces, (data, arrival_ns, is_complete), self.source):
             self.lost += not self.source.closing
 
     @property
@@ -109,7 +109,7 @@ class _Channel:
             "accepted": str(counts.accepted),
             "of other sentences": str(counts.others),
             "refused": str(counts.refused_total),
-            **{f"refused: {reason}": str(one) for reason, one in counts.refused.most_common()},
+            **{f"refused: {reason}": str(count) for reason, count in counts.refused.most_common()},
             "lost by this node": str(self.lost),  # pieces of bytes that it was too late for
             # samples of motion that came with their successor, which replaced them
             "held up on the way": str(self.track.replaced),
@@ -167,8 +167,8 @@ class FeedNode(SuiteNode):
         start_ns = self.get_clock().now().nanoseconds
         faults = read_faults(self._params.faults)
         for number, (name, settings) in enumerate(feeds.items()):
-            own = (name, settings, self._params.speed, start_ns, faults, number)
-            self._channels.append(_Channel(*own))
+            arguments = (name, settings, self._params.speed, start_ns, faults, number)
+            self._channels.append(_Channel(*arguments))
             self.get_logger().info(f"{name}: {settings.format} from {settings.source}")
         for topic in (WINCH_MEASURED, MOTOR_TENSION, *MOTION_TOPICS):
             if self._needs(topic):
@@ -239,8 +239,8 @@ def chosen_feeds(settings: str, feed: str, source: str) -> dict[str, FeedSetting
     feeds = read_settings(settings)
     if feed or source:
         feeds = with_source(feeds, source, feed)
-    for name, one in feeds.items():
-        if not one.source:
+    for name, feed_settings in feeds.items():
+        if not feed_settings.source:
             raise InputError(f"feed '{name}'", "it has no source", "give one")
     return feeds
 
@@ -296,9 +296,9 @@ class FeedSimulator(SuiteNode):
         faulty = [sink.line.counts for *_, sink in self._writers if isinstance(sink, FaultySink)]
         return {"sent": self.sent, "faults": dict(sum(faulty, Counter[str]()))}
 
-    def _send(self, sample: Sample, wanted: Any) -> None:
+    def _send(self, sample: Sample, is_addressed: Any) -> None:
         for settings, write, sink in self._writers:
-            if wanted(settings):
+            if is_addressed(settings):
                 sink.send(write(sample))
                 self.sent += 1
 
@@ -316,8 +316,9 @@ class FeedSimulator(SuiteNode):
             )  # fmt: skip
             self._send(
                 sample,
-                lambda one, rope=rope, k=k: (
-                    one.is_line_monitor and (one.winch == rope or (k == 0 and one.winch == "winch"))
+                lambda feed, rope=rope, k=k: (
+                    feed.is_line_monitor
+                    and (feed.winch == rope or (k == 0 and feed.winch == "winch"))
                 ),
             )
 
@@ -329,11 +330,16 @@ class FeedSimulator(SuiteNode):
     def _take_pose(self, data: bytes) -> None:
         message = decode("ship/odometry", data)
         pose, twist = message.pose.pose, message.twist.twist
-        place, turn, velocity = pose.position, pose.orientation, twist.linear
-        orientation, own = (turn.x, turn.y, turn.z, turn.w), (velocity.x, velocity.y, velocity.z)
-        moved = ShipPose(_stamp_ns(message), (place.x, place.y, place.z), own, orientation)
-        if not pose_fault(moved):
-            self._hold(moved)
+        position, quaternion, velocity = pose.position, pose.orientation, twist.linear
+        orientation, velocity_m_per_s = (
+            (quaternion.x, quaternion.y, quaternion.z, quaternion.w),
+            (velocity.x, velocity.y, velocity.z),
+        )
+        ship_pose = ShipPose(
+            _stamp_ns(message), (position.x, position.y, position.z), velocity_m_per_s, orientation
+        )
+        if not pose_fault(ship_pose):
+            self._hold(ship_pose)
 
     def _hold(self, motion: MotionSample | ShipPose) -> None:
         """Keep a motion until its time: a replay publishes it in advance."""
@@ -366,14 +372,14 @@ def _encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:
 
     Tension of the motor has a topic of its own, since losses of sheaves and gear are in it.
     """
-    at, measured = sample.stamp_ns, []
+    stamp_ns, measured = sample.stamp_ns, []
     payout, speed = or_none(sample.payout_m), or_none(sample.speed_m_per_s)
     tension = or_none(sample.tension_n)
     if (payout, speed, tension) != (None, None, None):
-        measured.append(Measurement.of_winch(at, payout, speed, tension, winch))
+        measured.append(Measurement.of_winch(stamp_ns, payout, speed, tension, winch))
     if not math.isnan(sample.motor_tension_n):
-        measured.append(Measurement.of_motor(at, sample.motor_tension_n, winch))
-    return [encode_measurement(at, one) for one in measured]
+        measured.append(Measurement.of_motor(stamp_ns, sample.motor_tension_n, winch))
+    return [encode_measurement(stamp_ns, measurement) for measurement in measured]
 
 
 def _encode_output(output: MotionOutput) -> tuple[str, bytes]:

@@ -74,8 +74,8 @@ def _exchange(contexts: tuple[Context, Context], timeout_s: float) -> RoundTrip:
     listener = rclpy.create_node(f"{name}_listener", context=contexts[1])
     executor = SingleThreadedExecutor(context=contexts[1])
     executor.add_node(listener)
-    heard: list[float] = []  # when the messages were sent that have arrived
-    listener.create_subscription(Float64, topic, lambda message: heard.append(message.data), 10)
+    received: list[float] = []  # when the messages were sent that have arrived
+    listener.create_subscription(Float64, topic, lambda message: received.append(message.data), 10)
     publisher = talker.create_publisher(Float64, topic, 10)
     began_s, found_s = time.monotonic(), 0.0
     latencies: list[float] = []
@@ -86,9 +86,9 @@ def _exchange(contexts: tuple[Context, Context], timeout_s: float) -> RoundTrip:
                 problem = f"no message from one node to another within {timeout_s:g} s"
                 raise InputError("DDS", problem, "allow UDP on the loopback interface")
             publisher.publish(Float64(data=sent_s))
-            while sent_s not in heard and time.monotonic() - sent_s < _PATIENCE_S:
+            while sent_s not in received and time.monotonic() - sent_s < _PATIENCE_S:
                 executor.spin_once(timeout_sec=_PATIENCE_S)
-            if sent_s in heard:
+            if sent_s in received:
                 found_s = found_s or time.monotonic()
                 latencies.append(time.monotonic() - sent_s)
     finally:

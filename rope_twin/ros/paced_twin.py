@@ -335,7 +335,7 @@ class PacedTwin:
         return epoch_ns
 
     def _motion_reach_ns(self) -> int | None:
-        """Return the ROS time to which the motion of ship and lower end is known; None: neither of
+        """Return the ROS time up to which ship and lower-end motion are known; None: neither of
         them is moved.
         """
         border, scene = self.border, self.scene
@@ -345,8 +345,8 @@ class PacedTwin:
                  (border.lower_end_ns, scene.ropes[0].is_led))  # fmt: skip
         if any(newest_ns is None and awaited for newest_ns, awaited in moves):
             return 0
-        known = [newest_ns for newest_ns, _ in moves if newest_ns is not None]
-        return border.epoch_ns + min(known) if known else None
+        newest = [newest_ns for newest_ns, _ in moves if newest_ns is not None]
+        return border.epoch_ns + min(newest) if newest else None
 
     def describe_again(self) -> None:
         """Begin a new session at the next cycle, for a recorder that has joined."""
@@ -419,16 +419,16 @@ class PacedTwin:
 
     def summary(self) -> RunSummary:
         """Return the run summary up to now."""
-        kept = self._keeper.health() if self._keeper is not None else None
-        state = str(kept.path) if kept is not None and kept.saved_s is not None else None
+        saving = self._keeper.health() if self._keeper is not None else None
+        state = str(saving.path) if saving is not None and saving.saved_s is not None else None
         changes = self.protection.changes if self.protection is not None else 0
         health = self.pacer.health()
         summary = summarise(self.twin, self.last, health)
-        share = None
+        cpu_usage = None
         if health.granted_s > 0.0:
             used_s = (health.processor_s, self._publisher.processor_s, self._processor_s())
-            share = CpuUsage(*(100.0 * one / health.granted_s for one in used_s)).figures()
-        trouble = kept.trouble if kept is not None else ""
+            cpu_usage = CpuUsage(*(100.0 * cpu_s / health.granted_s for cpu_s in used_s)).figures()
+        trouble = saving.trouble if saving is not None else ""
         newest = None if self.learning is None else self.learning.learner.newest
         return replace(
             summary,
@@ -438,7 +438,7 @@ class PacedTwin:
             not_kept=trouble,
             mixed=self.border.mixed,
             rung_changes=changes,
-            core_share=share,
+            core_share=cpu_usage,
         )
 
     def _processor_s(self) -> float:
@@ -459,12 +459,12 @@ class PacedTwin:
 
     def _learned(self, learning: LiveLearning) -> Iterator[str]:
         """Publish figures that were learned since, and take them over if that is wanted."""
-        found, epoch_ns = learning.take_new(), self.border.epoch_ns
-        if found is None or epoch_ns is None:
+        estimate, epoch_ns = learning.take_new(), self.border.epoch_ns
+        if estimate is None or epoch_ns is None:
             return
-        stamp_ns = epoch_ns + round(found.time_s * 1e9)
-        self._publish(ESTIMATE_TOPIC, encode_estimate(stamp_ns, found.rows()))
-        yield f"learned {found.words()}"
+        stamp_ns = epoch_ns + round(estimate.time_s * 1e9)
+        self._publish(ESTIMATE_TOPIC, encode_estimate(stamp_ns, estimate.rows()))
+        yield f"learned {estimate.words()}"
         if self._params.apply_learned:
             _, words = learning.apply()
             yield words
@@ -549,9 +549,9 @@ def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
     """Return the number of steps left until the simulation time at which to stop; 0: no end."""
     if stop_after_s == 0.0:
         return 0
-    left = round((stop_after_s - twin.time_ns * 1e-9) / twin.step_s)
-    if left <= 0:
+    remaining = round((stop_after_s - twin.time_ns * 1e-9) / twin.step_s)
+    if remaining <= 0:
         where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
         problem = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
         raise InputError(where, problem, "set a later end")
-    return left
+    return remaining

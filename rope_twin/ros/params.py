@@ -332,12 +332,12 @@ def _descriptor(field: dataclasses.Field[Any], kind: type) -> ParameterDescripto
 
 
 def _sentence(node: Node, field: dataclasses.Field[Any], kind: type) -> InputError:
-    given = _given(node)[field.name].value
+    value = _given(node)[field.name].value
     about = field.metadata.get("quantity")
     remedy = f"it must be {_TYPES[kind]}"
     if about is not None:
         remedy += f", {about.range_text()} ({about.about})"
-    return InputError(f"node {node.get_name()}, parameter {field.name}", repr(given), remedy)
+    return InputError(f"node {node.get_name()}, parameter {field.name}", repr(value), remedy)
 
 
 def _warn_of_unknown(node: Node, known: list[str]) -> None:

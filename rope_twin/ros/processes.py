@@ -169,7 +169,7 @@ class Processes:
             self._started_s[name] = self._started_s[STANDBY]
             self._start(STANDBY)
         else:
-            self._start(name, again=True)
+            self._start(name, restarted=True)
         return f"{died}; {done}"
 
     def _next_bag(self) -> str:
@@ -185,16 +185,16 @@ class Processes:
             self._spare.close()
         self._folder.cleanup()
 
-    def _start(self, name: str, again: bool = False) -> None:
+    def _start(self, name: str, restarted: bool = False) -> None:
         parameters = dict(self._parameters["recorder" if name == STANDBY else name])
         if name == STANDBY:
             self._call = Path(self._folder.name) / f"call_{time.monotonic_ns()}"
             parameters |= {"beside": True, "standby": str(self._call)}
-        elif again and name == "recorder":
+        elif restarted and name == "recorder":
             parameters["beside"] = True
-        elif again and name == "viewer" and parameters["file"]:
+        elif restarted and name == "viewer" and parameters["file"]:
             parameters["file"] = str(free_path(Path(parameters["file"]), ".rrd"))
-        elif again and name == "simulation":
+        elif restarted and name == "simulation":
             parameters["wait_for_s"] = _FIND_AGAIN_S
             saved = _signature(Path(parameters["save_state"]))
             if saved is not None and saved != self._state_before:  # saved by this run
@@ -203,7 +203,7 @@ class Processes:
         self._started_s[name] = time.monotonic()
 
     def _begin(self, name: str, parameters: dict[str, Any]) -> subprocess.Popen[bytes]:
-        """Start the process of a node, or let the spare become it."""
+        """Start the process of a node, or assign the spare process to it."""
         spare, self._spare = self._spare, None
         if spare is not None and spare.become(_node_of(name), node_arguments(name, parameters)):
             return spare.process
@@ -219,12 +219,12 @@ class Processes:
 
     def kill(self) -> list[str]:
         """Kill all running processes and return their names."""
-        left = list(self._running)
+        running = list(self._running)
         for process in self._running.values():
             process.kill()
             process.wait()
         self._running.clear()
-        return left
+        return running
 
 
 def _signature(path: Path) -> tuple[int, int] | None:
@@ -300,8 +300,8 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
         return supervisor.result(options)
     finally:
         if processes is not None:
-            if left := processes.kill():
-                progress.say(f"did not end and were killed: {', '.join(left)}")
+            if killed := processes.kill():
+                progress.say(f"did not end and were killed: {', '.join(killed)}")
             processes.close()
         stop.restore()
 

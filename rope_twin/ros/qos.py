@@ -39,37 +39,37 @@ def message_type(topic: Topic) -> Any:
 def unsuited(node: Any, topic: Topic) -> bool:
     """Return whether a subscriber of one of our topics requests more than its QoS offers."""
     row = QOS_ROWS[topic.qos]
-    asked = [end.qos_profile for end in node.get_subscriptions_info_by_topic(topic.name)]
+    profiles = [end.qos_profile for end in node.get_subscriptions_info_by_topic(topic.name)]
     return any(
-        (one.reliability == ReliabilityPolicy.RELIABLE and not row.reliable)
-        or (one.durability == DurabilityPolicy.TRANSIENT_LOCAL and not row.for_late_joiners)
-        for one in asked
+        (profile.reliability == ReliabilityPolicy.RELIABLE and not row.reliable)
+        or (profile.durability == DurabilityPolicy.TRANSIENT_LOCAL and not row.for_late_joiners)
+        for profile in profiles
     )
 
 
 def unheard_publishers(node: Any, topic: Topic) -> list[str]:
     """Return in words the incompatible publishers of one of our inputs, and why they are."""
     row = QOS_ROWS[topic.qos]
-    found = []
+    mismatches = []
     for end in node.get_publishers_info_by_topic(topic.name):
         offered = end.qos_profile
-        why = ""
+        reason = ""
         if end.topic_type != topic.type_name:
-            why = f"publishes {end.topic_type}, expected {topic.type_name}"
+            reason = f"publishes {end.topic_type}, expected {topic.type_name}"
         elif row.reliable and offered.reliability == ReliabilityPolicy.BEST_EFFORT:
-            why = "offers best effort, requested is reliable"
+            reason = "offers best effort, requested is reliable"
         elif row.for_late_joiners and offered.durability == DurabilityPolicy.VOLATILE:
-            why = "offers volatile, requested is transient local"
-        if why:
-            found.append(f"node {end.node_name} {why}")
-    return found
+            reason = "offers volatile, requested is transient local"
+        if reason:
+            mismatches.append(f"node {end.node_name} {reason}")
+    return mismatches
 
 
 def asked_of(topic: Topic) -> str:
     """Return in words the QoS that an input requests."""
     row = QOS_ROWS[topic.qos]
-    kept = "transient local" if row.for_late_joiners else "volatile"
-    return f"{'reliable' if row.reliable else 'best effort'}, {kept}, depth {row.depth}"
+    durability = "transient local" if row.for_late_joiners else "volatile"
+    return f"{'reliable' if row.reliable else 'best effort'}, {durability}, depth {row.depth}"
 
 
 def publish(node: Any, topic: Topic) -> Any:
@@ -126,10 +126,10 @@ class Senders:
             "" while it is not known.
         """
         publisher = info["publisher_gid"]["data"]
-        found = self._names.get(publisher, "")
+        known = self._names.get(publisher, "")
         now_s = time.monotonic()
-        if found or now_s < self._asked_s.get(publisher, 0.0) + ASK_AGAIN_S:
-            return found
+        if known or now_s < self._asked_s.get(publisher, 0.0) + ASK_AGAIN_S:
+            return known
         if len(self._names) + len(self._asked_s) > MAX_SENDERS:
             self._names.clear()
             self._asked_s.clear()
@@ -153,8 +153,10 @@ class Senders:
 
     def present(self, topics: Iterable[str]) -> set[str]:
         """Return the names of all nodes and publishers that currently publish on these topics."""
-        found = list(self._publishers(topics))
-        return {name for _, name in found if name} | {publisher_name(gid) for gid, _ in found}
+        publishers = list(self._publishers(topics))
+        return {name for _, name in publishers if name} | {
+            publisher_name(gid) for gid, _ in publishers
+        }
 
     def others(self, topics: Iterable[str]) -> list[str]:
         """Return the names of other nodes and publishers that currently publish on these topics.
@@ -175,12 +177,12 @@ class Senders:
 
     def _publishers(self, topics: Iterable[str]) -> Iterator[tuple[bytes, str]]:
         """Yield identity and node of each publisher on these topics; "": its node is not known."""
-        own = self._node.get_namespace()
+        namespace = self._node.get_namespace()
         for end in (
             end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)
         ):
             name = "" if end.node_name == _UNKNOWN else str(end.node_name)
-            if name and end.node_namespace != own:
+            if name and end.node_namespace != namespace:
                 name = f"{end.node_namespace.rstrip('/')}/{name}"
             yield bytes(end.endpoint_gid), name
 

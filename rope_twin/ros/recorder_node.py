@@ -84,22 +84,22 @@ class BagBeginning:
         self._began_ns: int | None = None  # stamp of the first result, by the simulation's clock
         self._held: list[Stored] = []
 
-    def take(self, one: Stored) -> list[Stored]:
-        """Return the messages to be written now that this one has come."""
-        topic = BY_NAME[one[0]]
+    def take(self, message: Stored) -> list[Stored]:
+        """Return the messages to write on arrival of this one."""
+        topic = BY_NAME[message[0]]
         if topic.qos is Qos.LATCHED and topic.name != SESSION_TOPIC:
-            self._held.append(one)
+            self._held.append(message)
             return [] if self._began_ns is None else self.rest()
         if self._began_ns is not None or not topic.of_snapshot:
-            return [one]
-        self._began_ns = one[1]
-        return [*self.rest(), one]
+            return [message]
+        self._began_ns = message[1]
+        return [*self.rest(), message]
 
     def rest(self) -> list[Stored]:
-        """Return the messages that are still held."""
-        held, self._held = self._held, []
+        """Return the messages that are still buffered."""
+        messages, self._held = self._held, []
         return [
-            (name, self._stamp(stamp_ns), data, number) for name, stamp_ns, data, number in held
+            (name, self._stamp(stamp_ns), data, number) for name, stamp_ns, data, number in messages
         ]
 
     def _stamp(self, stamp_ns: int) -> int:
@@ -200,8 +200,8 @@ class RecorderNode(SuiteNode):
         for topic in self._listening:
             self._take_waiting(topic)
         recorder = self._recorder
-        for one in self._beginning.rest():
-            recorder.write(*one)
+        for message in self._beginning.rest():
+            recorder.write(*message)
         try:
             recorder.close()
         except BagError as error:
@@ -248,10 +248,10 @@ class RecorderNode(SuiteNode):
         subscription = self._listening[topic]
         for _ in range(_DEPTH):
             with subscription.handle:
-                found = subscription.handle.take_message(subscription.msg_type, True)
-            if found is None:
+                received = subscription.handle.take_message(subscription.msg_type, True)
+            if received is None:
                 return
-            self._record(topic, *found)
+            self._record(topic, *received)
 
     def _record(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         if self._recorder is None:
@@ -260,8 +260,8 @@ class RecorderNode(SuiteNode):
         self._loss.count(info)
         stamp_ns = info["source_timestamp"] or time.time_ns()
         number = info["publication_sequence_number"] or 0
-        for one in self._beginning.take((topic, stamp_ns, data, number & 0xFFFFFFFF)):
-            self._recorder.write(*one)
+        for message in self._beginning.take((topic, stamp_ns, data, number & 0xFFFFFFFF)):
+            self._recorder.write(*message)
 
     def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         """Keep a message for the beginning of the bag; drop those that are older than is needed."""

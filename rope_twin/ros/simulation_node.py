@@ -150,17 +150,17 @@ class SimulationNode(SuiteNode, LifecycleNode):
         """Read the scene, build and compile; a failure is logged in one sentence."""
         self._params = read(self, SimulationParams)
         try:
-            known = (*self._inputs, *self._own_publishers)
+            topics = (*self._inputs, *self._own_publishers)
             if self._params.lockstep and not self._uses_sim_time:
                 where = "node simulation, parameter lockstep"
                 raise InputError(where, "it needs the time of /clock", "set use_sim_time")
             if self._params.apply_learned and not self._params.learn:
                 where = "node simulation, parameter apply_learned"
                 raise InputError(where, "nothing is learned", "set learn too")
-            unknown = [name for name in self._params.wait_for.split() if name not in known]
+            unknown = [name for name in self._params.wait_for.split() if name not in topics]
             if unknown:
                 where = "node simulation, parameter wait_for"
-                raise InputError(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known))
+                raise InputError(where, f"'{unknown[0]}'", did_you_mean(unknown[0], topics))
             scene = load_scene(self._params.scene)
             scene = at_setting(scene, self._params.elements or None, self._params.step_s or None)
             scene = following_measured(scene) if self._params.follow_measured else scene

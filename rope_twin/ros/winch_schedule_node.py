@@ -39,8 +39,8 @@ class WinchScheduleNode(InputNode):
     def begin(self) -> None:
         """Read the scene and wait for the simulation's epoch."""
         scene = load_scene(self._params.scene)
-        named = winches_by_name(scene).items()
-        self._winches = {n: w for n, w in named if w.schedule and w.follows == FOLLOWS_COMMANDS}
+        winches = winches_by_name(scene).items()
+        self._winches = {n: w for n, w in winches if w.schedule and w.follows == FOLLOWS_COMMANDS}
         self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
             if winches_by_name(scene):
@@ -73,7 +73,7 @@ class WinchScheduleNode(InputNode):
 
     def _other_commanders(self) -> list[str]:
         """Return the names of others that publish on a winch command topic."""
-        if all(self.count_publishers(one) <= self.publishes(one) for one in WINCH_TOPICS):
+        if all(self.count_publishers(topic) <= self.publishes(topic) for topic in WINCH_TOPICS):
             return []
         return self.senders.others(WINCH_TOPICS)
 
@@ -82,10 +82,10 @@ def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
     """Return the topics of these winches' schedules; always a speed, for before the first row."""
     rows = [row for winch in winches for row in winch.schedule]
     motions = {motion.kind for row in rows if (motion := motion_of(row))}
-    found = {ORDER_TOPICS[SPEED], *(ORDER_TOPICS[kind] for kind in motions)}
+    used = {ORDER_TOPICS[SPEED], *(ORDER_TOPICS[kind] for kind in motions)}
     if any(row.switch for row in rows):
-        found.add(SWITCH_TOPIC)
-    return tuple(topic for topic in WINCH_TOPICS if topic in found)
+        used.add(SWITCH_TOPIC)
+    return tuple(topic for topic in WINCH_TOPICS if topic in used)
 
 
 def main(args: list[str] | None = None) -> int:
