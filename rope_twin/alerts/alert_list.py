@@ -148,34 +148,36 @@ class AlertList:
         self._mark_first_out()
         return [one for key, one in self._alerts.items() if _differs(before.get(key), one)]
 
-    def _raised(self, key: tuple[int, str], one: Situation) -> Alert:
+    def _raised(self, key: tuple[int, str], situation: Situation) -> Alert:
         """Return the alert of a present situation."""
         alert = self._alerts.get(key)
-        first = State.ACKNOWLEDGED if one.priority is Priority.CAUTION else State.UNACKNOWLEDGED
+        first = (
+            State.ACKNOWLEDGED if situation.priority is Priority.CAUTION else State.UNACKNOWLEDGED
+        )
         if alert is None:
-            places = self._instances.setdefault(one.identifier, [])
-            places.append(one.where)
+            instances = self._instances.setdefault(situation.identifier, [])
+            instances.append(situation.where)
             return Alert(
-                one.identifier, len(places), one.name, one.priority, one.category, first,
-                one.text, self.now_ns, self.now_ns, revision=1,
+                situation.identifier, len(instances), situation.name, situation.priority,
+                situation.category, first, situation.text, self.now_ns, self.now_ns, revision=1,
             )  # fmt: skip
         if not alert.active:
-            priority = one.priority
+            priority = situation.priority
             if alert.waits and priority is Priority.CAUTION:  # as below
                 first, priority = State.UNACKNOWLEDGED, alert.priority
             alert = _revised(alert, first, self.now_ns)
             return replace(
-                alert, priority=priority, text=one.text, since_ns=self.now_ns, escalation=0
+                alert, priority=priority, text=situation.text, since_ns=self.now_ns, escalation=0
             )
-        if one.priority > alert.priority:
+        if situation.priority > alert.priority:
             alert = replace(_revised(alert, first, self.now_ns), escalation=0)
-        elif one.priority is Priority.CAUTION < alert.priority:
+        elif situation.priority is Priority.CAUTION < alert.priority:
             if alert.waits:  # a caution waits for nobody: nobody would see what has been
-                return replace(alert, text=one.text)
+                return replace(alert, text=situation.text)
             alert = _revised(alert, first, self.now_ns)
-        elif one.priority < alert.priority:  # less urgent: an acknowledgement remains valid
+        elif situation.priority < alert.priority:  # less urgent: an acknowledgement remains valid
             alert = _revised(alert, alert.state, self.now_ns)
-        return replace(alert, priority=one.priority, text=one.text)
+        return replace(alert, priority=situation.priority, text=situation.text)
 
     def _rectified(self, alert: Alert) -> Alert:
         """Return an alert whose cause is gone."""
@@ -189,8 +191,10 @@ class AlertList:
         waited = self.now_ns - alert.changed_ns
         if alert.state is State.SILENCED and waited >= SILENCE_NS:
             return _revised(alert, State.UNACKNOWLEDGED, self.now_ns)
-        again = alert.priority is Priority.WARNING and alert.state is State.UNACKNOWLEDGED
-        if again and waited >= REPEAT_NS:
+        is_announced_again = (
+            alert.priority is Priority.WARNING and alert.state is State.UNACKNOWLEDGED
+        )
+        if is_announced_again and waited >= REPEAT_NS:
             count = min(alert.escalation + 1, ESCALATIONS)
             return replace(alert, escalation=count, changed_ns=self.now_ns)
         return alert
@@ -227,8 +231,8 @@ class AlertList:
 
     def shelved(self) -> list[Alert]:
         """Return the shelved alerts, by the end of their time."""
-        found = (alert for alert in self._alerts.values() if alert.shelved(self.now_ns))
-        return sorted(found, key=lambda one: one.shelved_until_ns)
+        shelved = (alert for alert in self._alerts.values() if alert.shelved(self.now_ns))
+        return sorted(shelved, key=lambda shelved_alert: shelved_alert.shelved_until_ns)
 
     # -- what a crew does ------------------------------------------------------------------------
 
@@ -239,22 +243,22 @@ class AlertList:
             InputError: there is no such alert, or it is not in a state that the action suits.
         """
         word, of, to = ACTIONS[action]
-        every = [at for at, one in self._alerts.items() if one.waits and one.state in of]
+        every = [at for at, each in self._alerts.items() if each.waits and each.state in of]
         if key == EVERY:
             chosen = [at for at in every if not self._alerts[at].shelved(self.now_ns)]
         else:
             chosen = [self._find(key)]
             state = self._alerts[chosen[0]].state.name.lower()
             if chosen[0] not in every:
-                remedy = f"only {', '.join(one.name.lower() for one in of)} alarms and warnings"
+                remedy = f"only {', '.join(each.name.lower() for each in of)} alarms and warnings"
                 raise InputError(f"alert {key}", f"it is {state}", f"{remedy} are {word}")
         for at in chosen:
             alert = self._alerts[at]
-            gone = alert.state is State.RECTIFIED
-            self._alerts[at] = _revised(alert, State.NORMAL if gone else to, self.now_ns)
+            is_rectified = alert.state is State.RECTIFIED
+            self._alerts[at] = _revised(alert, State.NORMAL if is_rectified else to, self.now_ns)
         self._mark_first_out()
-        some = f"alert {key}" if key != EVERY else f"{len(chosen)} alerts"
-        return f"{some} {word}"
+        subject = f"alert {key}" if key != EVERY else f"{len(chosen)} alerts"
+        return f"{subject} {word}"
 
     def shelve(self, key: str, seconds: float) -> str:
         """Keep an alert out of the list for a time; 0 s: list it again.
@@ -262,9 +266,9 @@ class AlertList:
         Raises:
             InputError: there is no such alert, or the time is not possible.
         """
-        most = SHELVED_MOST_NS // SECOND
-        if not 0.0 <= seconds <= most:
-            remedy = f"give 0 to {most} s; 0 lists it again"
+        max_s = SHELVED_MOST_NS // SECOND
+        if not 0.0 <= seconds <= max_s:
+            remedy = f"give 0 to {max_s} s; 0 lists it again"
             raise InputError(f"alert {key}", f"shelving for {seconds:g} s", remedy)
         at = self._find(key)
         until = self.now_ns + round(seconds * SECOND) if seconds else 0
@@ -276,8 +280,8 @@ class AlertList:
         for at, alert in self._alerts.items():
             if alert.key == key:
                 return at
-        known = ", ".join(one.key for one in self.listed()) or "none is listed"
-        raise InputError("alert", f"there is no '{key}'", f"listed: {known}")
+        listed = ", ".join(each.key for each in self.listed()) or "none is listed"
+        raise InputError("alert", f"there is no '{key}'", f"listed: {listed}")
 
 
 def _revised(alert: Alert, state: State, now_ns: int) -> Alert:

@@ -73,10 +73,10 @@ def present(where: str, priority: Priority, text: str) -> Measure:
 
 def scene_limits(scene: Scene) -> dict[str, float | None]:
     """Return the scene's own limits by the names of CREW_LIMITS, or None if it gives none."""
-    own, rules = scene.limits, LoadRules(scene)
-    radii = [rules.radius_m(name) for name in rules.ropes] if own.bend_radius else []
-    found = {name: getattr(own, name) for name in CREW_LIMITS if name != "bend_radius_m"}
-    return found | {"tension_n": max(rules.allowed_n), "bend_radius_m": max(radii, default=None)}
+    limits, rules = scene.limits, LoadRules(scene)
+    radii = [rules.radius_m(name) for name in rules.ropes] if limits.bend_radius else []
+    values = {name: getattr(limits, name) for name in CREW_LIMITS if name != "bend_radius_m"}
+    return values | {"tension_n": max(rules.allowed_n), "bend_radius_m": max(radii, default=None)}
 
 
 def impossible_limits(scene: Scene) -> dict[str, str]:
@@ -152,9 +152,9 @@ class CrewLimits:
 
     def take_loosened(self) -> tuple[str, ...]:
         """Return the names of the limits that allow more than at the last call."""
-        found = tuple(self._loosened)
+        loosened = tuple(self._loosened)
         self._loosened.clear()
-        return found
+        return loosened
 
     def get(self, name: str) -> float | None:
         """Return the crew's limit of a name; None: none is set."""
@@ -162,15 +162,19 @@ class CrewLimits:
 
     def stricter(self, name: str) -> float | None:
         """Return the stricter of a limit of the scene and the crew's; None: there is neither."""
-        both = [one for one in (self._of_scene.get(name), self._set.get(name)) if one is not None]
-        return (max if CREW_LIMITS[name].at_least else min)(both, default=None)
+        limits = [
+            limit for limit in (self._of_scene.get(name), self._set.get(name)) if limit is not None
+        ]
+        return (max if CREW_LIMITS[name].at_least else min)(limits, default=None)
 
     def row(self) -> Status:
         """Return the row of the diagnostics; values: the limits in SI units, by name."""
-        named = [
+        descriptions = [
             f"{name} {_of(value, CREW_LIMITS[name].unit)}" for name, value in self._set.items()
         ]
-        return crew_limits_row(self._set, ", ".join(named) or "none beside those of the scene")
+        return crew_limits_row(
+            self._set, ", ".join(descriptions) or "none beside those of the scene"
+        )
 
 
 class Store(NamedTuple):
@@ -190,8 +194,8 @@ class Store(NamedTuple):
         drum, d, stored_m = self.drum, self.diameter_m, self.whole_m - line_out_m
         layer = drum.layer_of(stored_m, d)
         ends = (drum.length_m(k, d) for k in (layer - 1, layer))
-        apart = [abs(stored_m - end) for end in ends if 0.0 < end < self.whole_m]
-        return min(apart, default=math.inf)
+        distances = [abs(stored_m - end) for end in ends if 0.0 < end < self.whole_m]
+        return min(distances, default=math.inf)
 
 
 class SceneFigures:
@@ -225,13 +229,15 @@ class LimitWatch:
     def tension(self, shot: Snapshot) -> Iterator[Measure]:
         """Find the tension at the top of each rope, against the least of its limits."""
         figures, crew = self._figures, self.crew
-        tops = {one.name: one.tension_top_n for one in shot.ropes[1:]}
-        most_n, share = crew.get("tension_n"), crew.get("utilisation")
+        tops = {line.name: line.tension_top_n for line in shot.ropes[1:]}
+        max_n, max_utilisation = crew.get("tension_n"), crew.get("utilisation")
         for number, rope in enumerate(shot.strength):
             allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
-            allowed = min(allowed, most_n or math.inf, (share or math.inf) * rope.breaking_load_n)
+            allowed = min(
+                allowed, max_n or math.inf, (max_utilisation or math.inf) * rope.breaking_load_n
+            )
             now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
-            is_limited = figures.limited or most_n is not None or share is not None
+            is_limited = figures.limited or max_n is not None or max_utilisation is not None
             near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
             text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
             yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
@@ -257,7 +263,7 @@ class LimitWatch:
 
     def clearance(self, shot: Snapshot) -> Iterator[Measure]:
         """Find the height of the payload above the bed, and the distance of two lines."""
-        height, apart = (
+        height, min_m = (
             self.crew.stricter("bed_clearance_m"),
             self.crew.stricter("line_clearance_m"),
         )
@@ -265,19 +271,18 @@ class LimitWatch:
             now = shot.seabed.payload_height_m
             text = f"payload {now:.1f} m above the bed, limit {height:g} m"
             yield Measure("bed", _nearness(now, height), _NEARING, text)
-        if apart is not None and shot.lines is not None:
+        if min_m is not None and shot.lines is not None:
             now = shot.lines.nearest.distance_m
-            text = (
-                f"lines {now:.2f} m apart at {shot.lines.nearest.depth_m:.0f} m, limit {apart:g} m"
-            )
-            yield Measure(LINES, _nearness(now, apart), _NEARING, text)
+            depth = f"{shot.lines.nearest.depth_m:.0f} m"
+            text = f"lines {now:.2f} m apart at {depth}, limit {min_m:g} m"
+            yield Measure(LINES, _nearness(now, min_m), _NEARING, text)
 
     def broken(self, shot: Snapshot) -> Iterator[Measure]:
         """Find limits broken in an instant or along the rope: the scene's, then the crew's."""
         self._look(shot)
-        for one in (*shot.breaches, *self._broken.values()):
-            if one.limit in _BROKEN and shot.time_s - one.last_s <= EVENT_S:
-                yield present(f"{one.where} {one.limit}", ALARM, breach_words(one))
+        for breach in (*shot.breaches, *self._broken.values()):
+            if breach.limit in _BROKEN and shot.time_s - breach.last_s <= EVENT_S:
+                yield present(f"{breach.where} {breach.limit}", ALARM, breach_words(breach))
 
     def _look(self, shot: Snapshot) -> None:
         """Record which of the crew's limits of this kind are broken now."""
@@ -289,15 +294,17 @@ class LimitWatch:
             if in_force[limit] != self._broken[limit, where].allowed:
                 del self._broken[limit, where]
         if least_n is not None:
-            names = [rope.name for rope in shot.ropes] or [one.name for one in shot.strength]
+            names = [rope.name for rope in shot.ropes] or [
+                strength.name for strength in shot.strength
+            ]
             for name, low_n in zip(names, lowest_n(shot), strict=False):
                 if low_n < least_n:
                     self._break(shot.time_s, "min_tension_n", name, (low_n, least_n))
         if radius_m is not None:
             for bend in shot.bends:
                 if bend.now.radius_m < radius_m:
-                    found = bend.now.radius_m, radius_m
-                    self._break(shot.time_s, "bend_radius", bend.now.name, found)
+                    values = bend.now.radius_m, radius_m
+                    self._break(shot.time_s, "bend_radius", bend.now.name, values)
         if landing is not None and shot.seabed is not None:
             motions = payload_motions(shot, max(1, len(self._figures.payloads)))
             sinking = max((-float(speed[2]) for _, speed in motions), default=0.0)
@@ -307,15 +314,15 @@ class LimitWatch:
                 self._break(shot.time_s, "landing_speed_m_per_s", where, (fast, landing))
             self._landed, self._sinking = landed, sinking
 
-    def _break(self, time_s: float, limit: str, where: str, found: tuple[float, float]) -> None:
+    def _break(self, time_s: float, limit: str, where: str, values: tuple[float, float]) -> None:
         """Record that a limit is broken now; found: the value and the limit."""
-        value, allowed = found
-        known = self._broken.get((limit, where))
+        value, allowed = values
+        previous = self._broken.get((limit, where))
         first_s, worst, worst_s = time_s, value, time_s
-        if known is not None and time_s - known.last_s <= EVENT_S:
-            first_s = known.first_s
-            if (known.worst - value) * (value - allowed) >= 0.0:  # it was as bad or worse before
-                worst, worst_s = known.worst, known.worst_s
+        if previous is not None and time_s - previous.last_s <= EVENT_S:
+            first_s = previous.first_s
+            if (previous.worst - value) * (value - allowed) >= 0.0:  # it was as bad or worse before
+                worst, worst_s = previous.worst, previous.worst_s
         self._broken[limit, where] = LimitBreach(
             limit, where, allowed, first_s, time_s, worst, worst_s
         )

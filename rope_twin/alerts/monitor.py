@@ -81,14 +81,14 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
             if alert.priority is Priority.CAUTION:
                 cautions.add(at)
                 continue
-            known = begun.get(at)
-            if known is None:
-                known = Coming(alert.key, alert.name, alert.priority, alert.since_ns, alert.text)
-            after = known.acknowledged_after_s
+            recorded = begun.get(at)
+            if recorded is None:
+                recorded = Coming(alert.key, alert.name, alert.priority, alert.since_ns, alert.text)
+            after = recorded.acknowledged_after_s
             if after is None and not alert.waits:
                 after = (alert.changed_ns - alert.since_ns) / SECOND
-            highest = max(known.priority, alert.priority)
-            begun[at] = Coming(alert.key, alert.name, highest, alert.since_ns, known.text, after)
+            highest = max(recorded.priority, alert.priority)
+            begun[at] = Coming(alert.key, alert.name, highest, alert.since_ns, recorded.text, after)
     comings = tuple(sorted(begun.values(), key=lambda one: (one.at_ns, one.key)))
     return AlertRates(
         duration_s=end_ns / SECOND,
@@ -103,12 +103,12 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
 
 def _most(times_ns: list[int], window_ns: int) -> int:
     """Return the largest number of times within a window; they are in order."""
-    first = most = 0
+    first = largest = 0
     for last, time_ns in enumerate(times_ns):
         while times_ns[first] <= time_ns - window_ns:
             first += 1
-        most = max(most, last - first + 1)
-    return most
+        largest = max(largest, last - first + 1)
+    return largest
 
 
 def _chattering(comings: tuple[Coming, ...]) -> tuple[str, ...]:
@@ -116,7 +116,7 @@ def _chattering(comings: tuple[Coming, ...]) -> tuple[str, ...]:
     times: dict[str, list[int]] = {}
     for coming in comings:
         times.setdefault(coming.key, []).append(coming.at_ns)
-    return tuple(key for key, some in times.items() if _most(some, CHATTER_NS) >= CHATTER)
+    return tuple(key for key, onsets in times.items() if _most(onsets, CHATTER_NS) >= CHATTER)
 
 
 SHELVE, UNSHELVE, LIMIT = "shelve", "unshelve", "limit"
@@ -178,16 +178,16 @@ class AlertMonitor:
         if len(words) > LONGEST:
             remedy = f"give {LONGEST} at most"
             raise InputError("alerts/command", f"a text of {len(words)} characters", remedy)
-        verb, *rest = words.split() or [""]
+        verb, *arguments = words.split() or [""]
         if verb not in COMMANDS:
             remedy = did_you_mean(verb, COMMANDS)
             raise InputError("alerts/command", f"there is no '{verb}'", remedy)
-        wanted = 2 if verb in _EXAMPLES else 1
-        if len(rest) != wanted:
+        expected = 2 if verb in _EXAMPLES else 1
+        if len(arguments) != expected:
             example = _EXAMPLES.get(verb, f"{verb} 10001.1, or {EVERY}")
             raise InputError("alerts/command", f"'{words}'", f"write {example}")
         with self._lock:
-            answer = self._execute(verb, rest)
+            answer = self._execute(verb, arguments)
             self._commanded = True
         return answer
 
@@ -196,16 +196,16 @@ class AlertMonitor:
         with self._lock:
             return self._watch.crew.row()
 
-    def _execute(self, verb: str, rest: list[str]) -> str:
+    def _execute(self, verb: str, arguments: list[str]) -> str:
         if verb == LIMIT:
-            return self._watch.crew.set(*rest)
+            return self._watch.crew.set(*arguments)
         if verb == SHELVE:
             try:
-                seconds = float(rest[1])
+                seconds = float(arguments[1])
             except ValueError:
-                problem = f"'{rest[1]}' is no time"
+                problem = f"'{arguments[1]}' is no time"
                 raise InputError("alerts/command", problem, "give seconds") from None
-            return self._list.shelve(rest[0], seconds)
+            return self._list.shelve(arguments[0], seconds)
         if verb == UNSHELVE:
-            return self._list.shelve(rest[0], 0.0)
-        return self._list.act(verb, rest[0])
+            return self._list.shelve(arguments[0], 0.0)
+        return self._list.act(verb, arguments[0])

@@ -40,8 +40,8 @@ class AlertCommand:
 def clock(time_ns: int) -> str:
     """Return a UTC time of day as hhmmss.ss."""
     hundredths = time_ns // 10_000_000 % 8_640_000
-    minutes, rest = divmod(hundredths, 6000)
-    return f"{minutes // 60:02d}{minutes % 60:02d}{rest // 100:02d}.{rest % 100:02d}"
+    minutes, remainder = divmod(hundredths, 6000)
+    return f"{minutes // 60:02d}{minutes % 60:02d}{remainder // 100:02d}.{remainder % 100:02d}"
 
 
 def alf(alert: Alert, utc_ns: int, sequence: int) -> list[bytes]:
@@ -55,12 +55,12 @@ def alf(alert: Alert, utc_ns: int, sequence: int) -> list[bytes]:
     number = f"{MAKER},{alert.identifier},{alert.instance},{alert.revision},{alert.escalation}"
     state = f"{alert.category},{alert.priority.letter},{alert.state.value}"
     title = f"{sequence},{clock(utc_ns)},{state},{number},{_escaped(alert.name, TITLE_MOST)}"
-    rest = f"{sequence},,,,,{number},"
-    room = SENTENCE_MOST - len(nmea(f"{TALKER}ALF,2,2,{rest}"))
+    fields = f"{sequence},,,,,{number},"
+    room = SENTENCE_MOST - len(nmea(f"{TALKER}ALF,2,2,{fields}"))
     text = _escaped(alert.text, room)
     if not text:
         return [nmea(f"{TALKER}ALF,1,1,{title}")]
-    return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(f"{TALKER}ALF,2,2,{rest}{text}")]
+    return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(f"{TALKER}ALF,2,2,{fields}{text}")]
 
 
 def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
@@ -72,11 +72,11 @@ def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
     """
     shown = [alert for alert in alerts if alert.state is not State.NORMAL]
     groups = [shown[k : k + _ALC_ENTRIES] for k in range(0, len(shown), _ALC_ENTRIES)] or [[]]
-    for number, some in enumerate(groups, start=1):
+    for number, group in enumerate(groups, start=1):
         entries = "".join(
-            f",{MAKER},{one.identifier},{one.instance},{one.revision}" for one in some
+            f",{MAKER},{one.identifier},{one.instance},{one.revision}" for one in group
         )
-        body = f"{TALKER}ALC,{len(groups):02d},{number:02d},{sequence:02d},{len(some)}{entries}"
+        body = f"{TALKER}ALC,{len(groups):02d},{number:02d},{sequence:02d},{len(group)}{entries}"
         yield nmea(body)
 
 
@@ -95,10 +95,10 @@ def read_acn(line: bytes) -> AlertCommand | None:
     text = line.decode("ascii", "replace").strip()
     if len(text) < 6 or text[0] != "$" or text[3:6] != "ACN":
         return None
-    body, star, given = text[1:].rpartition("*")
+    body, star, checksum = text[1:].rpartition("*")
     body = body.encode("ascii", "replace").decode("ascii")
     remedy = "send $--ACN,hhmmss.ss,RPT,identifier,instance,A|Q|O|S,C*hh"
-    if not star or f"{xor_of(body):02X}" != given.upper():
+    if not star or f"{xor_of(body):02X}" != checksum.upper():
         raise InputError("ACN sentence", "its checksum is wrong", remedy)
     fields = body.split(",")
     if len(fields) > 2 and fields[2] != MAKER:
@@ -112,14 +112,14 @@ def read_acn(line: bytes) -> AlertCommand | None:
     return AlertCommand(int(fields[3]), int(fields[4]), fields[5])
 
 
-def _escaped(text: str, most: int) -> str:
+def _escaped(text: str, max_length: int) -> str:
     """Return as much of a text as fits, with reserved characters as ^hh."""
     out = ""
     for letter in text:
         code = letter if letter.isascii() and letter.isprintable() else "?"
         if letter in _RESERVED:
             code = f"^{ord(letter):02X}"
-        if len(out) + len(code) > most:
+        if len(out) + len(code) > max_length:
             break
         out += code
     return out

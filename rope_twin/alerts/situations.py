@@ -85,10 +85,12 @@ def _slack(at: Moment) -> Iterator[Measure]:
     weight, least = at.scene.weight_n(at.shot.line_out_m), at.least_payload_n
     if not (weight > 0.0 and math.isfinite(least)):
         return
-    share = least / weight
-    words = f"least tension at the payload in 60 s {least / 1e3:.2f} kN, {share:.0%} of its weight"
+    fraction = least / weight
+    words = (
+        f"least tension at the payload in 60 s {least / 1e3:.2f} kN, {fraction:.0%} of its weight"
+    )
     levels = (1.0 - SLACK_MARGIN, WARNING), (1.0, ALARM)
-    yield Measure("payload", 1.0 - share, levels, words)
+    yield Measure("payload", 1.0 - fraction, levels, words)
 
 
 def _winch(at: Moment) -> Iterator[Measure]:
@@ -117,9 +119,9 @@ def _drum(at: Moment) -> Iterator[Measure]:
         store = at.scene.stores.get(number)
         if store is None:
             continue
-        left, change_m = store.turns(line_out_m), store.to_layer_m(line_out_m)
-        text = f"'{store.winch}': {left:.1f} turns left on the drum"
-        yield Measure(store.winch, LEAST_TURNS / max(left, 1e-9), ((1.0, ALARM),), text)
+        turns_left, change_m = store.turns(line_out_m), store.to_layer_m(line_out_m)
+        text = f"'{store.winch}': {turns_left:.1f} turns left on the drum"
+        yield Measure(store.winch, LEAST_TURNS / max(turns_left, 1e-9), ((1.0, ALARM),), text)
         text = f"'{store.winch}': change of layer within {change_m:.1f} m of line"
         near = LAYER_NEAR_M / max(change_m, 1e-9)
         yield Measure(f"{store.winch} layer", near, ((1.0, CAUTION),), text)
@@ -127,9 +129,9 @@ def _drum(at: Moment) -> Iterator[Measure]:
 
 def _stroke(at: Moment) -> Iterator[Measure]:
     """Find a heave compensator at one of its stops."""
-    one = at.shot.compensator
-    if one is not None and one.at_stop:
-        text = f"piston at its {one.at_stop} stop, {one.stop_n / 1e3:.1f} kN"
+    compensator = at.shot.compensator
+    if compensator is not None and compensator.at_stop:
+        text = f"piston at its {compensator.at_stop} stop, {compensator.stop_n / 1e3:.1f} kN"
         yield present("compensator", WARNING, text)
 
 
@@ -168,10 +170,10 @@ def _inputs(at: Moment) -> Iterator[Measure]:
 
 def _about(label: str, words: str) -> str:
     """Return words that begin with the input's label once, and end as those of other alerts."""
-    subject, colon, rest = words.removesuffix(".").partition(": ")
+    subject, colon, detail = words.removesuffix(".").partition(": ")
     if colon and subject.replace("/", " ") == label:
-        return f"{label}: {rest}"
-    return f"{label}: {subject}{colon}{rest}"
+        return f"{label}: {detail}"
+    return f"{label}: {subject}{colon}{detail}"
 
 
 def _quality(at: Moment) -> Iterator[Measure]:
@@ -179,12 +181,12 @@ def _quality(at: Moment) -> Iterator[Measure]:
 
     The start-up, from which an index rises for some seconds more, is known to everybody.
     """
-    known = (one for one in at.shot.quality if not one.reason.startswith(BUILD_UP))
-    worst = min(known, key=lambda one: one.index, default=None)
+    settled = (element for element in at.shot.quality if not element.reason.startswith(BUILD_UP))
+    worst = min(settled, key=lambda element: element.index, default=None)
     if worst is None or at.shot.motion_ramp < 1.0:
         return
     levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
-    poor = [one.element for one in at.shot.quality if one.index < POOR_INDEX - 1e-6]
+    poor = [element.element for element in at.shot.quality if element.index < POOR_INDEX - 1e-6]
     labels = ", ".join(poor or [worst.element]).replace("_", " ")
     text = f"quality of {labels} {worst.index:.1f}, {worst.cause}: {worst.reason}"
     yield Measure("twin", 1.0 - worst.index, levels, text)
@@ -338,22 +340,24 @@ class Watch:
 
     def look(self, shot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
-        least, share = self._least_payload_n(shot), self._share_at_limit(shot)
-        rest = self._residual_heave(shot)
+        least, at_limit = self._least_payload_n(shot), self._share_at_limit(shot)
+        residual_heave = self._residual_heave(shot)
         risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
-        moment = Moment(shot, self._rows, self._scene, self._limits, least, share, rest, risk)
-        found: list[Situation] = []
+        moment = Moment(
+            shot, self._rows, self._scene, self._limits, least, at_limit, residual_heave, risk
+        )
+        situations: list[Situation] = []
         for name in self.crew.take_loosened():  # what exceeds the new limit begins at once
             ended = [key for key in self._gates if key[0] == HELD_LIMITS.get(name)]
             for key in ended:
                 del self._gates[key]
         for kind in KINDS:
-            measures = {one.where: one for one in kind.find(moment)}
-            known = {where for number, where in self._gates if number == kind.identifier}
-            for where in (*measures, *sorted(known - measures.keys())):
-                one = self._judge(kind, where, measures.get(where), shot.stamp_ns)
-                found += [one] if one is not None else []
-        return found
+            measures = {measure.where: measure for measure in kind.find(moment)}
+            active = {where for number, where in self._gates if number == kind.identifier}
+            for where in (*measures, *sorted(active - measures.keys())):
+                measure = self._judge(kind, where, measures.get(where), shot.stamp_ns)
+                situations += [measure] if measure is not None else []
+        return situations
 
     def _judge(
         self, kind: Kind, where: str, measure: Measure | None, now_ns: int
@@ -367,10 +371,10 @@ class Watch:
         gates, highest = self._gates.setdefault(key, {}), None
         for threshold, priority in levels:
             gate = gates.setdefault(threshold, _Gate())
-            left = value < threshold * (1.0 - kind.deadband)
-            if gate.take(value >= threshold, left, now_ns, kind):
+            has_ended = value < threshold * (1.0 - kind.deadband)
+            if gate.take(value >= threshold, has_ended, now_ns, kind):
                 highest = priority
-        for threshold in gates.keys() - {one for one, _ in levels}:
+        for threshold in gates.keys() - {gate_threshold for gate_threshold, _ in levels}:
             del gates[threshold]
         if highest is None:
             return None
@@ -385,7 +389,7 @@ class Watch:
             self._limited.append((shot.stamp_ns, past_ns))
         while self._limited and self._limited[0][0] <= shot.stamp_ns - LIMIT_WINDOW_NS:
             self._limited.popleft()
-        return sum(some for _, some in self._limited) / LIMIT_WINDOW_NS
+        return sum(duration_ns for _, duration_ns in self._limited) / LIMIT_WINDOW_NS
 
     def _residual_heave(self, shot: Snapshot) -> float:
         """Return the RMS rate of heave that is left over that of the heave, of a whole minute.
@@ -398,15 +402,16 @@ class Watch:
             self._heave_left = math.nan
         elif not self._heaving or shot.stamp_ns - self._heaved_ns >= HEAVE_EVERY_NS:
             heave = float(shot.hang_off_velocity_m_per_s[2])
-            rest = heave - figures["compensation_m_per_s"]
-            self._heaving.append((heave * heave, rest * rest))
+            residual = heave - figures["compensation_m_per_s"]
+            self._heaving.append((heave * heave, residual * residual))
             self._heaved_ns = shot.stamp_ns
             if len(self._heaving) == HEAVE_SAMPLES:
-                moved, left = (
-                    math.fsum(one) / HEAVE_SAMPLES for one in zip(*self._heaving, strict=True)
+                moved, residual_ms = (
+                    math.fsum(squares) / HEAVE_SAMPLES
+                    for squares in zip(*self._heaving, strict=True)
                 )
                 moving = moved > HEAVING_M_PER_S**2
-                self._heave_left = math.sqrt(left / moved) if moving else math.nan
+                self._heave_left = math.sqrt(residual_ms / moved) if moving else math.nan
         return self._heave_left
 
     def _least_payload_n(self, shot: Snapshot) -> float:

@@ -124,9 +124,9 @@ class FeedSettings:
         if self.parity:
             choices.append(("parity", self.parity, ("none", "even", "odd")))
         choices += [(key, getattr(self, key), allowed) for key, allowed in form.keys.items()]
-        for key, given, allowed in choices:
-            if given not in allowed:
-                problem = f"{key} is '{given}'" if given else f"{key} is missing"
+        for key, value, allowed in choices:
+            if value not in allowed:
+                problem = f"{key} is '{value}'" if value else f"{key} is missing"
                 return f"{problem}; give {' or '.join(allowed)}"
         if self.stamp == INSTRUMENT and not form.has_time:
             return f"stamp is instrument, but {self.format} has no time; give arrival"
@@ -149,21 +149,21 @@ class FeedSettings:
 
     def _idle_key(self) -> str | None:
         """Return the complaint about a key that this format does not take, or None."""
-        form, taken = FORMATS[self.format], set(FORMATS[self.format].keys)
+        form, used_keys = FORMATS[self.format], set(FORMATS[self.format].keys)
         if form.kind == MOTION:
-            taken |= {"heave_of", *(["rest_heading_deg"] if self.heave_of == REFERENCE else [])}
+            used_keys |= {"heave_of", *(["rest_heading_deg"] if self.heave_of == REFERENCE else [])}
         elif self.format != "wir":
-            taken.add("channel")
+            used_keys.add("channel")
         if form.kind == LINE and self.format != "rcwd":
-            taken.add("tension_of")
+            used_keys.add("tension_of")
         if self.format == "columns":
-            taken |= {"start", "columns"}
+            used_keys |= {"start", "columns"}
         if self.format in MAPPED:
-            taken = taken - {"channel"} | {MAPPED[self.format]}
-        taken |= {OPCUA: {"stale_after_s"}, MODBUS: {"parity"}}.get(self.format, set())
-        for one in _SPECIAL:
-            if getattr(self, one) not in ("", None, {}) and one not in taken:
-                return f"{one} has no effect with {self.format}; remove it"
+            used_keys = used_keys - {"channel"} | {MAPPED[self.format]}
+        used_keys |= {OPCUA: {"stale_after_s"}, MODBUS: {"parity"}}.get(self.format, set())
+        for key_name in _SPECIAL:
+            if getattr(self, key_name) not in ("", None, {}) and key_name not in used_keys:
+                return f"{key_name} has no effect with {self.format}; remove it"
         return None
 
     def _columns_fault(self) -> str | None:
@@ -173,24 +173,24 @@ class FeedSettings:
             return f"start is '{self.start}'; give what is before the first comma"
         known = (*_QUANTITIES, "motor_tension", "channel")
         names: dict[int, str] = {}
-        for name, place in self.columns.items():
+        for name, column in self.columns.items():
             if name not in known:
                 return f"columns has '{name}'; {did_you_mean(name, known)}"
-            if not 1 <= place <= 99:
-                return f"column of {name} is {place}; give a number from 1 to 99"
-            if place in names:
-                return f"column of {name} is {place}, that of {names[place]}; give its own"
-            names[place] = name
+            if not 1 <= column <= 99:
+                return f"column of {name} is {column}; give a number from 1 to 99"
+            if column in names:
+                return f"column of {name} is {column}, that of {names[column]}; give its own"
+            names[column] = name
         if not set(self.columns) & set(_QUANTITIES):
             return "columns has no quantity; give tension, speed or payout"
         return None
 
     def _map_fault(self, key: str) -> str | None:
-        given, known = getattr(self, key), (*_QUANTITIES, "motor_tension")
-        for name in given:
+        mapping, known = getattr(self, key), (*_QUANTITIES, "motor_tension")
+        for name in mapping:
             if name not in known:
                 return f"{key} has '{name}'; {did_you_mean(name, known)}"
-        if not set(given) & set(_QUANTITIES):
+        if not set(mapping) & set(_QUANTITIES):
             return f"{key} has no quantity; give tension, speed or payout"
         return None
 
@@ -240,9 +240,9 @@ def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]
     """Return the quantities that a feed by columns or a map has, or all of another one."""
     if settings.format not in ("columns", *MAPPED):
         return names
-    given = {*settings.columns, *settings.registers, *settings.nodes}
-    given |= {"tension"} if "motor_tension" in given else set()
-    return tuple(name for name in names if name in given)
+    quantities = {*settings.columns, *settings.registers, *settings.nodes}
+    quantities |= {"tension"} if "motor_tension" in quantities else set()
+    return tuple(name for name in names if name in quantities)
 
 
 def _sentences(settings: FeedSettings, usual: str) -> tuple[str, ...]:

@@ -115,31 +115,31 @@ class Converter:
         if self._settings.tension_of == MOTOR and math.isnan(motor_n):
             tension_n, motor_n = math.nan, tension_n
         speed, payout_m = reading.speed * self._size("speed"), reading.payout * self._size("payout")
-        missing, kept = reading.missing, []
-        for value, most, what in (
+        missing, accepted = reading.missing, []
+        for value, max_value, what in (
             (tension_n, MAX_TENSION_N, "N of tension"),
             (speed, MAX_SPEED_M_PER_S, "m/s of line speed"),
             (payout_m, MAX_PAYOUT_M, "m of line out"),
             (motor_n, MAX_TENSION_N, "N of motor tension"),
         ):
-            beyond = abs(value) > most
+            beyond = abs(value) > max_value
             if beyond:
                 missing = missing or Refusal(RANGE, f"{value:g} {what}")
-            kept.append(math.nan if beyond else value)
-        if missing is not None and all(map(math.isnan, kept)):
+            accepted.append(math.nan if beyond else value)
+        if missing is not None and all(map(math.isnan, accepted)):
             raise missing
-        return LineSample(stamp_ns, *kept), missing
+        return LineSample(stamp_ns, *accepted), missing
 
     def _motion(self, reading: MotionReading, stamp_ns: int) -> tuple[MotionSample, Refusal | None]:
         size = self._size("heave")
         heave, rate = reading.heave * size, reading.heave_rate * size
-        for value, most, what in (
+        for value, max_value, what in (
             (heave, MAX_HEAVE_M, "m of heave"),
             (rate, MAX_RATE_M_PER_S, "m/s of heave rate"),
             (reading.roll, MAX_TILT_DEG, "° of roll"),
             (reading.pitch, MAX_TILT_DEG, "° of pitch"),
         ):
-            if abs(value) > most:
+            if abs(value) > max_value:
                 raise Refusal(RANGE, f"{value:g} {what}")
         heading, missing = reading.heading, None
         if abs(heading) > 360.0:  # that of a gyrocompass, which is no fault of the motion
@@ -167,11 +167,11 @@ class LineFramer:
         self._rest = b""
         self.dropped = 0  # lines longer than any telegram
 
-    def cut(self, data: bytes, whole: bool = False) -> Iterator[bytes]:
-        """Yield the lines that are complete; `whole`: the last one is complete without its end."""
+    def cut(self, data: bytes, is_complete: bool = False) -> Iterator[bytes]:
+        """Yield complete lines; `is_complete`: the last one is complete without its end."""
         data = self._rest + data.removeprefix(_IEC_61162_450)
         *lines, self._rest = data.replace(b"\r", b"\n").split(b"\n")
-        if whole:
+        if is_complete:
             lines.append(self._rest)
             self._rest = b""
         elif len(self._rest) > MAX_LINE_BYTES:
@@ -198,22 +198,22 @@ class RecordFramer:
         record = self._rest[:EM3000_BYTES]
         return record if len(record) == EM3000_BYTES and em3000_starts(record) else b""
 
-    def cut(self, data: bytes, whole: bool = False) -> Iterator[bytes]:
-        """Yield the records that are complete; `whole`: data end with a record."""
+    def cut(self, data: bytes, is_complete: bool = False) -> Iterator[bytes]:
+        """Yield the records that are complete; `is_complete`: data end with a record."""
         data = self._rest + data
-        at, lost = 0, False
+        at, has_dropped = 0, False
         while at + EM3000_BYTES <= len(data):
             end = at + EM3000_BYTES
             following = data[end : end + 2]
-            if not whole and len(following) < 2:
+            if not is_complete and len(following) < 2:
                 break
             if em3000_starts(data[at:end]) and (not following or em3000_starts(following)):
                 yield data[at:end]
                 at = end
             else:
-                at, lost = at + 1, True
-        self.dropped += lost or (whole and at < len(data))
-        self._rest = b"" if whole else data[at:]
+                at, has_dropped = at + 1, True
+        self.dropped += has_dropped or (is_complete and at < len(data))
+        self._rest = b"" if is_complete else data[at:]
 
 
 @dataclass
@@ -266,15 +266,15 @@ class Instrument:
         self._waiting_ns = 0  # arrival of the record that waits for the next one
         self._backward = 0  # refused stamps in a row
 
-    def take(self, data: bytes, arrival_ns: int, whole: bool = False) -> list[Sample]:
-        """Return the samples in bytes that arrived at this time; `whole`: they are a datagram.
+    def take(self, data: bytes, arrival_ns: int, is_complete: bool = False) -> list[Sample]:
+        """Return the samples in bytes that arrived at a time; `is_complete`: they are a datagram.
 
         Of several readings that arrived at once, and are stamped by that, the last one counts; it
         may still wait for the next bytes, and keeps its time of arrival.
         """
         samples: list[Sample] = []
         waited, waited_ns = self._framer.waiting, self._waiting_ns
-        lines = list(self._framer.cut(data, whole))
+        lines = list(self._framer.cut(data, is_complete))
         waiting = self._framer.waiting
         if waiting and (lines or waiting != waited):
             self._waiting_ns = arrival_ns

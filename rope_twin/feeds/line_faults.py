@@ -58,32 +58,32 @@ def read_faults(words: str) -> LineFaults:
     Raises:
         InputError: a name, share, time or number is impossible.
     """
-    given: dict[str, float | int] = {}
+    chosen: dict[str, float | int] = {}
     known = (*FAULTS, "seed")
-    for part in filter(None, (one.strip() for one in words.split(","))):
-        name, colon, value = part.partition(":")
-        where = f"--faults {part}"
+    for entry in filter(None, (text.strip() for text in words.split(","))):
+        name, colon, value = entry.partition(":")
+        where = f"--faults {entry}"
         if name not in known:
             raise InputError(where, "there is no such fault", did_you_mean(name, known))
-        if name in given or not colon:
+        if name in chosen or not colon:
             raise InputError(where, "given twice or without a value", f"give {FORM}")
         if name == "seed":
             if not value.isdecimal() or len(value) > 9:
                 raise InputError(where, f"seed '{value}'", "give a whole number")
-            given[name] = int(value)
+            chosen[name] = int(value)
             continue
-        share, colon, delay = value.rpartition(":") if name == DELAYED else (value, "", "")
-        given[name] = _share(where, share) if share or name != DELAYED else 1.0
+        fraction, colon, delay = value.rpartition(":") if name == DELAYED else (value, "", "")
+        chosen[name] = _share(where, fraction) if fraction or name != DELAYED else 1.0
         if name == DELAYED:
-            given["delay_s"] = _delay_s(where, delay)
-    return LineFaults(**given)  # type: ignore[arg-type]
+            chosen["delay_s"] = _delay_s(where, delay)
+    return LineFaults(**chosen)  # type: ignore[arg-type]
 
 
 def _share(where: str, words: str) -> float:
     with contextlib.suppress(ValueError):
-        share = float(words)
-        if 0.0 <= share <= 1.0:
-            return share
+        fraction = float(words)
+        if 0.0 <= fraction <= 1.0:
+            return fraction
     raise InputError(where, f"share '{words}'", "give a number from 0 to 1")
 
 
@@ -114,25 +114,27 @@ class FaultyLine:
 
     def take(self, data: bytes, at_ns: int) -> list[Piece]:
         """Return what arrives of bytes that were sent at a time, each line by itself."""
-        found: list[Piece] = []
+        pieces: list[Piece] = []
         for line in [data] if self._binary else data.splitlines(keepends=True):
-            found += self._take(line, at_ns)
-        return found
+            pieces += self._take(line, at_ns)
+        return pieces
 
     def _take(self, line: bytes, at_ns: int) -> list[Piece]:
         faults, draw = self._faults, self._rng.random
-        lost, doubled, cut, garbled, delayed = (draw() < getattr(faults, name) for name in FAULTS)
-        place, other = draw(), 1 + int(255.0 * draw())
+        is_lost, doubled, is_cut, garbled, delayed = (
+            draw() < getattr(faults, name) for name in FAULTS
+        )
+        fraction, other = draw(), 1 + int(255.0 * draw())
         self.counts["lines"] += 1
-        if lost:
+        if is_lost:
             self.counts[LOST] += 1
             return []
-        if cut:
+        if is_cut:
             self.counts[CUT] += 1
-            line = line[: int(place * len(line))]
+            line = line[: int(fraction * len(line))]
         if garbled and line:
             self.counts[GARBLED] += 1
-            k = int(place * len(line))
+            k = int(fraction * len(line))
             line = line[:k] + bytes([line[k] ^ other]) + line[k + 1 :]
         due_ns = at_ns
         if delayed:
@@ -230,14 +232,14 @@ class FaultyReplay:
         self._waiting: list[tuple[int, int, bytes, bool]] = []
         self._heard = 0
 
-    def take(self, data: bytes, arrival_ns: int, whole: bool) -> None:
+    def take(self, data: bytes, arrival_ns: int, is_complete: bool) -> None:
         """Take a line that a sound way would deliver at this time [ns]."""
         for due_ns, piece in self.line.take(data, arrival_ns):
             self._heard += 1
-            heapq.heappush(self._waiting, (due_ns, self._heard, piece, whole))
+            heapq.heappush(self._waiting, (due_ns, self._heard, piece, is_complete))
         self._deliver(arrival_ns)
 
     def _deliver(self, until_ns: int) -> None:
         while self._waiting and self._waiting[0][0] <= until_ns:
-            due_ns, _, piece, whole = heapq.heappop(self._waiting)
-            self._take(piece, due_ns, whole)
+            due_ns, _, piece, is_complete = heapq.heappop(self._waiting)
+            self._take(piece, due_ns, is_complete)

@@ -88,15 +88,15 @@ def _rd(text: str, digits: str) -> LineReading:
     fields = text.split(",")
     if not 5 <= len(fields) <= 7:
         raise Refusal(INCOMPLETE, f"{len(fields)} fields in RD")
-    given = fields[-1].strip()
-    if not _SUM.fullmatch(given):
+    checksum = fields[-1].strip()
+    if not _SUM.fullmatch(checksum):
         raise Refusal(INCOMPLETE, "RD without its sum")
     covered = text[: text.rindex(",") + 1]
     sums = {sum_of(covered)}
     if len(fields) == 5:
         sums.add(sum_of(covered[len(digits) :]))  # junk before the RD of protocol 1
-    if int(given) not in sums:
-        raise Refusal(CHECKSUM, f"RD: {given}, computed {sum_of(covered)}")
+    if int(checksum) not in sums:
+        raise Refusal(CHECKSUM, f"RD: {checksum}, computed {sum_of(covered)}")
     time_ns = None
     if len(fields) > 5:
         time_ns = iso_time_ns(fields[1])
@@ -122,12 +122,12 @@ def wir(checksum: str) -> Parser:
         if len(fields) != 9:
             raise Refusal(INCOMPLETE, f"{len(fields)} fields in WIR")
         archived = not _FLAGS.fullmatch(fields[6]) and bool(_FLAGS.fullmatch(fields[8].strip()))
-        place, flags = (6, fields[7:]) if archived else (8, fields[6:8])
+        column, flags = (6, fields[7:]) if archived else (8, fields[6:8])
         if not all(_FLAGS.fullmatch(flag.strip()) for flag in flags):
             raise Refusal(NUMBER, "warnings or alarms of WIR are not eight digits 0 or 1")
-        given = fields[place].strip()
+        given = fields[column].strip()
         if checksum == "sum":
-            computed = sum_of(",".join(fields[:place]) + ",")
+            computed = sum_of(",".join(fields[:column]) + ",")
             if not _SUM.fullmatch(given) or int(given) != computed:
                 raise Refusal(CHECKSUM, f"WIR: {given[:8]}, computed {computed}")
         measured = _measured(dict(zip(_QUANTITIES, fields[3:6], strict=True)))
@@ -145,9 +145,9 @@ def rcwd(length_at: str, channel: str = "") -> Parser:
             return None
         at_motor, motor, speed, alarm, at_block, cell = fields[3:]
         payout, unused = (at_block, at_motor) if length_at == "block" else (at_motor, at_block)
-        numbers([one for one in (alarm, unused) if not _BLANK.fullmatch(one)])
-        given = {"tension": cell, "speed": speed, "payout": payout, "motor_tension": motor}
-        measured = _measured(given)
+        numbers([text for text in (alarm, unused) if not _BLANK.fullmatch(text)])
+        texts = {"tension": cell, "speed": speed, "payout": payout, "motor_tension": motor}
+        measured = _measured(texts)
         if channel and fields[1].strip() != channel:
             return None
         return LineReading(**measured, channel=fields[1].strip())
@@ -189,10 +189,10 @@ def columns(
         if len(fields) <= max(places.values()):
             raise Refusal(INCOMPLETE, f"{len(fields)} fields after {start}")
         measured = _measured({name: fields[places[name]] for name in quantities})
-        found = fields[places["channel"]].strip() if "channel" in places else ""
-        if channel and found != channel:
+        line_channel = fields[places["channel"]].strip() if "channel" in places else ""
+        if channel and line_channel != channel:
             return None
-        return LineReading(**measured, channel=found)
+        return LineReading(**measured, channel=line_channel)
 
     return parse
 
@@ -210,16 +210,16 @@ def polled(start: str, names: tuple[str, ...]) -> Parser:
             return None
         if len(fields) != len(names) + 1:
             raise Refusal(INCOMPLETE, f"{len(fields) - 1} values after {start}")
-        given = dict(zip(names, fields[1:], strict=True))
-        bad = {name: words for name, words in given.items() if words[:1].isalpha()}
+        texts = dict(zip(names, fields[1:], strict=True))
+        bad = {name: words for name, words in texts.items() if words[:1].isalpha()}
         missing = None
         if bad:
             missing = Refusal(BAD, ", ".join(f"{name} {words}" for name, words in bad.items()))
-        if missing is not None and len(bad) == len(given):
+        if missing is not None and len(bad) == len(texts):
             raise missing
-        known = [name for name in given if name not in bad]
-        values = numbers([given[name] for name in known])
-        measured: dict[str, Any] = dict(zip(known, values, strict=True))
+        readable = [name for name in texts if name not in bad]
+        values = numbers([texts[name] for name in readable])
+        measured: dict[str, Any] = dict(zip(readable, values, strict=True))
         return LineReading(**measured, missing=missing)
 
     return parse

@@ -123,28 +123,28 @@ def _tss(line: bytes, start: str, name: str, telegram: re.Pattern[str]) -> list[
     at = text.rfind(start)
     if at < 0:
         return None
-    found = telegram.fullmatch(text[at:])
-    if not found:
+    match = telegram.fullmatch(text[at:])
+    if not match:
         raise Refusal(INCOMPLETE, f"'{text[at : at + 30]}' is not {name}")
-    if found["status"].islower():
-        raise Refusal(INVALID, f"{name} is settling ({found['status']})")
-    return [float(one) / 100.0 for one in found.groups() if not one.isalpha()]
+    if match["status"].islower():
+        raise Refusal(INVALID, f"{name} is settling ({match['status']})")
+    return [float(group) / 100.0 for group in match.groups() if not group.isalpha()]
 
 
 def tss1(line: bytes) -> MotionReading | None:
     """Parse TSS1."""
-    found = _tss(line, ":", "TSS1", _TSS1)
-    return MotionReading(found[0], roll=found[1], pitch=found[2]) if found else None
+    values = _tss(line, ":", "TSS1", _TSS1)
+    return MotionReading(values[0], roll=values[1], pitch=values[2]) if values else None
 
 
 def tss3(remote: bool) -> Parser:
     """Return the parser of TSS3; `remote`: its remote heave, else the heave at the sensor."""
 
     def parse(line: bytes) -> MotionReading | None:
-        found = _tss(line, ":R", "TSS3", _TSS3)
-        if found is None:
+        values = _tss(line, ":R", "TSS3", _TSS3)
+        if values is None:
             return None
-        return MotionReading(found[0 if remote else 1], roll=found[2], pitch=found[3])
+        return MotionReading(values[0 if remote else 1], roll=values[2], pitch=values[3])
 
     return parse
 
@@ -204,17 +204,17 @@ def octans(sentences: tuple[str, ...]) -> Parser:
         if fields[0] != sentences[-1]:
             return None
         missing = [name for name in sentences if name not in state]
-        found = dict(state)
+        latest = dict(state)
         state.clear()
         if missing:
             raise Refusal(INCOMPLETE, f"{sentences[-1]} without {', '.join(missing)}")
         if status["bits"] & (_ROLL_INVALID | _PITCH_INVALID):
             raise Refusal(INVALID, f"roll or pitch by PHINF {status['bits']:08X}")
         unknown = [NAN] * 3
-        pitch, roll = found.get("PHTRO", unknown[:2])
-        heave, rate = found.get("PHLIN", unknown)[2], found.get("PHSPD", unknown)[2]
+        pitch, roll = latest.get("PHTRO", unknown[:2])
+        heave, rate = latest.get("PHLIN", unknown)[2], latest.get("PHSPD", unknown)[2]
         valid = not status["bits"] & _HEADING_INVALID
-        heading = found.get("HDT", unknown)[0] if valid else NAN
+        heading = latest.get("HDT", unknown)[0] if valid else NAN
         return MotionReading(heave, rate, roll, pitch, heading)
 
     return parse

@@ -108,15 +108,15 @@ class MotionTrack:
 
     def _middle(self) -> MotionOutput:
         """Return the motion at the second of three samples, and drop the first."""
-        (first_ns, first, _), (stamp_ns, middle, given), (last_ns, last, _) = self._last
+        (first_ns, first, _), (stamp_ns, middle, measured_rate), (last_ns, last, _) = self._last
         del self._last[0]
         before_s, after_s = (stamp_ns - first_ns) * 1e-9, (last_ns - stamp_ns) * 1e-9
         rates = [
             ((b - a) / before_s * after_s + (c - b) / after_s * before_s) / (before_s + after_s)
             for a, b, c in zip(first, middle, last, strict=True)
         ]
-        if not math.isnan(given):
-            rates[0] = given
+        if not math.isnan(measured_rate):
+            rates[0] = measured_rate
         if self._of_crane_tip:
             return HeaveOutput(stamp_ns, middle[0], rates[0])
         return pose_of(stamp_ns, middle, rates, self._rest_deg)
@@ -131,11 +131,11 @@ def pose_of(stamp_ns: int, values: Numbers, rates: list[float], heading_deg: flo
     heave, roll, pitch, yaw = values
     bow = math.radians(90.0 - heading_deg)  # from east, counterclockwise
     x, y, z, w = attitude(roll, pitch, yaw)
-    rest = (0.0, 0.0, math.sin(0.5 * bow), math.cos(0.5 * bow))
-    orientation = (*turned(rest, (x, y, z)), w)
+    bow_rotation = (0.0, 0.0, math.sin(0.5 * bow), math.cos(0.5 * bow))
+    orientation = (*turned(bow_rotation, (x, y, z)), w)
     pose = ShipPose(stamp_ns, (0.0, 0.0, heave), (0.0, 0.0, 0.0), orientation)
-    own = body_rates(roll, pitch, rates[1:])
-    return with_rates(pose, (0.0, 0.0, rates[0]), turned(rest, own))
+    spin = body_rates(roll, pitch, rates[1:])
+    return with_rates(pose, (0.0, 0.0, rates[0]), turned(bow_rotation, spin))
 
 
 def motion_of_pose(pose: ShipPose, heading_deg: float) -> MotionSample:

@@ -115,11 +115,13 @@ class ModbusSource(Source):
             words |= {(table, first + k): word for k, word in enumerate(reply.registers)}
         return [self._value(client, register, words) for register in self._registers.values()]
 
-    def _value(self, client: Any, one: Register, words: dict[tuple[str, int], int]) -> float:
-        own = [words[one.table, at] for at in range(one.address, one.end)]
-        kind = client.DATATYPE[one.type.upper()]
-        return one.scale * float(
-            client.convert_from_registers(own, kind, word_order=one.word_order or "big")
+    def _value(self, client: Any, register: Register, words: dict[tuple[str, int], int]) -> float:
+        register_words = [words[register.table, at] for at in range(register.address, register.end)]
+        kind = client.DATATYPE[register.type.upper()]
+        return register.scale * float(
+            client.convert_from_registers(
+                register_words, kind, word_order=register.word_order or "big"
+            )
         )
 
 

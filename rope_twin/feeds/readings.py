@@ -65,17 +65,17 @@ class Register:
 
 def requests(registers: Mapping[str, Register]) -> list[tuple[str, int, int]]:
     """Return table, first address and count of the requests for all registers, as few as can be."""
-    found: list[tuple[str, int, int]] = []
+    blocks: list[tuple[str, int, int]] = []
     for register in sorted(
         registers.values(), key=lambda register: (register.table, register.address, register.end)
     ):
-        if found:
-            table, first, count = found[-1]
+        if blocks:
+            table, first, count = blocks[-1]
             if register.table == table and register.end - first <= MOST_REGISTERS:
-                found[-1] = table, first, max(count, register.end - first)
+                blocks[-1] = table, first, max(count, register.end - first)
                 continue
-        found.append((register.table, register.address, register.end - register.address))
-    return found
+        blocks.append((register.table, register.address, register.end - register.address))
+    return blocks
 
 
 _NODE = re.compile(r"(?:(?:ns=\d{1,5}|nsu=[^;]+);)?(?:i=\d{1,10}|[sgb]=.+)")
@@ -177,7 +177,7 @@ Parser = Callable[[bytes], Reading | None]
 
 def xor_of(text: str) -> int:
     """Return the checksum of NMEA 0183: exclusive or of all characters."""
-    return reduce(lambda sum_, one: sum_ ^ ord(one), text, 0)
+    return reduce(lambda sum_, character: sum_ ^ ord(character), text, 0)
 
 
 def sum_of(text: str) -> int:
@@ -196,41 +196,41 @@ def number(text: str) -> float | None:
 
 def numbers(fields: list[str]) -> list[float]:
     """Return the numbers in fields. Raises Refusal for the first that is none."""
-    found = []
-    for one in fields:
-        value = number(one)
+    values = []
+    for word in fields:
+        value = number(word)
         if value is None:
-            raise Refusal(NUMBER, f"'{one[:20]}' is not a number")
-        found.append(value)
-    return found
+            raise Refusal(NUMBER, f"'{word[:20]}' is not a number")
+        values.append(value)
+    return values
 
 
 def iso_time_ns(text: str) -> int | None:
     """Return the nanoseconds since 1970 of a date and time in UTC, or None if there is none."""
-    found = _ISO.fullmatch(text.strip())
-    if not found:
+    match = _ISO.fullmatch(text.strip())
+    if not match:
         return None
-    return _since_epoch(tuple(map(int, found.groups()[:6])), found[7])
+    return _since_epoch(tuple(map(int, match.groups()[:6])), match[7])
 
 
 def day_time_ns(text: str) -> int | None:
     """Return the nanoseconds since midnight of hhmmss.sss or hh:mm:ss.sss; None: it is none."""
-    found = _CLOCK.fullmatch(text.strip())
-    if not found:
+    match = _CLOCK.fullmatch(text.strip())
+    if not match:
         return None
-    hour, minute, second = (int(part) for part in found.groups()[:3])
+    hour, minute, second = (int(digits) for digits in match.groups()[:3])
     if hour > 23 or minute > 59 or second > 60:
         return None
-    whole = (hour * 60 + minute) * 60 + second
-    return whole * NANOSECONDS + _fraction_ns(found[4])
+    seconds = (hour * 60 + minute) * 60 + second
+    return seconds * NANOSECONDS + _fraction_ns(match[4])
 
 
 def date_time_ns(date: str, time: str) -> int | None:
     """Return the nanoseconds since 1970 of two fields with date and time; None: they are none."""
-    found, in_day = _DATE.fullmatch(date.strip()), day_time_ns(time)
-    if not found or in_day is None:
+    match, in_day = _DATE.fullmatch(date.strip()), day_time_ns(time)
+    if not match or in_day is None:
         return None
-    midnight = _since_epoch((*(int(part) for part in found.groups()), 0, 0, 0), None)
+    midnight = _since_epoch((*(int(digits) for digits in match.groups()), 0, 0, 0), None)
     return None if midnight is None else midnight + in_day
 
 
@@ -274,16 +274,18 @@ def clean(line: bytes) -> str:
     if len(line) > MAX_LINE_BYTES:
         raise Refusal(LENGTH, f"{len(line)} bytes")
     text = line.decode("latin-1").translate(_CONTROL).strip()
-    while found := _TAG.match(text):
-        body, star, given = found[1].rpartition("*")
-        if not star or not _agrees(body, given):
+    while match := _TAG.match(text):
+        body, star, checksum = match[1].rpartition("*")
+        if not star or not _agrees(body, checksum):
             raise Refusal(CHECKSUM, "of the TAG block")
-        text = text[found.end() :]
+        text = text[match.end() :]
     return text
 
 
-def _agrees(body: str, given: str) -> bool:
-    return re.fullmatch(r"[0-9A-Fa-f]{2}", given) is not None and int(given, 16) == xor_of(body)
+def _agrees(body: str, checksum: str) -> bool:
+    return re.fullmatch(r"[0-9A-Fa-f]{2}", checksum) is not None and int(checksum, 16) == xor_of(
+        body
+    )
 
 
 def sentence(
@@ -306,14 +308,14 @@ def sentence(
     at = text.rfind(start)
     if at < 0:
         return None
-    body, star, given = text[at + 1 :].partition("*")
+    body, star, checksum = text[at + 1 :].partition("*")
     fields = body.split(",")
     if fields[0] not in names:
         return None
-    if not star or len(given) < 2:
+    if not star or len(checksum) < 2:
         raise Refusal(INCOMPLETE, f"{fields[0]} without its checksum")
-    if not _agrees(body, given):
-        raise Refusal(CHECKSUM, f"{fields[0]}: {given[:4]}, computed {xor_of(body):02X}")
+    if not _agrees(body, checksum):
+        raise Refusal(CHECKSUM, f"{fields[0]}: {checksum[:4]}, computed {xor_of(body):02X}")
     if counts and len(fields) not in counts:
         raise Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")
     return fields

@@ -74,14 +74,14 @@ def read_address(words: str) -> Address:
     Raises:
         InputError: it is none, or a port that cannot be.
     """
-    if found := _NETWORK.fullmatch(words):
-        kind, host, digits = found.groups()[:3] if found[1] else found.groups()[3:6]
+    if match := _NETWORK.fullmatch(words):
+        kind, host, digits = match.groups()[:3] if match[1] else match.groups()[3:6]
         port = int(digits)
         if not 1 <= port <= 65535:
             raise InputError(words, f"port {port}", "it must be 1 to 65535")
-        return Address(kind, host.strip("[]"), port, found[7] or "")
-    if found := _SERIAL.fullmatch(words):
-        return Address(SERIAL, found[1], int(found[2]))
+        return Address(kind, host.strip("[]"), port, match[7] or "")
+    if match := _SERIAL.fullmatch(words):
+        return Address(SERIAL, match[1], int(match[2]))
     if "://" in words or words.startswith("serial:") or not words.strip():
         raise InputError(f"source '{words}'", "it is no address", f"give {ADDRESSES}")
     return Address(FILE, words)
@@ -330,8 +330,8 @@ def _has_time(path: Path) -> bool:
 
 def _logged(line: bytes) -> tuple[int | None, bytes]:
     """Return the time of a line, of the logger or of the instrument, and the line without it."""
-    if found := _LOGGED.match(line):
-        return iso_time_ns(found[1].decode("ascii")), line[found.end() :]
+    if match := _LOGGED.match(line):
+        return iso_time_ns(match[1].decode("ascii")), line[match.end() :]
     inside = _INSIDE.search(line)
     return (iso_time_ns(inside[0].decode("ascii")) if inside else None), line
 

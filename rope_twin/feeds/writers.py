@@ -61,8 +61,8 @@ class _LineWriter:
     def write(self, sample: Sample) -> bytes:
         assert isinstance(sample, LineSample)
         settings, of = self._settings, self._scale.of
-        own = sample.motor_tension_n if settings.tension_of == MOTOR else sample.tension_n
-        tension = of("tension", own)
+        own_tension = sample.motor_tension_n if settings.tension_of == MOTOR else sample.tension_n
+        tension = of("tension", own_tension)
         speed, payout = of("speed", sample.speed_m_per_s), of("payout", sample.payout_m)
         moment = clock_of(sample.stamp_ns)
         values = [_eight(tension), _eight(speed), _eight(payout)]
@@ -124,7 +124,7 @@ class _MotionWriter:
         if form in ("tss1", "tss3"):
             return self._tss(form, 100.0 * heave, 100.0 * roll, 100.0 * pitch)
         if form == "em3000":
-            numbers = (round(100.0 * one) for one in (roll, pitch, heave, heading))
+            numbers = (round(100.0 * value) for value in (roll, pitch, heave, heading))
             return EM3000_RECORD.pack(0x90, 0x90, *numbers)
         if form == "octans":
             return self._octans(heave, rate, roll, pitch, heading)

@@ -65,12 +65,12 @@ class FileSink:
         """Return whether the file or one of its folders was deleted or moved."""
         if self._descriptor < 0:
             return False
-        own = os.fstat(self._descriptor)
+        opened = os.fstat(self._descriptor)
         try:
             there = os.stat(self._path)
         except OSError:
             return True
-        return (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino)
+        return (there.st_dev, there.st_ino) != (opened.st_dev, opened.st_ino)
 
     def write(self, data: bytes) -> int:
         """Append bytes in memory until the next flush."""

@@ -97,31 +97,33 @@ def verify(bag: Path) -> Verification:
         RopeTwinError: its twin cannot be built here.
     """
     content = read_content(bag)
-    found = Verification(tuple(session.session for session in content.sessions))
-    found.notes += content.notes
+    verification = Verification(tuple(session.session for session in content.sessions))
+    verification.notes += content.notes
     for session in content.sessions:
-        found.notes += (
-            words for words in session.session.differences() if words not in found.notes
+        verification.notes += (
+            words for words in session.session.differences() if words not in verification.notes
         )
-    _compare_inputs(content, found)
+    _compare_inputs(content, verification)
     replays = {run: RunReplay(content.of(run), content.last_ns(run)) for run in content.runs}
     for message in content.messages(COMPARED):
         run = content.run_at(message.log_ns)
         if run is None:
-            found.unverified += 1
+            verification.unverified += 1
             continue
-        if not _compare(message, replays[run], found):
+        if not _compare(message, replays[run], verification):
             break
     for replay in replays.values():
-        found.missing += replay.missing()
-        found.notes += [replay.ended] if replay.ended else []
-        if replay.gap and not found.fault:
-            found.fault = phrase(f"bag {bag}", replay.gap, "what came before is verified")
-    if found.unverified and not found.fault:
-        found.notes.append("its beginning or its end has no inputs in the bag: not compared")
-    if not found.total and not found.fault and found.difference is None:
-        found.fault = phrase(f"bag {bag}", "no message of it can be compared", "record a run")
-    return found
+        verification.missing += replay.missing()
+        verification.notes += [replay.ended] if replay.ended else []
+        if replay.gap and not verification.fault:
+            verification.fault = phrase(f"bag {bag}", replay.gap, "what came before is verified")
+    if verification.unverified and not verification.fault:
+        verification.notes.append("its beginning or its end has no inputs in the bag: not compared")
+    if not verification.total and not verification.fault and verification.difference is None:
+        verification.fault = phrase(
+            f"bag {bag}", "no message of it can be compared", "record a run"
+        )
+    return verification
 
 
 class Produced(NamedTuple):
@@ -165,15 +167,15 @@ class RunReplay:
 
     def missing(self) -> Counter[str]:
         """Return the replayed messages that the bag lacks, up to its last message."""
-        late = (key for key, one in self._waiting.items() if one.time_ns <= self._last_ns)
+        late = (key for key, message in self._waiting.items() if message.time_ns <= self._last_ns)
         return self._missing + Counter(topic for topic, _ in late)
 
     def _go_on(self) -> bool:
         """Make one more message; False: there is none."""
-        made = next(self._making, None)
-        if made is None:
+        message = next(self._making, None)
+        if message is None:
             return False
-        topic, number, produced = made
+        topic, number, produced = message
         self._newest[topic] = number
         self._waiting[topic, number] = produced
         self.time_ns = produced.time_ns
@@ -238,23 +240,23 @@ def _session_messages(
             yield name, Produced(recorded.session.number, snapshot.stamp_ns, data)
 
 
-def _compare(message: Recorded, replay: RunReplay, found: Verification) -> bool:
+def _compare(message: Recorded, replay: RunReplay, verification: Verification) -> bool:
     """Compare one message of the bag; return False if no more need be compared."""
     topic, number = message.topic, message.sequence
     produced = replay.find(topic, number)
     if produced is None:
-        if replay.ended and found.difference is None:
-            found.difference = _no_such(message, replay)
+        if replay.ended and verification.difference is None:
+            verification.difference = _no_such(message, replay)
         elif replay.is_unknown(topic, number):
-            found.unverified += 1
+            verification.unverified += 1
         else:
-            _note(found, _no_such(message, replay))
+            _note(verification, _no_such(message, replay))
     else:
-        found.compared[topic] += 1
-        found.until_s = max(found.until_s, produced.time_ns * 1e-9)
+        verification.compared[topic] += 1
+        verification.until_s = max(verification.until_s, produced.time_ns * 1e-9)
         if not same_payload(message.data, produced.data):
-            _note(found, _difference(topic, message.data, produced))
-    first = found.difference
+            _note(verification, _difference(topic, message.data, produced))
+    first = verification.difference
     return first is None or replay.time_ns * 1e-9 < first.time_s + _MORE_NS * 1e-9
 
 
@@ -270,10 +272,10 @@ def same_payload(recorded: bytes, produced: bytes) -> bool:
     return padded and recorded[:2] == produced[:2] and recorded[4:size] == produced[4:]
 
 
-def _note(found: Verification, difference: Difference) -> None:
+def _note(verification: Verification, difference: Difference) -> None:
     """Keep the first difference by simulation time."""
-    if found.difference is None or difference.time_s < found.difference.time_s:
-        found.difference = difference
+    if verification.difference is None or difference.time_s < verification.difference.time_s:
+        verification.difference = difference
 
 
 def _no_such(message: Recorded, replay: RunReplay) -> Difference:
@@ -284,42 +286,46 @@ def _no_such(message: Recorded, replay: RunReplay) -> Difference:
 
 def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
     """Return in words the first difference of two messages."""
-    where, one, other = "", f"{len(recorded)} bytes", f"{len(produced.data)} bytes"
+    where, recorded_text, produced_text = (
+        "",
+        f"{len(recorded)} bytes",
+        f"{len(produced.data)} bytes",
+    )
     try:
-        found = first_difference(decode(topic, recorded), decode(topic, produced.data))
+        mismatch = first_difference(decode(topic, recorded), decode(topic, produced.data))
     except InputError as error:
-        found = ("", str(error), other)
-    if found is not None:
-        where, one, other = found
+        mismatch = ("", str(error), produced_text)
+    if mismatch is not None:
+        where, recorded_text, produced_text = mismatch
     time_s = produced.time_ns * 1e-9
-    return Difference(topic, time_s, produced.session, where, one, other)
+    return Difference(topic, time_s, produced.session, where, recorded_text, produced_text)
 
 
-def first_difference(one: Any, other: Any, at: str = "") -> tuple[str, str, str] | None:
+def first_difference(first: Any, second: Any, at: str = "") -> tuple[str, str, str] | None:
     """Return path and both values of the first field in which two messages differ; None: none."""
-    if hasattr(one, "__dataclass_fields__"):
-        for name in one.__dataclass_fields__:
+    if hasattr(first, "__dataclass_fields__"):
+        for name in first.__dataclass_fields__:
             if name != "__msgtype__":
                 path = f"{at}.{name}" if at else name
-                found = first_difference(getattr(one, name), getattr(other, name), path)
-                if found is not None:
-                    return found
+                mismatch = first_difference(getattr(first, name), getattr(second, name), path)
+                if mismatch is not None:
+                    return mismatch
         return None
-    if isinstance(one, list | tuple | np.ndarray):
-        if len(one) != len(other):
-            return at, f"{len(one)} entries", f"{len(other)} entries"
-        if isinstance(one, np.ndarray) and one.tobytes() == other.tobytes():
+    if isinstance(first, list | tuple | np.ndarray):
+        if len(first) != len(second):
+            return at, f"{len(first)} entries", f"{len(second)} entries"
+        if isinstance(first, np.ndarray) and first.tobytes() == second.tobytes():
             return None
-        pairs = enumerate(zip(one, other, strict=True))
+        pairs = enumerate(zip(first, second, strict=True))
         all_found = (first_difference(a, b, f"{at}[{k}]") for k, (a, b) in pairs)
-        return next((found for found in all_found if found is not None), None)
-    if np.array(one).tobytes() == np.array(other).tobytes():
+        return next((mismatch for mismatch in all_found if mismatch is not None), None)
+    if np.array(first).tobytes() == np.array(second).tobytes():
         return None
-    plain = (value.item() if isinstance(value, np.generic) else value for value in (one, other))
-    return at, *(repr(value) for value in plain)  # type: ignore[return-value]
+    values = (value.item() if isinstance(value, np.generic) else value for value in (first, second))
+    return at, *(repr(value) for value in values)  # type: ignore[return-value]
 
 
-def _compare_inputs(content: BagContent, found: Verification) -> None:
+def _compare_inputs(content: BagContent, verification: Verification) -> None:
     """Compare each applied input with its topic in the bag."""
     for recorded in content.sessions:
         session = recorded.session
@@ -329,11 +335,11 @@ def _compare_inputs(content: BagContent, found: Verification) -> None:
                 match = content.inputs.find(call, session.epoch_ns)
                 if match is None:
                     continue
-                found.applied[match.topic] += 1
+                verification.applied[match.topic] += 1
                 at_ns = entry.time_ns if match.stamp_ns is None else match.stamp_ns
                 if match.other:
                     numbers = match.where, match.other, match.applied
                     at_s = at_ns * 1e-9
-                    _note(found, Difference(match.topic, at_s, session.number, *numbers))
+                    _note(verification, Difference(match.topic, at_s, session.number, *numbers))
                 elif not match.is_there and at_ns < last_ns:
-                    found.unrecorded[match.topic] += 1
+                    verification.unrecorded[match.topic] += 1

@@ -106,9 +106,9 @@ def _refuse_poses(bag: BagReader) -> None:
         BagError: the bag has poses, and no heave of the usual name.
     """
     counts = {f"/{name.lstrip('/')}": topic.messages for name, topic in bag.topics.items()}
-    heard = [name for name, count in counts.items() if count and is_topic(name, _HEAVE.name)]
+    heave_topics = [name for name, count in counts.items() if count and is_topic(name, _HEAVE.name)]
     posed = [name for name, count in counts.items() if count and is_topic(name, _POSE.name)]
-    if posed and not heard:
+    if posed and not heave_topics:
         problem = f"it has the ship's pose ({posed[0]}) and no heave"
         remedy = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
         raise BagError(f"bag {bag.path}", problem, remedy)
@@ -136,11 +136,12 @@ def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
 
 def _impossible(values: Table) -> Faults:
     """Return which samples a running twin would reject, each by itself."""
-    most = np.array([HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S])
+    limits = np.array([HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S])
     fault = (
-        f"beyond the ±{most[0]:g} m about its rest and ±{most[1]:g} m/s that a ship stays within"
+        f"beyond the ±{limits[0]:g} m about its rest and ±{limits[1]:g} m/s "
+        "that a ship stays within"
     )
-    return {fault: np.asarray((np.abs(values) > most).any(axis=1))}
+    return {fault: np.asarray((np.abs(values) > limits).any(axis=1))}
 
 
 def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
@@ -202,9 +203,9 @@ class HeaveSample:
 
 def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
     """Return the sample of a pose: the hang-off motion and the pose itself."""
-    place, velocity = hang_off_motion(pose, arm_m)
-    aside = (*place[:2], *velocity[:2])
-    return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
+    position, velocity = hang_off_motion(pose, arm_m)
+    aside = (*position[:2], *velocity[:2])
+    return HeaveSample(pose.stamp_ns, position[2], velocity[2], elevation_m, pose, aside)
 
 
 class HeaveReplay(RecordReplay):
@@ -354,13 +355,13 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
     notes = [*rows.notes, *more]
     values, derived = _with_rates(rows.where, time_ns, values)
     notes += derived
-    place, turn, velocity, rate = _from_rest(values, recorded)
-    notes.append(_far_from_rest(rows.where, place, turn))
+    position, orientation, velocity, rate = _from_rest(values, recorded)
+    notes.append(_far_from_rest(rows.where, position, orientation))
     return PoseRecord(
         time_ns=time_ns,
         began_ns=int(stamp_ns[0]),
-        position_m=place,
-        orientation=turn,
+        position_m=position,
+        orientation=orientation,
         velocity_m_per_s=velocity,
         rate_rad_per_s=rate,
         elevation_time_ns=elevation_ns - stamp_ns[0],
@@ -420,34 +421,37 @@ def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list
     Raises:
         BagError: they contradict the pose.
     """
-    time_s, turn = time_ns * 1e-9, values[:, _TURN]
+    time_s, orientation = time_ns * 1e-9, values[:, _TURN]
     if len(time_s) < 3:
         slope = np.diff(values[:, :7], axis=0) / np.diff(time_s)[:, None]
         change = np.concatenate([slope, slope])
     else:
         change = np.gradient(values[:, :7], time_s, axis=0)
-    seen = turned_by(turn, change[:, _PLACE], back=True), turn_rates(turn, change[:, _TURN])
+    seen = (
+        turned_by(orientation, change[:, _PLACE], back=True),
+        turn_rates(orientation, change[:, _TURN]),
+    )
     if values.shape[1] == 7:
         note = f"{where}: it has no twist, velocity and rate of turn are derived."
         return np.concatenate([values, *seen], axis=1), [note]
     notes = []
-    for part, found, name in ((_VELOCITY, seen[0], "linear"), (_RATE, seen[1], "angular")):
+    for part, derived, name in ((_VELOCITY, seen[0], "linear"), (_RATE, seen[1], "angular")):
         recorded = values[:, part]
-        if not recorded.any() and found.any():
-            values[:, part] = found
+        if not recorded.any() and derived.any():
+            values[:, part] = derived
             notes.append(f"{where}: twist.{name} is zero throughout, it is derived.")
-        elif np.abs(found).max() > 1e-9:
-            notes.append(_agreement(where, name, recorded, found))
+        elif np.abs(derived).max() > 1e-9:
+            notes.append(_agreement(where, name, recorded, derived))
     return values, notes
 
 
-def _agreement(where: str, name: str, recorded: Table, found: Table) -> str:
+def _agreement(where: str, name: str, recorded: Table, derived: Table) -> str:
     """Return a note on the agreement of a recorded twist with the derivative of the pose, or "".
 
     Raises:
         BagError: the twist contradicts the pose.
     """
-    close = float((recorded * found).sum() / np.sqrt((recorded**2).sum() * (found**2).sum()))
+    close = float((recorded * derived).sum() / np.sqrt((recorded**2).sum() * (derived**2).sum()))
     if close < 0.0:
         problem = f"twist.{name} runs against the pose (correlation {close:.2f})"
         remedy = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
@@ -464,31 +468,31 @@ def _from_rest(values: Table, recorded: RecordedPoses) -> tuple[Table, Table, Ta
     With the attitude at rest Q, the turn from there is R·Q⁻¹ and the axes turned by it see the
     twist as Q·v and Q·ω.
     """
-    place, turn = values[:, _PLACE] - np.array(recorded.rest_m), values[:, _TURN]
+    position, orientation = values[:, _PLACE] - np.array(recorded.rest_m), values[:, _TURN]
     velocity, rate = values[:, _VELOCITY], values[:, _RATE]
     if recorded.heading_deg == 0.0:
-        return place, turn, velocity, rate
+        return position, orientation, velocity, rate
     half = 0.5 * np.radians(recorded.heading_deg)
     s, c = np.sin(half), np.cos(half)
-    x, y, z, w = turn.T
+    x, y, z, w = orientation.T
     from_rest = np.stack([x * c - y * s, y * c + x * s, z * c - w * s, w * c + z * s], axis=1)
-    rest = np.tile([0.0, 0.0, s, c], (len(turn), 1))
-    return place, from_rest, turned_by(rest, velocity), turned_by(rest, rate)
+    rest = np.tile([0.0, 0.0, s, c], (len(orientation), 1))
+    return position, from_rest, turned_by(rest, velocity), turned_by(rest, rate)
 
 
-def _far_from_rest(where: str, place: Table, turn: Table) -> str:
+def _far_from_rest(where: str, position: Table, orientation: Table) -> str:
     """Return a note if the record begins far from rest, perhaps because none was given; or "".
 
     Raises:
         BagError: it is higher above or below the water than a ship can be.
     """
-    height = float(place[:, 2].mean())
+    height = float(position[:, 2].mean())
     remedy = "give where it rests in the record: `rest_m`, `heading_deg` of `poses`"
     if abs(height) > HEAVE_LIMIT_M:
         raise BagError(where, f"the ship lies {height:.1f} m above its rest", remedy)
-    x, y, z, w = turn[0]
+    x, y, z, w = orientation[0]
     off_deg = abs(np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
-    off_m = float(np.hypot(*place[0, :2]))
+    off_m = float(np.hypot(*position[0, :2]))
     if off_m <= _NEAR_M and off_deg <= _NEAR_DEG:
         return ""
     return phrase(where, f"it begins {off_m:.0f} m and {off_deg:.0f}° from rest", remedy)
@@ -520,12 +524,12 @@ class PoseReplay(RecordReplay):
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
-        found = []
+        samples = []
         for stamp_ns, row in self.rows(from_ns, to_ns):
-            place, velocity, turn, rate = row[:3], row[3:6], row[6:10], row[10:13]
-            pose = ShipPose(stamp_ns, *map(tuple, (place, velocity, turn, rate)))
-            found.append(sample_of(pose, self._arm, None if np.isnan(row[13]) else row[13]))
-        return found
+            position, velocity, orientation, rate = row[:3], row[3:6], row[6:10], row[10:13]
+            pose = ShipPose(stamp_ns, *map(tuple, (position, velocity, orientation, rate)))
+            samples.append(sample_of(pose, self._arm, None if np.isnan(row[13]) else row[13]))
+        return samples
 
 
 def open_poses(

@@ -196,13 +196,13 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     """
     path = find_bag(bag)
     with BagReader(path) as reader:
-        found = list(_measurements(reader))
+        messages = list(_measurements(reader))
         epoch_ns = _epoch_ns(reader)
     where = f"bag {path}"
-    readings = [one for one in found if isinstance(one, Measurement)]
+    readings = [message for message in messages if isinstance(message, Measurement)]
     if not readings:
         remedy = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
-        faults = [one for one in found if isinstance(one, str)]
+        faults = [message for message in messages if isinstance(message, str)]
         raise BagError(where, faults[0] if faults else "it has no measurements", remedy)
     first_ns, last_ns = (pick(reading.stamp_ns for reading in readings) for pick in (min, max))
     zero_ns = begins_ns or epoch_ns or first_ns
@@ -219,7 +219,7 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
              for source, group in GROUPS.items() if counts[source]]  # fmt: skip
     span = f"from {(first_ns - zero_ns) * 1e-9:.2f} to {(last_ns - zero_ns) * 1e-9:.2f} s"
     source = f"bag {path.name}: {', '.join(parts)}, {span}"
-    wrong = Counter(one for one in found if isinstance(one, str))
+    wrong = Counter(message for message in messages if isinstance(message, str))
     notes = [f"{where}: {counted(count, 'message')} left out: {words}"
              for words, count in wrong.most_common(3)]  # fmt: skip
     placed = [reading._replace(stamp_ns=reading.stamp_ns - zero_ns) for reading in readings]
@@ -249,9 +249,9 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
 
 def _epoch_ns(reader: BagReader) -> int:
     """Return the ROS time of t = 0 of the run that the bag recorded; 0: none, or several."""
-    found: set[int] = set()
+    epochs: set[int] = set()
     for name in (topic for topic in reader.topics if is_topic(topic, _EPOCH)):
         for _, data in reader.messages(name):
             stamp: Any = decode(_EPOCH, data)
-            found.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))
-    return found.pop() if len(found) == 1 else 0
+            epochs.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))
+    return epochs.pop() if len(epochs) == 1 else 0

@@ -50,13 +50,13 @@ def read_undamaged(
         BagError: the bag does not exist, is none, or `read` raises it.
     """
     try:
-        with BagReader(path) as whole:
-            return read(whole), ()
+        with BagReader(path) as bag:
+            return read(bag), ()
     except DamageError as error:
         if not mcap_files(path):
             raise
-        rest = _DamagedBag(path)
-        return read(rest), tuple(rest.problems or [str(error)])
+        damaged = _DamagedBag(path)
+        return read(damaged), tuple(damaged.problems or [str(error)])
 
 
 class _DamagedBag:
@@ -72,8 +72,12 @@ class _DamagedBag:
 
     def messages(self, topic_name: str) -> Iterator[tuple[int, bytes]]:
         """Return log time [ns] and CDR bytes of each message of a topic, by log time."""
-        own = [(one.log_ns, one.data) for name, _, one in self._stored([]) if name == topic_name]
-        yield from sorted(own, key=lambda one: one[0])
+        matching = [
+            (message.log_ns, message.data)
+            for name, _, message in self._stored([])
+            if name == topic_name
+        ]
+        yield from sorted(matching, key=lambda message: message[0])
 
     def _stored(self, problems: list[str]) -> Iterator[tuple[str, str, StoredMessage]]:
         """Return topic, type and message in file order; problems: takes the damage."""

@@ -100,9 +100,12 @@ def topic_messages(
         scan, names = McapScan(file), dict[int, str]()
         for record in scan.records():
             if isinstance(record, Channel):
-                own = next((one for one in wanted if is_topic(record.topic, one)), None)
-                if own is not None:
-                    names[record.id] = own
+                topic = next(
+                    (topic_name for topic_name in wanted if is_topic(record.topic, topic_name)),
+                    None,
+                )
+                if topic is not None:
+                    names[record.id] = topic
             elif isinstance(record, StoredMessage) and record.channel_id in names:
                 yield names[record.channel_id], record
         problems += scan.problems
@@ -385,16 +388,16 @@ def _parse_summary(body: bytes, start: int) -> _Summary:
     Raises:
         one of _DAMAGE: its records are inconsistent.
     """
-    found = _Summary(start)
+    summary = _Summary(start)
     for opcode, content in _frames(body):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            found.definitions += _parse(opcode, content)
+            summary.definitions += _parse(opcode, content)
         elif opcode == Opcode.CHUNK_INDEX:
-            found.chunks.append(struct.unpack_from("<QQQ", content)[2])
+            summary.chunks.append(struct.unpack_from("<QQQ", content)[2])
         elif opcode == Opcode.STATISTICS:
-            found.messages, *_, found.chunk_count = struct.unpack_from("<QHIIII", content)
-    found.chunks.sort()
-    return found
+            summary.messages, *_, summary.chunk_count = struct.unpack_from("<QHIIII", content)
+    summary.chunks.sort()
+    return summary
 
 
 def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:

@@ -86,7 +86,7 @@ class RecordedSession:
 
     def skips(self, stamp_ns: int) -> bool:
         """Return whether the snapshot of this simulation time was not published."""
-        return any(one.after_ns < stamp_ns < one.before_ns for one in self.skipped)
+        return any(gap.after_ns < stamp_ns < gap.before_ns for gap in self.skipped)
 
     def judge(self, logged: int | None, first_ns: int | None) -> None:
         """Sort the log, and end it where a message is missing.
@@ -97,13 +97,13 @@ class RecordedSession:
         numbers = sorted(
             [one.number for one in self.entries] + [one.number for one in self.skipped]
         )
-        whole = next((k for k, n in enumerate(numbers, 1) if k != n), len(numbers) + 1) - 1
-        self.entries = sorted((e for e in self.entries if e.number <= whole),
+        complete = next((k for k, n in enumerate(numbers, 1) if k != n), len(numbers) + 1) - 1
+        self.entries = sorted((e for e in self.entries if e.number <= complete),
                               key=lambda entry: entry.number)  # fmt: skip
         begun_ns = self.session.time_ns
         # without a log, and joined late: there may have been inputs
         unsure = logged is None and not numbers and (first_ns or 0) > begun_ns + _JOINED_NS
-        if whole < max(len(numbers), logged or 0) or unsure:
+        if complete < max(len(numbers), logged or 0) or unsure:
             newest_ns = max((entry.time_ns for entry in self.entries), default=begun_ns - 1)
             self.known_ns = max(newest_ns + 1, begun_ns)
             self.gap = (
@@ -171,25 +171,27 @@ class BagContent:
         """Return the messages of these topics, in file order."""
         wanted = frozenset(topics)
         for file in self._files:
-            yield from (one for one in _scan(McapScan(file)) if one.topic in wanted)
+            yield from (message for message in _scan(McapScan(file)) if message.topic in wanted)
 
     def _take(
         self,
-        one: Recorded,
-        known: dict[tuple[str, int], RecordedSession],
+        message: Recorded,
+        sessions: dict[tuple[str, int], RecordedSession],
         logged: dict[tuple[str, int], list[LoggedCalls | Skipped]],
     ) -> None:
-        if one.topic == SESSION_TOPIC:
-            session = Session.read(decode_json(one.topic, one.data))
-            known.setdefault((session.run, session.number), RecordedSession(session, one.log_ns))
-        elif one.topic == INPUT_LOG_TOPIC:
-            key, entry = read_log(one.data)
+        if message.topic == SESSION_TOPIC:
+            session = Session.read(decode_json(message.topic, message.data))
+            sessions.setdefault(
+                (session.run, session.number), RecordedSession(session, message.log_ns)
+            )
+        elif message.topic == INPUT_LOG_TOPIC:
+            key, entry = read_log(message.data)
             logged[key].append(entry)
-        elif one.topic in INPUTS:
-            self.inputs.add(one)
-        elif one.topic == _STAMPED and len(one.data) >= 12:
-            sec, nanosec = _STAMP.unpack_from(one.data, 4)
-            self._stamps.append((one.log_ns, sec * 1_000_000_000 + nanosec))
+        elif message.topic in INPUTS:
+            self.inputs.add(message)
+        elif message.topic == _STAMPED and len(message.data) >= 12:
+            sec, nanosec = _STAMP.unpack_from(message.data, 4)
+            self._stamps.append((message.log_ns, sec * 1_000_000_000 + nanosec))
 
     def _logged(self, at: int) -> int | None:
         """Return the number of messages in a session's log, if the next session reports it."""

@@ -68,15 +68,15 @@ def recover(bag: Path, out: Path | None = None) -> Recovery:
         remarks += scan.mended
         remarks += [f"{kind} are left out" for kind in sorted(scan.left_out)]
     lost += salvage.lost()
-    found = sum(salvage.counts.values())
-    if source.promised is not None and found < source.promised:
-        lost.append(f"{source.promised - found} of {source.promised} messages are missing")
-    if not source.files or (lost and not found):
+    recovered = sum(salvage.counts.values())
+    if source.promised is not None and recovered < source.promised:
+        lost.append(f"{source.promised - recovered} of {source.promised} messages are missing")
+    if not source.files or (lost and not recovered):
         outcome = Outcome.NOTHING
     else:
         outcome = Outcome.LOSS if lost else Outcome.WHOLE
     directory = None if outcome is Outcome.NOTHING else salvage.finish(lost)
-    start_ns, end_ns = salvage.span_ns if found else (0, 0)
+    start_ns, end_ns = salvage.span_ns if recovered else (0, 0)
     return Recovery(
         outcome, directory, salvage.counts, start_ns, end_ns, tuple(lost), tuple(remarks)
     )

@@ -62,8 +62,8 @@ def _heave(message: Any) -> Cells:
 
 def _bodies(message: Any) -> Cells:
     for number, name in enumerate(message.joint_names):
-        own = message.transforms[number].translation
-        yield from ((f"{name}/{part}", value) for part, value in _vector(own, "m"))
+        translation = message.transforms[number].translation
+        yield from ((f"{name}/{part}", value) for part, value in _vector(translation, "m"))
         if number < len(message.twist):
             speed = _vector(message.twist[number].linear, "m_per_s")
             yield from ((f"{name}/v{part}", value) for part, value in speed)
@@ -118,7 +118,7 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
             raise InputError(f"topic '{name}'", "it has no time series", did_you_mean(name, SERIES))
     path, problems = find_bag(bag), list[str]()
     wanted = frozenset(topics or SERIES)
-    found: dict[str, dict[int, float]] = {}
+    series: dict[str, dict[int, float]] = {}
     epoch_ns: int | None = None
     files = mcap_files(path)
     if not files:
@@ -134,14 +134,14 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
                 epoch_ns = message.sec * NANOSECONDS + message.nanosec
             continue
         stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
-        for part, value in SERIES[name](message):
-            found.setdefault(f"{name}/{part}", {})[stamp] = value
-    if not found:
+        for name_part, value in SERIES[name](message):
+            series.setdefault(f"{name}/{name_part}", {})[stamp] = value
+    if not series:
         remedy = f"it must have one of {', '.join(sorted(wanted))}"
         raise BagError(f"bag {path}", "no topic with a time series", remedy)
-    stamps = np.array(sorted({stamp for own in found.values() for stamp in own}), np.int64)
+    stamps = np.array(sorted({stamp for own in series.values() for stamp in own}), np.int64)
     columns = dict[str, Vector]()
-    for column, own in found.items():
+    for column, own in series.items():
         values = np.full(len(stamps), math.nan)
         values[np.searchsorted(stamps, np.fromiter(own, np.int64, len(own)))] = list(own.values())
         columns[column] = values
@@ -207,6 +207,6 @@ def _netcdf(table: SeriesTable) -> bytes:
     with h5netcdf.File(stream, "w") as file:
         file.dimensions = {"time_s": len(table.time_s)}
         for name, values in {"time_s": table.time_s, **table.columns}.items():
-            own = file.create_variable(name.replace("/", "."), ("time_s",), "f8", data=values)
-            own.attrs["units"] = unit_of(name)
+            variable = file.create_variable(name.replace("/", "."), ("time_s",), "f8", data=values)
+            variable.attrs["units"] = unit_of(name)
     return stream.getvalue()

@@ -76,8 +76,8 @@ class Setup:
             RopeTwinError: scene, state or parameters are invalid.
         """
         vortex = MonitorSettings(self.vibration, self.fatigue)
-        asked = Monitors(self.energy, self.error_interval, vortex)
-        twin = Twin(scene, asked) if state is None else Twin.restore(state, scene, asked)
+        monitors = Monitors(self.energy, self.error_interval, vortex)
+        twin = Twin(scene, monitors) if state is None else Twin.restore(state, scene, monitors)
         twin.inputs.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
             twin.invalidate_error(OTHER_SEA)

@@ -53,15 +53,17 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
             problem = f"topic {name} is a {topics[name].type_name}"
             raise BagError(where, problem, f"{wanted} must be a {right}")
         return name
-    named = [name for name in fitting if is_topic(name, usual)]
-    for found in (named, fitting):
-        if len(found) == 1:
-            return found[0]
+    usual_named = [name for name in fitting if is_topic(name, usual)]
+    for candidates in (usual_named, fitting):
+        if len(candidates) == 1:
+            return candidates[0]
     if fitting:
         problem = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
         raise BagError(where, problem, "name one of them")
-    held = ", ".join(f"{name} ({content.type_name})" for name, content in sorted(topics.items()))
-    raise BagError(where, f"no topic is a {right}", f"it holds {held or 'nothing'}")
+    content_text = ", ".join(
+        f"{name} ({content.type_name})" for name, content in sorted(topics.items())
+    )
+    raise BagError(where, f"no topic is a {right}", f"it holds {content_text or 'nothing'}")
 
 
 class StampedRows:
@@ -78,30 +80,30 @@ class StampedRows:
         self._wanted = wanted
         self._content = bag.topics[topic]
         messages = list(bag.messages(topic))
-        kept, rows = self._read([data for _, data in messages], [*_STAMP, *fields])
-        log_ns = np.array([messages[k][0] for k in kept], dtype=np.int64)
+        readable, rows = self._read([data for _, data in messages], [*_STAMP, *fields])
+        log_ns = np.array([messages[k][0] for k in readable], dtype=np.int64)
         header_ns = rows[:, 0].astype(np.int64) * 1_000_000_000 + rows[:, 1].astype(np.int64)
         self._stamps, self._values = (header_ns, log_ns), rows[:, len(_STAMP) :]
-        self._undecodable = len(messages) - len(kept)
+        self._undecodable = len(messages) - len(readable)
 
     def _read(self, messages: list[bytes], paths: list[str]) -> tuple[Sequence[int], Table]:
         """Return the numbers of those messages that can be decoded, and their indices."""
         if not messages:
             return (), np.empty((0, len(paths)))
         try:
-            found = table(self._content.type_name, messages, paths)
+            columns = table(self._content.type_name, messages, paths)
         except SerdeError:
-            found = None  # the first message is damaged
-        if found is not None:
-            return range(len(messages)), found
-        kept, rows, read = [], [], attrgetter(*paths)
+            columns = None  # the first message is damaged
+        if columns is not None:
+            return range(len(messages)), columns
+        readable, rows, read = [], [], attrgetter(*paths)
         for number, data in enumerate(messages):
             try:
                 rows.append(read(deserialise(self._content.type_name, data)))
             except SerdeError:
                 continue
-            kept.append(number)
-        return kept, np.array(rows, dtype=np.float64).reshape(len(kept), len(paths))
+            readable.append(number)
+        return readable, np.array(rows, dtype=np.float64).reshape(len(readable), len(paths))
 
     def usable(self, judge: Callable[[Table], Faults] | None = None) -> tuple[Stamps, Table]:
         """Return stamps (n,), rising, and values (n, k), finite and without the faults found by
@@ -125,10 +127,10 @@ class StampedRows:
         self.notes.append(self._tell_gaps(stamp_ns[keep]))
         return stamp_ns[keep], values[keep]
 
-    def _tell_skipped(self, faults: dict[str, int], total: int, kept: int) -> None:
+    def _tell_skipped(self, faults: dict[str, int], total: int, readable: int) -> None:
         skipped = sum(faults.values())
         reasons = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
-        if kept < 2 or skipped > _TOLERATED_SHARE * total:
+        if readable < 2 or skipped > _TOLERATED_SHARE * total:
             problem = f"{skipped} of {total} samples cannot be used ({reasons or 'too few'})"
             remedy = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
             raise BagError(self.where, problem, remedy)
@@ -353,9 +355,9 @@ def find_splice(track: Track) -> Splice:
     tail, tail_rate = hermite(head_ns + loop_ns, time_ns, track.value, track.rate)
     s = head_ns / max(length_ns, 1)
     w, w_rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / (max(length_ns, 1) * 1e-9)
-    apart = track.value[:head] - tail
-    rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * apart
-    return Splice(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
+    difference = track.value[:head] - tail
+    rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * difference
+    return Splice(loop_ns, count, tail + w[:, None] * difference, rate, head_ns + loop_ns, w)
 
 
 def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:

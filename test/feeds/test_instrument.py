@@ -38,8 +38,8 @@ def lines_of(count: int, period_ns: int = S // 20, **more: object) -> list[tuple
 def test_a_repeated_line_counts_once() -> None:
     instrument = Instrument(settings("lci90"))
     for line, at_ns in lines_of(10):
-        assert len(instrument.take(line, at_ns, whole=True)) == 1
-        assert not instrument.take(line, at_ns + 30_000_000, whole=True)
+        assert len(instrument.take(line, at_ns, is_complete=True)) == 1
+        assert not instrument.take(line, at_ns + 30_000_000, is_complete=True)
     assert instrument.counts.refused == {DUPLICATE: 10}
 
 
@@ -47,8 +47,8 @@ def test_a_sensor_at_rest_is_no_duplicate() -> None:
     """Equal lines without a time count, but not within two milliseconds, as by two routes."""
     instrument = Instrument(settings("tss1"))
     for k in range(10):
-        assert instrument.take(SAMPLES["tss1"], k * S // 10, whole=True)
-        assert not instrument.take(SAMPLES["tss1"], k * S // 10 + 1_000_000, whole=True)
+        assert instrument.take(SAMPLES["tss1"], k * S // 10, is_complete=True)
+        assert not instrument.take(SAMPLES["tss1"], k * S // 10 + 1_000_000, is_complete=True)
     assert instrument.counts.refused == {DUPLICATE: 10}
 
 
@@ -123,8 +123,8 @@ def test_a_tag_block_is_checked_and_left_out() -> None:
     body = "s:YY0001,n:12"
     instrument = Instrument(settings("psxn"))
     tagged = f"UdPbC\0\\{body}*{xor_of(body):02X}\\".encode() + SAMPLES["psxn"]
-    assert instrument.take(tagged, S, whole=True)
-    assert not instrument.take(tagged.replace(b"n:12", b"n:13"), 2 * S, whole=True)
+    assert instrument.take(tagged, S, is_complete=True)
+    assert not instrument.take(tagged.replace(b"n:12", b"n:13"), 2 * S, is_complete=True)
     assert instrument.counts.refused == {"checksum": 1}
 
 
@@ -136,7 +136,7 @@ def test_a_hole_in_a_record_is_missing_data() -> None:
     for line in (DATA / "cwnc.txt").read_bytes().splitlines():
         stamp, _, telegram = line.partition(b" ")
         at_ns = int(np.datetime64(stamp.rstrip(b"Z").decode(), "ns").astype(np.int64))
-        stamps += [one.stamp_ns for one in instrument.take(telegram, at_ns, whole=True)]
+        stamps += [one.stamp_ns for one in instrument.take(telegram, at_ns, is_complete=True)]
     assert len(stamps) == 300
     assert instrument.counts.holes == 1
     assert instrument.counts.longest_hole_s == pytest.approx(18.973, abs=1e-3)

@@ -23,7 +23,7 @@ NAN = math.nan
 def read(data: bytes, made: FeedSettings) -> tuple[MotionSample | None, dict[str, int]]:
     """The sample that bytes complete, and the counts of refused lines."""
     instrument = Instrument(made)
-    found = instrument.take(data, NOW_NS, whole=True)
+    found = instrument.take(data, NOW_NS, is_complete=True)
     assert len(found) <= 1
     assert all(isinstance(one, MotionSample) for one in found)
     return (found[0] if found else None), dict(instrument.counts.refused)  # type: ignore[return-value]

@@ -72,7 +72,7 @@ def check(count: int, seed: int) -> dict[str, int]:
         line = mutated(SAMPLES[name], chance)
         if chance.random() < 0.5:
             line = summed(line)
-        for found in instruments[name].take(line, k * S, whole=True):
+        for found in instruments[name].take(line, k * S, is_complete=True):
             if isinstance(found, LineSample):
                 given = found.payout_m, found.speed_m_per_s, found.tension_n
                 values = [one for one in (*given, found.motor_tension_n) if not math.isnan(one)]
