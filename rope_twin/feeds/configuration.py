@@ -45,6 +45,7 @@ LINE, MOTION = "line monitor", "motion sensor"
 LOAD_PIN, MOTOR = "load_pin", "motor"
 CRANE_TIP, REFERENCE = "crane_tip", "reference"
 ARRIVAL, INSTRUMENT = "arrival", "instrument"
+NO_FIT = 3  # samples whose parabola gives the rate of the middle one
 EM3000 = "em3000"  # the only binary format: records without an end of line
 _QUANTITIES = ("tension", "speed", "payout")
 MAPPED = {MODBUS: "registers", OPCUA: "nodes"}  # formats that are polled by the map of a key
@@ -99,6 +100,8 @@ class FeedSettings:
     rest_heading_deg: float | None = quantity(
         "true heading of the bow in the scene's rest attitude", "°", 0.0, 360.0, default=None
     )
+    fit_samples: int = quantity("motion sensors: number of samples in each fit, odd; 3: no fit", "",
+                                3, 101, default=NO_FIT)  # fmt: skip
     stamp: str = text("time of a reading: arrival, or the instrument's own clock", ARRIVAL)
     latency_s: float = quantity("delay from the measurement to the stamp, subtracted from it", "s",
                                 0.0, 10.0, default=0.0)  # fmt: skip
@@ -119,8 +122,12 @@ class FeedSettings:
         if form.kind == LINE:
             if self.format != "rcwd":
                 choices.append(("tension_of", self.tension_of, (LOAD_PIN, MOTOR)))
+            if self.fit_samples != NO_FIT:
+                return "fit_samples is of motion sensors; remove it"
         else:
             choices.append(("heave_of", self.heave_of, (CRANE_TIP, REFERENCE)))
+            if self.fit_samples % 2 == 0:
+                return f"fit_samples is {self.fit_samples}; give an odd number"
         if self.parity:
             choices.append(("parity", self.parity, ("none", "even", "odd")))
         choices += [(key, getattr(self, key), allowed) for key, allowed in form.keys.items()]

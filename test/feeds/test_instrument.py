@@ -177,6 +177,37 @@ def test_a_derived_rate_is_of_second_order() -> None:
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.01)
 
 
+@pytest.mark.parametrize("rate", [False, True])
+def test_a_fit_keeps_the_wave_and_takes_the_rounding(rate: bool) -> None:
+    """A cubic over 0.5 s of heave to 1 cm at 50 Hz, in a wave of 2π/ω = 8 s.
+
+    The wave keeps 1 - x⁴/280 of its height and 1 - x⁴/504 of its rate, x = ω·T/2; rounding leaves
+    at most 1.5/√25 of its standard deviation where it is white, and a tenth from sample to sample.
+    """
+    track, outputs = MotionTrack(settings("tss1", fit_samples=25)), []
+    for k in range(3000):
+        exact = motion(0.02 * k, rate=rate)
+        outputs += track.take(replace(exact, heave_m=round(exact.heave_m, 2)))
+    assert len(outputs) == 3000 - 24, "half of the fit is missing at both ends"
+    found = np.array([(one.heave_m, one.heave_rate_m_per_s) for one in outputs])
+    exact = [motion(one.stamp_ns * 1e-9, rate=True) for one in outputs]
+    wanted = np.array([(one.heave_m, one.heave_rate_m_per_s) for one in exact])
+    off = found - wanted
+    white_m = 0.01 / math.sqrt(12.0)
+    assert off[:, 0].std() < 0.5 * white_m
+    assert np.diff(off[:, 0]).std() < 0.1 * math.sqrt(2.0) * white_m
+    assert off[:, 1].std() < (1e-12 if rate else 0.02)
+    lost = 1.0 - (found[:, 0] @ wanted[:, 0]) / (wanted[:, 0] @ wanted[:, 0])
+    assert abs(lost - (OMEGA * 0.25) ** 4 / 280.0) < 1e-3
+
+
+def test_a_fit_of_line_monitors_or_of_an_even_number_is_refused() -> None:
+    even = replace(settings("tss1"), fit_samples=24)
+    assert even.check() == "fit_samples is 24; give an odd number"
+    line = replace(settings("lci90"), fit_samples=25)
+    assert line.check() == "fit_samples is of motion sensors; remove it"
+
+
 def test_no_rate_is_derived_across_a_hole() -> None:
     track = MotionTrack(settings("tss1"))
     times = [*np.arange(0.0, 2.0, 0.1), *np.arange(21.0, 23.0, 0.1)]

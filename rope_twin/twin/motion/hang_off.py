@@ -399,8 +399,8 @@ class HangOffTrack(HeaveTrack):
         elif self._rates.is_jittery:
             warnings.append(
                 f"its positions scatter by at least {self._rates.jitter:.2f} m/s over an interval, "
-                "which the rope feels: repeated samples, coarse digits or noise; send each "
-                "measurement once, with more digits, or fewer a second"
+                "which the rope feels: repeated samples, coarse digits or noise; send each sample "
+                "once, with more digits, fewer a second, or fitted (fit_samples of a feed)"
             )
         if clock:
             (faults if clock_is_wrong else warnings).append(clock)
