@@ -38,16 +38,16 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
     plan = read_plan(words)
     if plan is None:
         return None
-    if reason := _reason_not_possible(scene):
-        raise InputError(f"cut {words}", reason, "run another scene for that")
+    if problem := _reason_not_possible(scene):
+        raise InputError(f"cut {words}", problem, "run another scene for that")
     if fault := _unknown(scene, plan.rope):
         raise InputError(f"cut {words}", *fault)
     line = scene.ropes[rope_number(scene, plan.rope)]
     winch = winch_of(scene, line)
     max_m = winch.most_line_out_m if winch else line.length_m
     if max_m < plan.below_m < AT_LOWER_END:
-        what = f"this rope is never longer than {max_m:g} m"
-        raise InputError(f"cut {words}", what, f"give up to {max_m - MIN_LENGTH_M:g} m, or end")
+        problem = f"this rope is never longer than {max_m:g} m"
+        raise InputError(f"cut {words}", problem, f"give up to {max_m - MIN_LENGTH_M:g} m, or end")
     return plan
 
 
@@ -71,8 +71,8 @@ class CutInput:
         if fault is None and (unknown := _unknown(self._scene, rope)):
             fault = "impossible", *unknown
         if fault is not None:
-            kind, what, right = fault
-            return self.counter.refuse(kind, phrase("cut", what, right))
+            kind, problem, remedy = fault
+            return self.counter.refuse(kind, phrase("cut", problem, remedy))
         at_ns = now_ns if stamp_ns is None else stamp_ns
         self._waiting = at_ns, float(below_m), rope_number(self._scene, rope)
         self.counter.accept(at_ns)
@@ -98,11 +98,11 @@ class CutInput:
         if below_m == AT_LOWER_END:
             below_m = max_m
         if not MIN_LENGTH_M <= below_m <= max_m:
-            what = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
-            right = (
+            problem = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
+            remedy = (
                 f"right are {MIN_LENGTH_M:g} to {max_m:.1f} m, or the lower end; the rope is whole"
             )
-            self.counter.refuse("impossible", phrase("cut", what, right))
+            self.counter.refuse("impossible", phrase("cut", problem, remedy))
             return None
         return line_out_m - below_m, rope
 
@@ -117,21 +117,21 @@ class CutInput:
         if self._whole:
             return "impossible", self._whole, "run another scene for that"
         if self.done is not None or self._waiting is not None:
-            reason = "the rope is cut already" if self.done else "a cut is waiting already"
-            return "repeated", reason, "a rope is cut once"
+            problem = "the rope is cut already" if self.done else "a cut is waiting already"
+            return "repeated", problem, "a rope is cut once"
         if math.isnan(below_m):
             return "non_finite", "its place is not a number", "give metres below the hang-off"
         if below_m < MIN_LENGTH_M:
-            right = f"at least {MIN_LENGTH_M:g} m of rope stay there"
-            return "impossible", f"{below_m:g} m below the hang-off", right
+            remedy = f"at least {MIN_LENGTH_M:g} m of rope stay there"
+            return "impossible", f"{below_m:g} m below the hang-off", remedy
         if stamp_ns is None:
             return None
         if stamp_ns < now_ns:
-            late, right = too_late(stamp_ns, now_ns)
-            return "late", late, f"{right}, or leave the stamp 0"
+            problem, remedy = too_late(stamp_ns, now_ns)
+            return "late", problem, f"{remedy}, or leave the stamp 0"
         if stamp_ns > now_ns + AHEAD_NS:
-            reason = f"stamp {stamp_ns * 1e-9:.1f} s lies more than {AHEAD_NS * 1e-9:g} s ahead"
-            return "impossible", reason, "sender and twin must share one clock"
+            problem = f"stamp {stamp_ns * 1e-9:.1f} s lies more than {AHEAD_NS * 1e-9:g} s ahead"
+            return "impossible", problem, "sender and twin must share one clock"
         return None
 
 
@@ -142,7 +142,7 @@ def rope_number(scene: Scene, name: str) -> int:
 
 
 def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
-    """Return the error and the remedy for an unknown rope name; None if it is valid."""
+    """Return problem and remedy of an unknown rope name; None if it is valid."""
     names = [line.name for line in scene.ropes]
     if name in ("", ANY, *names):
         return None
@@ -190,7 +190,7 @@ def read_plan(words: str) -> PlannedCut | None:
     except ValueError as error:
         raise InputError(f"cut {words}", "that is no place and time", _FORM) from error
     if not (below_m >= MIN_LENGTH_M and 0.0 <= at_s < math.inf):
-        what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
-        right = f"the time is 0 or later, and at least {MIN_LENGTH_M:g} m of rope hang on"
-        raise InputError(f"cut {words}", what, right)
+        problem = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
+        remedy = f"the time is 0 or later, and at least {MIN_LENGTH_M:g} m of rope hang on"
+        raise InputError(f"cut {words}", problem, remedy)
     return PlannedCut(round(at_s * 1e9), below_m, name.strip())

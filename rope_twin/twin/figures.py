@@ -111,18 +111,18 @@ def checked_factors(factors: Factors, known: tuple[str, ...], members: int) -> d
         if name not in FIGURES:
             raise InputError("figures", f"'{name}' is none", did_you_mean(name, FIGURES))
         if name not in known:
-            right = f"this scene has {', '.join(known)}"
-            raise InputError(f"figures: {name}", "the scene has no such number", right)
+            remedy = f"this scene has {', '.join(known)}"
+            raise InputError(f"figures: {name}", "the scene has no such number", remedy)
         factor = np.asarray(value, dtype=float)
         if factor.ndim > 1 or factor.size not in (1, members):
-            what = f"{factor.size} factors for {members} members"
-            raise InputError(f"figures: {name}", what, "give one, or one for each")
+            problem = f"{factor.size} factors for {members} members"
+            raise InputError(f"figures: {name}", problem, "give one, or one for each")
         values = np.ravel(factor)
         invalid = values[~(np.isfinite(values) & (values > 0.0))]
         if invalid.size:
-            what = f"a factor of {float(invalid[0]):g}"
-            right = "give positive numbers, 1.0 for the scene's own value"
-            raise InputError(f"figures: {name}", what, right)
+            problem = f"a factor of {float(invalid[0]):g}"
+            remedy = "give positive numbers, 1.0 for the scene's own value"
+            raise InputError(f"figures: {name}", problem, remedy)
         checked[name] = np.broadcast_to(factor, (members,)).copy()
     return checked
 
@@ -274,7 +274,7 @@ class LearnedFigures:
 def _fault(
     rope: Rope, factors: Mapping[str, float], ramp_s: float, cut: bool
 ) -> tuple[str, str] | None:
-    """Return fault and remedy of factors that are rejected, or None."""
+    """Return problem and remedy of factors that are rejected, or None."""
     known = [name for name in figures_of(rope) if name != "current"]
     if cut:
         return "the rope was cut", "figures belong to the whole rope"
@@ -286,8 +286,8 @@ def _fault(
         if name not in known:
             return f"the scene has no figure '{name}'", f"known: {', '.join(known)}"
         if not 1.0 / MAX_FACTOR <= value <= MAX_FACTOR:
-            right = f"give {1.0 / MAX_FACTOR:g} to {MAX_FACTOR:g} times the scene's value"
-            return f"{name} of {value:g} times the scene's", right
+            remedy = f"give {1.0 / MAX_FACTOR:g} to {MAX_FACTOR:g} times the scene's value"
+            return f"{name} of {value:g} times the scene's", remedy
     return None
 
 

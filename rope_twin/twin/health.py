@@ -24,22 +24,22 @@ SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their tim
 
 
 def too_far_ahead(stamp_ns: int, now_ns: int) -> tuple[str, str]:
-    """Return the fault and the remedy for a sample from too far in the future."""
-    ahead = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
-    return ahead, "sender and twin must share one clock"
+    """Return problem and remedy of a sample from too far in the future."""
+    problem = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
+    return problem, "sender and twin must share one clock"
 
 
 def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
-    """Return the fault and the remedy for a sample whose time has passed.
+    """Return problem and remedy of a sample whose time has passed.
 
     A sample later than any delay can explain is stamped by another clock.
     """
     late_ns = now_ns - stamp_ns
     if late_ns > AHEAD_NS:
-        behind = f"stamp {stamp_ns * 1e-9:.1f} s lies {late_ns * 1e-9:.1f} s back"
-        return behind, "sender and twin must share one clock, a replay the twin's epoch"
-    late = f"it came {late_ns * 1e-6:.0f} ms after it was {due}"
-    return late, "raise the input delay by more than that"
+        problem = f"stamp {stamp_ns * 1e-9:.1f} s lies {late_ns * 1e-9:.1f} s back"
+        return problem, "sender and twin must share one clock, a replay the twin's epoch"
+    problem = f"it came {late_ns * 1e-6:.0f} ms after it was {due}"
+    return problem, "raise the input delay by more than that"
 
 
 class Judgement(NamedTuple):
@@ -303,20 +303,20 @@ class SenderClock:
         if abs(excess_s) <= CLOCK_WARN_S and not stepped:
             return "", False
         if abs(excess_s) <= CLOCK_WARN_S:
-            what = "the sender's clock has stepped"
+            problem = "the sender's clock has stepped"
         elif excess_s > 0.0:
-            what = (
+            problem = (
                 f"samples arrive {self.offset_s:.2f} s after their stamps: the sender's clock is "
                 "behind, or its link slow"
             )
         else:
-            what = (
+            problem = (
                 f"stamps lie {-self.offset_s:.2f} s ahead of their arrival, {self.lead_s:g} s are "
                 "allowed: the sender's clock is ahead"
             )
         if self._shift_ns:
             since = f" since its step at {self._stepped_ns * 1e-9:.1f} s" if stepped else ""
             shift = f"{self._shift_ns * 1e-9:+.2f} s{since}"
-            return f"{what}; its stamps are corrected by {shift}", False
-        right = "synchronise the clocks, or set correct_sender_clocks"
-        return f"{what}; {right}", abs(excess_s) > CLOCK_ERROR_S
+            return f"{problem}; its stamps are corrected by {shift}", False
+        remedy = "synchronise the clocks, or set correct_sender_clocks"
+        return f"{problem}; {remedy}", abs(excess_s) > CLOCK_ERROR_S

@@ -129,8 +129,8 @@ class InputQueue:
         with self._lock:
             if self._waiting_numbers + size > WAITING_LIMIT:
                 self.refused += 1
-                what = f"inputs of {self._waiting_numbers} numbers wait for the next slot"
-                return phrase(call.method, what, "send fewer, or let the twin run")
+                problem = f"inputs of {self._waiting_numbers} numbers wait for the next slot"
+                return phrase(call.method, problem, "send fewer, or let the twin run")
             self._waiting.append(call)
             self._waiting_numbers += size
         return ""

@@ -153,8 +153,8 @@ class TwinInputs:
     ) -> str:
         """Submit the motion of the lower end, in map; return "" or the reason for the rejection."""
         if self.lower_end is None:
-            right = "give its rope `end_motion: {from_outside: true}`"
-            return phrase("lower_end", "the scene does not let another simulator move it", right)
+            remedy = "give its rope `end_motion: {from_outside: true}`"
+            return phrase("lower_end", "the scene does not let another simulator move it", remedy)
         with self.lock:
             refusal = self.lower_end.offer_position(stamp_ns, position_m, velocity_m_per_s)
             if not refusal:
@@ -183,10 +183,10 @@ class TwinInputs:
                 return self.winch.take(stamp_ns, command, self._clock.time_ns)
             if winch not in self._winch_names:
                 known = self._winch_names
-                right = did_you_mean(winch, known) if known else "this scene has none"
+                remedy = did_you_mean(winch, known) if known else "this scene has none"
                 if len(self._first_winch_names) > 2 and known:
-                    right = f"name it '{WINCH}', or leave the name empty"
-                sentence = phrase("winch command", f"there is no winch '{winch}'", right)
+                    remedy = f"name it '{WINCH}', or leave the name empty"
+                sentence = phrase("winch command", f"there is no winch '{winch}'", remedy)
                 return self.winch.refuse(command, sentence)
             return self.ropes.offer(winch, stamp_ns, command, self._clock.time_ns)
 
@@ -371,11 +371,13 @@ class CurrentInput:
         self.changes += 1
         self.counter.accept(now_ns)
         if jump > CURRENT_JUMP_M_PER_S:
-            what = f"at {now_ns * 1e-9:.1f} s the profile changed by {jump:.2f} m/s at z = {z:g} m"
-            right = (
+            problem = (
+                f"at {now_ns * 1e-9:.1f} s the profile changed by {jump:.2f} m/s at z = {z:g} m"
+            )
+            remedy = (
                 f"more than {CURRENT_JUMP_M_PER_S:g} m/s at once is accepted, but check the sensor"
             )
-            self.counter.warn(phrase("current", what, right), now_ns)
+            self.counter.warn(phrase("current", problem, remedy), now_ns)
         points = [(float(z), tuple(velocity)) for z, *velocity in profile.tolist()]
         self.counter.set_note(strong_current("current", points))
         return ""
@@ -389,9 +391,10 @@ class CurrentInput:
         if present is restored:
             return False
         self.effects, self.changes = effects, self.changes + 1
-        what = f"a step failed at {now_ns * 1e-9:.2f} s, soon after a new profile"
+        problem = f"a step failed at {now_ns * 1e-9:.2f} s, soon after a new profile"
         self.counter.warn(
-            phrase("current", what, "the one before it is in force again; check the sensor"), now_ns
+            phrase("current", problem, "the one before it is in force again; check the sensor"),
+            now_ns,
         )
         return True
 
@@ -403,8 +406,8 @@ class CurrentInput:
                 "current", "the scene lists no current", "add the effect 'current' to the scene"
             )
         elif profile.ndim != 2 or profile.shape[1] not in (3, 4) or len(profile) == 0:
-            what = f"its shape is {profile.shape}"
-            reason = phrase("current", what, "give rows of z, east, north (, up)")
+            problem = f"its shape is {profile.shape}"
+            reason = phrase("current", problem, "give rows of z, east, north (, up)")
         elif len(profile) > MAX_ROWS:
             reason = phrase("current", f"it has {len(profile)} rows", f"give {MAX_ROWS} at most")
         elif not np.isfinite(profile).all():
@@ -423,9 +426,9 @@ class CurrentInput:
                 f"give at most {MAX_CURRENT_M_PER_S:g} m/s",
             )
         elif len(present.U) == 2 and profile[:, 3:].any():
-            what = "it has a vertical component, which this scene's current has not"
-            right = "give the scene's profile one, [east, north, up], be it 0"
-            reason = phrase("current", what, right)
+            problem = "it has a vertical component, which this scene's current has not"
+            remedy = "give the scene's profile one, [east, north, up], be it 0"
+            reason = phrase("current", problem, remedy)
         else:
             reason = _spacing_fault(profile)
         return self.counter.refuse("impossible", reason) if reason else ""
@@ -434,17 +437,17 @@ class CurrentInput:
 def _spacing_fault(profile: NDArray[np.float64]) -> str:
     """Return the error in the depths or the shear of an ordered profile; "" if there is none."""
     if profile[-1, 0] < DEEPEST_ROW_M:
-        right = f"the deepest row may lie at {DEEPEST_ROW_M:g} m"
-        return phrase("current", f"a row lies at z = {profile[-1, 0]:g} m", right)
+        remedy = f"the deepest row may lie at {DEEPEST_ROW_M:g} m"
+        return phrase("current", f"a row lies at z = {profile[-1, 0]:g} m", remedy)
     spacing = -np.diff(profile[:, 0])
     if len(spacing) and spacing.min() < MIN_ROW_SPACING_M:
         row = int(spacing.argmin())
-        what = f"rows {row} and {row + 1} are {spacing[row]:g} m apart"
-        return phrase("current", what, f"give rows at least {MIN_ROW_SPACING_M:g} m apart")
+        problem = f"rows {row} and {row + 1} are {spacing[row]:g} m apart"
+        return phrase("current", problem, f"give rows at least {MIN_ROW_SPACING_M:g} m apart")
     shear, row = steepest_shear(profile)
     if shear > SHEAR_LIMIT_PER_S:
-        what = f"it changes by {shear:.3g} m/s a metre below row {row}"
-        return phrase("current", what, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre")
+        problem = f"it changes by {shear:.3g} m/s a metre below row {row}"
+        return phrase("current", problem, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre")
     return ""
 
 
@@ -490,8 +493,8 @@ class ForecastInput:
         elif not 0.0 <= judged <= MAX_FORECASTS_JUDGED:
             fault = phrase("forecast", f"{judged:g} forecasts judged", "give their number")
         elif not (0.0 < factor < math.inf and math.isfinite(age_s)):
-            what = f"a factor of {factor:g} and inputs {age_s:g} s old"
-            fault = phrase("forecast", what, "give a positive factor and a finite age")
+            problem = f"a factor of {factor:g} and inputs {age_s:g} s old"
+            fault = phrase("forecast", problem, "give a positive factor and a finite age")
         if not fault:
             self._newest = now_s, age_s, or_none(coverage), int(judged), factor
         return fault

@@ -324,8 +324,8 @@ def _check_effects(scene: Scene, rope: Rope) -> None:
         if {"load", "load_end", "load_nodes", "couple"}.intersection(
             hooks_of(kind)
         ) and not accounts_of(kind):
-            what = f"effect {kind.__name__} does not say what energy it stores or brings"
-            raise SceneError(f"{scene.path}", what, "run it without the energy balance")
+            problem = f"effect {kind.__name__} does not say what energy it stores or brings"
+            raise SceneError(f"{scene.path}", problem, "run it without the energy balance")
 
 
 class TensionMonitor(Monitor):

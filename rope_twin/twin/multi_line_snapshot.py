@@ -167,9 +167,9 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
         InputError: the scene has not exactly one sheave, or a line branches on its way to the ship.
     """
     if len(scene.sheaves) != 1:
-        what = f"the scene has {len(scene.sheaves)} sheaves"
-        right = "give a scene with one, such as two_line_loop"
-        raise InputError(f"{scene.path}: sheaves", what, right)
+        problem = f"the scene has {len(scene.sheaves)} sheaves"
+        remedy = "give a scene with one, such as two_line_loop"
+        raise InputError(f"{scene.path}: sheaves", problem, remedy)
     lines = []
     for number, line in enumerate(scene.ropes):
         if line.to == scene.sheaves[0].name:
@@ -178,9 +178,9 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
                 connection = scene.ropes[rope_numbers[0]].from_
                 above = [k for k, other in enumerate(scene.ropes) if other.to == connection]
                 if len(above) != 1 or above[0] in rope_numbers:
-                    what = f"{len(above)} ropes lead to '{connection}'"
-                    right = "two lines are watched that go up to the ship as one rope each"
-                    raise InputError(f"{scene.path}: ropes[{rope_numbers[0]}]", what, right)
+                    problem = f"{len(above)} ropes lead to '{connection}'"
+                    remedy = "two lines are watched that go up to the ship as one rope each"
+                    raise InputError(f"{scene.path}: ropes[{rope_numbers[0]}]", problem, remedy)
                 rope_numbers.insert(0, above[0])
             lines.append(rope_numbers)
     first = [rope_numbers for rope_numbers in lines if rope_numbers[0] == 0] or lines[:1]
@@ -202,8 +202,8 @@ class ClearanceMonitor:
         first, second = (np.array(positions[scene.ropes[line[0]].from_][:2]) for line in self.lines)
         spacing_m = float(np.linalg.norm(second - first))
         if spacing_m < MIN_SPACING_M:
-            right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
-            raise InputError(f"{scene.path}: hang_offs", "both are at one place", right)
+            remedy = "set `at_m` of one of them aside: the lines are watched in the plane of both"
+            raise InputError(f"{scene.path}: hang_offs", "both are at one place", remedy)
         self.plane = (second - first) / spacing_m
         self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
         self.turned_up = 0  # number of snapshots in which a line turned upward

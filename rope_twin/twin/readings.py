@@ -41,7 +41,7 @@ WINCH_SENSORS, MOTOR, PAYLOAD = "winch", "motor", "payload"  # sources of a meas
 # groups of sensors, as `Snapshot.inputs` names them
 WINCH_MEASURED, MOTOR_TENSION, PAYLOAD_DEPTH = "winch_measured", "motor_tension", "payload_depth"
 Row = tuple[str, float | None, float | None, float | None]
-Refusal = tuple[str, str, str]  # kind, fault and remedy
+Refusal = tuple[str, str, str]  # kind, problem and remedy
 GAP_NS = 2_000_000_000  # after a longer gap a jump is not detected
 DISTRUST_NS = 60_000_000_000
 STALE_NS = 2_000_000_000
@@ -134,8 +134,8 @@ class Readings(ABC):
         name, position, speed, tension = row
         fault = self._stamp_fault(stamp_ns, now_ns)
         if (position, speed, tension) == (None, None, None):
-            right = "give at least one value that is not NaN"
-            fault = "non_finite", "nothing is measured", right
+            remedy = "give at least one value that is not NaN"
+            fault = "non_finite", "nothing is measured", remedy
         if fault:
             return (name, None, None, None), self._refuse(fault)
         single_values = (
@@ -168,8 +168,8 @@ class Readings(ABC):
         self.counter.accept(stamp_ns)
 
     def _refuse(self, fault: Refusal) -> str:
-        kind, what, right = fault
-        return self.counter.refuse(kind, phrase(self._topic, what, right))
+        kind, problem, remedy = fault
+        return self.counter.refuse(kind, phrase(self._topic, problem, remedy))
 
     def _compare_speed(self, stamp_ns: int, row: Row) -> None:
         """Compare the change of the measured position with the integral of the measured speed."""
@@ -211,8 +211,8 @@ class Readings(ABC):
         ahead_s = min(self._leads) * 1e-9
         if ahead_s <= lead_s + CLOCK_WARN_S:
             return ""
-        what = f"stamps lie {ahead_s:.2f} s ahead of their arrival, {lead_s:g} s are allowed"
-        return f"{what}: the sensor's clock is ahead"
+        problem = f"stamps lie {ahead_s:.2f} s ahead of their arrival, {lead_s:g} s are allowed"
+        return f"{problem}: the sensor's clock is ahead"
 
     def health(self, now_ns: int, lead_s: float = SENDER_LEAD_S) -> InputHealth:
         """Return counts, age and warnings; missing readings are no fault of the twin.
@@ -244,8 +244,8 @@ class Readings(ABC):
         values = (value for value in row[1:] if value is not None)
         invalid = next((value for value in values if not math.isfinite(value)), None)
         if invalid is not None:
-            right = "give a finite number, or None (NaN in a message) for none"
-            return "non_finite", f"a value of {invalid}", right
+            remedy = "give a finite number, or None (NaN in a message) for none"
+            return "non_finite", f"a value of {invalid}", remedy
         return self._range_fault(row)
 
     @abstractmethod
@@ -259,8 +259,8 @@ class Readings(ABC):
         if stamp_ns < now_ns - HISTORY_NS:  # another clock, whatever the order
             return ("late", *too_late(stamp_ns, now_ns))
         if newest_ns is not None and stamp_ns < newest_ns:
-            what = f"{at} follows {newest_ns * 1e-9:.3f} s"
-            return "late", what, "readings must come in the order of their stamps"
+            problem = f"{at} follows {newest_ns * 1e-9:.3f} s"
+            return "late", problem, "readings must come in the order of their stamps"
         if stamp_ns > now_ns + AHEAD_NS:
             return ("impossible", *too_far_ahead(stamp_ns, now_ns))
         return None
@@ -281,19 +281,21 @@ class Readings(ABC):
         is_distrusted = self._confirm_ns > 0 and is_contradicted
         if not reason and not is_distrusted:
             return None
-        what = f"{self._quantity} changes by {change:+.2f} m in {gap_ns * 1e-9:.2f} s"
+        problem = f"{self._quantity} changes by {change:+.2f} m in {gap_ns * 1e-9:.2f} s"
         if gap_ns <= GAP_NS:
-            return "impossible", what, reason
+            return "impossible", problem, reason
         steady_ns = stamp_ns - self._steady_ns
         if steady_ns < self._confirm_ns:
             self._distrust = f"{self._quantity} distrusted, as it jumps to and fro"
-            what = f"{self._quantity} steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
-            right = f"accepted again after {self._confirm_ns * 1e-9:g} s without a jump"
-            return "unconfirmed", what, right
+            problem = (
+                f"{self._quantity} steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
+            )
+            remedy = f"accepted again after {self._confirm_ns * 1e-9:g} s without a jump"
+            return "unconfirmed", problem, remedy
         self._confirm_ns = max(GAP_NS, 2 * self._confirm_ns)
         self._doubted_ns, self._distrust = stamp_ns, ""
-        right = "; ".join(filter(None, (reason, "accepted after a gap: was the sensor reset?")))
-        self.counter.warn(phrase(self._topic, what, right), now_ns)
+        remedy = "; ".join(filter(None, (reason, "accepted after a gap: was the sensor reset?")))
+        self.counter.warn(phrase(self._topic, problem, remedy), now_ns)
         return None
 
     def _change(self, before: tuple[int, float], after: tuple[int, float]) -> tuple[float, str]:
@@ -348,14 +350,14 @@ class WinchReadings(Readings):
         low_n, high_n = self._loads
         slack = self._jump_m
         if line_out is not None and not -slack <= line_out - self._bias_m <= self._most_m + slack:
-            right = f"this winch has 0 to {self._most_m:g} m out; set unit, sign and zero of it"
-            return "impossible", f"line out {line_out:g} m", right
+            remedy = f"this winch has 0 to {self._most_m:g} m out; set unit, sign and zero of it"
+            return "impossible", f"line out {line_out:g} m", remedy
         if speed is not None and abs(speed) > self._speed + JUMP_M:
-            right = f"this line moves at {self._speed:g} m/s at most"
-            return "impossible", f"line speed {speed:g} m/s", right
+            remedy = f"this line moves at {self._speed:g} m/s at most"
+            return "impossible", f"line speed {speed:g} m/s", remedy
         if tension is not None and not low_n <= tension <= high_n:
-            right = f"{low_n:.4g} to {high_n:.4g} N are possible for this rope"
-            return "impossible", f"tension {tension:g} N", right
+            remedy = f"{low_n:.4g} to {high_n:.4g} N are possible for this rope"
+            return "impossible", f"tension {tension:g} N", remedy
         return None
 
     def _allowed_m(self, seconds: float) -> float:
@@ -384,9 +386,9 @@ class DepthReadings(Readings):
     def _range_fault(self, row: Row) -> Refusal | None:
         depth = row[1]
         if depth is not None and not -MAX_HEIGHT_M <= depth <= self._deepest_m:
-            right = f"give point.z up from the mean water level, {MAX_HEIGHT_M:g} m at most and "
-            right += f"{-self._deepest_m:.4g} m at least for this rope"
-            return "impossible", f"z of {-depth:g} m", right
+            remedy = f"give point.z up from the mean water level, {MAX_HEIGHT_M:g} m at most and "
+            remedy += f"{-self._deepest_m:.4g} m at least for this rope"
+            return "impossible", f"z of {-depth:g} m", remedy
         return None
 
     def _allowed_m(self, seconds: float) -> float:

@@ -209,8 +209,8 @@ def _reason(error: Exception) -> str:
 
 
 def _not_finite(time_ns: int) -> str:
-    what = f"the state at {time_ns * 1e-9:.2f} s is not finite"
-    return phrase("the rope", what, "its inputs may be impossible")
+    problem = f"the state at {time_ns * 1e-9:.2f} s is not finite"
+    return phrase("the rope", problem, "its inputs may be impossible")
 
 
 def _is_finite(shot: Snapshot) -> bool:

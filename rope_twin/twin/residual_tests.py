@@ -147,8 +147,8 @@ def limit_for(length: float) -> float:
         InputError: the length is not between 2 and 1e8 blocks.
     """
     if not 2.0 <= length <= 1e8:
-        what, right = f"{length:g} blocks are not possible", "give 2 to 1e8 blocks"
-        raise InputError("average run length", what, right)
+        problem, remedy = f"{length:g} blocks are not possible", "give 2 to 1e8 blocks"
+        raise InputError("average run length", problem, remedy)
     low, high = 1e-3, 25.0
     while high - low > 1e-6:
         middle = 0.5 * (low + high)

@@ -191,8 +191,8 @@ class Comparison:
         equal_ns = self._newest[0] - since_ns
         if equal_ns < FROZEN_NS or high - low <= min_change:
             return ""
-        what = f"frozen: {self.quantity} {value:.6g} for {equal_ns * 1e-9:.0f} s"
-        return f"{what}, while the twin's moved by {high - low:.3g}"
+        problem = f"frozen: {self.quantity} {value:.6g} for {equal_ns * 1e-9:.0f} s"
+        return f"{problem}, while the twin's moved by {high - low:.3g}"
 
     @property
     def misfit(self) -> str:
@@ -208,8 +208,8 @@ class Comparison:
         measured = computed + sum(row[2] for row in recent) / n
         if computed <= 0.0 or 1.0 / MISFIT <= measured / computed <= MISFIT:
             return ""
-        what = f"it reads {measured / 1e3:.4g} kN where the twin has {computed / 1e3:.4g} kN"
-        return f"{what}: another unit, sign or load"
+        problem = f"it reads {measured / 1e3:.4g} kN where the twin has {computed / 1e3:.4g} kN"
+        return f"{problem}: another unit, sign or load"
 
     def _spread(self) -> float | None:
         """Return the standard deviation of the computed values; None: too few."""
@@ -314,8 +314,8 @@ class MeasuredInputs:
             return accepted, refusal
         group = self._motors if source == MOTOR else self._winches
         if not name and len(self.names) > 1:
-            right = f"name one of {', '.join(self.names)}"
-            sentence = phrase("winch", "no name is given", right)
+            remedy = f"name one of {', '.join(self.names)}"
+            sentence = phrase("winch", "no name is given", remedy)
             return nothing, group[0].counter.refuse("impossible", sentence)
         if name and name not in self.names:
             sentence = phrase("winch", f"there is no '{name}'", did_you_mean(name, self.names))

@@ -400,8 +400,8 @@ def _find_accelerations(part: Rope, boundary: Boundary, time: float) -> None:
         effects = own_copies(part.effects)
         trial = part._replace(model=model, state=part.state.copy(), work=work, effects=effects)
         if advance(trial, step_boundary, pull, time, 1) < 1:
-            what = "the forces at its new end are not finite"
-            raise SolverError("the rope's cut", what, "check the scene")
+            problem = "the forces at its new end are not finite"
+            raise SolverError("the rope's cut", problem, "check the scene")
         part.state.nodes[_A, :n] = trial.state.nodes[_A, :n]
 
 
@@ -540,8 +540,8 @@ def _find_system_accelerations(
     for _ in range(2):
         trial = copy.deepcopy(_with_step(system._replace(ropes=tuple(fixed_mesh)), INSTANT_S))
         if advance_joined(trial, step_boundary, pull, time, 1) < 1:
-            what = "the forces at its new end are not finite"
-            raise SolverError("the rope's cut", what, "check the scene")
+            problem = "the forces at its new end are not finite"
+            raise SolverError("the rope's cut", problem, "check the scene")
         for r in parts:
             _copy_accelerations(system.ropes[r], trial.ropes[r], is_held=r == parts[0])
         system.joints.nodes[_A, -1] = trial.joints.nodes[_A, -1]

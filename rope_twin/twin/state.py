@@ -172,10 +172,10 @@ class SavedState:
                 if field.name != "monitors"
             }
         except (StateError, KeyError, ValueError, TypeError, AttributeError) as error:
-            what = f"it does not fit this version of rope_twin: {error}"
+            problem = f"it does not fit this version of rope_twin: {error}"
             wrote = f"version {self.about.program}, solver {self.about.solver}"
-            right = f"start a new run, or go on with what wrote it ({wrote})"
-            raise StateError(f"saved state {self.source}", what, right) from error
+            remedy = f"start a new run, or go on with what wrote it ({wrote})"
+            raise StateError(f"saved state {self.source}", problem, remedy) from error
         return TwinState(monitors={}, **parts)
 
     def _part(self, name: str, like: Any) -> Any:
@@ -277,8 +277,8 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
         figures, memory = header["scene_figures"], header["memory"]
         state = SavedState(StateDescription(**values), figures, memory, arrays, str(path))
     except (KeyError, TypeError) as error:
-        right = "take another saved state, or start without one"
-        raise StateError(f"saved state {path}", f"its header lacks {error}", right) from error
+        remedy = "take another saved state, or start without one"
+        raise StateError(f"saved state {path}", f"its header lacks {error}", remedy) from error
     if fault := state.fault():
         raise StateError(f"saved state {path}", fault, "take a state that was saved before")
     return state
@@ -292,9 +292,9 @@ def check_scene(state: SavedState, scene: Scene) -> None:
     """
     difference = next(differences(state.figures, scene_properties(scene), ""), None)
     if difference is not None:
-        what = f"it is of another scene, {state.about.scene}: {difference} in scene {scene.name}"
-        right = f"give the scene that it was saved from ({state.about.scene_path})"
-        raise StateError(f"saved state {state.source}", what, right)
+        problem = f"it is of another scene, {state.about.scene}: {difference} in scene {scene.name}"
+        remedy = f"give the scene that it was saved from ({state.about.scene_path})"
+        raise StateError(f"saved state {state.source}", problem, remedy)
     solver = _solver_digest()
     if state.about.solver != solver:
         _log.warning(

@@ -252,8 +252,8 @@ def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
         raise _refusal(path, f"its header does not describe it ({error})", _ANOTHER) from error
 
 
-def _refusal(path: Path, what: str, right: str) -> StateError:
-    return StateError(f"saved state {path}", what, right)
+def _refusal(path: Path, problem: str, remedy: str) -> StateError:
+    return StateError(f"saved state {path}", problem, remedy)
 
 
 def encode(header: dict[str, Any], arrays: Arrays) -> bytes:

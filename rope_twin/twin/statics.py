@@ -77,9 +77,9 @@ def judge_body(scene: Scene, rope: Rope) -> None:
     """
     body = body_of(rope)
     if body is not None and not np.isfinite(pose_of(body).velocity).all():
-        what = "the body finds no rest: friction does not hold it and its slings are slack"
-        right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
-        raise SceneError(f"{scene.path}: effects.rigid_body", what, right)
+        problem = "the body finds no rest: friction does not hold it and its slings are slack"
+        remedy = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
+        raise SceneError(f"{scene.path}: effects.rigid_body", problem, remedy)
 
 
 def check_equilibrium(scene: Scene, equilibrium: Equilibrium, highest_m: float) -> None:
@@ -121,9 +121,9 @@ def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
         breaking = line.breaking_load_n
         load = float(tension.max())
         if load > breaking / SAFETY_FACTOR:
-            what = (
+            problem = (
                 f"'{line.name}' carries {load / 1e3:.0f} kN at rest against a breaking load "
                 f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / load:.2f}"
             )
-            right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
-            yield phrase(f"{scene.path}: ropes[{number}]", what, right)
+            remedy = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
+            yield phrase(f"{scene.path}: ropes[{number}]", problem, remedy)

@@ -253,11 +253,11 @@ class Twin:
         try:
             steps = operator.index(steps)
         except TypeError:
-            right = f"give a whole number of steps, each of {self.step_s:g} s"
-            raise InputError("advance", f"{steps!r} is not a number of steps", right) from None
+            remedy = f"give a whole number of steps, each of {self.step_s:g} s"
+            raise InputError("advance", f"{steps!r} is not a number of steps", remedy) from None
         if steps < 0:
-            what = f"{steps} steps would lead back in time"
-            raise InputError("advance", what, "restore an earlier saved state")
+            problem = f"{steps} steps would lead back in time"
+            raise InputError("advance", problem, "restore an earlier saved state")
         try:
             while steps > 0:
                 steps -= self._advance_chunk(min(steps, rows.STEPS_PER_CALL))

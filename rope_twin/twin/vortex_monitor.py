@@ -169,8 +169,8 @@ class VortexMonitor(Monitor):
             curve = self._asked.fatigue
             counted_curve = kept[wear_name(0)]["fields"]["name"] if wear_name(0) in kept else curve
             if curve and counted_curve != curve:
-                what = f"its fatigue was counted by the curve {counted_curve}, not {curve}"
-                raise StateError(f"saved state {saved.source}", what, f"ask for {counted_curve}")
+                problem = f"its fatigue was counted by the curve {counted_curve}, not {curve}"
+                raise StateError(f"saved state {saved.source}", problem, f"ask for {counted_curve}")
             line.set_step(view.step_s, steps_in_slot(view.step_s))
 
             def read(name: str, like: Any, prefix: str = prefix) -> Any:

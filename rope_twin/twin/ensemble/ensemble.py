@@ -87,8 +87,8 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
     if seconds > MAX_DURATION_S:
         raise InputError(name, f"{seconds:g} s is too long", f"give at most {MAX_DURATION_S:g} s")
     if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
-        right = f"give a whole number of steps of {step_s:g} s"
-        raise InputError(name, f"{seconds} s is not possible", right)
+        remedy = f"give a whole number of steps of {step_s:g} s"
+        raise InputError(name, f"{seconds} s is not possible", remedy)
     return steps
 
 
@@ -148,8 +148,8 @@ class Ensemble:
         if not 1 <= abreast <= LANES:
             raise InputError("ensemble", f"{abreast} ropes abreast", f"give 1 to {LANES}")
         if self.threads < 1 or not variations:
-            what = f"{self.threads} threads, {len(variations)} members"
-            raise InputError("ensemble", what, "give at least one of each")
+            problem = f"{self.threads} threads, {len(variations)} members"
+            raise InputError("ensemble", problem, "give at least one of each")
         self.scene = scene
         self.abreast = abreast
         self.steps = 0
@@ -161,8 +161,8 @@ class Ensemble:
             for member_scene, variation in zip(scenes, variations, strict=True)
         ]
         if watched and any(by_twin):
-            what = "multi-line systems, or a winch with tension feedback, are not watched"
-            raise InputError("ensemble", what, "step them with `rope_twin run`")
+            problem = "multi-line systems, or a winch with tension feedback, are not watched"
+            raise InputError("ensemble", problem, "step them with `rope_twin run`")
         self._monitors = monitors
         keys = list(dict.fromkeys(zip(scenes, by_twin, strict=True)))
         find_member_start = partial(_find_start, monitors=self._monitors)
@@ -196,8 +196,8 @@ class Ensemble:
         """
         steps = whole_steps("seconds", seconds, self.step_s)
         if self._interrupted:
-            what = "it was interrupted while some members had stepped and others had not"
-            raise InputError("ensemble", what, "build it again")
+            problem = "it was interrupted while some members had stepped and others had not"
+            raise InputError("ensemble", problem, "build it again")
         for heave in self._heaves.values():
             end_ns = (self.steps + steps) * self._step_ns
             heave.check_reach(end_ns, end_ns)
@@ -299,8 +299,8 @@ def _member_scene(scene: Scene, variation: Variation, number: int) -> Scene:
         if change.path.startswith("time."):
             raise SceneError(where, "all members have it in common", "vary something else")
         if change.path.startswith("sea_state.") and variation.heave is None:
-            right = "give the member the heave of that sea"
-            raise SceneError(where, "a sea moves no ship by itself", right)
+            remedy = "give the member the heave of that sea"
+            raise SceneError(where, "a sea moves no ship by itself", remedy)
     try:
         return change_scene(scene, variation.changes)
     except SceneError as error:

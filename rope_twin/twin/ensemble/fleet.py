@@ -292,12 +292,12 @@ class Fleet:
         """
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
         if members < 1 or threads < 1:
-            what = f"{members} members, {threads} threads"
-            raise InputError("fleet", what, "give at least one of each")
+            problem = f"{members} members, {threads} threads"
+            raise InputError("fleet", problem, "give at least one of each")
         if model_beside(scene) is not None:
-            what = f"the VIV model of '{scene.name}' runs beside the step"
-            right = "remove it from the scene; its drag amplification then has no effect"
-            raise InputError("fleet", what, right)
+            problem = f"the VIV model of '{scene.name}' runs beside the step"
+            remedy = "remove it from the scene; its drag amplification then has no effect"
+            raise InputError("fleet", problem, remedy)
         self.scene = at_setting(scene, elements, step_s)
         self.threads = threads
         members_class = SystemMembers if is_joined(self.scene) else RopeMembers
@@ -357,8 +357,8 @@ class Fleet:
         """
         given = [states] if isinstance(states, FleetState) else list(states)
         if not isinstance(states, FleetState) and len(given) != len(self):
-            what = f"{len(given)} states for {len(self)} members"
-            raise InputError("fleet", what, "give one, or one for each")
+            problem = f"{len(given)} states for {len(self)} members"
+            raise InputError("fleet", problem, "give one, or one for each")
         if len({state.time_ns for state in given}) > 1:
             raise InputError("fleet", "states of different times", "give states of one")
         for state in given:
@@ -434,8 +434,8 @@ class Fleet:
         for name, values in series:
             shape = np.shape(values)
             if shape[:1] != first or shape[1:] not in ((), (len(self),)):
-                right = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
-                raise InputError(f"fleet: {name}", f"shape {shape}", right)
+                remedy = f"give (steps + 1,) or (steps + 1, {len(self)}), the same steps in all"
+                raise InputError(f"fleet: {name}", f"shape {shape}", remedy)
             if not np.isfinite(values).all():
                 raise InputError(f"fleet: {name}", "a value is not finite", "fill gaps before")
         steps = first[0] - 1 if first else 0
@@ -455,8 +455,8 @@ class Fleet:
         names = [self.scene.ropes[r].from_ for r in self._members.from_ship[1:]]
         known = [name for name in winches_by_name(self.scene) if name in names]
         if winch not in known:
-            right = did_you_mean(winch, known) if known else "the scene has the main winch alone"
-            raise InputError("fleet: lines", f"there is no other winch '{winch}'", right)
+            remedy = did_you_mean(winch, known) if known else "the scene has the main winch alone"
+            raise InputError("fleet: lines", f"there is no other winch '{winch}'", remedy)
         return self._members.from_ship[1 + names.index(winch)]
 
     def _check_line(self, name: str, r: int, line_m: Floats) -> None:
@@ -470,17 +470,17 @@ class Fleet:
         element_length_m = members.ropes[r].model.element_length
         max_m = winch.most_line_out_m + element_length_m if winch else np.inf
         if not (min_m < line_m.min() and line_m.max() <= max_m):
-            what = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
-            right = f"this mesh takes more than {min_m:g} m, and at most {max_m:g} m"
-            raise InputError(f"fleet: {name}", what, right)
+            problem = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
+            remedy = f"this mesh takes more than {min_m:g} m, and at most {max_m:g} m"
+            raise InputError(f"fleet: {name}", problem, remedy)
         length, below = members.ends(r)
         is_wrong = (abs(line_m[0] - length) > MAX_LINE_JUMP_M) | (line_m[0] <= below)
         for k in np.flatnonzero(is_wrong).tolist():
             if k not in members.failures:
                 begin_m = float(np.broadcast_to(line_m[0], (len(self),))[k])
-                what = f"it begins at {begin_m:g} m, member {k} has {length[k]:g} m of rope out"
-                right = f"begin within {MAX_LINE_JUMP_M:g} m of the member's state"
-                raise InputError(f"fleet: {name}", what, right)
+                problem = f"it begins at {begin_m:g} m, member {k} has {length[k]:g} m of rope out"
+                remedy = f"begin within {MAX_LINE_JUMP_M:g} m of the member's state"
+                raise InputError(f"fleet: {name}", problem, remedy)
 
     def _run(self, step_range: StepRange) -> None:
         """Do the steps of a range."""

@@ -170,20 +170,20 @@ class Members(ABC):
         Raises:
             InputError: it does not.
         """
-        right = "give states of a fleet of this scene and mesh"
+        remedy = "give states of a fleet of this scene and mesh"
         states, ropes = (given.rope, *given.others), self.ropes
         if len(states) != len(ropes):
-            raise InputError("fleet", f"a state of {len(states)} ropes, not {len(ropes)}", right)
+            raise InputError("fleet", f"a state of {len(states)} ropes, not {len(ropes)}", remedy)
         for state, rope in zip(states, ropes, strict=True):
             if state.nodes.shape != rope.state.nodes.shape:
                 capacity = rope.state.nodes.shape[1]
-                what = f"a state with space for {state.s.size} nodes, not {capacity}"
-                raise InputError("fleet", what, right)
+                problem = f"a state with space for {state.s.size} nodes, not {capacity}"
+                raise InputError("fleet", problem, remedy)
         count = sum(len(state_arrays(rope.effects)) for rope in ropes)
         if len(given.memories) != count:
-            what = f"a state with {len(given.memories)} internal variables, not {count}"
-            right = "give states that `Fleet.state` returned for this scene"
-            raise InputError("fleet", what, right)
+            problem = f"a state with {len(given.memories)} internal variables, not {count}"
+            remedy = "give states that `Fleet.state` returned for this scene"
+            raise InputError("fleet", problem, remedy)
 
     # Steps
 

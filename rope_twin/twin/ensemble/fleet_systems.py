@@ -149,8 +149,8 @@ class SystemMembers(Members):
         """
         super().check(given)
         if given.joints is None or given.joints.shape != self._base.joints.nodes.shape:
-            right = "give states of a fleet of this scene and mesh"
-            raise InputError("fleet", "a state of other connections", right)
+            remedy = "give states of a fleet of this scene and mesh"
+            raise InputError("fleet", "a state of other connections", remedy)
 
     def begin_from(self, live: LiveState) -> None:
         """Set the state of a live twin, on the members' own mesh; that of connections is unchanged.
@@ -161,8 +161,8 @@ class SystemMembers(Members):
         live_ropes, joints = (live, *live.others), live.joints
         shape = self._base.joints.nodes.shape
         if len(live_ropes) != len(self.ropes) or joints is None or joints.shape != shape:
-            what = f"the live state is that of a twin of '{live.scene.name}', with other ropes"
-            raise InputError("fleet", what, "begin from a twin of the fleet's scene")
+            problem = f"the live state is that of a twin of '{live.scene.name}', with other ropes"
+            raise InputError("fleet", problem, "begin from a twin of the fleet's scene")
         ropes = zip(live_ropes, self.ropes, self.marks_m, strict=True)
         states, effects = zip(*(on_mesh(*arguments) for arguments in ropes), strict=True)
         self._base = _with_effects(self._base, effects)

@@ -97,8 +97,8 @@ def on_mesh(live: LiveState, rope: Rope, marks_m: Floats) -> tuple[State, tuple[
     live_rope, capacity = live.rope, rope.state.s.shape[0]
     n = int(live_rope.state.counts[rows.ELEMENTS])
     if not _same_components(live_rope, rope):
-        what = f"the live state is that of a twin of '{live.scene.name}', with other parts"
-        raise InputError("fleet", what, "begin from a twin of the fleet's scene")
+        problem = f"the live state is that of a twin of '{live.scene.name}', with other parts"
+        raise InputError("fleet", problem, "begin from a twin of the fleet's scene")
     state = new_state(capacity)
     same_mesh = _same_mesh(live_rope.model, rope.model) and n + 1 <= capacity - TRIALS
     if same_mesh:

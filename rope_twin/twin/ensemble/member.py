@@ -383,8 +383,10 @@ class TwinMember:
         scene = start.scene
         check_commands(winch_of(scene, scene.ropes[0]), scene.ropes[0].length_m, commands or ())
         if heave is not None and heave.aside is not None:
-            what = "the ship's poses move its hang-offs sideways, which this scene takes from a run"
-            raise InputError("ensemble", what, "give heave, or step it with `rope_twin run`")
+            problem = (
+                "the ship's poses move its hang-offs sideways, which this scene takes from a run"
+            )
+            raise InputError("ensemble", problem, "give heave, or step it with `rope_twin run`")
         self.twin = start.branch()  # must not be stepped elsewhere
         self.twin.prescribe_motion()
         self._heave, self._commands = heave, commands

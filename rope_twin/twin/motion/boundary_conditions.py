@@ -271,9 +271,11 @@ class WinchMotion:
                 cannot be computed in advance.
         """
         if not is_known_in_advance(scene, commands):
-            what = "its drive, brake, or an order by depth or tension depends on the rope's tension"
-            right = "`rope_twin run` steps such a scene; leave them out of it here"
-            raise InputError("winch", what, right)
+            problem = (
+                "its drive, brake, or an order by depth or tension depends on the rope's tension"
+            )
+            remedy = "`rope_twin run` steps such a scene; leave them out of it here"
+            raise InputError("winch", problem, remedy)
         self._scene = scene
         self._commands = None if commands is None else deque(commands)
         check_commands(scene, length_m, commands or ())

@@ -187,9 +187,9 @@ class HangOffTrack(HeaveTrack):
         received_ns: its arrival by the receiver's clock in twin time; None: unknown.
         """
         if self.posed:
-            right = "let only one of ship/heave and ship/odometry be published"
-            what = "the ship's pose moves the hang-off already"
-            return self.counter.refuse("impossible", phrase("heave", what, right))
+            remedy = "let only one of ship/heave and ship/odometry be published"
+            problem = "the ship's pose moves the hang-off already"
+            return self.counter.refuse("impossible", phrase("heave", problem, remedy))
         if self._prescribed:
             return super().offer(stamp_ns, position_m, velocity_m_per_s)
         if refusal := self._clock_fault(stamp_ns, received_ns, "heave"):
@@ -246,7 +246,7 @@ class HangOffTrack(HeaveTrack):
         return fault
 
     def _fault(
-        self, stamp_ns: int, numbers: Numbers, rates: Numbers, position: Numbers, what: str
+        self, stamp_ns: int, numbers: Numbers, rates: Numbers, position: Numbers, input_name: str
     ) -> str:
         """Return why a sample with finite numbers is rejected but for its rates, counted; or ""."""
         if fault := self._stamp_fault(stamp_ns):
@@ -256,23 +256,25 @@ class HangOffTrack(HeaveTrack):
         is_at_rest = not any(rates) and (self._on_way or never_moved)
         self._is_stuck = stuck and not (is_at_rest or self._prescribed)
         if self._is_stuck:
-            fault = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
-            right = "the sender is stuck; restart it"
-            return self.counter.refuse("stuck", phrase(what, fault, right))
+            problem = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
+            remedy = "the sender is stuck; restart it"
+            return self.counter.refuse("stuck", phrase(input_name, problem, remedy))
         was_confirmed = self._continuity.confirmed
         kind, reason = self._continuity.fault(stamp_ns, position, self._rates.noise)
         if self._continuity.confirmed and not was_confirmed:  # no rate leads to the new position
             self._rates.forget()
             self._turns.forget()
-        return self.counter.refuse(kind, phrase(what, *reason)) if reason else ""
+        return self.counter.refuse(kind, phrase(input_name, *reason)) if reason else ""
 
-    def _accept_sample(self, stamp_ns: int, position: Numbers, rates: Numbers, what: str) -> str:
+    def _accept_sample(
+        self, stamp_ns: int, position: Numbers, rates: Numbers, input_name: str
+    ) -> str:
         """Accept a sample with checked rates; return "" or why its acceleration is rejected."""
         if self._rates.switched or self._turns.switched:
             self._continuity.forget_rates()
         noise = self._rates.derived_noise
         if reason := self._continuity.acceleration_fault(stamp_ns, rates, noise):
-            return self.counter.refuse("impossible", phrase(what, *reason))
+            return self.counter.refuse("impossible", phrase(input_name, *reason))
         if self._continuity.confirmed:
             self._drop_samples()
         self._continuity.accept(stamp_ns, position, rates)
@@ -289,15 +291,15 @@ class HangOffTrack(HeaveTrack):
         for further in self._further:
             further.offer(pose)
 
-    def _clock_fault(self, stamp_ns: int, received_ns: int | None, what: str) -> str:
+    def _clock_fault(self, stamp_ns: int, received_ns: int | None, input_name: str) -> str:
         """Check the sender's clock; return why the sample is not yet confirmed, counted; or ""."""
         if received_ns is None:
             return ""
         if not (step_s := self.clock.take(stamp_ns, received_ns)):
             return ""
-        fault = f"its stamp has stepped by {step_s:+.2f} s against its arrival"
-        right = f"it is taken once {MIN_AGREEING_SAMPLES} samples agree on it"
-        return self.counter.refuse("unconfirmed", phrase(what, fault, right))
+        problem = f"its stamp has stepped by {step_s:+.2f} s against its arrival"
+        remedy = f"it is taken once {MIN_AGREEING_SAMPLES} samples agree on it"
+        return self.counter.refuse("unconfirmed", phrase(input_name, problem, remedy))
 
     def _shift_ns(self, received_ns: int | None) -> int:
         """Return the correction of the newest sample's stamp [ns]; blend over a gap from it."""
@@ -335,27 +337,27 @@ class HangOffTrack(HeaveTrack):
     def _pose_range(self, position: Vector3) -> str:
         """Return why the position of the hang-off is out of range, counted; or ""."""
         if abs(position[2]) > self._limit_m:
-            what = f"the hang-off {position[2]:g} m above its rest"
-            right = f"a ship stays within ±{self._limit_m:g} m (ship.max_heave_m)"
+            problem = f"the hang-off {position[2]:g} m above its rest"
+            remedy = f"a ship stays within ±{self._limit_m:g} m (ship.max_heave_m)"
         elif max(abs(position[0]), abs(position[1])) > MAX_DISTANCE_M:
-            what = f"the hang-off {position[0]:g} m east and {position[1]:g} m north of its rest"
-            right = f"right is within {MAX_DISTANCE_M:g} m"
+            problem = f"the hang-off {position[0]:g} m east and {position[1]:g} m north of its rest"
+            remedy = f"right is within {MAX_DISTANCE_M:g} m"
         else:
             return ""
-        return self.counter.refuse("impossible", phrase("ship pose", what, right))
+        return self.counter.refuse("impossible", phrase("ship pose", problem, remedy))
 
     def _too_fast(self, velocity: Vector3) -> str:
         if max(abs(component) for component in velocity) <= self._speed_limit:
             return ""
-        what = f"the hang-off moving at {max(abs(component) for component in velocity):g} m/s"
-        right = f"a ship stays within ±{self._speed_limit:g} m/s"
-        return phrase("ship pose", what, right)
+        problem = f"the hang-off moving at {max(abs(component) for component in velocity):g} m/s"
+        remedy = f"a ship stays within ±{self._speed_limit:g} m/s"
+        return phrase("ship pose", problem, remedy)
 
-    def _refuse_sudden_rate(self, what: str) -> str:
+    def _refuse_sudden_rate(self, input_name: str) -> str:
         """Reject a sample whose rates changed too suddenly, when no others can be derived."""
-        fault = "its rate changes faster than a ship can, and too few positions are known"
-        right = "position and rate must be of one motion"
-        return self.counter.refuse("impossible", phrase(what, fault, right))
+        problem = "its rate changes faster than a ship can, and too few positions are known"
+        remedy = "position and rate must be of one motion"
+        return self.counter.refuse("impossible", phrase(input_name, problem, remedy))
 
     def _begin_poses(self) -> None:
         """Start motion by poses; up to now the hang-off had no lateral motion."""
@@ -428,9 +430,9 @@ class HangOffTrack(HeaveTrack):
     def _pose_fault(self, pose: ShipPose) -> str:
         """Return why a pose is rejected except for its rates; or ""."""
         if not self.posed and self.counter.newest_ns is not None:
-            what = "heave moves the hang-off already"
-            right = "let only one of ship/heave and ship/odometry be published"
-            return phrase("ship pose", what, right)
+            problem = "heave moves the hang-off already"
+            remedy = "let only one of ship/heave and ship/odometry be published"
+            return phrase("ship pose", problem, remedy)
         if not is_finite(pose):
             return pose_fault(pose)
         return pose_fault(replace(pose, rate_rad_per_s=ZERO_VECTOR))

@@ -162,9 +162,9 @@ class HeaveTrack:
         """Return why the numbers of a sample are rejected, counted; or ""."""
         refuse = self.counter.refuse
         if not (math.isfinite(z) and math.isfinite(v)):
-            what = f"position {z} m, velocity {v} m/s"
-            right = "both must be finite numbers"
-            return refuse("non_finite", phrase(self.counter.name, what, right))
+            problem = f"position {z} m, velocity {v} m/s"
+            remedy = "both must be finite numbers"
+            return refuse("non_finite", phrase(self.counter.name, problem, remedy))
         if not self._is_possible(z, v):
             return refuse("impossible", phrase(
                 self.counter.name, f"position {z:g} m, velocity {v:g} m/s",
@@ -179,17 +179,17 @@ class HeaveTrack:
             f"stamp {stamp_ns * 1e-9:.3f} s",
         )
         if self._stamps and stamp_ns == self._stamps[-1]:
-            right = "each sample needs a stamp of its own"
-            return refuse("repeated", phrase(name, f"{stamp} came twice", right))
+            remedy = "each sample needs a stamp of its own"
+            return refuse("repeated", phrase(name, f"{stamp} came twice", remedy))
         asked_ns = self._asked_ns
         if self._stamps and stamp_ns < self._stamps[-1]:
             if (
                 asked_ns is not None and asked_ns - stamp_ns > AHEAD_NS
             ):  # another clock, in any order
                 return refuse("late", phrase(name, *too_late(stamp_ns, asked_ns)))
-            what = f"{stamp} follows {self._stamps[-1] * 1e-9:.3f} s"
-            right = "samples must come in the order of their stamps"
-            return refuse("late", phrase(name, what, right))
+            problem = f"{stamp} follows {self._stamps[-1] * 1e-9:.3f} s"
+            remedy = "samples must come in the order of their stamps"
+            return refuse("late", phrase(name, problem, remedy))
         if asked_ns is not None and stamp_ns < asked_ns:
             return refuse("late", phrase(name, *too_late(stamp_ns, asked_ns, "needed")))
         ahead_ns = stamp_ns - (asked_ns or 0)
@@ -349,8 +349,8 @@ class HeaveSeries:
     def __post_init__(self) -> None:
         """Check the samples."""
         if self.aside is not None and self.aside.shape != (4, len(self.stamp_ns)):
-            right = f"give (4, {len(self.stamp_ns)}), as many as samples"
-            raise InputError("hang-off", f"east and north of shape {self.aside.shape}", right)
+            remedy = f"give (4, {len(self.stamp_ns)}), as many as samples"
+            raise InputError("hang-off", f"east and north of shape {self.aside.shape}", remedy)
         shapes = {self.stamp_ns.shape, self.position_m.shape, self.velocity_m_per_s.shape}
         if len(shapes) != 1 or self.stamp_ns.ndim != 1 or len(self.stamp_ns) < 2:
             raise InputError(
@@ -481,20 +481,20 @@ class LowerEndTrack(HeaveTrack):
         """Submit position and velocity at a time; return "" or the reason for the rejection."""
         refuse = self.counter.refuse
         if not all(math.isfinite(value) for value in (*position_m, *velocity_m_per_s)):
-            what = f"position {position_m} m, velocity {velocity_m_per_s} m/s"
-            return refuse("non_finite", phrase(LOWER_END, what, "all must be finite numbers"))
+            problem = f"position {position_m} m, velocity {velocity_m_per_s} m/s"
+            return refuse("non_finite", phrase(LOWER_END, problem, "all must be finite numbers"))
         speed = math.hypot(*velocity_m_per_s)
         if speed > VELOCITY_LIMIT_M_PER_S:
-            right = f"give at most {VELOCITY_LIMIT_M_PER_S:g} m/s"
-            return refuse("impossible", phrase(LOWER_END, f"a speed of {speed:.1f} m/s", right))
+            remedy = f"give at most {VELOCITY_LIMIT_M_PER_S:g} m/s"
+            return refuse("impossible", phrase(LOWER_END, f"a speed of {speed:.1f} m/s", remedy))
         last_ns, last_m = self._newest
         gap_s = (stamp_ns - last_ns) * 1e-9
         if not self._in_doubt and gap_s * 1e9 <= JUMP_WINDOW_NS:
             jump_m = math.dist(position_m, last_m)
             if jump_m > VELOCITY_LIMIT_M_PER_S * max(gap_s, 0.0) + JUMP_M:
-                what = f"it jumps by {jump_m:.2f} m to {position_m} m within {gap_s:.3f} s"
-                right = f"it begins at {self._place} m and moves by {VELOCITY_LIMIT_M_PER_S:g} m/s"
-                return refuse("impossible", phrase(LOWER_END, what, right))
+                problem = f"it jumps by {jump_m:.2f} m to {position_m} m within {gap_s:.3f} s"
+                remedy = f"it begins at {self._place} m and moves by {VELOCITY_LIMIT_M_PER_S:g} m/s"
+                return refuse("impossible", phrase(LOWER_END, problem, remedy))
         displacement = [a - b for a, b in zip(position_m, self._place, strict=True)]
         fault = self.offer(stamp_ns, displacement[2], velocity_m_per_s[2])
         if not fault:

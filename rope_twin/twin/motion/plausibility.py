@@ -34,7 +34,7 @@ from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.scene.schema import Scene, Ship
 
 Numbers = tuple[float, ...]
-Reason = tuple[()] | tuple[str, str]  # of a rejection: the error and the remedy
+Reason = tuple[()] | tuple[str, str]  # of a rejection: problem and remedy
 # stamp [ns], values, their rates as sent, values less the integral of the rates
 RateSample = tuple[int, Numbers, Numbers, Numbers]
 
@@ -114,18 +114,18 @@ class Continuity:
         if leap_m > speed * gap_s + LEAP_NOISE_M:
             self._has_leapt = True
             self._end_trial()
-            what = f"it jumps by {leap_m:.2f} m in {gap_s:.3f} s"
-            right = f"a ship moves by at most {speed:g} m/s (ship.max_hang_off_speed_m_per_s)"
-            return "impossible", (what, right)
+            problem = f"it jumps by {leap_m:.2f} m in {gap_s:.3f} s"
+            remedy = f"a ship moves by at most {speed:g} m/s (ship.max_hang_off_speed_m_per_s)"
+            return "impossible", (problem, remedy)
         after_gap = gap_s * 1e9 > REACQUIRE_NS
         if not (self._trial or after_gap) and self._is_expected(gap_s, position, noise):
             return "", ()
         self.confirmed = self._is_confirmed(stamp_ns, position)
         if self.confirmed:
             return "", ()
-        what = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
-        right = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
-        return "unconfirmed", (what, right)
+        problem = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
+        remedy = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
+        return "unconfirmed", (problem, remedy)
 
     def acceleration_fault(self, stamp_ns: int, rates: Numbers, noise: float) -> Reason:
         """Return why these rates [m/s] do not follow the preceding ones; or nothing."""
@@ -140,8 +140,8 @@ class Continuity:
         limit = self._limits.acceleration_m_per_s2
         if change <= limit * interval_s + noise:
             return ()
-        right = f"a ship's is at most {limit:g} m/s² (ship.max_hang_off_acceleration_m_per_s2)"
-        return f"an acceleration of {change / interval_s:.1f} m/s²", right
+        remedy = f"a ship's is at most {limit:g} m/s² (ship.max_hang_off_acceleration_m_per_s2)"
+        return f"an acceleration of {change / interval_s:.1f} m/s²", remedy
 
     def forget_rates(self) -> None:
         """Skip the next comparison of rates, as they are obtained in another way."""

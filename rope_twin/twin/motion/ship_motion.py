@@ -58,26 +58,26 @@ def orientation_fault(orientation: Quaternion) -> tuple[str, ...]:
     size = math.hypot(*orientation)
     if abs(size - 1.0) <= UNIT_LENGTH_TOL:
         return ()
-    what = f"an orientation of length {size:.4g}"
-    return what, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1"
+    problem = f"an orientation of length {size:.4g}"
+    return problem, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1"
 
 
 def pose_fault(pose: ShipPose) -> str:
     """Return why a pose is impossible for a ship; or ""."""
     if not is_finite(pose):
-        what = f"position {pose.position_m}, orientation {pose.orientation}"
-        return phrase("ship pose", what, "all its numbers must be finite")
+        problem = f"position {pose.position_m}, orientation {pose.orientation}"
+        return phrase("ship pose", problem, "all its numbers must be finite")
     if reason := orientation_fault(pose.orientation):
         return phrase("ship pose", *reason)
     x, y, _, _ = pose.orientation
     tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
     if tilt > MAX_TILT_DEG:
-        right = f"a ship heels by at most {MAX_TILT_DEG:g}°"
-        return phrase("ship pose", f"it heels by {tilt:.0f}°", right)
+        remedy = f"a ship heels by at most {MAX_TILT_DEG:g}°"
+        return phrase("ship pose", f"it heels by {tilt:.0f}°", remedy)
     rate = math.sqrt(sum(w * w for w in pose.rate_rad_per_s))
     if rate > MAX_RATE_RAD_PER_S:
-        right = f"a ship turns by at most {MAX_RATE_RAD_PER_S:g} rad/s"
-        return phrase("ship pose", f"it turns at {rate:.2f} rad/s", right)
+        remedy = f"a ship turns by at most {MAX_RATE_RAD_PER_S:g} rad/s"
+        return phrase("ship pose", f"it turns at {rate:.2f} rad/s", remedy)
     return ""
 
 
@@ -211,10 +211,10 @@ def _count_samples(spectrum: WaveSpectrum, duration_s: float, rate_hz: float) ->
         raise InputError("duration", f"it is {duration_s:g} s", "right is 60 to 10800 s")
     fastest_hz = float(spectrum.frequency_hz[-1])
     if not (np.isfinite(rate_hz) and 2.0 * fastest_hz < rate_hz <= 1000.0):
-        right = f"right is above {2.0 * fastest_hz:g} (twice the spectrum's end) to 1000 Hz"
-        raise InputError("rate", f"it is {rate_hz:g} Hz", right)
+        remedy = f"right is above {2.0 * fastest_hz:g} (twice the spectrum's end) to 1000 Hz"
+        raise InputError("rate", f"it is {rate_hz:g} Hz", remedy)
     samples = round(duration_s * rate_hz)
     if abs(samples - duration_s * rate_hz) > 1e-6:
-        what = f"{duration_s:g} s hold no whole number of samples at {rate_hz:g} Hz"
-        raise InputError("duration", what, "right is a multiple of the sample period")
+        problem = f"{duration_s:g} s hold no whole number of samples at {rate_hz:g} Hz"
+        raise InputError("duration", problem, "right is a multiple of the sample period")
     return samples

@@ -74,14 +74,14 @@ def find_fault(command: WinchCommand, winch: WinchScene | None, rope: SpooledRop
     if kind in SWITCHES:
         key = SWITCHES[kind]
         if getattr(winch, key) is None:
-            what = f"'{kind}' but this winch has no {key.replace('_', ' ')}"
-            return _impossible(what, f"add `{key}` to it in the scene")
+            problem = f"'{kind}' but this winch has no {key.replace('_', ' ')}"
+            return _impossible(problem, f"add `{key}` to it in the scene")
         return None
     if kind not in CONTROL_MODES:
         return _impossible(f"'{kind}'", did_you_mean(kind, (*CONTROL_MODES, *SWITCHES)))
     if not math.isfinite(value):
-        what = f"{kind} {value} {CONTROL_MODES[kind]}"
-        return Fault("non_finite", phrase("winch command", what, "it must be a finite number"))
+        problem = f"{kind} {value} {CONTROL_MODES[kind]}"
+        return Fault("non_finite", phrase("winch command", problem, "it must be a finite number"))
     return _range_fault(command, winch, rope)
 
 
@@ -89,30 +89,30 @@ def _range_fault(command: WinchCommand, winch: WinchScene, rope: SpooledRope) ->
     kind, value = command
     min_m, max_m = winch.least_line_out_m, winch.most_line_out_m
     if kind == SPEED and abs(value) > MAX_SPEED_M_PER_S:
-        right = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
-        return _impossible(f"speed {value:g} m/s", right)
+        remedy = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
+        return _impossible(f"speed {value:g} m/s", remedy)
     if kind == LENGTH and not min_m <= value <= max_m:
-        right = f"this winch has {min_m:g} to {max_m:g} m out"
-        return _impossible(f"length {value:g} m", right)
+        remedy = f"this winch has {min_m:g} to {max_m:g} m out"
+        return _impossible(f"length {value:g} m", remedy)
     if kind == DEPTH and not 0.0 <= value <= MAX_DEPTH_M:
-        right = f"depth counts from the mean water level down, 0 to {MAX_DEPTH_M:g} m"
-        return _impossible(f"depth {value:g} m", right)
+        remedy = f"depth counts from the mean water level down, 0 to {MAX_DEPTH_M:g} m"
+        return _impossible(f"depth {value:g} m", remedy)
     if kind == DEPTH and value > (max_depth_m := max_m * rope.stretch - rope.hang_off_m):
-        right = (
+        remedy = (
             f"this winch's {max_m:g} m of rope reach {max_depth_m:.1f} m, stretched until it breaks"
         )
-        return _impossible(f"depth {value:g} m", right)
+        return _impossible(f"depth {value:g} m", remedy)
     if kind == TENSION and winch.constant_tension is None:
-        what = "'tension' but this winch has no constant tension"
-        return _impossible(what, "add `constant_tension` to it in the scene")
+        problem = "'tension' but this winch has no constant tension"
+        return _impossible(problem, "add `constant_tension` to it in the scene")
     if kind == TENSION and not 0.0 <= value <= MAX_TENSION_N:
-        right = f"a rope pulls with 0 to {MAX_TENSION_N:g} N"
-        return _impossible(f"tension {value:g} N", right)
+        remedy = f"a rope pulls with 0 to {MAX_TENSION_N:g} N"
+        return _impossible(f"tension {value:g} N", remedy)
     return None
 
 
-def _impossible(what: str, right: str) -> Fault:
-    return Fault("impossible", phrase("winch command", what, right))
+def _impossible(problem: str, remedy: str) -> Fault:
+    return Fault("impossible", phrase("winch command", problem, remedy))
 
 
 REMEMBERED_COMMANDS = 32  # number of executed commands that are remembered
@@ -163,9 +163,9 @@ class CommandQueue:
                 stamp_ns = None
             elif stamp_ns < now_ns:
                 late_ms = (now_ns - stamp_ns) * 1e-6
-                what = f"'{command.kind}' came {late_ms:.0f} ms after its stamp"
-                right = "it is executed at once; raise the input delay by more than that"
-                self._warn_late(phrase("winch command", what, right), now_ns)
+                problem = f"'{command.kind}' came {late_ms:.0f} ms after its stamp"
+                remedy = "it is executed at once; raise the input delay by more than that"
+                self._warn_late(phrase("winch command", problem, remedy), now_ns)
         stamped = (stamp_ns, command.kind, float(command.value))
         if full := self._full_fault(stamped):
             return self.counter.refuse("impossible", full)
@@ -183,18 +183,18 @@ class CommandQueue:
         newest_ns, at_once_ns = self._newest_ns, self._at_once_ns
         stamp_s = f"stamp {stamp_ns * 1e-9:.3f} s"
         if stamp_ns == newest_ns:
-            right = "each command needs a stamp of its own, or none"
-            return "repeated", phrase("winch command", f"{stamp_s} came twice", right)
+            remedy = "each command needs a stamp of its own, or none"
+            return "repeated", phrase("winch command", f"{stamp_s} came twice", remedy)
         if newest_ns is not None and stamp_ns < newest_ns:
-            what = f"{stamp_s} follows {newest_ns * 1e-9:.3f} s"
-            right = "commands must come in the order of their stamps"
-            return "late", phrase("winch command", what, right)
+            problem = f"{stamp_s} follows {newest_ns * 1e-9:.3f} s"
+            remedy = "commands must come in the order of their stamps"
+            return "late", phrase("winch command", problem, remedy)
         if stamp_ns <= now_ns - LATE_NS:
-            what, right = too_late(stamp_ns, now_ns)
-            return "late", phrase("winch command", what, f"{right}, or leave the stamp 0")
+            problem, remedy = too_late(stamp_ns, now_ns)
+            return "late", phrase("winch command", problem, f"{remedy}, or leave the stamp 0")
         if stamp_ns < now_ns and at_once_ns is not None and stamp_ns < at_once_ns:
-            what = f"{stamp_s} lies before a command that was executed at once"
-            return "late", phrase("winch command", what, "give a stamp that is still to come")
+            problem = f"{stamp_s} lies before a command that was executed at once"
+            return "late", phrase("winch command", problem, "give a stamp that is still to come")
         if stamp_ns > now_ns + AHEAD_NS:
             return "impossible", phrase("winch command", *too_far_ahead(stamp_ns, now_ns))
         return None
@@ -210,8 +210,8 @@ class CommandQueue:
         limit = MAX_AT_ONCE if stamped[0] is None else MAX_PLANNED
         if len(self.waiting) < limit:
             return ""
-        what = f"{len(self.waiting)} of them wait already"
-        return phrase("winch command", what, "send commands when they change, or ten a second")
+        problem = f"{len(self.waiting)} of them wait already"
+        return phrase("winch command", problem, "send commands when they change, or ten a second")
 
     def forget_plan(self) -> None:
         """Drop commands that wait for their stamps, except stops, as the commander has changed."""

@@ -265,9 +265,9 @@ class FollowingWinch(Winch):
 
     def forbids(self, switch: str) -> str:
         """Return why no command is executed."""
-        right = "set winch.follows to commands in the scene"
-        what = f"'{switch}' to a winch that follows its measured line out"
-        return phrase("winch command", what, right)
+        remedy = "set winch.follows to commands in the scene"
+        problem = f"'{switch}' to a winch that follows its measured line out"
+        return phrase("winch command", problem, remedy)
 
     def follow(self, stamp_ns: int, length_m: float, speed_m_per_s: float | None) -> None:
         """Take a measured line out that was checked."""

@@ -161,11 +161,11 @@ class Winch:
         if not refusal and command.kind == SPEED and self._scene is not None:
             limit = self._scene.speed_limit_m_per_s
             if abs(command.value) > limit:
-                what, right = (
+                problem, remedy = (
                     f"{command.value:+.2f} m/s commanded",
                     f"it does {limit:g} m/s at most",
                 )
-                queue.counter.warn(phrase("winch command", what, right), now_ns)
+                queue.counter.warn(phrase("winch command", problem, remedy), now_ns)
         return refusal
 
     def forbids(self, switch: str) -> str:
@@ -185,8 +185,8 @@ class Winch:
         if kind == NEW_COMMANDER:
             return
         action = self._scene.when_commander_lost
-        what = f"its commander was lost at {now_ns * 1e-9:.2f} s"
-        self.counter.warn(phrase("winch command", what, _WHEN_LOST[action]), now_ns)
+        problem = f"its commander was lost at {now_ns * 1e-9:.2f} s"
+        self.counter.warn(phrase("winch command", problem, _WHEN_LOST[action]), now_ns)
         if action != HOLD_SPEED:
             self._commands.put_at_once(WinchCommand(SPEED, 0.0), now_ns)
         if action == SET_THE_BRAKE:
@@ -315,8 +315,8 @@ class Winch:
         if self._stopped:
             for command in motions:
                 if command != WinchCommand(SPEED, 0.0):  # it is at zero speed already
-                    what = f"'{command.kind}' in an emergency stop"
-                    sentence = phrase("winch command", what, "reset it first")
+                    problem = f"'{command.kind}' in an emergency stop"
+                    sentence = phrase("winch command", problem, "reset it first")
                     self._commands.counter.refuse("impossible", sentence)
             return
         for command in motions:
