@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core.state import Floats, Ints
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, SolverError
 from rope_twin.estimation.counter_error import CounterErrors, ErrorMemory
 from rope_twin.estimation.figures import (
     HEAVE_DELAY,
@@ -123,7 +123,7 @@ MOST_ITERATIONS, MOST_HALVINGS = 20, 3
 MOST_STEP_SDS = 1.5  # a figure moves at most so many prior standard deviations in one step
 ENOUGH = 0.05  # gain of a step in -ln of the posterior density that is no worth another one
 DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior standard deviations
-POOR_NIS = 3.0  # of figures that do not explain a block; of truths that were found it is 0.8 to 1.3
+POOR_NIS = 3.0  # of figures that do not explain a block; of truths that were found it is 0.8 to 1.9
 PERIOD_STARTS_SDS = -1.5, -1.0, -0.5, 0.5, 1.0, 1.5  # of ln(stiffness/mass), in standard deviations
 LEAST_USED = 0.2  # share of a block's means to learn from it; at 1 Hz a quarter is there
 SPECTRUM_S = 240.0  # of heave for the linearised drag
@@ -391,11 +391,12 @@ class Estimator:
         """
         assert self.noise is not None
         fit = self._fit(first, joint, measured, motion)
-        if not (fit.explains or any(one.nis < POOR_NIS for one in self.results)):
+        is_enough = self.share(np.isfinite(first.residual)) >= LEAST_USED
+        if is_enough and not (fit.explains or any(one.nis < POOR_NIS for one in self.results)):
             start = self._best_period(first, joint, measured, motion)
-            other = self._fit(start, joint, measured, motion)
-            if self._best([fit.at, other.at], joint) == 1:
-                fit = other
+            if start is not first:
+                other = self._fit(start, joint, measured, motion)
+                fit = (fit, other)[self._best([fit.at, other.at], joint)]
         if np.isfinite(fit.nis):
             self.noise.learn(fit.left, fit.used, fit.at.autocovariances)
         if fit.step is None:
@@ -465,9 +466,12 @@ class Estimator:
         for ratio_sds in PERIOD_STARTS_SDS:
             theta = first.theta + ratio_sds * with_ratio / ratio_sd
             theta[:figures] = self.prior.within(theta[:figures])
-            prediction = self.model.predict(
-                theta[:figures], self.state, self.state_s, self.block_end_s, motion
-            )
+            try:
+                prediction = self.model.predict(
+                    theta[:figures], self.state, self.state_s, self.block_end_s, motion
+                )
+            except SolverError:  # figures so far off cannot be stepped
+                continue
             starts.append(self._linearise(prediction, measured, theta[figures:]))
         return starts[self._best(starts, joint)]
 
