@@ -89,8 +89,8 @@ def run(args: argparse.Namespace) -> int:
         actions.append(report.tare_action(estimator.prior, posterior))
     base = report.base_values(scene)
     advice = report.best_actions(posterior, actions, estimator.prior.names)
-    held = estimator.results[-1].held
-    found = report.estimates(base, estimator.prior, posterior, advice, held)
+    at_limit = estimator.results[-1].at_limit
+    found = report.estimates(base, estimator.prior, posterior, advice, at_limit)
     found = report.score_applied(found, base, recorded.applied)
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
@@ -118,8 +118,8 @@ def run(args: argparse.Namespace) -> int:
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
     for words in (*report.left_out_words(last), *remarks):
         print(words)
-    if held:
-        print(report.held_words(held), file=sys.stderr)
+    if at_limit:
+        print(report.limit_words(at_limit), file=sys.stderr)
     if alarm is not None:
         print(f"fault: {alarm.words}; nothing behind it is learned from", file=sys.stderr)
     return ExitCode.OK if alarm is None else ExitCode.NEGATIVE

@@ -152,30 +152,32 @@ class FaultWatch:
             self._stuck += [cause_of(name, STUCK_PIN), cause_of(name, STUCK_ENCODER)]
         self._rules.insert(1, RepeatedSample())
         self._stuck.insert(1, STUCK_SENSOR)
-        self._heard_s = [-np.inf for _ in self._rules]
+        self._newest_s = [-np.inf for _ in self._rules]
         self._drift = SlowDrift(DRIFT_SPREAD * static_n)
         self._before: Floats | None = None  # figures before the last block
         self._blocks = 0
 
     def branch(self, estimator: Estimator) -> FaultWatch:
         """Return an independent watch with all that this one knows, on a copy of the estimator."""
-        made = copy.copy(self)
-        made._model, made._lift = estimator.model, estimator.model.lift
-        for name in ("tests", "_lost", "_rules", "_drift", "_heard_s"):
-            setattr(made, name, copy.deepcopy(getattr(self, name)))
-        if (own := self._prediction) is not None:
-            made._prediction = replace(
-                own, tension_n=list(own.tension_n), line_out_m=list(own.line_out_m)
+        watch = copy.copy(self)
+        watch._model, watch._lift = estimator.model, estimator.model.lift
+        for name in ("tests", "_lost", "_rules", "_drift", "_newest_s"):
+            setattr(watch, name, copy.deepcopy(getattr(self, name)))
+        if (prediction := self._prediction) is not None:
+            watch._prediction = replace(
+                prediction,
+                tension_n=list(prediction.tension_n),
+                line_out_m=list(prediction.line_out_m),
             )
-        return made
+        return watch
 
     def keep_rules(self, before: FaultWatch, begin_s: float) -> None:
         """Go on with the plain rules of the watch before, so that a sensor stuck then is found.
 
-        begin_s: time at which this watch begins [s]; rules that heard later samples are left.
+        begin_s: time at which this watch begins [s]; rules with later samples are left.
         """
-        if max(before._heard_s) <= begin_s + 1.0:
-            self._rules, self._heard_s = before._rules, before._heard_s
+        if max(before._newest_s) <= begin_s + 1.0:
+            self._rules, self._newest_s = before._rules, before._newest_s
 
     @property
     def frozen(self) -> bool:
@@ -207,8 +209,8 @@ class FaultWatch:
         colour = noise.coloured(estimator.autocovariances(count, end_s, estimated=False))
         lag_s = MEAN_S * np.arange(count)
         model_n = MODEL_ERROR * noise.nominal_white_n
-        own = np.diag(model_n**2)[..., None]
-        colour = colour + own * np.exp(-lag_s / MODEL_ERROR_S)
+        variance_n2 = np.diag(model_n**2)[..., None]
+        colour = colour + variance_n2 * np.exp(-lag_s / MODEL_ERROR_S)
         late_s = float(estimator.theta[INDEX[HEAVE_DELAY]]) + max(HEAVE_SHIFTS.values())
         ahead_s = max(HEAVE_AHEAD_S, estimator.heave_ahead_s, late_s + SPARE_HEAVE_S)
         new = _Reference(
@@ -246,21 +248,23 @@ class FaultWatch:
 
     def _judge_drift(self, estimator: Estimator, end_s: float) -> None:
         """Give the block's mean offset from weight and zero of the scene to the CUSUM."""
-        innovation, before = estimator.innovation, self._before
+        innovation, theta_before = estimator.innovation, self._before
         self._before = estimator.theta.copy()
-        if innovation is None or before is None:
+        if innovation is None or theta_before is None:
             return
-        whole = innovation.residual_n.copy()
+        unlearned_n = innovation.residual_n.copy()
         for k, name in enumerate(estimator.prior.names):
             if name.rpartition("/")[2] in LOADS:  # had they not been learned
-                whole += innovation.columns[name] * (before[k] - estimator.prior.mean[k])
-        offset = whole.reshape(len(self._model.pins), -1).sum(axis=0)
+                unlearned_n += innovation.columns[name] * (
+                    theta_before[k] - estimator.prior.mean[k]
+                )
+        offset = unlearned_n.reshape(len(self._model.pins), -1).sum(axis=0)
         offset = offset[np.isfinite(offset)]
         if len(offset) < LEAST_USED * len(innovation.time_s):
             return
-        found = self._drift.take(float(offset.mean()))
-        if found is not None and self.alarm is None:
-            begun_s = end_s - (found.begun + 1) * BLOCK_S
+        drift = self._drift.take(float(offset.mean()))
+        if drift is not None and self.alarm is None:
+            begun_s = end_s - (drift.begun + 1) * BLOCK_S
             self.alarm = Alarm(end_s, begun_s, 0.0, (SLOW_DRIFT,))
 
     def advance(self, until_s: float) -> Alarm | None:
@@ -279,19 +283,19 @@ class FaultWatch:
         first_s = tests.now_s
         if end_s < first_s + 1.0 - 1e-6:  # -inf: no tension is left
             return self.alarm
-        whole = means * int(end_s - first_s + 1e-6)
-        end_s = first_s + MEAN_S * whole
+        count = means * int(end_s - first_s + 1e-6)
+        end_s = first_s + MEAN_S * count
         self._model.extend(self._prediction, end_s)
         residual, columns, predicted = self._innovations(reference, first_s, end_s)
-        for k in range(0, whole, means):
-            some = slice(k, k + means)
-            tests.extend(residual[some], columns[some])
+        for k in range(0, count, means):
+            second = slice(k, k + means)
+            tests.extend(residual[second], columns[second])
             now_s = tests.now_s
             if now_s <= self.now_s:
                 continue  # the older part of the window of a new reference
             self.now_s = now_s
-            whole = predicted[some].sum(axis=1)
-            self._lost_payload(now_s, residual[some].sum(axis=1) + whole, whole)
+            expected_n = predicted[second].sum(axis=1)
+            self._lost_payload(now_s, residual[second].sum(axis=1) + expected_n, expected_n)
             self._judge(now_s)
         return self.alarm
 
@@ -320,15 +324,15 @@ class FaultWatch:
         assert self.tests is not None
         if self.alarm is None:
             if float(self.tests.ratios().max()) > self._threshold:
-                found = self.tests.suspicions()
-                first_two = tuple(name for name, _ in _pairs(found)[:2])  # too early for one
-                self.alarm = Alarm(now_s, found[0].onset_s, found[0].ratio, first_two)
+                suspicions = self.tests.suspicions()
+                first_two = tuple(name for name, _ in _pairs(suspicions)[:2])  # too early for one
+                self.alarm = Alarm(now_s, suspicions[0].onset_s, suspicions[0].ratio, first_two)
             elif (nis := self.tests.nis()) > NIS_THRESHOLD and self._threshold < np.inf:
                 self.alarm = Alarm(now_s, now_s - 1.0, nis, (UNKNOWN,))
             return
         if self.alarm.ratio == 0.0:
             return  # a plain rule has named it
-        due = [one for one in NAMED_S if now_s - self.alarm.found_s >= one]
+        due = [delay_s for delay_s in NAMED_S if now_s - self.alarm.found_s >= delay_s]
         if due and due[-1] > self.alarm.named_after_s:
             self._name(due[-1])
 
@@ -340,9 +344,9 @@ class FaultWatch:
         assert alarm is not None
         if self._lanes is None:
             self._lanes = FaultLanes(self._scene, self._model)
-        found = tests.suspicions()
-        onset_s = found[0].onset_s if found else alarm.begun_s
-        onsets = [onset_s, *(alarm.found_s - one for one in BEFORE_ALARM_S)]
+        suspicions = tests.suspicions()
+        onset_s = suspicions[0].onset_s if suspicions else alarm.begun_s
+        onsets = [onset_s, *(alarm.found_s - before_s for before_s in BEFORE_ALARM_S)]
         responses: tuple[list[str], Floats, Floats, Floats] = [], *(np.zeros(0),) * 3
         try:
             state = self._model.state_at(
@@ -366,46 +370,48 @@ class FaultWatch:
             return
         assert self._prediction is not None
         rope_n = self._rope_n_per_m * float(self._prediction.line_out_m[-1][:, -1].sum())
-        for k, (one, other) in enumerate(zip(measured, predicted, strict=True)):
+        for k, (measured_n, predicted_n) in enumerate(zip(measured, predicted, strict=True)):
             at_s = now_s - MEAN_S * (len(measured) - k - 0.5)
-            begun_s = self._lost.take(at_s, float(one), float(other), rope_n, payload_n)
+            begun_s = self._lost.take(
+                at_s, float(measured_n), float(predicted_n), rope_n, payload_n
+            )
             fresh = self.alarm is None or (
                 self.alarm.ratio > 0.0 and now_s - self.alarm.found_s < RULES_S
             )
             if begun_s is not None and fresh:  # a snag may unload the rope as deeply, later
                 found_s = now_s if self.alarm is None else self.alarm.found_s
-                found = [] if self.tests is None else self.tests.suspicions()
-                onset_s = found[0].onset_s if found else begun_s
+                suspicions = [] if self.tests is None else self.tests.suspicions()
+                onset_s = suspicions[0].onset_s if suspicions else begun_s
                 begun_s = min(begun_s, onset_s) if begun_s - onset_s < ONSET_S else begun_s
                 self.alarm = Alarm(found_s, begun_s, 0.0, (PAYLOAD,))
 
     def _plain_rules(self, until_s: float) -> None:
         """Give new samples to the rules on stuck sensors."""
         lift = self._lift
-        heard = []
+        sensors = []
         for rope in lift.ropes:
             counter = rope.counter if np.isfinite(rope.counter.newest_s) else rope.line_out
-            heard += [rope.tension, counter]
-        heard.insert(1, lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave)
-        for k, series in enumerate(heard):
+            sensors += [rope.tension, counter]
+        sensors.insert(1, lift.sensor if np.isfinite(lift.sensor.newest_s) else lift.heave)
+        for k, series in enumerate(sensors):
             table = series.table
-            first = np.searchsorted(table[:, 0], self._heard_s[k], side="right")
+            first = np.searchsorted(table[:, 0], self._newest_s[k], side="right")
             last = np.searchsorted(table[:, 0], until_s, side="right")
             for row in table[first:last]:
                 time_s, value = float(row[0]), float(row[1])
                 rule = self._rules[k]
                 rule.take(time_s, value)
-                self._heard_s[k] = time_s
+                self._newest_s[k] = time_s
                 if rule.stuck and (self.alarm is None or self.alarm.ratio > 0.0):
                     found_s = time_s if self.alarm is None else self.alarm.found_s
                     self.alarm = Alarm(found_s, rule.since_s, 0.0, (self._stuck[k],))
 
 
-def _pairs(found: list[Suspicion]) -> list[tuple[str, float]]:
+def _pairs(suspicions: list[Suspicion]) -> list[tuple[str, float]]:
     """Return the causes of suspicions and their ratios, each once."""
     gains: dict[str, float] = {}
-    for one in found:
-        gains.setdefault(one.cause, one.ratio)
+    for suspicion in suspicions:
+        gains.setdefault(suspicion.cause, suspicion.ratio)
     return list(gains.items())
 
 
@@ -420,7 +426,7 @@ def _named(gains: list[tuple[str, float]]) -> tuple[str, ...]:
     if len(gains) == 1 or gains[0][1] - gains[1][1] > LEAD:
         return (gains[0][0],)
     first, second = gains[0][0], gains[1][0]
-    (kind, _, winch), (other, _, its) = first.partition(" ("), second.partition(" (")
-    if {kind, other} <= PIN and winch == its:
+    (kind, _, winch), (other_kind, _, other_winch) = first.partition(" ("), second.partition(" (")
+    if {kind, other_kind} <= PIN and winch == other_winch:
         return (first,) if len(gains) < 3 or gains[0][1] - gains[2][1] > LEAD else (first, second)
     return first, second

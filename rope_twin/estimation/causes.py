@@ -67,16 +67,16 @@ def cause_of(winch: str, cause: str) -> str:
 
 def signatures_of(winches: Sequence[str]) -> tuple[Signature, ...]:
     """Return the signatures of a lift, with those of the load pins of further winches."""
-    found = list(SIGNATURES)
+    signatures = list(SIGNATURES)
     for pin, winch in enumerate(winches, start=1):
         offset, slip = cause_of(winch, PIN_OFFSET), cause_of(winch, SLIP)
-        found += [
+        signatures += [
             Signature(offset, {of_winch(winch, BIAS): 1000.0}),
             Signature(offset, {of_winch(winch, GAIN): 0.01}),
             Signature(cause_of(winch, PIN_DRIFT), ramp_n_per_s=50.0, pin=pin),
             Signature(slip, {of_winch(winch, LINE_OFFSET): 0.1}),
         ]
-    return tuple(found)
+    return tuple(signatures)
 
 
 PIN = frozenset({PIN_OFFSET, PIN_DRIFT})  # "load pin", where its two cannot be distinguished
@@ -113,14 +113,14 @@ LANES = (
 )
 
 
-def likelihood_gain(product: Floats, power: Floats, least: Floats, most: Floats) -> Floats:
+def likelihood_gain(product: Floats, power: Floats, smallest: Floats, largest: Floats) -> Floats:
     """Return 2·ln(p_a/p_0) of responses at their best size within a range, (h,).
 
-    product, power: dᵀS⁻¹e and dᵀS⁻¹d, (h,); least, most: of the size a, (h,).
+    product, power: dᵀS⁻¹e and dᵀS⁻¹d, (h,); smallest, largest: of the size a, (h,).
     """
     some = power > 0.0
-    best = np.divide(product, power, out=np.zeros_like(product), where=some)
-    size = np.clip(best, least, most)
+    unlimited = np.divide(product, power, out=np.zeros_like(product), where=some)
+    size = np.clip(unlimited, smallest, largest)
     return np.where(some, 2.0 * size * product - size**2 * power, 0.0)
 
 
@@ -206,14 +206,14 @@ class FaultLanes:
         length, speed = lift.line_motion(times)
         thetas = np.tile(theta, (members, 1))
         lead = self._model.lead(first_s, state, thetas, None)
-        lines = {"": tuple(np.repeat(one[:, None], members, 1) for one in (length, speed))}
+        lines = {"": tuple(np.repeat(values[:, None], members, 1) for values in (length, speed))}
         lines |= self._model.lines(times, thetas, None, lead)
         for k, (onset, lane) in enumerate(self.pairs, start=1):
             line, rate = lines[lane.winch]
-            since = times - first_s - MEAN_S * starts[onset]
-            ran = np.clip(since, 0.0, SLIP_RAMP_S)
+            elapsed_s = times - first_s - MEAN_S * starts[onset]
+            ran = np.clip(elapsed_s, 0.0, SLIP_RAMP_S)
             line[:, k] += lane.slip_m_per_s * (
-                0.5 * ran**2 / SLIP_RAMP_S + np.clip(since - SLIP_RAMP_S, 0.0, None)
+                0.5 * ran**2 / SLIP_RAMP_S + np.clip(elapsed_s - SLIP_RAMP_S, 0.0, None)
             )
             rate[:, k] += lane.slip_m_per_s * ran / SLIP_RAMP_S
         tension = np.full((len(self._model.pins), count, members), np.nan)
@@ -221,20 +221,23 @@ class FaultLanes:
         for a, b in pairwise(borders):
             self._fleet.set_figures(self._factors(theta, starts, a))
             steps = slice(a * per_mean, b * per_mean + 1)
-            cut = {one: (out[steps], own[steps]) for one, (out, own) in lines.items()}
+            cut = {
+                winch: (length_m[steps], speed_m_per_s[steps])
+                for winch, (length_m, speed_m_per_s) in lines.items()
+            }
             line, rate = cut.pop("")
             inputs = FleetInputs(z[steps], v[steps], line, rate, cut)
             record = self._fleet.advance(inputs, look_steps=steps.stop - steps.start - 1)
             tension[:, steps.start : steps.stop - 1] = list(record.hung_tension_n.values())
-        return tension, np.array([out[1:, 0] for out, _ in lines.values()])
+        return tension, np.array([length_m[1:, 0] for length_m, _ in lines.values()])
 
-    def _factors(self, theta: Floats, starts: Sequence[int], at: int) -> dict[str, Floats]:
+    def _factors(self, theta: Floats, starts: Sequence[int], mean: int) -> dict[str, Floats]:
         """Return the figures' factors of all members from a mean on."""
         learned = factors_of(np.tile(theta, (len(self._fleet), 1)))
         factors = {name: learned[name] for name in self._fleet.figures}
         for k, (onset, lane) in enumerate(self.pairs, start=1):
             for name, factor in lane.factors.items():
-                if at >= starts[onset]:
+                if mean >= starts[onset]:
                     factors[name][k] *= factor
         return factors
 
@@ -249,12 +252,12 @@ class FaultLanes:
                 ended[shift:] -= changes[:-shift, :, k]
                 columns.append(ended[..., None])
                 lanes.append(lane)
-        whole = np.concatenate(columns, axis=-1)
-        good = np.flatnonzero(np.isfinite(whole).all(axis=(0, 1)))
+        responses = np.concatenate(columns, axis=-1)
+        good = np.flatnonzero(np.isfinite(responses).all(axis=(0, 1)))
         causes = [lanes[k].cause for k in good]
-        least = np.array([lane.least for lane in lanes])[good]
-        most = np.array([lane.most for lane in lanes])[good]
-        return causes, whole[..., good], least, most
+        smallest = np.array([lane.least for lane in lanes])[good]
+        largest = np.array([lane.most for lane in lanes])[good]
+        return causes, responses[..., good], smallest, largest
 
 
 def name_causes(
@@ -265,13 +268,13 @@ def name_causes(
     Causes of first order compete with the lanes of others; a cause that has lanes is judged by
     them alone, as only they ring.
     """
-    causes, changes, least, most = responses
+    causes, changes, smallest, largest = responses
     gains: dict[str, float] = {}
-    for one in tests.suspicions():
-        if one.cause not in causes:
-            gains[one.cause] = max(one.ratio, gains.get(one.cause, 0.0))
+    for suspicion in tests.suspicions():
+        if suspicion.cause not in causes:
+            gains[suspicion.cause] = max(suspicion.ratio, gains.get(suspicion.cause, 0.0))
     if causes:
-        found = likelihood_gain(*tests.fit(changes), least, most)
-        for cause, gain in zip(causes, found, strict=True):
+        fitted_gains = likelihood_gain(*tests.fit(changes), smallest, largest)
+        for cause, gain in zip(causes, fitted_gains, strict=True):
             gains[cause] = max(float(gain), gains.get(cause, 0.0))
-    return sorted(gains.items(), key=lambda one: -one[1])
+    return sorted(gains.items(), key=lambda item: -item[1])

@@ -53,12 +53,12 @@ class CounterErrors:
         knots: list[float] = []
         keys: list[Hashable] = []
         sd: list[float] = []
-        for one in passages:
-            count = 1 + max(1, round((one.end_s - one.begin_s) / KNOT_S))
-            at = np.linspace(one.begin_s, one.end_s, count)
-            knots += at.tolist()
-            keys += [(one.counts, k) for k in range(count)]
-            sd += one.sd_at(at).tolist()
+        for passage in passages:
+            count = 1 + max(1, round((passage.end_s - passage.begin_s) / KNOT_S))
+            knots_s = np.linspace(passage.begin_s, passage.end_s, count)
+            knots += knots_s.tolist()
+            keys += [(passage.counts, k) for k in range(count)]
+            sd += passage.sd_at(knots_s).tolist()
         return cls(np.array(knots), tuple(keys), np.array(sd))
 
     def columns(self, impedance: Complexes, begin_s: float, count: int) -> Floats:
@@ -84,8 +84,8 @@ def _response_to_ramp(impedance: Complexes) -> tuple[Floats, Floats]:
     spectrum[number] = impedance / (2.0 * np.pi * FREQUENCY_HZ) ** 2
     spectrum[: number[0]] = spectrum[number[0]].real
     tension = np.fft.irfft(spectrum, GRID) * GRID * FREQUENCY_STEP_HZ
-    whole = np.concatenate([np.zeros(PER_MEAN + 1), np.cumsum(tension)]) * GRID_S
-    means = (whole[PER_MEAN:] - whole[:-PER_MEAN]) / MEAN_S
+    integral = np.concatenate([np.zeros(PER_MEAN + 1), np.cumsum(tension)]) * GRID_S
+    means = (integral[PER_MEAN:] - integral[:-PER_MEAN]) / MEAN_S
     return np.asarray(GRID_S * (np.arange(len(means)) - 0.5), float), np.asarray(means)
 
 
@@ -105,14 +105,14 @@ class ErrorMemory:
 
     def take(self, errors: CounterErrors) -> Ints:
         """Return the place of each knot's figure, (m,); forget those that no block had for long."""
-        seen = set(errors.keys)
-        self._age = [0 if key in seen else age + 1 for key, age in
+        current = set(errors.keys)
+        self._age = [0 if key in current else age + 1 for key, age in
                      zip(self.keys, self._age, strict=True)]  # fmt: skip
-        kept = np.flatnonzero(np.array(self._age, int) < KEPT_BLOCKS)
-        self.keys = [self.keys[k] for k in kept]
-        self._age = [self._age[k] for k in kept]
-        self._mean, self._cross = self._mean[kept], self._cross[kept]
-        self._covariance = self._covariance[np.ix_(kept, kept)]
+        remembered = np.flatnonzero(np.array(self._age, int) < KEPT_BLOCKS)
+        self.keys = [self.keys[k] for k in remembered]
+        self._age = [self._age[k] for k in remembered]
+        self._mean, self._cross = self._mean[remembered], self._cross[remembered]
+        self._covariance = self._covariance[np.ix_(remembered, remembered)]
         place = {key: k for k, key in enumerate(self.keys)}
         variances = []
         for key, sd in zip(errors.keys, errors.sd_m.tolist(), strict=True):
@@ -121,7 +121,7 @@ class ErrorMemory:
                 self.keys.append(key)
                 self._age.append(0)
                 variances.append(sd**2)
-        old, new = len(kept), len(self.keys)
+        old, new = len(remembered), len(self.keys)
         self._mean = np.pad(self._mean, (0, new - old))
         self._cross = np.pad(self._cross, ((0, new - old), (0, 0)))
         self._covariance = np.pad(self._covariance, (0, new - old))
@@ -130,8 +130,8 @@ class ErrorMemory:
 
     def with_errors(self, belief: Gaussian) -> Gaussian:
         """Return the joint Gaussian of θ, (figures,), and the errors, (n,)."""
-        whole = np.block([[belief.covariance, self._cross.T], [self._cross, self._covariance]])
-        return Gaussian(np.concatenate([belief.mean, self._mean]), whole)
+        covariance = np.block([[belief.covariance, self._cross.T], [self._cross, self._covariance]])
+        return Gaussian(np.concatenate([belief.mean, self._mean]), covariance)
 
     def learn(self, joint: Gaussian) -> None:
         """Take the posterior of θ and the errors, (figures + n,)."""

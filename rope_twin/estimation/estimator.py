@@ -73,7 +73,7 @@ class Innovation:
 
 
 @dataclass(frozen=True)
-class _Linear:
+class _Linearisation:
     """Prediction of a block to first order about θ and n errors of the line counter.
 
     Its k rows are those of all load pins.
@@ -103,14 +103,14 @@ class _Linear:
 
 
 @dataclass(frozen=True)
-class _Fit:
-    """Where Gauss-Newton came to rest from one start."""
+class _SearchResult:
+    """Result of the Gauss-Newton search from one start."""
 
-    at: _Linear  # the last linearisation
+    linear: _Linearisation  # the last linearisation
     used: Floats  # (k,) 1: the mean passed the gate
     step: Step | None  # the last one; None: nothing passed the gate
     nis: float  # normalised innovation squared of what is left, over its number; NaN: nothing used
-    left: Floats  # (k,) residual after the step [N]
+    residual: Floats  # (k,) after the step [N]
 
     @property
     def explains(self) -> bool:
@@ -147,7 +147,7 @@ class BlockResult:
     used: float  # share of the block's means that were used, of the load pins that are measured
     nis: float  # normalised innovation squared of the residual that is left, over its number; NaN:
     # no mean was used
-    held: tuple[str, ...]  # figures at the limit of what the prior allows
+    at_limit: tuple[str, ...]  # figures at the limit of what the prior allows
     near: float  # share of the means left out with the payload near the surface or the seabed
     stopped: float  # share of the tension left out at an end of a load pin's range
     used_of_pins: tuple[float, ...] = ()  # share of the means of each load pin that was used
@@ -168,8 +168,8 @@ class Estimator:
         self.state, self.state_s = state, begin_s
         self._running: Prediction | None = None
         self._memory = ErrorMemory(len(prior.names))
-        for one, size in prior.ranges.items():
-            model.lift.others[one].pin_noise_n = model.lift.pin_noise_n * size
+        for winch, size in prior.ranges.items():
+            model.lift.others[winch].pin_noise_n = model.lift.pin_noise_n * size
         self._errors: CounterErrors | None = None  # of the line counter in the present block
         self._places: Ints = np.empty(0, np.int64)  # of its knots in the memory
 
@@ -237,14 +237,14 @@ class Estimator:
         end_s = self.block_end_s + self.heave_ahead_s
         begin_s = self.state_s - BEFORE_S
         times, heave = self.model.lift.heave.table[:, :2].T
-        near = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
+        window = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
         psd, error_m = self._measured_psd(end_s), self.prior.learning.heave_error_m
-        expected = ExpectedHeave(times[near], heave[near], begin_s, end_s, psd, error_m)
-        line, *others = (
-            one.line_track(self.state_s, self.block_end_s, straight=True)
-            for one in self.model.lift.ropes
+        expected = ExpectedHeave(times[window], heave[window], begin_s, end_s, psd, error_m)
+        line, *further_lines = (
+            rope.line_track(self.state_s, self.block_end_s, straight=True)
+            for rope in self.model.lift.ropes
         )
-        lines = dict(zip(self.model.winches, others, strict=True))
+        lines = dict(zip(self.model.winches, further_lines, strict=True))
         return ExpectedMotion(expected, line, lines)
 
     def autocovariances(self, count: int, end_s: float, *, estimated: bool = True) -> Floats:
@@ -279,12 +279,12 @@ class Estimator:
         """
         times = end_s - BLOCK_S + np.arange(SPEEDS) * BLOCK_S / SPEEDS
         factors = {name: float(value) for name, value in factors_of(theta).items()}
-        found = []
-        for rope, own in zip(self.model.lift.ropes, self.model.bars, strict=True):
+        impedances = []
+        for rope, bars in zip(self.model.lift.ropes, self.model.bars, strict=True):
             line, speed = rope.line_motion(times)
-            bar = own.at_length(float(line[SPEEDS // 2])).with_factors(factors)
-            found.append(top_impedance(bar, FREQUENCY_HZ, measured, speed))
-        return np.array(found)
+            bar = bars.at_length(float(line[SPEEDS // 2])).with_factors(factors)
+            impedances.append(top_impedance(bar, FREQUENCY_HZ, measured, speed))
+        return np.array(impedances)
 
     def _take_counts(self, count: int) -> None:
         """Take the errors of the line counter over the present block, if they matter.
@@ -315,7 +315,7 @@ class Estimator:
         measured, samples = lift.means_of_pins(begin_s, end_s)
         known = np.isfinite(measured)
         measured = self.model.in_open_water(prediction, begin_s, measured)
-        near = self.share(known & np.isnan(measured))
+        left_out = self.share(known & np.isnan(measured))
         if self.noise is None:
             sizes = np.array([1.0, *self.prior.ranges.values()])
             pin_n = self.prior.pin_noise_n * sizes / np.sqrt(samples)
@@ -327,16 +327,20 @@ class Estimator:
         first = self._linearise(prediction, measured, joint.mean[figures:])
         self.innovation = self._innovation(first, joint)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
-        held = self.prior.held(self.theta)
+        at_limit = self.prior.at_limit(self.theta)
         if self.share(used) >= LEAST_USED or first.slack is not None:
-            posterior, used, nis, held = self._learn(first, joint, measured, prediction.motion)
+            posterior, used, nis, at_limit = self._learn(first, joint, measured, prediction.motion)
         self._memory.learn(posterior)
-        own = slice(figures)
-        posterior = Gaussian(posterior.mean[own], posterior.covariance[own, own])
+        of_figures = slice(figures)
+        posterior = Gaussian(
+            posterior.mean[of_figures], posterior.covariance[of_figures, of_figures]
+        )
         stopped = max(one.stopped_share(begin_s, end_s) for one in lift.ropes)
         of_pins = tuple(used.reshape(pins, -1).mean(axis=1).tolist())
         self.results.append(
-            BlockResult(end_s, posterior, self.share(used), nis, held, near, stopped, of_pins)
+            BlockResult(
+                end_s, posterior, self.share(used), nis, at_limit, left_out, stopped, of_pins
+            )
         )
         growth = np.diag((DRIFT * self.prior.sd) ** 2) * BLOCK_S / 60.0
         self.belief = Gaussian(self.theta.copy(), posterior.covariance + growth)
@@ -346,10 +350,12 @@ class Estimator:
 
     def share(self, rows: Floats | Bools) -> float:
         """Return the share of the means of the load pins that were ever measured, (pins·k,)."""
-        heard = [len(one.tension.table) > 0 for one in self.model.lift.ropes]
-        return float(rows.reshape(len(heard), -1)[heard].mean()) if any(heard) else 0.0
+        measured = [len(rope.tension.table) > 0 for rope in self.model.lift.ropes]
+        return float(rows.reshape(len(measured), -1)[measured].mean()) if any(measured) else 0.0
 
-    def _linearise(self, prediction: Prediction, measured: Floats, errors_m: Floats) -> _Linear:
+    def _linearise(
+        self, prediction: Prediction, measured: Floats, errors_m: Floats
+    ) -> _Linearisation:
         """Return what a prediction of the present block leaves of the measured means.
 
         errors_m: of the line counter, (n,).
@@ -372,13 +378,17 @@ class Estimator:
         left_out = np.asarray(slackened.reshape(pins, count).all(axis=0))
         of_sum = R.reshape(pins, count, pins, count).sum(axis=(0, 2))
         slack = slack_mean(left_out, of_sum, self.model.hanging_kg(theta), psd, pins)
-        return _Linear(
+        return _Linearisation(
             self.prior.names, np.append(theta, errors_m), taut - predicted, np.hstack([J, A]), R,
             colours, measured - predicted, slack,
         )  # fmt: skip
 
     def _learn(
-        self, first: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
+        self,
+        first: _Linearisation,
+        joint: Gaussian,
+        measured: Floats,
+        motion: ExpectedMotion | None,
     ) -> tuple[Gaussian, Floats, float, tuple[str, ...]]:
         """Move θ to its posterior mean; return the posterior, the used samples, NIS and limits.
 
@@ -392,25 +402,30 @@ class Estimator:
         assert self.noise is not None
         fit = self._fit(first, joint, measured, motion)
         is_enough = self.share(np.isfinite(first.residual)) >= LEAST_USED
-        if is_enough and not (fit.explains or any(one.nis < POOR_NIS for one in self.results)):
+        was_explained = any(result.nis < POOR_NIS for result in self.results)
+        if is_enough and not fit.explains and not was_explained:
             start = self._best_period(first, joint, measured, motion)
             if start is not first:
-                other = self._fit(start, joint, measured, motion)
-                fit = (fit, other)[self._best([fit.at, other.at], joint)]
+                retry = self._fit(start, joint, measured, motion)
+                fit = (fit, retry)[self._best([fit.linear, retry.linear], joint)]
         if np.isfinite(fit.nis):
-            self.noise.learn(fit.left, fit.used, fit.at.autocovariances)
+            self.noise.learn(fit.residual, fit.used, fit.linear.autocovariances)
         if fit.step is None:
             self.theta = self.belief.mean.copy()
-            return joint, fit.used, fit.nis, self.prior.held(self.theta)
+            return joint, fit.used, fit.nis, self.prior.at_limit(self.theta)
         share = 1.0 / fit.nis if fit.nis >= POOR_NIS else 1.0
         posterior = fit.step.posterior_of(share, joint)
         figures = slice(len(self.prior.names))
         self.theta = posterior.mean[figures].copy()
-        return posterior, fit.used, fit.nis, self.prior.held(fit.step.theta[figures])
+        return posterior, fit.used, fit.nis, self.prior.at_limit(fit.step.theta[figures])
 
     def _fit(
-        self, at: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
-    ) -> _Fit:
+        self,
+        linear: _Linearisation,
+        joint: Gaussian,
+        measured: Floats,
+        motion: ExpectedMotion | None,
+    ) -> _SearchResult:
         """Search the posterior mean of θ and the errors of the line counter from one start.
 
         Steps are taken from new linearisations until one promises no more than ENOUGH. One that
@@ -421,38 +436,42 @@ class Estimator:
         free = np.full(len(joint.mean) - figures, np.inf)  # errors of the line have no limits
         count = len(measured)
         for iteration in range(MOST_ITERATIONS):
-            residual, jacobian, covariance = at.compared(at.slack, joint)
+            residual, jacobian, covariance = linear.compared(linear.slack, joint)
             offset = np.zeros(len(residual))
-            if iteration == 0 and np.isfinite(at.residual).any():
-                offset[:count] = np.nanmedian(at.residual)
+            if iteration == 0 and np.isfinite(linear.residual).any():
+                offset[:count] = np.nanmedian(linear.residual)
             used = gate(residual - offset, covariance, jacobian, joint)
             share = used[:count].copy()
             if self.share(share) < LEAST_USED:
                 used[:count] = False
             if not used.any():
-                return _Fit(at, share, None, np.nan, residual[:count])
+                return _SearchResult(linear, share, None, np.nan, residual[:count])
             whiten = Whitening(covariance, used)
-            reach, theta = MOST_STEP_SDS * self.prior.sd, at.theta[:figures]
+            reach, theta = MOST_STEP_SDS * self.prior.sd, linear.theta[:figures]
             step = gauss_newton_step(
-                at.theta, joint, residual, jacobian, whiten, robust=iteration > 0,
+                linear.theta, joint, residual, jacobian, whiten, robust=iteration > 0,
                 least=np.append(self.prior.within(theta - reach), -free),
                 most=np.append(self.prior.within(theta + reach), free),
             )  # fmt: skip
             if iteration > 0 and step.gain < ENOUGH:
                 break
-            better = self._better(at, step.theta - at.theta, joint, used, measured, motion)
+            better = self._better(linear, step.theta - linear.theta, joint, used, measured, motion)
             if better is None:
                 break
-            at = better
-        left = residual - jacobian @ (step.theta - at.theta)
+            linear = better
+        remaining = residual - jacobian @ (step.theta - linear.theta)
         number = int(used[:count].sum())
-        whitened = whiten(left)[:number]
+        whitened = whiten(remaining)[:number]
         nis = float(whitened @ whitened) / number if number else np.nan
-        return _Fit(at, share, step, nis, left[:count])
+        return _SearchResult(linear, share, step, nis, remaining[:count])
 
     def _best_period(
-        self, first: _Linear, joint: Gaussian, measured: Floats, motion: ExpectedMotion | None
-    ) -> _Linear:
+        self,
+        first: _Linearisation,
+        joint: Gaussian,
+        measured: Floats,
+        motion: ExpectedMotion | None,
+    ) -> _Linearisation:
         """Return the linearisation of the best of several ratios of stiffness to mass.
 
         A short rope rings with its natural period. Once the period of the figures is a tenth off,
@@ -475,7 +494,7 @@ class Estimator:
             starts.append(self._linearise(prediction, measured, theta[figures:]))
         return starts[self._best(starts, joint)]
 
-    def _best(self, candidates: Sequence[_Linear], joint: Gaussian) -> int:
+    def _best(self, candidates: Sequence[_Linearisation], joint: Gaussian) -> int:
         """Return which has the highest posterior density, by the means that all of them have.
 
         The first one where these are less than LEAST_USED.
@@ -489,39 +508,39 @@ class Estimator:
         )
 
     def _better(
-        self, at: _Linear, change: Floats, joint: Gaussian, used: Floats, measured: Floats,
-        motion: ExpectedMotion | None,
-    ) -> _Linear | None:  # fmt: skip
+        self, linear: _Linearisation, change: Floats, joint: Gaussian, used: Floats,
+        measured: Floats, motion: ExpectedMotion | None,
+    ) -> _Linearisation | None:  # fmt: skip
         """Return the linearisation after a change, or as small a part of it as is an improvement.
 
         None: even an eighth of it is none.
         """
         count, figures = len(measured), len(self.prior.names)
-        before, _, covariance = at.compared(at.slack, joint)
+        before, _, covariance = linear.compared(linear.slack, joint)
         for halved in range(1 + MOST_HALVINGS):
-            theta = at.theta + 0.5**halved * change
+            theta = linear.theta + 0.5**halved * change
             prediction = self.model.predict(
                 theta[:figures], self.state, self.state_s, self.block_end_s, motion
             )
             new = self._linearise(prediction, measured, theta[figures:])
-            after, _, _ = new.compared(at.slack, joint)
+            after, _, _ = new.compared(linear.slack, joint)
             both = used & np.isfinite(after)  # neither is slack
             if used[:count].any() and self.share(both[:count]) < LEAST_USED:
                 continue
             whiten = Whitening(covariance, both)
             lower = misfit(new.theta, joint, whiten(after))
-            if lower < misfit(at.theta, joint, whiten(before)):
+            if lower < misfit(linear.theta, joint, whiten(before)):
                 return new
         return None
 
-    def _innovation(self, at: _Linear, joint: Gaussian) -> Innovation:
+    def _innovation(self, linear: _Linearisation, joint: Gaussian) -> Innovation:
         """Return the residual before learning, with its covariance and signatures."""
-        count = len(at.residual) // len(self.model.pins)
-        J, middles = at.jacobian, MEAN_S * (np.arange(count) + 0.5)
+        count = len(linear.residual) // len(self.model.pins)
+        J, middles = linear.jacobian, MEAN_S * (np.arange(count) + 0.5)
         return Innovation(
             time_s=np.asarray(self.block_begin_s + middles, float),
-            residual_n=at.residual,
-            covariance=at.covariance + J @ joint.covariance @ J.T,
+            residual_n=linear.residual,
+            covariance=linear.covariance + J @ joint.covariance @ J.T,
             columns={name: J[:, k] for k, name in enumerate(self.prior.names)},
             prior_sd=dict(zip(self.prior.names, self.prior.sd.tolist(), strict=True)),
         )
@@ -541,12 +560,12 @@ def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> E
         lift.others.setdefault(winch, MeasuredLift(np.nan))
     begin_s = lift.begin_s
     if not np.isfinite(begin_s):
-        what = "tension, heave or line out has no sample"
-        raise InputError("measured lift", what, "give all three")
+        problem = "tension, heave or line out has no sample"
+        raise InputError("measured lift", problem, "give all three")
     changes = []
     for r, winch in zip(hung_ropes(scene), ("", *hung_winches(scene)), strict=True):
-        own = lift.others[winch] if winch else lift
-        length_m = float(own.line_motion(np.array([begin_s]))[0][0])
+        winch_lift = lift.others[winch] if winch else lift
+        length_m = float(winch_lift.line_motion(np.array([begin_s]))[0][0])
         if abs(length_m - scene.ropes[r].length_m) > SAME_LENGTH_M:
             changes.append(Change(f"ropes[{r}].length_m", length_m))
     scene = change_scene(scene, changes) if changes else scene

@@ -147,11 +147,11 @@ class StuckEncoder:
             return False
         # at the end of those SPEED_S the line may have been slower than over them
         slower = 0.5 * self._limit * SPEED_S + self._resolution_m / SPEED_S
-        speed, least = max(abs(self._speed) - slower, 0.0), MOVED * self._resolution_m
+        speed, smallest_m = max(abs(self._speed) - slower, 0.0), MOVED * self._resolution_m
         stopping_s = speed / self._limit if self._limit > 0.0 else 0.0
         ran_s = min(held_s, stopping_s)
         ran_m = ran_s * (speed - 0.5 * self._limit * ran_s)
-        return ran_m > least
+        return ran_m > smallest_m
 
 
 class LostPayload:
@@ -308,8 +308,8 @@ class FaultTests:
         """
         first, total = self._numbers, self._numbers + len(residual_n)
         if total > self.capacity:
-            what = f"{total} samples do not fit into {self.capacity}"
-            raise InputError("fault tests", what, "restart them with a new reference")
+            problem = f"{total} samples do not fit into {self.capacity}"
+            raise InputError("fault tests", problem, "restart them with a new reference")
         self._numbers = total
         times = np.repeat(np.arange(first, total), self.pins)
         pins = np.tile(np.arange(self.pins), total - first)
@@ -334,16 +334,16 @@ class FaultTests:
         n, place, pin, J = new.start, self._place[new], self._pin[new], self._columns[new]
         inverse = self._inverse[:n, :n]
         JP = J @ self._P
-        apart = np.abs(place[:, None] - self._place[:n])
-        cross = self._colour[pin[:, None], self._pin[:n], apart] + JP @ self._columns[:n].T
-        own = self._colour[pin[:, None], pin, np.abs(place[:, None] - place)] + JP @ J.T
+        lag = np.abs(place[:, None] - self._place[:n])
+        cross = self._colour[pin[:, None], self._pin[:n], lag] + JP @ self._columns[:n].T
+        of_new = self._colour[pin[:, None], pin, np.abs(place[:, None] - place)] + JP @ J.T
         link = cross @ inverse.T
         try:
-            factor = np.linalg.cholesky(own + np.diag(self._white[pin]) - link @ link.T)
+            factor = np.linalg.cholesky(of_new + np.diag(self._white[pin]) - link @ link.T)
         except np.linalg.LinAlgError as error:
-            what = "the covariance of the innovations is not positive definite"
+            problem = "the covariance of the innovations is not positive definite"
             right = "give a positive noise of the load pin"
-            raise InputError("fault tests", what, right) from error
+            raise InputError("fault tests", problem, right) from error
         own_inverse = np.linalg.inv(factor)
         self._inverse[new, :n] = -own_inverse @ (link @ inverse)
         self._inverse[new, new] = own_inverse
@@ -357,11 +357,11 @@ class FaultTests:
         place = self._place[: self.count]
         onset = self._onset[: -(-self._numbers // ONSET_SAMPLES)]
         begin = np.searchsorted(place, onset)
-        along = self._columns[: self.count] @ self._directions.T
+        changes = self._columns[: self.count] @ self._directions.T
         seconds = self.interval_s * (place + 0.5)
         drifts = np.where(self._pin[: self.count, None] == self._ramping, self._ramps, 0.0)
-        along += seconds[:, None] * drifts
-        sums = _sums_from_each_on(rows[:, :, None] * along)[:, begin]
+        changes += seconds[:, None] * drifts
+        sums = _sums_from_each_on(rows[:, :, None] * changes)[:, begin]
         if self._ramps.any():  # a drift begins at its onset, not at the reference
             ones = _sums_from_each_on(rows[:, :, None] * drifts)[:, begin]
             sums -= ones * (self.interval_s * onset)[:, None]
@@ -370,23 +370,23 @@ class FaultTests:
     def ratios(self) -> Floats:
         """Return ℓ of each onset and cause, (onsets, causes); 0: too little was seen."""
         ready = self._power > LEAST_POWER
-        seen = self.count - np.searchsorted(self._place[: self.count], self._onset)
-        ready &= (seen >= LEAST_SAMPLES * self._heard)[:, None]
+        samples = self.count - np.searchsorted(self._place[: self.count], self._onset)
+        ready &= (samples >= LEAST_SAMPLES * self._measured_pins)[:, None]
         ratio = np.zeros_like(self._power)
         np.divide(self._product**2, self._power, out=ratio, where=ready)
         return ratio
 
     def suspicions(self) -> list[Suspicion]:
         """Return each cause with its most likely onset, the most likely cause first."""
-        ratio, found = self.ratios(), []
+        ratio, suspicions = self.ratios(), []
         for cause, signature in enumerate(self.signatures):
             onset = int(ratio[:, cause].argmax()) if len(ratio) else 0
             if ratio[onset, cause] <= 0.0:
                 continue
             onset_s = self.begin_s + self.interval_s * float(self._onset[onset])
             size = float(self._product[onset, cause] / self._power[onset, cause])
-            found.append(Suspicion(signature.cause, float(ratio[onset, cause]), onset_s, size))
-        return sorted(found, key=lambda one: -one.ratio)
+            suspicions.append(Suspicion(signature.cause, float(ratio[onset, cause]), onset_s, size))
+        return sorted(suspicions, key=lambda suspicion: -suspicion.ratio)
 
     def detectable(self, onset_s: float, threshold: float, share: float) -> Floats:
         """Return the size that a cause must have to be found by now with a probability, (causes,).
@@ -410,9 +410,9 @@ class FaultTests:
         change_n: at all samples since the reference, missing ones too, (samples, h) or (samples,
         pins, h).
         """
-        whole = change_n.reshape(-1, self.pins, change_n.shape[-1])
-        known = whole[self._place[: self.count], self._pin[: self.count]]
-        whitened = self._inverse[: self.count, : self.count] @ known
+        by_sample = change_n.reshape(-1, self.pins, change_n.shape[-1])
+        measured = by_sample[self._place[: self.count], self._pin[: self.count]]
+        whitened = self._inverse[: self.count, : self.count] @ measured
         return whitened.T @ self._whitened[: self.count], (whitened**2).sum(axis=0)
 
     def nis(self) -> float:
@@ -421,14 +421,14 @@ class FaultTests:
         return max(
             (
                 (float(e[n - k :] @ e[n - k :]) - k) / math.sqrt(2.0 * k)
-                for k in (self._heard * span for span in NIS_SPANS)
+                for k in (self._measured_pins * span for span in NIS_SPANS)
                 if k <= n
             ),
             default=0.0,
         )
 
     @property
-    def _heard(self) -> int:
+    def _measured_pins(self) -> int:
         """Return the number of load pins with samples."""
         return max(1, len(np.unique(self._pin[: self.count])))
 
@@ -438,15 +438,17 @@ class FaultTests:
         return self._whitened[: self.count].copy()
 
 
-def _along(one: Signature, names: Sequence[str]) -> Floats:
+def _along(signature: Signature, names: Sequence[str]) -> Floats:
     """Return the direction of a signature in the order of the names of the figures."""
-    if bool(one.direction) == bool(one.ramp_n_per_s):
-        raise InputError(one.cause, "it has no signature, or two", "give a direction or a ramp")
+    if bool(signature.direction) == bool(signature.ramp_n_per_s):
+        raise InputError(
+            signature.cause, "it has no signature, or two", "give a direction or a ramp"
+        )
     row = np.zeros(len(names))
-    for name, value in one.direction.items():
+    for name, value in signature.direction.items():
         if name not in names:
             right = f"known: {', '.join(names)}"
-            raise InputError(one.cause, f"there is no figure '{name}'", right)
+            raise InputError(signature.cause, f"there is no figure '{name}'", right)
         row[names.index(name)] = value
     return row
 

@@ -42,20 +42,20 @@ def check_learnable(scene: Scene) -> None:
     """
     right = "payloads that hang free on ropes from winches can be learned"
     if is_joined(scene):
-        what = _why_not_joined(scene)
-        if what:
-            raise InputError(f"learn {scene.name}", what, right)
+        problem = _why_not_joined(scene)
+        if problem:
+            raise InputError(f"learn {scene.name}", problem, right)
     body = scene.listed(RigidBodyParams)
     if body is not None and body.deck is not None:
-        what = "its payload begins on a deck, which carries a part of it that no sensor measures"
-        raise InputError(f"learn {scene.name}", what, right)
+        problem = "its payload begins on a deck, which carries a part of it that no sensor measures"
+        raise InputError(f"learn {scene.name}", problem, right)
     if scene.ropes[0].fixed_at_m or not scene.payloads:
         raise InputError(f"learn {scene.name}", "its rope carries no payload", right)
 
 
 def _why_not_joined(scene: Scene) -> str:
     """Return why what hangs together cannot be learned yet, or ""."""
-    dead = [one for one in hung_winches(scene) if one not in winches_by_name(scene)]
+    dead = [winch for winch in hung_winches(scene) if winch not in winches_by_name(scene)]
     if dead:
         return f"a rope from '{dead[0]}' has no winch, so nothing measures its length and its share"
     if scene.sheaves:
@@ -69,8 +69,8 @@ def _why_not_joined(scene: Scene) -> str:
 
 def hung_ropes(scene: Scene) -> tuple[int, ...]:
     """Return the numbers of the ropes from the ship, the main winch's first."""
-    own = places(scene)
-    return (0, *(r for r, line in enumerate(scene.ropes) if r and line.from_ in own))
+    hang_offs = places(scene)
+    return (0, *(r for r, line in enumerate(scene.ropes) if r and line.from_ in hang_offs))
 
 
 def hung_winches(scene: Scene) -> tuple[str, ...]:
@@ -84,11 +84,11 @@ def static_tops_n(scene: Scene) -> tuple[float, ...]:
     Raises:
         SceneError: the scene has no static equilibrium.
     """
-    own = ropes_of(scene, 1)
-    first_n = float(own.solve_statics()[rows.PULL])
-    if not isinstance(own, MultiLineRopes):
+    model = ropes_of(scene, 1)
+    first_n = float(model.solve_statics()[rows.PULL])
+    if not isinstance(model, MultiLineRopes):
         return (first_n,)
-    return tuple(float(own.pulls[r, 0, rows.PULL]) for r in hung_ropes(scene))
+    return tuple(float(model.pulls[r, 0, rows.PULL]) for r in hung_ropes(scene))
 
 
 def scene_prior(scene: Scene, tared: bool = False) -> Prior:
@@ -100,8 +100,8 @@ def scene_prior(scene: Scene, tared: bool = False) -> Prior:
         SceneError: the scene has no static equilibrium.
     """
     first_n, *others_n = static_tops_n(scene)
-    others = dict(zip(hung_winches(scene), others_n, strict=True))
-    prior = prior_of(scene.learning, first_n, others)
+    further_n = dict(zip(hung_winches(scene), others_n, strict=True))
+    prior = prior_of(scene.learning, first_n, further_n)
     return prior.tared() if tared else prior
 
 
@@ -191,8 +191,8 @@ class Gaussian:
         if name not in INDEX:
             raise InputError(name, "there is no such figure", did_you_mean(name, NAMES))
         if not (np.isfinite(mean) and np.isfinite(sd) and sd > 0.0):
-            what = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
-            raise InputError(name, what, "give finite numbers, and a positive deviation")
+            problem = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
+            raise InputError(name, problem, "give finite numbers, and a positive deviation")
         return self.with_place(INDEX[name], mean, sd)
 
     def with_place(self, k: int, mean: float, sd: float) -> Self:
@@ -223,16 +223,17 @@ class Prior:
     @property
     def biases(self) -> tuple[tuple[int, float], ...]:
         """Return the number in θ of each pin's bias, and its uncertainty after a tare [N]."""
-        own = {"": 1.0, **self.ranges}
-        at = self.names.index
+        ranges = {"": 1.0, **self.ranges}
+        index_of = self.names.index
         return tuple(
-            (at(of_winch(one, BIAS)), size * self.pin_bias_tared_n) for one, size in own.items()
+            (index_of(of_winch(winch, BIAS)), size * self.pin_bias_tared_n)
+            for winch, size in ranges.items()
         )
 
     @property
     def frictions(self) -> list[int]:
         """Return the numbers in θ of the sheaves' friction."""
-        return [self.names.index(of_winch(one, FRICTION)) for one in ("", *self.ranges)]
+        return [self.names.index(of_winch(winch, FRICTION)) for winch in ("", *self.ranges)]
 
     @property
     def mean(self) -> Floats:
@@ -257,14 +258,14 @@ class Prior:
     def within(self, theta: Floats) -> Floats:
         """Return θ held within MOST_SDS of the prior and within what is possible.
 
-        Friction is not negative. A figure that is held is reported by `held`.
+        Friction is not negative. A figure at a limit is reported by `at_limit`.
         """
         reach = MOST_SDS * self.sd
-        kept = np.clip(theta, self.mean - reach, self.mean + reach)
-        kept[self.frictions] = np.maximum(kept[self.frictions], 0.0)
-        return kept
+        limited = np.clip(theta, self.mean - reach, self.mean + reach)
+        limited[self.frictions] = np.maximum(limited[self.frictions], 0.0)
+        return limited
 
-    def held(self, theta: Floats) -> tuple[str, ...]:
+    def at_limit(self, theta: Floats) -> tuple[str, ...]:
         """Return the names of figures at the limits of `within`."""
         reach = MOST_SDS * self.sd * (1.0 - 1e-9)
         far = np.abs(theta - self.mean) >= reach

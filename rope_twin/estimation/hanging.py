@@ -84,15 +84,15 @@ def hanging_of(scene: Scene) -> Hanging:
     """
     ropes = build_joined(scene).system.ropes if is_joined(scene) else (build(scene),)
     metres = [_metre_kg(scene, rope) for rope in ropes]
-    own, hung, slings_kg = places(scene), [], 0.0
+    hang_offs, hung, slings_kg = places(scene), [], 0.0
     for r, (line, rope, kg) in enumerate(zip(scene.ropes, ropes, metres, strict=True)):
-        if r == 0 or line.from_ in own:
+        if r == 0 or line.from_ in hang_offs:
             hung.append((rope, kg, float(line.length_m)))
         else:
             slings_kg += float(kg @ line.lengths_m(line.length_m))
-    found = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
-    bodies = [one for one in found if one is not None]
-    air_kg = sum(one.mass_kg for one in point_figures(scene).values())
+    loads = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
+    bodies = [figures for figures in loads if figures is not None]
+    air_kg = sum(figures.mass_kg for figures in point_figures(scene).values())
     return Hanging(tuple(hung), tuple(bodies), slings_kg, air_kg)
 
 
@@ -125,13 +125,15 @@ def open_water(scene: Scene, noise_n: float) -> OpenWater:
     """
     splash, bed = scene.listed(SplashZoneParams), scene.listed(SeabedParams)
     half_m = 0.0 if splash is None else 0.5 * splash.height_m
-    least = -np.inf if splash is None else CLEAR_OF_SURFACE_M + half_m
-    least = max(least, _below_waves(scene, noise_n))
-    most = np.inf if bed is None else -_highest(scene, bed) - CLEAR_OF_BED_M - half_m
-    if least > most:
-        what = f"surface and waves reach down to {least:.0f} m, the bed up to {most:.0f} m"
-        raise InputError(f"learn {scene.name}", what, "learn in deeper water")
-    return OpenWater(least, most)
+    shallowest_m = -np.inf if splash is None else CLEAR_OF_SURFACE_M + half_m
+    shallowest_m = max(shallowest_m, _below_waves(scene, noise_n))
+    deepest_m = np.inf if bed is None else -_highest(scene, bed) - CLEAR_OF_BED_M - half_m
+    if shallowest_m > deepest_m:
+        problem = (
+            f"surface and waves reach down to {shallowest_m:.0f} m, the bed up to {deepest_m:.0f} m"
+        )
+        raise InputError(f"learn {scene.name}", problem, "learn in deeper water")
+    return OpenWater(shallowest_m, deepest_m)
 
 
 def _below_waves(scene: Scene, noise_n: float) -> float:
@@ -156,20 +158,22 @@ def _highest(scene: Scene, bed: SeabedParams) -> float:
     x, y, _ = scene.ship.hang_off_m
     reach = LEAN * abs(bed_at(bed, x, y))
     nodes = bed.soundings
-    across, along = (
+    eastings, northings = (
         [middle - reach, middle, middle + reach]
-        + [own for own in given if abs(own - middle) < reach]
-        for middle, given in (
+        + [coordinate for coordinate in grid if abs(coordinate - middle) < reach]
+        for middle, grid in (
             (x, () if nodes is None else nodes.x_m), (y, () if nodes is None else nodes.y_m)
         )
     )  # fmt: skip
-    return max(bed_at(bed, east, north) for east in across for north in along)
+    return max(bed_at(bed, east, north) for east in eastings for north in northings)
 
 
 def _metre_kg(scene: Scene, rope: Rope) -> Floats:
     """Return the mass of each section with added mass along the rope [kg/m], (sections,)."""
     mass, volume, _, _, _ = rope.sections[rows.PER_METRE :]
     density = scene.environment.water_density_kg_per_m3
-    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
-    made: Floats = mass + along * density * volume
-    return made
+    tangential = sum(
+        effect.tangential for effect in scene.effects if isinstance(effect, AddedMassParams)
+    )
+    mass_kg_per_m: Floats = mass + tangential * density * volume
+    return mass_kg_per_m

@@ -48,8 +48,8 @@ def inverse(covariance: Floats) -> Floats:
     """Return the inverse of a covariance, scaled to unit diagonal first."""
     scale = 1.0 / np.sqrt(np.diag(covariance))
     unit = covariance * np.outer(scale, scale)
-    whole = cho_solve(cho_factor(unit, lower=True), np.eye(len(unit)))
-    return np.asarray(0.5 * (whole + whole.T) * np.outer(scale, scale))
+    scaled = cho_solve(cho_factor(unit, lower=True), np.eye(len(unit)))
+    return np.asarray(0.5 * (scaled + scaled.T) * np.outer(scale, scale))
 
 
 def huber_weights(whitened: Floats) -> Floats:
@@ -120,20 +120,20 @@ def _solve_within(precision: Floats, right: Floats, low: Floats, high: Floats) -
     """
     scale = 1.0 / np.sqrt(np.diag(precision))
     factor = np.linalg.cholesky(precision * np.outer(scale, scale))
-    wanted = solve_triangular(factor, scale * right, lower=True)
-    x = np.asarray(scale * solve_triangular(factor.T, wanted))
+    target = solve_triangular(factor, scale * right, lower=True)
+    x = np.asarray(scale * solve_triangular(factor.T, target))
     if ((low <= x) & (x <= high)).all():
         return x
-    found = lsq_linear(factor.T, wanted, (low / scale, high / scale), method="bvls")
-    return np.asarray(np.clip(scale * found.x, low, high))
+    bounded = lsq_linear(factor.T, target, (low / scale, high / scale), method="bvls")
+    return np.asarray(np.clip(scale * bounded.x, low, high))
 
 
 def misfit(theta: Floats, prior: Gaussian, whitened: Floats) -> float:
     """Return -ln of the posterior density of θ, but for a constant, by whitened residuals (k,)."""
     size = np.abs(whitened)
     squares = np.where(size < HUBER_SDS, size**2, HUBER_SDS * (2.0 * size - HUBER_SDS))
-    off = theta - prior.mean
-    return 0.5 * float(TEMPER * squares.sum() + off @ inverse(prior.covariance) @ off)
+    deviation = theta - prior.mean
+    return 0.5 * float(TEMPER * squares.sum() + deviation @ inverse(prior.covariance) @ deviation)
 
 
 def gate(residual: Floats, covariance: Floats, jacobian: Floats, prior: Gaussian) -> Floats:

@@ -65,14 +65,14 @@ def dahl_states(travel_m: Floats, slip_m: float, state: float | Floats = 0.0) ->
     follow from each other, for all columns at once. travel_m: (k,) or (k, members); slip_m: δ;
     state: one, or (members,).
     """
-    kept = np.exp(-np.abs(travel_m) / slip_m)
-    gained = np.sign(travel_m) * (1.0 - kept)
+    decay = np.exp(-np.abs(travel_m) / slip_m)
+    gained = np.sign(travel_m) * (1.0 - decay)
     reach = 1
     while reach < len(travel_m):
-        gained[reach:] += kept[reach:] * gained[:-reach]
-        kept[reach:] *= kept[:-reach]
+        gained[reach:] += decay[reach:] * gained[:-reach]
+        decay[reach:] *= decay[:-reach]
         reach *= 2
-    return np.asarray(gained + kept * state)
+    return np.asarray(gained + decay * state)
 
 
 class LoadPin:
@@ -211,8 +211,10 @@ class LiftModel:
         self.winches = hung_winches(scene)  # further ones
         self.names = names_of(self.winches)
         self._numbers = dict(zip(self.winches, hung_ropes(scene)[1:], strict=True))
-        self._lengths_m = {one: scene.ropes[r].length_m for one, r in self._numbers.items()}
-        lift.others = {one: lift.others.get(one, MeasuredLift(np.nan)) for one in self.winches}
+        self._lengths_m = {winch: scene.ropes[r].length_m for winch, r in self._numbers.items()}
+        lift.others = {
+            winch: lift.others.get(winch, MeasuredLift(np.nan)) for winch in self.winches
+        }
         self._water = open_water(scene, lift.pin_noise_n)
         self.bars = bars_of(scene)  # of each rope from the ship
         self.elements = elements_of(self.bars[0])
@@ -224,7 +226,7 @@ class LiftModel:
         # of the rope itself: slings may have a figure that it has not, the stiffness of steel
         self._known = figures_of(hanging_of(scene).rope)
         present = {*self._known, HEAVE_GAIN, HEAVE_DELAY, *HEAVE_ERRORS}
-        self._steps = {name: own for name, own in LANE_STEPS.items() if name in present}
+        self._steps = {name: lane_step for name, lane_step in LANE_STEPS.items() if name in present}
         for winch in self.winches:
             named = {of_winch(winch, name): step for name, step in LINE_STEPS.items()}
             self._steps |= {name: {name: step} for name, step in named.items()}
@@ -297,37 +299,40 @@ class LiftModel:
         ends = times[self.steps_per_mean :: self.steps_per_mean]
         loose = (record.least_tension_n < SLACK_BELOW_N).any(axis=1)
         prediction.slack_s = np.append(prediction.slack_s, ends[loose])
-        near = self._water.without(record.payload_depth_m).any(axis=1)
-        prediction.near_s = np.append(prediction.near_s, ends[near])
+        outside = self._water.without(record.payload_depth_m).any(axis=1)
+        prediction.near_s = np.append(prediction.near_s, ends[outside])
         prediction.tension_n.append(np.array(list(record.hung_tension_n.values())))
-        lines = [np.asarray(inputs.line_out_m), *(out[:, 0] for out, _ in inputs.lines.values())]
+        lines = [
+            np.asarray(inputs.line_out_m),
+            *(line_out_m[:, 0] for line_out_m, _ in inputs.lines.values()),
+        ]
         prediction.line_out_m.append(np.array(lines)[:, 1:])
         prediction.end_s = float(times[-1])
         prediction.states = [self._fleet.state(k) for k in range(len(self._fleet))]
 
-    def trimmed(self, whole: Prediction, time_s: float) -> Prediction:
+    def trimmed(self, prediction: Prediction, time_s: float) -> Prediction:
         """Return a prediction without the pieces that end before a time [s].
 
         The friction of the sheave goes on from where they left it.
         """
-        begin_s, first = whole.begin_s, 0
-        for piece in whole.tension_n:
+        begin_s, count = prediction.begin_s, 0
+        for piece in prediction.tension_n:
             end_s = begin_s + self.step_s * piece.shape[1]
             if end_s > time_s:
                 break
-            begin_s, first = end_s, first + 1
-        if first == 0:
-            return whole
-        tension = np.concatenate(whole.tension_n[:first], axis=1)
-        line = np.concatenate(whole.line_out_m[:first], axis=1)
-        states = self._frictions(tension, line, whole.sheave)
+            begin_s, count = end_s, count + 1
+        if count == 0:
+            return prediction
+        tension = np.concatenate(prediction.tension_n[:count], axis=1)
+        line = np.concatenate(prediction.line_out_m[:count], axis=1)
+        states = self._frictions(tension, line, prediction.sheave)
         sheave = np.array([
             [states[p][-1], pin.position(tension[p, -1], line[p, -1])]
             for p, pin in enumerate(self.pins)
         ])  # fmt: skip
         return replace(
-            whole, begin_s=begin_s, tension_n=whole.tension_n[first:],
-            line_out_m=whole.line_out_m[first:], sheave=sheave,
+            prediction, begin_s=begin_s, tension_n=prediction.tension_n[count:],
+            line_out_m=prediction.line_out_m[count:], sheave=sheave,
         )  # fmt: skip
 
     def _frictions(self, tension: Floats, line: Floats, sheave: Floats | None) -> list[Floats]:
@@ -367,9 +372,9 @@ class LiftModel:
     def _without(self, at_s: Floats, begin_s: float, means: Floats) -> Floats:
         """Return means of all pins with NaN in those that end at times or soon after."""
         ends = begin_s + MEAN_S * np.arange(1, len(means) // len(self.pins) + 1)
-        since = ends[:, None] - at_s
-        near = ((since > -0.5 * MEAN_S) & (since < FORGETTING_S)).any(axis=1)
-        return np.where(np.tile(near, len(self.pins)), np.nan, means)
+        elapsed_s = ends[:, None] - at_s
+        affected = ((elapsed_s > -0.5 * MEAN_S) & (elapsed_s < FORGETTING_S)).any(axis=1)
+        return np.where(np.tile(affected, len(self.pins)), np.nan, means)
 
     def linearised(self, prediction: Prediction, from_s: float) -> tuple[Floats, Floats]:
         """Return the predicted means of all pins from a time on, and their Jacobian.
@@ -411,10 +416,10 @@ class LiftModel:
                 shifts[:, HEAVE_ERRORS.index(name)] = column / HEAVE_SHIFTS[name]
             else:
                 steps = dict(self._steps[name])
-                own = steps.pop(name)
-                for other, step in steps.items():  # has its column already
-                    column = column - step * jacobian[:, INDEX[other]]
-                jacobian[:, self.names.index(name)] = column / own
+                shift_step = steps.pop(name)
+                for figure, step in steps.items():  # has its column already
+                    column = column - step * jacobian[:, INDEX[figure]]
+                jacobian[:, self.names.index(name)] = column / shift_step
         jacobian[:, INDEX[CURRENT_SHAPE]] = jacobian[:, INDEX["current"]]
         count = len(predicted) // len(self.pins)
         for p, pin in enumerate(self.pins):
@@ -465,37 +470,37 @@ class LiftModel:
     ) -> Lead:
         """Return how further ropes come from a state to the lengths of figures, (members, ...)."""
         longer_m = {}
-        for winch, (out, _) in self._lines(np.array([begin_s]), thetas, motion).items():
-            own = state.others[self._numbers[winch] - 1]
-            longer_m[winch] = float(own.s[own.counts[rows.ELEMENTS]]) - out[0]
+        for winch, (line_out_m, _) in self._lines(np.array([begin_s]), thetas, motion).items():
+            rope = state.others[self._numbers[winch] - 1]
+            longer_m[winch] = float(rope.s[rope.counts[rows.ELEMENTS]]) - line_out_m[0]
         return Lead(begin_s, longer_m)
 
     def _lines(
         self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None
     ) -> dict[str, tuple[Floats, Floats]]:
         """Return line out and its rate of further winches by θ, (k, members) each."""
-        found = {}
+        lines = {}
         for winch in self.winches:
             track = (
                 self.lift.others[winch].line_motion if motion is None else motion.lines[winch].at
             )
-            line, speed = (one[:, None] for one in track(times_s))
+            line, speed = (values[:, None] for values in track(times_s))
             offset, slip = (
                 thetas[:, self.names.index(of_winch(winch, name))] for name in LINE_STEPS
             )
             ran = line - self._lengths_m[winch]
-            found[winch] = line + offset + slip * ran, speed * (1.0 + slip)
-        return found
+            lines[winch] = line + offset + slip * ran, speed * (1.0 + slip)
+        return lines
 
     def lines(
         self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
     ) -> dict[str, tuple[Floats, Floats]]:
         """Return line out and line speed of further winches, (k, members) each."""
-        found = {}
-        for winch, (out, rate) in self._lines(times_s, thetas, motion).items():
+        lines = {}
+        for winch, (line_out_m, rate) in self._lines(times_s, thetas, motion).items():
             longer_m, slower = lead.at(winch, times_s)
-            found[winch] = out + longer_m, rate + slower
-        return found
+            lines[winch] = line_out_m + longer_m, rate + slower
+        return lines
 
     def _borders(self, begin_s: float, steps: int) -> Floats:
         """Return the times of the borders of steps, (steps + 1,)."""
@@ -508,18 +513,18 @@ class LiftModel:
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]
         if motion is None:
             line, speed = self.lift.line_motion(times_s)
-            different, of = np.unique(delays, return_inverse=True)
+            different, sensor = np.unique(delays, return_inverse=True)
             z, v = self.lift.heave_motion(times_s[:, None], different)
-            position, rate = z[:, of], v[:, of]
+            position, rate = z[:, sensor], v[:, sensor]
         else:
             line, speed = motion.line.at(times_s)
             position, rate = _expected(motion.heave, times_s, delays, thetas)
         share = np.exp(-gains)
         position, rate = share * position, share * rate
-        since = times_s - self.ramp_begin_s
-        if since[0] < RAMP_S:
-            share = np.clip(since / RAMP_S, 0.0, 1.0)[:, None]
-            share_rate = np.where((since[:, None] >= 0.0) & (share < 1.0), 1.0 / RAMP_S, 0.0)
+        elapsed_s = times_s - self.ramp_begin_s
+        if elapsed_s[0] < RAMP_S:
+            share = np.clip(elapsed_s / RAMP_S, 0.0, 1.0)[:, None]
+            share_rate = np.where((elapsed_s[:, None] >= 0.0) & (share < 1.0), 1.0 / RAMP_S, 0.0)
             rate = share * rate + share_rate * position
             position = share * position
         return FleetInputs(position, rate, line, speed, self.lines(times_s, thetas, motion, lead))
@@ -533,8 +538,11 @@ def _expected(
     rate = np.empty_like(position)
     levels = thetas[:, [INDEX[name] for name in HEAVE_ERRORS]]
     sensors = np.column_stack([delays, levels])
-    for delay, *own in np.unique(sensors, axis=0).tolist():
-        of = (sensors == [delay, *own]).all(axis=1)
-        one, at = heave.at(tuple(own)), times_s + delay
-        position[:, of], rate[:, of] = one(at)[:, None], one(at, 1)[:, None]
+    for delay, *sensor_levels in np.unique(sensors, axis=0).tolist():
+        members = (sensors == [delay, *sensor_levels]).all(axis=1)
+        motion, sampled_s = heave.at(tuple(sensor_levels)), times_s + delay
+        position[:, members], rate[:, members] = (
+            motion(sampled_s)[:, None],
+            motion(sampled_s, 1)[:, None],
+        )
     return position, rate

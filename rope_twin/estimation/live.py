@@ -65,22 +65,22 @@ class Estimate:
     tared: bool
     figures: tuple[report.FigureEstimate, ...]
     factors: dict[str, float]  # on the scene's figures, without the current
-    held: tuple[str, ...]  # figures at the limit of the prior
+    at_limit: tuple[str, ...]  # figures at the limit of the prior
     left_out: tuple[str, ...]  # why how much of the block was left out, in words
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of estimate/figures."""
-        return [dataclasses.asdict(one) for one in self.figures]
+        return [dataclasses.asdict(figure) for figure in self.figures]
 
     def words(self) -> str:
         """Return the figures that are learned, in one sentence."""
-        known = [one for one in self.figures if one.state == report.LEARNED]
-        listed = ", ".join(f"{one.name} {one.value:.4g} {one.unit}" for one in known)
+        learned = [figure for figure in self.figures if figure.state == report.LEARNED]
+        listed = ", ".join(f"{figure.name} {figure.value:.4g} {figure.unit}" for figure in learned)
         head = f"after {self.minutes} min"
         if self.left_out:
             head += f" ({'; '.join(self.left_out)})"
-        found = f"{head}: {listed or 'no figure is known better than before'}"
-        return "; ".join(filter(None, (found, report.held_words(self.held))))
+        sentence = f"{head}: {listed or 'no figure is known better than before'}"
+        return "; ".join(filter(None, (sentence, report.limit_words(self.at_limit))))
 
 
 class Learner:
@@ -128,9 +128,9 @@ class Learner:
             return f"collecting; the first minute is learned from at {end_s:.0f} s"
         return self.newest.words()
 
-    def freeze(self, why: str) -> None:
+    def freeze(self, reason: str) -> None:
         """Learn no more until `freeze("")`, for a reason in words; call it in the worker."""
-        self._frozen = f"frozen: {why}" if why else ""
+        self._frozen = f"frozen: {reason}" if reason else ""
 
     def tare(self) -> None:
         """Take the load pins' zeros as set with an empty hook; call it in the worker.
@@ -166,10 +166,14 @@ class Learner:
         results = [] if self._estimator is None else self._estimator.results
         state = self._model.begin_live(begin.live)
         self._lift.drop_before(begin.live.time_ns * 1e-9 - 1.0)
-        made = Estimator(self._model, self._prior, state, begin.live.time_ns * 1e-9)
+        estimator = Estimator(self._model, self._prior, state, begin.live.time_ns * 1e-9)
         if belief is not None:
-            made.belief, made.theta, made.results = belief, belief.mean.copy(), results
-        self._estimator, self._stands = made, ""
+            estimator.belief, estimator.theta, estimator.results = (
+                belief,
+                belief.mean.copy(),
+                results,
+            )
+        self._estimator, self._stands = estimator, ""
 
     def work(self) -> bool:
         """Step the estimator on; return whether it did something."""
@@ -181,14 +185,14 @@ class Learner:
             return False
         before = len(estimator.results)
         try:
-            did = estimator.step()
+            worked = estimator.step()
         except SolverError as error:
             self._stands = f"the rope with the learned figures cannot be stepped ({error})"
             return False
         if len(estimator.results) > before:
             self._publish(estimator)
             self._lift.drop_before(estimator.state_s - KEPT_S)
-        return did
+        return worked
 
     def _publish(self, estimator: Estimator) -> None:
         last = estimator.results[-1]
@@ -200,13 +204,13 @@ class Learner:
         known = [name for name in ROPE_FIGURES if self._base[name] and name != "current"]
         self.newest = Estimate(
             time_s=last.end_s,
-            minutes=sum(one.used >= LEAST_USED for one in estimator.results),
+            minutes=sum(result.used >= LEAST_USED for result in estimator.results),
             tared=self._tared,
             figures=report.estimates(
-                self._base, estimator.prior, last.posterior, advice, last.held
+                self._base, estimator.prior, last.posterior, advice, last.at_limit
             ),
             factors={name: float(factors[name]) for name in known},
-            held=last.held,
+            at_limit=last.at_limit,
             left_out=(*report.left_out_words(last), *report.not_measured(self._lift)),
         )
 
@@ -220,9 +224,9 @@ class Learner:
         if newest is None:
             right = "wait for two minutes of tension, heave and line out"
             raise InputError("learned figures", "nothing was learned yet", right)
-        if newest.held:
-            what = f"{', '.join(newest.held)} is at the limit of its prior"
-            raise InputError("learned figures", what, "check scene, units and signs")
+        if newest.at_limit:
+            problem = f"{', '.join(newest.at_limit)} is at the limit of its prior"
+            raise InputError("learned figures", problem, "check scene, units and signs")
         return newest.factors
 
 
@@ -264,10 +268,10 @@ class AlarmTask:
         if estimator is None or self._stands:
             return False
         if estimator is not self._estimator:
-            made = FaultWatch(self._scene, estimator)
+            successor = FaultWatch(self._scene, estimator)
             if self._watch is not None:
-                made.keep_rules(self._watch, estimator.state_s)
-            self._estimator, self._watch = estimator, made
+                successor.keep_rules(self._watch, estimator.state_s)
+            self._estimator, self._watch = estimator, successor
             self._blocks = len(estimator.results)
         watch = self._watch
         assert watch is not None
@@ -310,12 +314,12 @@ class AlarmTask:
         bad = self.newest is not None or bool(self._stands)
         alarm = self.newest
         level = Level.ERROR if alarm is not None else Level.WARN if bad else Level.OK
-        values = {} if alarm is None else {k: str(one) for k, one in alarm.as_json().items()}
+        values = {} if alarm is None else {k: str(value) for k, value in alarm.as_json().items()}
         return Status(ROW, level, self.state, values)
 
     def as_json(self) -> list[dict[str, Any]]:
         """Return all alarms of the run for `--json`, each with its newest judgement."""
-        return [one.as_json() for one in self._raised]
+        return [alarm.as_json() for alarm in self._raised]
 
 
 REMINDED_S = 30.0  # a remark lowers the quality index for a minute
@@ -340,7 +344,7 @@ class LiveLearning:
         self._further = tuple(further.values())  # ropes of further winches
         # winch of a reading by its name
         self._winches = dict.fromkeys(("", *winches_by_name(scene), scene.ropes[0].name), "")
-        self._winches |= {name: one for one, rope in further.items() for name in (one, rope)}
+        self._winches |= {name: winch for winch, rope in further.items() for name in (winch, rope)}
         self._taken: Estimate | None = None
         self._reminded_s = 0.0
         self._seen_ns: int | None = None  # twin time of the newest snapshot
@@ -359,8 +363,8 @@ class LiveLearning:
         try:
             begin = Begin(live_state(twin))
         except RopeTwinError as error:
-            words = str(error)
-            self.worker.take(Ask(lambda: self.learner.freeze(words)))
+            reason = str(error)
+            self.worker.take(Ask(lambda: self.learner.freeze(reason)))
             return
         self.worker.take(begin)
 
@@ -372,7 +376,7 @@ class LiveLearning:
         """Pass the motion of the hang-off and the line on."""
         self._seen_ns = shot.stamp_ns
         rate = float(shot.hang_off_velocity_m_per_s[2])
-        lines = {one.name: one.line_out_m for one in shot.ropes} if self._further else {}
+        lines = {state.name: state.line_out_m for state in shot.ropes} if self._further else {}
         lines_m = tuple(lines[name] for name in self._further)
         self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m, lines_m))
 
@@ -390,7 +394,9 @@ class LiveLearning:
         for name, line_out, _, tension in measurement.rows:
             tension_n = tension if measurement.source == self._source else None
             if name in self._winches and not (tension_n is None and line_out is None):
-                force, line = (math.nan if one is None else one for one in (tension_n, line_out))
+                force, line = (
+                    math.nan if value is None else value for value in (tension_n, line_out)
+                )
                 at_s = measurement.stamp_ns * 1e-9
                 self.worker.take(Reading(at_s, force, line, self._winches[name]))
 
@@ -445,10 +451,10 @@ class LiveLearning:
         While an alarm is on the quality index has it as a remark on the inputs, logged for replay.
         """
         while self.alarms.changes:
-            words = self.alarms.changes.popleft()
-            if words:
-                self._inputs.take_remark(f"fault alarm: {words}")
-            yield words
+            change = self.alarms.changes.popleft()
+            if change:
+                self._inputs.take_remark(f"fault alarm: {change}")
+            yield change
         alarm, at_s = self.alarms.newest, time.monotonic()
         if alarm is not None and at_s - self._reminded_s >= REMINDED_S:
             self._reminded_s = at_s

@@ -62,9 +62,9 @@ class Series:
 
     def less(self, *offsets: float) -> Series:
         """Return the series without these offsets of time and values."""
-        made = Series(len(offsets) - 1)
-        made.extend(*(self.table - offsets).T)
-        return made
+        shifted = Series(len(offsets) - 1)
+        shifted.extend(*(self.table - offsets).T)
+        return shifted
 
     def drop_before(self, time_s: float) -> None:
         """Forget samples before a time."""
@@ -85,9 +85,9 @@ class Series:
         return float(table[-1, 0]) if len(table) else -np.inf
 
     def _merge(self, rows: Floats) -> None:
-        whole = np.vstack([self._table, rows])
-        _, first = np.unique(whole[:, 0], return_index=True)
-        self._table = whole[first]
+        rows_by_time = np.vstack([self._table, rows])
+        _, first = np.unique(rows_by_time[:, 0], return_index=True)
+        self._table = rows_by_time[first]
 
 
 def without_spikes(time_s: Floats, values: Floats, limit: float) -> Floats:
@@ -118,13 +118,13 @@ def at_stops(values: Floats) -> Bools:
     next to it.
     """
     levels, counts = np.unique(values[np.isfinite(values)], return_counts=True)
-    found = np.zeros(len(values), dtype=np.bool_)
+    stopped = np.zeros(len(values), dtype=np.bool_)
     for end, next_to in ((0, 1), (-1, -2)) if len(levels) > 2 else ():
         is_near = abs(levels[end] - levels[next_to]) < STOP_GAP * np.nanstd(values)
         is_often = counts[end] > max(STOP_SHARE * counts.sum(), STOP_RATIO * counts[next_to])
         if is_near and is_often:
-            found |= values == levels[end]
-    return found
+            stopped |= values == levels[end]
+    return stopped
 
 
 def interval_means(
@@ -141,8 +141,8 @@ def interval_means(
     number = np.bincount(bins[good], minlength=count).astype(float)
     total = np.bincount(bins[good], weights=values[good], minlength=count)
     spacing = float(np.median(np.diff(time_s))) if len(time_s) > 1 else MEAN_S
-    least = max(1.0, LEAST_GOOD * MEAN_S / spacing - 1e-6)
-    return np.where(number >= least, total / np.maximum(number, 1.0), np.nan), number
+    enough = max(1.0, LEAST_GOOD * MEAN_S / spacing - 1e-6)
+    return np.where(number >= enough, total / np.maximum(number, 1.0), np.nan), number
 
 
 def _resolution(counts: Floats) -> float:
@@ -169,11 +169,11 @@ def without_stairs(time_s: Floats, counts: Floats) -> tuple[Floats, Floats]:
     begins, ends = time_s[first].copy(), time_s[last].copy()
     begins[0], ends[-1] = -np.inf, np.inf  # no change is known there
     from_change = np.minimum(time_s - np.repeat(begins, length), np.repeat(ends, length) - time_s)
-    kept = (np.repeat(length, length) == 1) | (from_change >= EDGE_S)
+    edges = (np.repeat(length, length) == 1) | (from_change >= EDGE_S)
     passed = changes[(length[:-1] > 1) | (length[1:] > 1)]
-    middles = (0.5 * (one[passed] + one[passed + 1]) for one in (time_s, counts))
+    middles = (0.5 * (values[passed] + values[passed + 1]) for values in (time_s, counts))
     times, positions = (
-        np.concatenate(pair) for pair in zip((time_s[kept], counts[kept]), middles, strict=True)
+        np.concatenate(pair) for pair in zip((time_s[edges], counts[edges]), middles, strict=True)
     )
     order = np.argsort(times)
     return times[order], positions[order]
@@ -193,22 +193,22 @@ def straightened(positions: Floats, resolution_m: float) -> tuple[Floats, Bools]
     straight = np.zeros(len(positions), bool)
     if len(positions) <= STRAIGHT_SAMPLES:
         return positions, straight
-    near = np.lib.stride_tricks.sliding_window_view(positions, STRAIGHT_SAMPLES)
-    along = np.arange(STRAIGHT_SAMPLES) - float(half)
-    middle, slope = near.mean(axis=1), near @ along / (along @ along)
-    off = np.abs(near - middle[:, None] - slope[:, None] * along).max(axis=1)
-    steady = np.concatenate([[False], off <= STRAIGHT_MOST * resolution_m, [False]])
+    windows = np.lib.stride_tricks.sliding_window_view(positions, STRAIGHT_SAMPLES)
+    offset = np.arange(STRAIGHT_SAMPLES) - float(half)
+    middle, slope = windows.mean(axis=1), windows @ offset / (offset @ offset)
+    deviation = np.abs(windows - middle[:, None] - slope[:, None] * offset).max(axis=1)
+    steady = np.concatenate([[False], deviation <= STRAIGHT_MOST * resolution_m, [False]])
     borders = np.flatnonzero(np.diff(steady.astype(int))) + half
-    made = positions.copy()
+    straight_m = positions.copy()
     for begin, end in borders.reshape(-1, 2):
         if end - begin > STRAIGHT_SAMPLES:
-            at = np.arange(end - begin) - 0.5 * (end - begin - 1)
-            own = positions[begin:end]
-            line = own.mean() + at * (at @ own) / (at @ at)
-            if np.sqrt(np.mean((own - line) ** 2)) <= STRAIGHT_RMS * resolution_m:
-                made[begin:end] = line
+            abscissa = np.arange(end - begin) - 0.5 * (end - begin - 1)
+            stretch = positions[begin:end]
+            line = stretch.mean() + abscissa * (abscissa @ stretch) / (abscissa @ abscissa)
+            if np.sqrt(np.mean((stretch - line) ** 2)) <= STRAIGHT_RMS * resolution_m:
+                straight_m[begin:end] = line
                 straight[begin:end] = True
-    return made, straight
+    return straight_m, straight
 
 
 @dataclass(frozen=True)
@@ -223,11 +223,11 @@ class Passage:
 
     def sd_at(self, times_s: Floats) -> Floats:
         """Return the standard deviation of the smoothed rounding error [m], (k,)."""
-        stands = np.zeros(len(times_s), bool)
+        at_rest = np.zeros(len(times_s), bool)
         for begin, end in self.standing:
-            stands |= (times_s >= begin) & (times_s <= end)
-        left = np.where(stands, 1.0, SMOOTHING_LEAVES)
-        return np.asarray(self.resolution_m * np.sqrt(left / 12.0))
+            at_rest |= (times_s >= begin) & (times_s <= end)
+        remaining = np.where(at_rest, 1.0, SMOOTHING_LEAVES)
+        return np.asarray(self.resolution_m * np.sqrt(remaining / 12.0))
 
 
 @dataclass(frozen=True)
@@ -268,27 +268,27 @@ class MeasuredLift:
     @property
     def begin_s(self) -> float:
         """Return the first time at which all are known, of load pins those there are; inf: none."""
-        tables = [self.heave.table, *(one.line_out.table for one in self.ropes)]
-        pins = [one.tension.table for one in self.ropes if len(one.tension.table)]
-        if not pins or not all(len(one) for one in tables):
+        tables = [self.heave.table, *(rope.line_out.table for rope in self.ropes)]
+        pins = [rope.tension.table for rope in self.ropes if len(rope.tension.table)]
+        if not pins or not all(len(table) for table in tables):
             return np.inf
-        return max(float(one[0, 0]) for one in (*pins, *tables))
+        return max(float(table[0, 0]) for table in (*pins, *tables))
 
     def known_until_s(self, ahead_s: float) -> float:
         """Return the time until which all are known; ahead_s: of heave that a delay asks for.
 
         A tension that is LATE_S late is missing and is not waited for, if there was any before.
         """
-        line_s = min(one.line_out.newest_s for one in self.ropes)
+        line_s = min(rope.line_out.newest_s for rope in self.ropes)
         moved_s = min(line_s, self.heave.newest_s - ahead_s)
-        heard = [one.tension.newest_s for one in self.ropes if len(one.tension.table)]
-        return min(max(min(heard), moved_s - LATE_S), moved_s) if heard else -np.inf
+        newest_s = [rope.tension.newest_s for rope in self.ropes if len(rope.tension.table)]
+        return min(max(min(newest_s), moved_s - LATE_S), moved_s) if newest_s else -np.inf
 
     def drop_before(self, time_s: float) -> None:
         """Forget all samples before a time."""
         for rope in self.ropes:
-            for one in (rope.tension, rope.heave, rope.line_out, rope.sensor, rope.counter):
-                one.drop_before(time_s)
+            for series in (rope.tension, rope.heave, rope.line_out, rope.sensor, rope.counter):
+                series.drop_before(time_s)
 
     def tension_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
         """Return the means of the tension over MEAN_S from begin to end, (k,), NaN: missing.
@@ -300,8 +300,8 @@ class MeasuredLift:
 
     def means_of_pins(self, begin_s: float, end_s: float) -> tuple[Floats, Floats]:
         """Return `tension_means` of all load pins, one after the other, (pins·k,) and (pins,)."""
-        pairs = [one._own_means(begin_s, end_s) for one in self.ropes]
-        means = np.array([own for own, _ in pairs])
+        pairs = [rope._own_means(begin_s, end_s) for rope in self.ropes]
+        means = np.array([mean for mean, _ in pairs])
         ends = begin_s + MEAN_S * np.arange(1, means.shape[1] + 1)
         for hole_begin, hole_end in self._holes(begin_s - FORGETTING_S, end_s):
             means[:, (ends > hole_begin) & (ends - MEAN_S < hole_end + FORGETTING_S)] = np.nan
@@ -337,9 +337,9 @@ class MeasuredLift:
         time_s, clean = self._clean_tension(from_s, from_s + MEAN_S * count)
         interval = _intervals(time_s, from_s)
         good = np.isfinite(clean) & (interval >= 0) & (interval < count)
-        at = np.clip((time_s[good] - begin_s) / step_s - 1.0, 0.0, len(steps) - 1.0)
-        before = np.minimum(at.astype(np.int64), max(len(steps) - 2, 0))
-        share = at - before
+        index = np.clip((time_s[good] - begin_s) / step_s - 1.0, 0.0, len(steps) - 1.0)
+        before = np.minimum(index.astype(np.int64), max(len(steps) - 2, 0))
+        share = index - before
         row, number = interval[good], np.bincount(interval[good], minlength=count)
         empty = np.flatnonzero(number == 0)
         even = (empty[:, None] + skipped) * per_mean + np.arange(per_mean)
@@ -382,13 +382,13 @@ class MeasuredLift:
 
     def _holes(self, begin_s: float, end_s: float) -> list[tuple[float, float]]:
         """Return begin and end of the holes in heave and line out that overlap an interval."""
-        found = []
-        lines = ((one.line_out, LINE_HOLE_S) for one in self.ropes)
+        holes = []
+        lines = ((rope.line_out, LINE_HOLE_S) for rope in self.ropes)
         for series, longest in ((self.heave, HEAVE_HOLE_S), *lines):
             times = series.table[:, 0]
             wide = np.flatnonzero(np.diff(times) > longest)
-            found += [(float(times[k]), float(times[k + 1])) for k in wide]
-        return [(a, b) for a, b in found if b > begin_s and a < end_s]
+            holes += [(float(times[k]), float(times[k + 1])) for k in wide]
+        return [(a, b) for a, b in holes if b > begin_s and a < end_s]
 
     def heave_motion(
         self, times_s: Floats, delay_s: float | Floats = 0.0, heave_gain: float = 0.0
@@ -399,13 +399,15 @@ class MeasuredLift:
         its last value. Times (k, 1) with delays (n,) yield (k, n).
         """
         table = self.heave.table
-        at = times_s + delay_s
-        near = slice(*np.searchsorted(table[:, 0], (at.min() - 2.0, at.max() + 2.0)))
-        some = table[near] if near.stop - near.start > 1 else table
-        heave = CubicHermiteSpline(some[:, 0], some[:, 1], some[:, 2])
-        inside = np.clip(at, some[0, 0], some[-1, 0])
+        sampled_s = times_s + delay_s
+        window = slice(
+            *np.searchsorted(table[:, 0], (sampled_s.min() - 2.0, sampled_s.max() + 2.0))
+        )
+        rows = table[window] if window.stop - window.start > 1 else table
+        heave = CubicHermiteSpline(rows[:, 0], rows[:, 1], rows[:, 2])
+        inside = np.clip(sampled_s, rows[0, 0], rows[-1, 0])
         share = np.exp(-heave_gain)
-        return share * heave(inside), np.where(inside == at, share * heave(inside, 1), 0.0)
+        return share * heave(inside), np.where(inside == sampled_s, share * heave(inside, 1), 0.0)
 
     def heave_grid(self, begin_s: float, end_s: float, interval_s: float) -> Floats:
         """Return the measured heave on an even grid [m], as far as it is known, (samples,)."""
@@ -425,12 +427,12 @@ class MeasuredLift:
         while it stands. The resolution is the smallest change of the counts.
         """
         times, counts = self.line_out.table.T
-        near = slice(*np.searchsorted(times, (begin_s, end_s)))
-        resolution_m = _resolution(counts[near])
+        window = slice(*np.searchsorted(times, (begin_s, end_s)))
+        resolution_m = _resolution(counts[window])
         if resolution_m == 0.0:
             return 0.0
-        moved = np.abs(np.diff(counts[near])) > SAME_COUNT_M
-        spacing_s = float(np.median(np.diff(times[near])))
+        moved = np.abs(np.diff(counts[window])) > SAME_COUNT_M
+        spacing_s = float(np.median(np.diff(times[window])))
         return float(moved.mean() * resolution_m**2 / 6.0 * spacing_s)
 
     def line_motion(self, times_s: Floats) -> tuple[Floats, Floats]:
@@ -446,8 +448,8 @@ class MeasuredLift:
         if straight and (resolution_m := _resolution(table[:, 1])) > 0.0:
             raw, _ = straightened(raw, resolution_m)
         half = SMOOTHED_SAMPLES // 2
-        around = np.pad(raw, half, mode="reflect", reflect_type="odd")
-        return LineTrack(CubicSpline(grid, np.convolve(around, _SMOOTHING, "valid")))
+        padded = np.pad(raw, half, mode="reflect", reflect_type="odd")
+        return LineTrack(CubicSpline(grid, np.convolve(padded, _SMOOTHING, "valid")))
 
     def passages(self, begin_s: float, end_s: float) -> list[Passage]:
         """Return the stretches between two times [s] in which a line moves, but not steadily."""
@@ -457,10 +459,12 @@ class MeasuredLift:
             return []
         _, steady = straightened(raw, resolution_m)
         borders = np.flatnonzero(np.diff(np.concatenate([[True], steady, [True]]).astype(int)))
-        found = []
+        passages = []
         for begin, end in borders.reshape(-1, 2):
-            own = slice(*np.searchsorted(table[:, 0], (grid[begin] - 1e-6, grid[end - 1] + 1e-6)))
-            times, counts = table[own].T
+            samples = slice(
+                *np.searchsorted(table[:, 0], (grid[begin] - 1e-6, grid[end - 1] + 1e-6))
+            )
+            times, counts = table[samples].T
             if len(counts) < 2 or np.ptp(counts) < SAME_COUNT_M:
                 continue
             cut = begin == 0 or end == len(grid)
@@ -470,9 +474,9 @@ class MeasuredLift:
             edges = np.concatenate([[times[0]], times[changes + 1], [times[-1]]])
             wide = np.flatnonzero(np.diff(edges) > SMOOTHED_SAMPLES / LINE_HZ)
             standing = tuple((float(edges[k]), float(edges[k + 1])) for k in wide)
-            found.append(Passage(float(grid[begin]), float(grid[end - 1]), name.tobytes(),
+            passages.append(Passage(float(grid[begin]), float(grid[end - 1]), name.tobytes(),
                                  resolution_m, standing))  # fmt: skip
-        return found
+        return passages
 
     def _line_samples(self, begin_s: float, end_s: float) -> tuple[Floats, Floats, Floats]:
         """Return an even grid [s], the line out there without stairs, and the samples near."""
@@ -482,6 +486,6 @@ class MeasuredLift:
         end = min(end_s + margin, table[-1, 0])
         count = max(SMOOTHED_SAMPLES, round((end - begin) * LINE_HZ)) + 1
         grid = begin + np.arange(count) / LINE_HZ
-        near = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
-        some = table[near]
-        return grid, np.interp(grid, *without_stairs(*some.T)), some
+        window = slice(*np.searchsorted(table[:, 0], (begin - LINE_HOLE_S, end + LINE_HOLE_S)))
+        rows = table[window]
+        return grid, np.interp(grid, *without_stairs(*rows.T)), rows

@@ -107,17 +107,17 @@ def bars_of(scene: Scene) -> tuple[Bar, ...]:
     Raises:
         SceneError: the scene cannot be built.
     """
-    hanging, made = hanging_of(scene), []
+    hanging, ropes = hanging_of(scene), []
     for rope, metre_kg, length_m in hanging.ropes:
         ends = [0.0, *rope.sections[rows.END][:-1], length_m]
         lengths = np.array([high - low for low, high in pairwise(ends)])
-        made.append((rope, metre_kg, lengths, float((lengths / rope.sections[rows.EA]).sum())))
-    whole = sum(1.0 / gives for *_, gives in made)
-    found = []
-    for rope, metre_kg, lengths, gives in made:
-        share = 1.0 / gives / whole if len(made) > 1 else 1.0
+        ropes.append((rope, metre_kg, lengths, float((lengths / rope.sections[rows.EA]).sum())))
+    stiffness = sum(1.0 / compliance for *_, compliance in ropes)
+    bars = []
+    for rope, metre_kg, lengths, compliance in ropes:
+        share = 1.0 / compliance / stiffness if len(ropes) > 1 else 1.0
         _, _, _, skin, _ = rope.sections[rows.PER_METRE :]
-        found.append(
+        bars.append(
             Bar(
                 lengths,
                 rope.sections[rows.EA].copy(),
@@ -129,7 +129,7 @@ def bars_of(scene: Scene) -> tuple[Bar, ...]:
                 share * hanging.slings_kg,
             )
         )
-    return tuple(found)
+    return tuple(bars)
 
 
 def first_axial_period_s(bars: Sequence[Bar]) -> float:
@@ -137,17 +137,17 @@ def first_axial_period_s(bars: Sequence[Bar]) -> float:
 
     It is that of the load and a third of the ropes on their springs, 2π·√((M + m/3)/Σ(EA/L)).
     """
-    mass_kg = sum(one.lower_mass_kg + float(one.mass_kg_per_m @ one.length_m) / 3.0 for one in bars)
-    stiffness = sum(1.0 / float((one.length_m / one.EA_n).sum()) for one in bars)
+    mass_kg = sum(bar.lower_mass_kg + float(bar.mass_kg_per_m @ bar.length_m) / 3.0 for bar in bars)
+    stiffness = sum(1.0 / float((bar.length_m / bar.EA_n).sum()) for bar in bars)
     return 2.0 * np.pi * float(np.sqrt(mass_kg / stiffness))
 
 
 def _tangential(effects: tuple[Any, ...]) -> float:
     """Return ½·ρ·C_dt [kg/m³] of the drag among a rope's effects; 0: it has none."""
     for effect in effects:
-        own = getattr(effect, "drag", effect)
-        if hasattr(own, "kt"):
-            return float(own.kt)
+        drag = getattr(effect, "drag", effect)
+        if hasattr(drag, "kt"):
+            return float(drag.kt)
     return 0.0
 
 
@@ -174,8 +174,8 @@ def top_impedance(
     w = 2.0 * np.pi * frequency_hz
     cut = np.repeat(bar.length_m / PIECES, PIECES)
     EA, C, mu, beta = (
-        np.repeat(one, PIECES)
-        for one in (bar.EA_n, bar.damping_newton_seconds, bar.mass_kg_per_m, bar.drag_kg_per_m2)
+        np.repeat(values, PIECES)
+        for values in (bar.EA_n, bar.damping_newton_seconds, bar.mass_kg_per_m, bar.drag_kg_per_m2)
     )
     d_end, d = 0.0, np.zeros(len(cut))
     if heave_psd is None:
@@ -294,13 +294,13 @@ class ExpectedHeave:
         known = inside & (times_s[after] - times_s[after - 1] <= ESTIMATE_S)
         lags = ESTIMATE_S * np.arange(len(self._grid))
         self._waves = np.cos(2.0 * np.pi * np.outer(FREQUENCY_HZ, lags)) * FREQUENCY_STEP_HZ
-        at = np.arange(len(self._grid))
-        self._apart = np.abs(at[:, None] - at[known])
-        whole = (measured_psd @ self._waves)[self._apart[known]]
-        whole[np.diag_indices_from(whole)] += ROUNDING_M**2
+        index = np.arange(len(self._grid))
+        self._apart = np.abs(index[:, None] - index[known])
+        covariance = (measured_psd @ self._waves)[self._apart[known]]
+        covariance[np.diag_indices_from(covariance)] += ROUNDING_M**2
         samples = np.interp(self._grid[known], times_s, heave_m)
         self._middle = float(samples.mean()) if len(samples) else 0.0
-        self._weights = cho_solve(cho_factor(whole, lower=True), samples - self._middle)
+        self._weights = cho_solve(cho_factor(covariance, lower=True), samples - self._middle)
         self._psd, self._sd = measured_psd, error_sd_m
         self._found: dict[tuple[float, ...], CubicSpline] = {}
 
@@ -340,8 +340,11 @@ def pin_autocovariances(
     """
     size = np.sqrt(np.abs(impedances))
     pairs = [
-        [tension_error_autocovariance(one * other, error_psd, count, interval_s) for other in size]
-        for one in size
+        [
+            tension_error_autocovariance(row * column, error_psd, count, interval_s)
+            for column in size
+        ]
+        for row in size
     ]
     return np.moveaxis(np.array(pairs), 2, 0)
 
@@ -374,7 +377,7 @@ def by_pins(colour: Floats) -> Floats:
     colour: autocovariance of each pair of pins, (pins, pins, k), or of a single pin, (k,).
     """
     pairs = colour if colour.ndim == 3 else colour[None, None]
-    return np.block([[toeplitz(own) for own in row] for row in pairs])
+    return np.block([[toeplitz(autocovariance) for autocovariance in row] for row in pairs])
 
 
 class ResidualNoise:
@@ -409,25 +412,27 @@ class ResidualNoise:
         chosen with the others kept, once a block.
         """
         self._left.append((residual.copy(), used.astype(bool)))
-        whole = [one for one in self._left if len(one[0]) == len(residual)]
-        if len(whole) < 2:
+        residuals = [entry for entry in self._left if len(entry[0]) == len(residual)]
+        if len(residuals) < 2:
             return
-        alike: dict[bytes, list[Floats]] = {}  # blocks that use the same places share a factor
-        for left, places in whole:
-            alike.setdefault(places.tobytes(), []).append(left[places])
-        groups = [(np.frombuffer(key, bool), np.array(own).T) for key, own in alike.items()]
+        by_places: dict[bytes, list[Floats]] = {}  # blocks that use the same places share a factor
+        for remaining, places in residuals:
+            by_places.setdefault(places.tobytes(), []).append(remaining[places])
+        groups = [
+            (np.frombuffer(key, bool), np.array(columns).T) for key, columns in by_places.items()
+        ]
         bands = len(self.levels)
         now = np.append(self.levels, self.white_n / self.nominal_white_n)
         pins = len(self.white_n)
-        best = self._score(now, groups, autocovariances)
+        best_score = self._score(now, groups, autocovariances)
         for k in range(bands + pins):
             for value in LEVELS if k < bands else WHITES:
                 tried = now.copy()
                 tried[k] = value
                 if value == now[k]:
                     continue
-                if (score := self._score(tried, groups, autocovariances)) > best:
-                    best, now = score, tried
+                if (score := self._score(tried, groups, autocovariances)) > best_score:
+                    best_score, now = score, tried
         self.levels, self.white_n = now[:bands], now[bands:] * self.nominal_white_n
 
     def _score(

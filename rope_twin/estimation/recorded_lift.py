@@ -58,8 +58,8 @@ class RecordedLift:
             SceneError: it is not valid here.
         """
         if self.session is None:
-            what = f"it has no {SESSION_TOPIC}, so no scene"
-            raise BagError("bag", what, "name the scene with --scene")
+            problem = f"it has no {SESSION_TOPIC}, so no scene"
+            raise BagError("bag", problem, "name the scene with --scene")
         return self.session.scene()
 
 
@@ -76,8 +76,8 @@ def read_lift(bag: str | Path, winch: str = "", scene: Scene | None = None) -> R
         InputError: the winch is not the main one.
         SceneError: its scene is not valid here.
     """
-    found, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch, scene))
-    return replace(found, problems=(*damage, *found.problems))
+    lift, damage = read_undamaged(find_bag(bag), lambda reader: _read(reader, winch, scene))
+    return replace(lift, problems=(*damage, *lift.problems))
 
 
 def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
@@ -87,57 +87,64 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
     applied: dict[str, float] = {}
     refused = Counter[str]()
 
-    def found(topic: str, read: Callable[[str, bytes], Content]) -> Iterator[Content]:
+    def messages_of(topic: str, read: Callable[[str, bytes], Content]) -> Iterator[Content]:
         return contents(bag, names_of(bag, topic), topic, read, refused)
 
-    session = next(found(SESSION_TOPIC, _session), None)
-    for taken_over in found(INPUT_LOG_TOPIC, _applied):
+    session = next(messages_of(SESSION_TOPIC, _session), None)
+    for taken_over in messages_of(INPUT_LOG_TOPIC, _applied):
         applied |= taken_over
-    for stamp_s, rows in found(WINCH_MEASURED, rope_values):
+    for stamp_s, rows in messages_of(WINCH_MEASURED, rope_values):
         for row in rows:
             tension, line_out = measured.setdefault(row.name, (Series(1), Series(1)))
             tension.add(stamp_s, row.tension_n)
             line_out.add(stamp_s, row.line_out_m)
     for topic, series in ((HEAVE, heave), (HANG_OFF, hang_off)):
-        for stamp_s, moved in found(topic, vertical_motion):
+        for stamp_s, moved in messages_of(topic, vertical_motion):
             series.add(stamp_s, *moved)
-    for stamp_s, rows in found(LENGTH, rope_values):
+    for stamp_s, rows in messages_of(LENGTH, rope_values):
         for row in rows:
             lengths.setdefault(row.name, Series(1)).add(stamp_s, row.line_out_m)
     rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
     if scene is None and session is not None:
         scene = session.scene()
-    first, *others = [(line.from_, line.name) for line in _hung(scene)] or [("", "")]
-    taken = [name for pair in others for name in pair]
+    first, *further = [(line.from_, line.name) for line in _hung(scene)] or [("", "")]
+    taken = [name for pair in further for name in pair]
     if winch in taken:
-        what, right = "it carries the load with the main one", f"name the winch of '{first[1]}'"
-        raise InputError(f"winch '{winch}'", what, right)
+        problem, right = "it carries the load with the main one", f"name the winch of '{first[1]}'"
+        raise InputError(f"winch '{winch}'", problem, right)
     winch = winch or next((name for name in measured if name not in taken), first[0])
     lift = MeasuredLift(np.nan)
     lift.tension, lift.line_out = _series((winch,), first[1], measured, lengths)
-    for name, rope in others:
-        own = lift.others[name] = MeasuredLift(np.nan)
-        own.tension, own.line_out = _series((name, rope), rope, measured, lengths)
+    for name, rope in further:
+        rope_lift = lift.others[name] = MeasuredLift(np.nan)
+        rope_lift.tension, rope_lift.line_out = _series((name, rope), rope, measured, lengths)
     lift.heave = heave if len(heave.table) else hang_off
-    most = max(lift.ropes, key=lambda own: len(own.tension.table))
+    most_measured = max(lift.ropes, key=lambda rope: len(rope.tension.table))
     named = zip((winch, *lift.others), lift.ropes, strict=True)
-    for name, of, series, wanted in (
-        ("tension", winch, most.tension, f"{WINCH_MEASURED} with effort"),
+    for name, owner, series, topics in (
+        ("tension", winch, most_measured.tension, f"{WINCH_MEASURED} with effort"),
         *(
-            ("line out", of, own.line_out, f"{WINCH_MEASURED} with position, or {LENGTH}")
-            for of, own in named
+            ("line out", owner, rope_lift.line_out, f"{WINCH_MEASURED} with position, or {LENGTH}")
+            for owner, rope_lift in named
         ),
         ("heave", winch, lift.heave, f"{HEAVE} or {HANG_OFF}"),
     ):
         if len(series.table) < LEAST_SAMPLES:
-            what = f"{len(series.table)} samples of {name}"
-            of = f" of winch '{of}'" if of else ""
-            raise BagError(f"bag {bag.path}{of}", what, f"record {wanted}")
+            problem = f"{len(series.table)} samples of {name}"
+            suffix = f" of winch '{owner}'" if owner else ""
+            raise BagError(f"bag {bag.path}{suffix}", problem, f"record {topics}")
     if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
-    zero_s = min(float(own.tension.table[0, 0]) for own in lift.ropes if len(own.tension.table))
-    for own in lift.ropes:
-        own.tension, own.line_out = own.tension.less(zero_s, 0.0), own.line_out.less(zero_s, 0.0)
+    zero_s = min(
+        float(rope_lift.tension.table[0, 0])
+        for rope_lift in lift.ropes
+        if len(rope_lift.tension.table)
+    )
+    for rope_lift in lift.ropes:
+        rope_lift.tension, rope_lift.line_out = (
+            rope_lift.tension.less(zero_s, 0.0),
+            rope_lift.line_out.less(zero_s, 0.0),
+        )
     lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
     return RecordedLift(lift, session, refusal_words(refused), applied)
 
@@ -160,11 +167,11 @@ def _series(
     Line out that is not measured is that of its rope, or of the only one: another rope's would pass
     for it.
     """
-    found = next((measured[name] for name in names if name in measured), (Series(1), Series(1)))
-    if len(found[1].table):
-        return found
+    series = next((measured[name] for name in names if name in measured), (Series(1), Series(1)))
+    if len(series[1].table):
+        return series
     only = next(iter(lengths.values())) if len(lengths) == 1 else Series(1)
-    return found[0], lengths.get(rope, only)
+    return series[0], lengths.get(rope, only)
 
 
 def _applied(topic: str, data: bytes) -> dict[str, float]:
@@ -177,10 +184,10 @@ def _applied(topic: str, data: bytes) -> dict[str, float]:
         calls = calls_of(decode_json(topic, data).get("calls", []))
     except ValueError as error:
         raise InputError(INPUT_LOG_TOPIC, str(error), "give the bag as recorded") from error
-    given = (call.named for call in calls if call.method == "offer_figures")
+    accepted = (call.named for call in calls if call.method == "offer_figures")
     return {
         name: float(value)
-        for named in given
+        for named in accepted
         for name, value in named.items()
         if name in ROPE_FIGURES
     }
@@ -188,7 +195,7 @@ def _applied(topic: str, data: bytes) -> dict[str, float]:
 
 def _relative(hang_off: Series, session: Session | None, first_z: float | None) -> Series:
     """Return the hang-off's height relative to its rest: that of the scene, or its mean."""
-    rest = float(hang_off.table[:, 1].mean()) if first_z is None else first_z
+    rest_z = float(hang_off.table[:, 1].mean()) if first_z is None else first_z
     if session is not None:
-        rest = session.scene().ship.hang_off_m[2]
-    return hang_off.less(0.0, rest, 0.0)
+        rest_z = session.scene().ship.hang_off_m[2]
+    return hang_off.less(0.0, rest_z, 0.0)

@@ -82,25 +82,25 @@ def planned_lines(scene: Scene, line_out_m: float) -> Iterator[tuple[str, Floats
             ((down_s, -fast), (PAUSE_S, 0.0), (down_s * fast / slow, slow)),
         ),
     )
-    for words, legs in ways:
+    for name, legs in ways:
         speed = np.zeros_like(t)
-        at = BURN_IN_S
+        time_s = BURN_IN_S
         for seconds, value in legs:
-            speed[(t >= at) & (t < at + seconds)] = value
-            at += seconds
+            speed[(t >= time_s) & (t < time_s + seconds)] = value
+            time_s += seconds
         smooth = _limited(speed, winch.acceleration_limit_m_per_s2 / LINE_HZ)
         line = line_out_m + np.cumsum(smooth) / LINE_HZ
         if winch.least_line_out_m <= line.min() and line.max() <= winch.most_line_out_m:
-            yield words, t, line
+            yield name, t, line
 
 
-def _limited(speed: Floats, most: float) -> Floats:
+def _limited(speed: Floats, largest: float) -> Floats:
     """Return the speed with at most this change from sample to sample."""
-    made, now = np.empty_like(speed), 0.0
-    for k, wanted in enumerate(speed):
-        now += float(np.clip(wanted - now, -most, most))
-        made[k] = now
-    return made
+    limited, now = np.empty_like(speed), 0.0
+    for k, value in enumerate(speed):
+        now += float(np.clip(value - now, -largest, largest))
+        limited[k] = now
+    return limited
 
 
 def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussian]]:
@@ -121,18 +121,18 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
     posterior = estimator.results[-1].posterior
     line_out = float(model.lift.line_motion(np.array([estimator.state_s]))[0][0])
     state = dataclasses.replace(estimator.state, time_ns=0)
-    measured, found = model.lift, []
+    measured, expected = model.lift, []
     ramp_begin_s, model.ramp_begin_s = model.ramp_begin_s, -np.inf  # the ship moves already
     try:
-        for words, t, line in planned_lines(scene, line_out):
+        for name, t, line in planned_lines(scene, line_out):
             planned = MeasuredLift(measured.pin_noise_n)
             planned.heave.extend(recent[:, 0] - recent[0, 0], *recent[:, 1:].T)
             planned.line_out = Series(1)
             planned.line_out.extend(t, line)
-            for winch, own in measured.others.items():  # all winches run alike
-                planned.others[winch] = MeasuredLift(own.pin_noise_n)
-                out = float(own.line_motion(np.array([estimator.state_s]))[0][0])
-                planned.others[winch].line_out.extend(t, line - line_out + out)
+            for winch, winch_lift in measured.others.items():  # all winches run alike
+                planned.others[winch] = MeasuredLift(winch_lift.pin_noise_n)
+                line_out_m = float(winch_lift.line_motion(np.array([estimator.state_s]))[0][0])
+                planned.others[winch].line_out.extend(t, line - line_out + line_out_m)
             model.lift = planned
             prediction = model.predict(posterior.mean, state, 0.0, BURN_IN_S + BLOCK_S)
             if len(prediction.near_s):
@@ -140,15 +140,15 @@ def expected_after(estimator: Estimator, scene: Scene) -> list[tuple[str, Gaussi
             _, J = model.linearised(prediction, BURN_IN_S)
             count = len(J) // len(model.pins)
             R = noise.covariance(estimator.autocovariances(count, BURN_IN_S + BLOCK_S))
-            heard = [len(one.tension.table) > 0 for one in measured.ropes]
-            known = np.repeat(heard, count)
+            pins = [len(rope.tension.table) > 0 for rope in measured.ropes]
+            known = np.repeat(pins, count)
             solved = np.linalg.solve(R[np.ix_(known, known)], J[known])
             gained = TEMPER * J[known].T @ solved
             covariance = inverse(inverse(posterior.covariance) + gained)
-            found.append((words, Gaussian(posterior.mean, covariance)))
+            expected.append((name, Gaussian(posterior.mean, covariance)))
     finally:
         model.lift, model.ramp_begin_s = measured, ramp_begin_s
-    return found
+    return expected
 
 
 NORMAL_90 = 1.6448536269514722  # half width of a 90 % interval in standard deviations
@@ -213,7 +213,7 @@ def disagreement(estimator: Estimator) -> str:
         return ""
     begin_s, end_s = last.time_s[0] - 0.5 * MEAN_S, last.time_s[-1] + 0.5 * MEAN_S
     measured, _ = estimator.model.lift.means_of_pins(float(begin_s), float(end_s))
-    both = [float(np.nanmedian(one)) for one in (measured, measured - last.residual_n)]
+    both = [float(np.nanmedian(tension_n)) for tension_n in (measured, measured - last.residual_n)]
     return f"nothing is learned from {both[0]:.4g} N where the scene has {both[1]:.4g} N"
 
 
@@ -222,14 +222,14 @@ def estimates(
     prior: Prior,
     posterior: Gaussian,
     advice: dict[str, str] | None = None,
-    held: Sequence[str] = (),
+    at_limit: Sequence[str] = (),
 ) -> tuple[FigureEstimate, ...]:
     """Return the estimates of all figures that the scene has.
 
-    base: `base_values` of the scene; advice: by figure, what would tell more; held: figures at the
-    limit of the prior.
+    base: `base_values` of the scene; advice: by figure, what would tell more; at_limit: those at
+    the limit of the prior.
     """
-    found = []
+    figures = []
     names = prior.names
     hidden = [names.index(name) for name in NAMES if name not in REPORTED]
     correlation = posterior.correlation - np.eye(len(names))
@@ -244,10 +244,10 @@ def estimates(
             ends, start = base[name] * np.exp(ends), base[name] * np.exp(start)
         ratio = sd / before
         state = LEARNED if ratio < LEARNED_BELOW else WEAK if ratio < WEAK_BELOW else NOT_OBSERVABLE
-        state = AT_LIMIT if name in held else state
-        other = int(np.abs(correlation[k]).argmax())
-        tied = abs(correlation[k, other]) >= LEAST_CORRELATION
-        found.append(
+        state = AT_LIMIT if name in at_limit else state
+        correlated = int(np.abs(correlation[k]).argmax())
+        tied = abs(correlation[k, correlated]) >= LEAST_CORRELATION
+        figures.append(
             FigureEstimate(
                 name=name,
                 unit=figure_unit(name),
@@ -258,16 +258,16 @@ def estimates(
                 prior_sd=float(before),
                 sd=float(sd),
                 state=state,
-                correlated=names[other] if tied else "",
-                correlation=float(correlation[k, other]) if tied else 0.0,
+                correlated=names[correlated] if tied else "",
+                correlation=float(correlation[k, correlated]) if tied else 0.0,
                 advice=(advice or {}).get(name, ""),
             )
         )
-    return tuple(found)
+    return tuple(figures)
 
 
 def score_applied(
-    found: Sequence[FigureEstimate], base: dict[str, float], applied: dict[str, float]
+    figures: Sequence[FigureEstimate], base: dict[str, float], applied: dict[str, float]
 ) -> tuple[FigureEstimate, ...]:
     """Return the estimates with what a run took over, and how far that was off.
 
@@ -275,13 +275,14 @@ def score_applied(
     """
     return tuple(
         replace(
-            one,
-            applied=base[one.name] * applied[one.name],
-            applied_off_sds=float(np.log(base[one.name] * applied[one.name] / one.value)) / one.sd,
+            figure,
+            applied=base[figure.name] * applied[figure.name],
+            applied_off_sds=float(np.log(base[figure.name] * applied[figure.name] / figure.value))
+            / figure.sd,
         )
-        if one.name in applied
-        else one
-        for one in found
+        if figure.name in applied
+        else figure
+        for figure in figures
     )
 
 
@@ -305,16 +306,16 @@ def best_actions(
 
     actions: what could be done, and the Gaussian expected after it; names: of θ.
     """
-    found = {}
+    advice = {}
     for k, name in enumerate(names):
         sd = posterior.sd[k]
         words, after = min(
-            ((words, float(one.sd[k])) for words, one in actions),
+            ((words, float(belief.sd[k])) for words, belief in actions),
             key=lambda pair: pair[1], default=("", float(sd)),
         )  # fmt: skip
         if after < (1.0 - LEAST_GAIN) * sd:
-            found[name] = f"{words}: {_spread(name, sd)} to {_spread(name, after)}"
-    return found
+            advice[name] = f"{words}: {_spread(name, sd)} to {_spread(name, after)}"
+    return advice
 
 
 def tare_action(prior: Prior, posterior: Gaussian) -> tuple[str, Gaussian]:
@@ -351,40 +352,40 @@ def derived_mass_kg(base: dict[str, float], posterior: Gaussian, scene: Scene) -
     }
 
 
-def table(found: Sequence[FigureEstimate]) -> list[tuple[str, ...]]:
+def table(figures: Sequence[FigureEstimate]) -> list[tuple[str, ...]]:
     """Return the rows of a table for people, with a head."""
     head = ("figure", "value", "90 % interval", "prior", "prior sd", "sd", "state",
             "correlated with", "what would tell more")  # fmt: skip
-    scored = any(one.applied is not None for one in found)
+    scored = any(figure.applied is not None for figure in figures)
     lines: list[tuple[str, ...]] = [(*head, "taken over in the run")] if scored else [head]
-    for one in found:
-        tied = f"{one.correlated} {one.correlation:+.2f}" if one.correlated else "-"
+    for figure in figures:
+        tied = f"{figure.correlated} {figure.correlation:+.2f}" if figure.correlated else "-"
         lines.append((
-            f"{one.name} [{one.unit}]", f"{one.value:.4g}", f"{one.low:.4g} to {one.high:.4g}",
-            f"{one.prior:.4g}", _spread(one.name, one.prior_sd), _spread(one.name, one.sd),
-            one.state, tied, one.advice or "-",
-            *([_applied_words(one)] if scored else []),
+            f"{figure.name} [{figure.unit}]", f"{figure.value:.4g}",
+            f"{figure.low:.4g} to {figure.high:.4g}", f"{figure.prior:.4g}",
+            _spread(figure.name, figure.prior_sd), _spread(figure.name, figure.sd), figure.state,
+            tied, figure.advice or "-", *([_applied_words(figure)] if scored else []),
         ))  # fmt: skip
     return lines
 
 
-def _applied_words(one: FigureEstimate) -> str:
-    if one.applied is None or one.applied_off_sds is None:
+def _applied_words(figure: FigureEstimate) -> str:
+    if figure.applied is None or figure.applied_off_sds is None:
         return "-"
-    inside = "inside" if one.low <= one.applied <= one.high else "outside"
-    return f"{one.applied:.4g}, {inside} ({one.applied_off_sds:+.1f} sd)"
+    inside = "inside" if figure.low <= figure.applied <= figure.high else "outside"
+    return f"{figure.applied:.4g}, {inside} ({figure.applied_off_sds:+.1f} sd)"
 
 
-def held_words(held: Sequence[str]) -> str:
+def limit_words(at_limit: Sequence[str]) -> str:
     """Return that figures are at the limit of the prior, in words; "": none is."""
-    listed = ", ".join(held)
-    return f"at the limit of 4 prior sd: {listed}; check scene, units and signs" if held else ""
+    listed = ", ".join(at_limit)
+    return f"at the limit of 4 prior sd: {listed}; check scene, units and signs" if at_limit else ""
 
 
 def not_measured(lift: MeasuredLift) -> list[str]:
     """Return which of several load pins is not measured, in words; empty: none."""
     named = {"the main winch": lift, **lift.others}
-    mute = [name for name, one in named.items() if not len(one.tension.table)]
+    mute = [name for name, rope in named.items() if not len(rope.tension.table)]
     if not mute or len(mute) == len(named):
         return []
     return [f"no tension of {', '.join(mute)}: learned from the other load pins alone"]
@@ -402,42 +403,43 @@ def counter_words(bars: Sequence[Bar], lift: MeasuredLift, pin_noise_n: Floats) 
         pin_noise_n: standard deviation of a mean of each load pin, (pins,) [N].
     """
     left_n = np.array([
-        float(np.sqrt(SMOOTHING_LEAVES / 12.0)) * own.line_resolution_m()
+        float(np.sqrt(SMOOTHING_LEAVES / 12.0)) * rope_lift.line_resolution_m()
         / float((bar.length_m / bar.EA_n).sum())
-        for bar, own in zip(bars, lift.ropes, strict=True)
+        for bar, rope_lift in zip(bars, lift.ropes, strict=True)
     ])  # fmt: skip
-    worst = int((left_n / pin_noise_n).argmax())
-    if left_n[worst] <= COUNTER_SHARE * pin_noise_n[worst]:
+    coarsest = int((left_n / pin_noise_n).argmax())
+    if left_n[coarsest] <= COUNTER_SHARE * pin_noise_n[coarsest]:
         return []
-    sizes = (
-        f"{left_n[worst] * 1e-3:.2g} kN, the load pin's noise is {pin_noise_n[worst] * 1e-3:.2g} kN"
-    )
-    what = "the intervals of the rope's figures may be too narrow"
-    return [f"the line counter is coarse for a rope so stiff (its rounding is {sizes}): {what}"]
+    left_kn, noise_kn = left_n[coarsest] * 1e-3, pin_noise_n[coarsest] * 1e-3
+    sizes = f"{left_kn:.2g} kN, the load pin's noise is {noise_kn:.2g} kN"
+    effect = "the intervals of the rope's figures may be too narrow"
+    return [f"the line counter is coarse for a rope so stiff (its rounding is {sizes}): {effect}"]
 
 
 def left_out_words(last: BlockResult) -> list[str]:
     """Return why shares of the last minute were left out, in words, and if too little was left."""
-    found = []
+    remarks = []
     if last.near > 0.0:
         where = "payload near the surface or the seabed"
-        found.append(f"{last.near:.0%} of the last minute left out: {where}")
+        remarks.append(f"{last.near:.0%} of the last minute left out: {where}")
     if last.stopped > 0.0:
         where = "the load pin at an end of its range"
-        found.append(f"{last.stopped:.0%} of the last minute left out: {where}")
-    if last.used < LEAST_USED and not found:
-        most = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
+        remarks.append(f"{last.stopped:.0%} of the last minute left out: {where}")
+    if last.used < LEAST_USED and not remarks:
+        compared = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
         rate = f"tension comes below {LEAST_USED / MEAN_S:g} Hz"
-        found.append(f"{most}: a sensor is missing, {rate}, or the rope is slack")
+        remarks.append(f"{compared}: a sensor is missing, {rate}, or the rope is slack")
     if last.nis >= POOR_NIS:
         times = f"{np.sqrt(last.nis):.2g} times what sensors and heave explain"
-        what = "learned with noise that large; check clocks and scene"
-        found.append(f"the last minute's tension is off by {times}, whatever the figures: {what}")
-    return found
+        effect = "learned with noise that large; check clocks and scene"
+        remarks.append(
+            f"the last minute's tension is off by {times}, whatever the figures: {effect}"
+        )
+    return remarks
 
 
 def as_json(
-    found: Sequence[FigureEstimate],
+    figures: Sequence[FigureEstimate],
     results: Sequence[BlockResult],
     derived: dict[str, float],
     winches: Sequence[str] = (),
@@ -448,17 +450,17 @@ def as_json(
     """
     blocks = [
         {
-            "end_s": one.end_s, "used": one.used, "near": one.near,
-            "stopped": one.stopped,
-            "nis": None if np.isnan(one.nis) else one.nis,
-            "held": list(one.held), "used_of_pins": list(one.used_of_pins),
-            "mean": one.posterior.mean.tolist(),
-            "sd": one.posterior.sd.tolist(),
+            "end_s": result.end_s, "used": result.used, "near": result.near,
+            "stopped": result.stopped,
+            "nis": None if np.isnan(result.nis) else result.nis,
+            "held": list(result.at_limit), "used_of_pins": list(result.used_of_pins),
+            "mean": result.posterior.mean.tolist(),
+            "sd": result.posterior.sd.tolist(),
         }
-        for one in results
+        for result in results
     ]  # fmt: skip
     return {
-        "figures": [asdict(one) for one in found],
+        "figures": [asdict(figure) for figure in figures],
         "derived": derived,
         "pins": ["winch", *winches],
         "parameters": list(names_of(winches)),
@@ -469,7 +471,7 @@ def as_json(
 def history(results: Sequence[BlockResult]) -> tuple[Floats, Floats, Floats]:
     """Return end times [s] (blocks,), and mean and sd of θ after each block (blocks, figures)."""
     return (
-        np.array([one.end_s for one in results]),
-        np.array([one.posterior.mean for one in results]),
-        np.array([one.posterior.sd for one in results]),
+        np.array([result.end_s for result in results]),
+        np.array([result.posterior.mean for result in results]),
+        np.array([result.posterior.sd for result in results]),
     )

@@ -84,9 +84,9 @@ def slack_mean(
         return None
     inertia = (mass_kg * (2.0 * np.pi * FREQUENCY_HZ) ** 2).astype(complex)
     octaves = tension_error_autocovariance(inertia, 2.0 * heave_psd, len(left_out), MEAN_S)
-    own = np.flatnonzero(left_out)
-    whole = (covariance + toeplitz(octaves.sum(axis=0)))[np.ix_(own, own)]
-    solved = cho_solve(cho_factor(whole, lower=True), np.ones(len(own)))
+    samples = np.flatnonzero(left_out)
+    total = (covariance + toeplitz(octaves.sum(axis=0)))[np.ix_(samples, samples)]
+    solved = cho_solve(cho_factor(total, lower=True), np.ones(len(samples)))
     weights = np.zeros(len(left_out))
-    weights[own] = solved / solved.sum()
+    weights[samples] = solved / solved.sum()
     return SlackMean(np.tile(weights, pins), float(1.0 / solved.sum()))

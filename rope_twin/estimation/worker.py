@@ -119,12 +119,12 @@ class Worker:
 
     def _pass_on(self) -> None:
         while self._waiting:
-            one = self._waiting.popleft()
-            if isinstance(one, Ask):
-                one.act()
+            inputs = self._waiting.popleft()
+            if isinstance(inputs, Ask):
+                inputs.act()
                 continue
             for task in self._tasks:
-                task.take(one)
+                task.take(inputs)
 
     def _part(self, task: Task) -> bool:
         try:

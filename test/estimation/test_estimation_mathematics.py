@@ -442,8 +442,8 @@ def test_prior_of_a_scene() -> None:
     assert prior.tared().sd[INDEX[BIAS]] == pytest.approx(300.0)
     assert prior_of(Learning(), 200e3).pin_noise_n == pytest.approx(0.0075 * 300e3)
     far = prior.mean + 5.0 * prior.sd
-    assert prior.held(prior.within(far)) == NAMES
-    assert prior.held(prior.within(prior.mean)) == ()
+    assert prior.at_limit(prior.within(far)) == NAMES
+    assert prior.at_limit(prior.within(prior.mean)) == ()
     with pytest.raises(InputError, match="did you mean 'tension_bias'"):
         prior.gaussian.with_figure("tension_bia", 0.0, 1.0)
     with pytest.raises(InputError, match="positive deviation"):
@@ -470,9 +470,9 @@ def test_friction_at_zero_is_reported_as_held() -> None:
     """The limit of what is possible lies within the standard deviations of the prior."""
     prior = prior_of(Learning(friction_pct=2.0, friction_uncertainty_pct=1.0), 3e5)
     theta = prior.mean.copy()
-    assert prior.held(theta) == ()
+    assert prior.at_limit(theta) == ()
     theta[INDEX[FRICTION]] = -0.001
-    assert prior.held(prior.within(theta)) == (FRICTION,)
+    assert prior.at_limit(prior.within(theta)) == (FRICTION,)
 
 
 def test_samples_that_are_not_used_do_not_lower_the_noise() -> None:

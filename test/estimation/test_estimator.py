@@ -24,7 +24,7 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import LONGEST_STEP_S, LiftModel, elements_of
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
-from rope_twin.estimation.report import base_values, estimates, held_words, left_out_words
+from rope_twin.estimation.report import base_values, estimates, left_out_words, limit_words
 from rope_twin.messages.reports import STATES
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 
@@ -125,13 +125,13 @@ def test_a_figure_at_the_limit_of_its_prior_is_not_called_learned() -> None:
     made = estimator(frozen)
     made.run(120.0)
     (last,) = made.results
-    found = estimates(base_values(scene()), made.prior, last.posterior, held=last.held)
+    found = estimates(base_values(scene()), made.prior, last.posterior, at_limit=last.at_limit)
     states = {one.name: one.state for one in found}
-    assert "oscillating_mass" in last.held
+    assert "oscillating_mass" in last.at_limit
     assert states["oscillating_mass"] == "at limit"
     assert STATES.index(states["oscillating_mass"]) == 3
-    assert "oscillating_mass" in held_words(last.held)
-    assert held_words(()) == ""
+    assert "oscillating_mass" in limit_words(last.at_limit)
+    assert limit_words(()) == ""
 
 
 def test_a_minute_that_no_figures_explain_is_believed_as_noise_that_large() -> None:
