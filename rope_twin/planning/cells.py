@@ -89,7 +89,7 @@ class PhaseWork:
     def static_use(self) -> float:
         """Return the largest use of a limit by the static hook load, in flat water."""
         hook = [limit.most for limit in self.limits if limit.quantity == "hook_load"]
-        return max((self.static_hook_n / most for most in hook), default=0.0)
+        return max((self.static_hook_n / limit_n for limit_n in hook), default=0.0)
 
     @property
     def static_hook_n(self) -> float:
@@ -195,16 +195,16 @@ class Cell:
         Raises:
             RopeTwinError: a run cannot start.
         """
-        found, work = [], self.work
+        rows, work = [], self.work
         for leg in work.legs:
             numbers = [self.run_number(height, leg.number, k) for k in range(seeds)]
-            kept = {number: self.store.get(number) for number in numbers}
-            lacking = [k for k, number in enumerate(numbers) if kept[number] is None]
-            if lacking:
-                made = self._run(height, leg, lacking)
-                kept |= {int(row["run"]): row for row in made}
-            found += [row for row in kept.values() if row is not None]
-        return found
+            row_of_run = {number: self.store.get(number) for number in numbers}
+            missing_seeds = [k for k, number in enumerate(numbers) if row_of_run[number] is None]
+            if missing_seeds:
+                new_rows = self._run(height, leg, missing_seeds)
+                row_of_run |= {int(row["run"]): row for row in new_rows}
+            rows += [row for row in row_of_run.values() if row is not None]
+        return rows
 
     def row_at(self, setting: Setting, height: int, leg: int, seed: int) -> Row:
         """Return the row of a run at another setting, which gives the error of that seed's own.
@@ -212,9 +212,9 @@ class Cell:
         Raises:
             RopeTwinError: the run cannot start.
         """
-        kept = self.store.get(self.run_number(height, leg, seed, ERROR))
-        if kept is not None:
-            return kept
+        stored = self.store.get(self.run_number(height, leg, seed, ERROR))
+        if stored is not None:
+            return stored
         other = self.work.legs[leg].at_setting(setting)
         return self._run(height, other, [seed], ERROR)[0]
 
@@ -223,16 +223,16 @@ class Cell:
     ) -> list[Row]:
         """Run seeds of a leg, which is at a setting, and keep their rows."""
         sea, plan, work = self.sea(self.heights_m[height]), self.plan, self.work
-        own = [sea_seed(plan.method.seed, work.number, leg.number, k) for k in seeds]
-        made = [
+        sea_seeds = [sea_seed(plan.method.seed, work.number, leg.number, k) for k in seeds]
+        rows = [
             run_row(
                 self.run_number(height, leg.number, k, purpose), work.title, leg, sea, k, row,
                 purpose,
             )
-            for k, row in zip(seeds, run_seeds(leg, work.ship, sea, own), strict=True)
+            for k, row in zip(seeds, run_seeds(leg, work.ship, sea, sea_seeds), strict=True)
         ]  # fmt: skip
-        self.store.add(made)
-        return made
+        self.store.add(rows)
+        return rows
 
     def judge(self, height: int, narrow: bool = False, more: bool = False) -> Judgement:
         """Return the judgement of a height, with seeds as many as the decision takes.
@@ -249,17 +249,21 @@ class Cell:
             try:
                 rows = self.rows(height, seeds)
             except RopeTwinError as error:
-                found = Judgement(self.heights_m[height], 0, {}, {}, 0.0, 0, str(error))
+                judgement = Judgement(self.heights_m[height], 0, {}, {}, 0.0, 0, str(error))
                 break
             weight = self.work.weight_n
-            found = judge(self.plan, self.work.limits, rows, self.heights_m[height], weight)
-            if found.narrow(method.within) or (found.clear and not narrow) or found.failures:
+            judgement = judge(self.plan, self.work.limits, rows, self.heights_m[height], weight)
+            if (
+                judgement.narrow(method.within)
+                or (judgement.clear and not narrow)
+                or judgement.failures
+            ):
                 break
             if seeds >= method.seeds.most:
                 break
             seeds = min(seeds + method.seeds.start, method.seeds.most)
-        self.judged[height] = found
-        return found
+        self.judged[height] = judgement
+        return judgement
 
     def simplified(self, height_m: float) -> list[Simplified]:
         """Return the simplified method's values of each leg; it has none in multi-line systems."""
@@ -275,10 +279,10 @@ class Cell:
 
     def simplified_use(self, height: int) -> float:
         """Return the largest use of a limit at a height by the simplified method."""
-        found = self.simplified(self.heights_m[height])
-        if not found:  # it has no formulas for these ropes
+        loads = self.simplified(self.heights_m[height])
+        if not loads:  # it has no formulas for these ropes
             return math.inf
-        uses = simplified_uses(self.work.limits, found, self.work.weight_n)
+        uses = simplified_uses(self.work.limits, loads, self.work.weight_n)
         return max(uses.values(), default=0.0)
 
     def find(self, refine: Callable[[Cell, int, Judgement], float] | None = None) -> CellLimit:
@@ -288,27 +292,32 @@ class Cell:
         """
         simple = self.simplified_limit()
         last = bisect(len(self.heights_m), lambda k: self.judge(k).passed, max(simple, 0))
-        at = self.judge(last, narrow=True) if last >= 0 else None
-        if at is not None and not at.passed:  # more seeds may turn a decision that was not clear
+        judgement = self.judge(last, narrow=True) if last >= 0 else None
+        # more seeds may turn a decision that was not clear
+        if judgement is not None and not judgement.passed:
             last = bisect(last, lambda k: self.judge(k, narrow=True).passed, last - 1)
-            at = self.judged[last] if last >= 0 else None
+            judgement = self.judged[last] if last >= 0 else None
         top = len(self.heights_m) - 1
         beyond = self.judge(last + 1) if last < top else None
         crossing, low, high = self._crossing()
-        wanted, most = self.plan.method.height_within_m, self.plan.method.seeds.most
-        while wanted is not None and 0.5 * (high - low) > wanted and beyond is not None:
-            pair = [k for k in (last, last + 1) if k >= 0 and self.judged[k].seeds < most]
+        tolerance_m, max_seeds = self.plan.method.height_within_m, self.plan.method.seeds.most
+        while tolerance_m is not None and 0.5 * (high - low) > tolerance_m and beyond is not None:
+            pair = [k for k in (last, last + 1) if k >= 0 and self.judged[k].seeds < max_seeds]
             if not pair or beyond.fault or beyond.failures:
                 break
             for k in pair:
                 self.judge(k, more=True)
             last = bisect(len(self.heights_m), lambda k: self.judge(k).passed, last)
-            at = self.judge(last, narrow=True) if last >= 0 else None
+            judgement = self.judge(last, narrow=True) if last >= 0 else None
             beyond = self.judge(last + 1) if last < top else None
             crossing, low, high = self._crossing()
-        decisive = beyond or at
+        decisive = beyond or judgement
         assert decisive is not None
-        error = refine(self, last, at) if refine is not None and at is not None else math.nan
+        error = (
+            refine(self, last, judgement)
+            if refine is not None and judgement is not None
+            else math.nan
+        )
         plan, work = self.plan, self.work
         grid_end = top == len(plan.sea.hs_m.values) - 1
         cap = "end of the grid" if grid_end else "higher waves break"
@@ -324,14 +333,14 @@ class Cell:
             high_m=high,
             capped="" if last < top else cap,
             governing=decisive.governing or decisive.fault,
-            judged=at,
+            judged=judgement,
             beyond=beyond,
             simplified_height_m=self.heights_m[simple] if simple >= 0 else None,
             simplified_capped=cap if by_hand and simple == top else "",
             simplified=tuple(by_hand),
             error=error,
             heights=len(self.judged),
-            runs=sum(one.seeds for one in self.judged.values()) * len(work.legs),
+            runs=sum(judged.seeds for judged in self.judged.values()) * len(work.legs),
             settings=work.settings,
             refinements=self.refinements,
         )
@@ -343,10 +352,12 @@ class Cell:
         judged height, 0 if the static load is too large.
         """
         judged = [self.judged[k] for k in sorted(self.judged) if self.judged[k].uses]
-        heights = [0.0, *(one.height_m for one in judged)]
+        heights = [0.0, *(judgement.height_m for judgement in judged)]
 
         def crossing(side: str) -> float:
-            uses = [max(getattr(use, side) for use in one.uses.values()) for one in judged]
+            uses = [
+                max(getattr(use, side) for use in judgement.uses.values()) for judgement in judged
+            ]
             levels = np.maximum.accumulate([self.work.static_use, *uses])
             above = np.flatnonzero(levels > 1.0)
             if not above.size:
@@ -366,14 +377,14 @@ def bisect(count: int, passes: Callable[[int], bool], guess: int | None = None) 
     guess: where to look first; from there in doubled steps until the border is enclosed.
     """
     low, high, step = -1, count, 1
-    at = guess
+    trial = guess
     while high - low > 1:
-        middle = (low + high) // 2 if at is None else min(max(at, low + 1), high - 1)
+        middle = (low + high) // 2 if trial is None else min(max(trial, low + 1), high - 1)
         if passes(middle):
             low = middle
-            at = None if at is None or high < count else low + step
+            trial = None if trial is None or high < count else low + step
         else:
             high = middle
-            at = None if at is None or low >= 0 else high - step
+            trial = None if trial is None or low >= 0 else high - step
         step *= 2
     return low

@@ -134,8 +134,8 @@ def _over_cells(result: PlanResult, value: Callable[[CellLimit], Any], *more: in
 def _limits(result: PlanResult) -> Named:
     """Yield name and content of each variable over the cells."""
 
-    def over(value: Callable[[CellLimit], Any], name: str, words: str, **more: str) -> Any:
-        return name, (CELL, _over_cells(result, value), _attributes(name, words, **more))
+    def over(value: Callable[[CellLimit], Any], name: str, long_name: str, **more: str) -> Any:
+        return name, (CELL, _over_cells(result, value), _attributes(name, long_name, **more))
 
     def at_limit(name: str) -> Callable[[CellLimit], float]:
         return lambda cell: math.nan if cell.judged is None else getattr(cell.judged, name)
@@ -146,14 +146,14 @@ def _limits(result: PlanResult) -> Named:
                standard_name="sea_surface_wave_significant_height",
                ancillary_variables="crossing_hs_m crossing_hs_interval_m capped governing")
     yield over(lambda cell: cell.crossing_m, "crossing_hs_m", "Hs at which the largest use is 1")
-    both = _over_cells(result, lambda cell: (cell.low_m, cell.high_m), 2)
-    words = "interval of the Hs at which the largest use is 1"
-    yield "crossing_hs_interval_m", ((*CELL, "bound"), both, _attributes("_m", words))
-    for name, words in (("capped", "why no higher sea was judged; empty: it was"),
-                        ("simplified_capped", "likewise by the simplified method"),
-                        ("governing", "criterion that the next height breaks")):
+    intervals = _over_cells(result, lambda cell: (cell.low_m, cell.high_m), 2)
+    description = "interval of the Hs at which the largest use is 1"
+    yield "crossing_hs_interval_m", ((*CELL, "bound"), intervals, _attributes("_m", description))
+    for name, description in (("capped", "why no higher sea was judged; empty: it was"),
+                              ("simplified_capped", "likewise by the simplified method"),
+                              ("governing", "criterion that the next height breaks")):
         texts = _over_cells(result, operator.attrgetter(name))
-        yield name, (CELL, texts, {"long_name": words})
+        yield name, (CELL, texts, {"long_name": description})
     yield over(lambda cell: cell.error, "discretisation_error",
                "error of the governing run's hook load and least load from mesh and step")
     yield over(lambda cell: cell.setting.elements, "elements", "elements of the governing run")
@@ -165,37 +165,37 @@ def _limits(result: PlanResult) -> Named:
     yield over(lambda cell: cell.runs, "runs", "runs of the cell")
     yield over(lambda cell: or_nan(cell.simplified_height_m), "simplified_hs_m",
                "largest Hs by the simplified method of DNV-RP-N103")
-    yield over(lambda cell: max(one.hook_n for one in cell.simplified), "simplified_hook_load_n",
+    yield over(lambda cell: max(load.hook_n for load in cell.simplified), "simplified_hook_load_n",
                "hook load by the simplified method of DNV-RP-N103, at the limiting height")
     # fmt: on
     for key, quantity in QUANTITIES.items():
         yield from _values(result, key, quantity)
     keys = _criteria(result)
     uses = _over_cells(result, lambda cell: [_use(cell, key) for key in keys], len(keys))
-    words = "characteristic value over its limit, at the limiting height; NaN: no such limit"
-    yield "use", ((*CELL, "criterion"), uses, _attributes("use", words))
+    description = "characteristic value over its limit, at the limiting height; NaN: no such limit"
+    yield "use", ((*CELL, "criterion"), uses, _attributes("use", description))
 
 
 def _values(result: PlanResult, key: str, quantity: Quantity) -> Named:
     """Yield a characteristic value at the limit and its interval, in SI units; none if no cell
     has it.
     """
-    suffix, words = SUFFIXES[quantity.unit], quantity.words
+    suffix, long_name = SUFFIXES[quantity.unit], quantity.words
 
     def ends(cell: CellLimit) -> tuple[float, float, float]:
         if cell.judged is None or key not in cell.judged.values:
             return math.nan, math.nan, math.nan
-        own = cell.judged.values[key]
-        return own.value, own.low, own.high
+        value = cell.judged.values[key]
+        return value.value, value.low, value.high
 
-    found = _over_cells(result, ends, 3).astype(float)
-    if np.isnan(found).all():
+    values = _over_cells(result, ends, 3).astype(float)
+    if np.isnan(values).all():
         return
     name, interval = f"{key}{suffix}", f"{key}_interval{suffix}"
-    attributes = _attributes(name, f"characteristic {words}", ancillary_variables=interval)
-    yield name, (CELL, found[..., 0], attributes)
-    attributes = _attributes(interval, f"interval of the characteristic {words}")
-    yield interval, ((*CELL, "bound"), found[..., 1:], attributes)
+    attributes = _attributes(name, f"characteristic {long_name}", ancillary_variables=interval)
+    yield name, (CELL, values[..., 0], attributes)
+    attributes = _attributes(interval, f"interval of the characteristic {long_name}")
+    yield interval, ((*CELL, "bound"), values[..., 1:], attributes)
 
 
 def _use(cell: CellLimit, key: str) -> float:
@@ -208,17 +208,17 @@ def _phases(result: PlanResult) -> Named:
     """Yield name and content of each variable over the phases."""
     keys = _criteria(result)
     works = result.works
-    for name, words, values in (
+    for name, long_name, values in (
         ("depth_begin_m", "depth of the payload at the start", [w.legs[0].from_m for w in works]),
         ("depth_end_m", "depth of the payload at the end", [w.legs[-1].to_m for w in works]),
         ("static_hook_load_n", "largest static hook load", [w.static_hook_n for w in works]),
         ("payload_submerged_n", "submerged weight of the payload", [w.weight_n for w in works]),
     ):
-        yield name, ("phase", values, _attributes(name, words))
+        yield name, ("phase", values, _attributes(name, long_name))
     limits = [{limit.key: limit.most for limit in work.limits} for work in result.works]
     table = [[limit.get(key, math.nan) for key in keys] for limit in limits]
-    words = "limit of each criterion, in its `criterion_unit`; NaN: none"
-    yield "criterion_limit", (("phase", "criterion"), table, {"long_name": words})
+    long_name = "limit of each criterion, in its `criterion_unit`; NaN: none"
+    yield "criterion_limit", (("phase", "criterion"), table, {"long_name": long_name})
 
 
 def _runs(result: PlanResult) -> Named:
@@ -233,5 +233,5 @@ def _runs(result: PlanResult) -> Named:
         yield ("run" if name == "run" else f"run_{name}"), ("run", values, attributes)
 
 
-def _attributes(name: str, words: str, **more: str) -> dict[str, str]:
-    return {"long_name": words, "units": unit_of(name)} | more
+def _attributes(name: str, long_name: str, **more: str) -> dict[str, str]:
+    return {"long_name": long_name, "units": unit_of(name)} | more

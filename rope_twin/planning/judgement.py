@@ -86,9 +86,9 @@ def fit_gumbel(maxima: Floats) -> Gumbel:
 def _pivots(count: int, probability: float) -> Floats:
     """Return sorted values of (x̂_p - x_p)/β̂ over samples of the standard distribution."""
     uniform = np.random.default_rng([20_260_101, count]).random((REPETITIONS, count))
-    fitted = fit_gumbel(-np.log(-np.log(uniform)))
+    gumbel = fit_gumbel(-np.log(-np.log(uniform)))
     true = -math.log(-math.log(probability))
-    return np.sort((fitted.quantile(probability) - true) / fitted.scale)
+    return np.sort((gumbel.quantile(probability) - true) / gumbel.scale)
 
 
 @dataclass(frozen=True)
@@ -135,11 +135,11 @@ def characteristic_maximum(
         problem = f"percentile {percentile:g} with confidence {confidence:g}"
         raise InputError("extremes", problem, "give 0 to 100 % and 0 to 1, between the ends")
     probability = 0.01 * percentile
-    fitted = fit_gumbel(sample)
-    value, scale = float(fitted.quantile(probability)), float(fitted.scale)
+    gumbel = fit_gumbel(sample)
+    value, scale = float(gumbel.quantile(probability)), float(gumbel.scale)
     tail = 0.5 * (1.0 - confidence)
-    least, most = np.quantile(_pivots(len(sample), probability), [tail, 1.0 - tail])
-    return Extreme(value, value - scale * float(most), value - scale * float(least), len(sample))
+    low, high = np.quantile(_pivots(len(sample), probability), [tail, 1.0 - tail])
+    return Extreme(value, value - scale * float(high), value - scale * float(low), len(sample))
 
 
 def rayleigh_factor(cycles: float, percentile: float) -> float:
@@ -190,38 +190,38 @@ class Limit:
 
 def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
     """Return the criteria that apply to a phase."""
-    criteria, found, weight = plan.criteria, [], legs[0].payload_n
+    criteria, limits, weight = plan.criteria, [], legs[0].payload_n
     if criteria.swl_n is not None:
-        found.append(Limit("swl_n", "hook_load", criteria.swl_n, "SWL"))
+        limits.append(Limit("swl_n", "hook_load", criteria.swl_n, "SWL"))
     if criteria.safety_factor is not None:
         breaking = scene.ropes[0].breaking_load_n
-        words = f"MBL/{criteria.safety_factor:g}"
-        found.append(Limit("safety_factor", "hook_load", breaking / criteria.safety_factor, words))
+        label = f"MBL/{criteria.safety_factor:g}"
+        limits.append(Limit("safety_factor", "hook_load", breaking / criteria.safety_factor, label))
     if legs[0].ropes:
-        found = list(_rope_limits(criteria, legs[0].ropes))
+        limits = list(_rope_limits(criteria, legs[0].ropes))
     if plan.slings is not None:
         shares = sling_shares(plan.slings, weight)
-        most = plan.slings.strength_n / float(shares.largest.max())
-        found.append(Limit("slings", "lower_end_load", most, "slings"))
+        limit = plan.slings.strength_n / float(shares.largest.max())
+        limits.append(Limit("slings", "lower_end_load", limit, "slings"))
     if criteria.uplift_share is not None and not legs[0].ropes:
-        found.append(Limit("uplift_share", "uplift", criteria.uplift_share, "slack"))
+        limits.append(Limit("uplift_share", "uplift", criteria.uplift_share, "slack"))
     if criteria.least_tension_n is not None:
-        most = weight - criteria.least_tension_n
-        found.append(Limit("least_tension_n", "loss", most, "least tension"))
+        limit = weight - criteria.least_tension_n
+        limits.append(Limit("least_tension_n", "loss", limit, "least tension"))
     if criteria.landing_speed_m_per_s is not None and legs[0].bed_m is not None:
-        most = criteria.landing_speed_m_per_s
-        found.append(Limit("landing_speed_m_per_s", "landing_speed", most, "landing speed"))
+        limit = criteria.landing_speed_m_per_s
+        limits.append(Limit("landing_speed_m_per_s", "landing_speed", limit, "landing speed"))
     if criteria.re_hit_m_per_s is not None and legs[0].deck_m is not None:
-        most = max(criteria.re_hit_m_per_s, LEAST_SPEED)
-        found.append(Limit("re_hit_m_per_s", "re_hit", most, "re-hit"))
+        limit = max(criteria.re_hit_m_per_s, LEAST_SPEED)
+        limits.append(Limit("re_hit_m_per_s", "re_hit", limit, "re-hit"))
     if criteria.offset_m is not None:
-        found.append(Limit("offset_m", "offset", criteria.offset_m, "offset"))
+        limits.append(Limit("offset_m", "offset", criteria.offset_m, "offset"))
     if criteria.stroke_m is not None:
-        found.append(Limit("stroke_m", "stroke", criteria.stroke_m, "stroke"))
+        limits.append(Limit("stroke_m", "stroke", criteria.stroke_m, "stroke"))
     if criteria.compensation_speed_m_per_s is not None:
-        most = criteria.compensation_speed_m_per_s
-        found.append(Limit("compensation_speed_m_per_s", "stroke_speed", most, "AHC speed"))
-    return found
+        limit = criteria.compensation_speed_m_per_s
+        limits.append(Limit("compensation_speed_m_per_s", "stroke_speed", limit, "AHC speed"))
+    return limits
 
 
 def _rope_limits(criteria: Criteria, ropes: Sequence[RopeAtRest]) -> Iterator[Limit]:
@@ -231,12 +231,12 @@ def _rope_limits(criteria: Criteria, ropes: Sequence[RopeAtRest]) -> Iterator[Li
         if criteria.swl_n is not None and rope.from_ship:
             yield Limit(f"swl_n[{rope.name}]", load, criteria.swl_n, f"SWL {rope.name}")
         if criteria.safety_factor is not None:
-            most = rope.breaking_load_n / criteria.safety_factor
-            words = f"MBL/{criteria.safety_factor:g} {rope.name}"
-            yield Limit(f"safety_factor[{rope.name}]", load, most, words)
+            limit_n = rope.breaking_load_n / criteria.safety_factor
+            label = f"MBL/{criteria.safety_factor:g} {rope.name}"
+            yield Limit(f"safety_factor[{rope.name}]", load, limit_n, label)
         if criteria.uplift_share is not None and rope.lower_n > 0.0:
-            words = f"slack {rope.name}"
-            yield Limit(f"uplift_share[{rope.name}]", loss, criteria.uplift_share, words)
+            label = f"slack {rope.name}"
+            yield Limit(f"uplift_share[{rope.name}]", loss, criteria.uplift_share, label)
 
 
 def plain_name(name: str) -> str:
@@ -247,8 +247,8 @@ def plain_name(name: str) -> str:
 def quantity_of(name: str) -> Quantity:
     """Return words, unit and scale of a quantity, such as `hook_load` or `rope_load[fore]`."""
     known, _, rope = name.partition("[")
-    found = QUANTITIES[known]
-    return found._replace(words=f"{found.words}, {rope[:-1]}") if rope else found
+    quantity = QUANTITIES[known]
+    return quantity._replace(words=f"{quantity.words}, {rope[:-1]}") if rope else quantity
 
 
 def samples_of(rows: Sequence[Row], weight_n: float) -> dict[str, list[float]]:
@@ -259,21 +259,21 @@ def samples_of(rows: Sequence[Row], weight_n: float) -> dict[str, list[float]]:
     by_seed: dict[int, list[Row]] = {}
     for row in rows:
         by_seed.setdefault(int(row["seed"]), []).append(row)
-    found: dict[str, list[float]] = {name: [] for name in QUANTITIES if "rope_" not in name}
-    for own in (by_seed[seed] for seed in sorted(by_seed)):
-        found["hook_load"].append(max(row["top_max_n"] for row in own))
-        found["uplift"].append(max(1.0 - row["payload_min_n"] / weight_n for row in own))
-        found["lower_end_load"].append(max(row["payload_max_n"] for row in own))
-        found["loss"].append(max(weight_n - row["least_n"] for row in own))
-        found["landing_speed"].append(max(row["landing_speed_m_per_s"] for row in own))
-        found["re_hit"].append(max(row["re_hit_m_per_s"] for row in own))
-        found["offset"].append(max(row["offset_m"] for row in own))
-        found["stroke"].append(max(row["stroke_m"] for row in own))
-        found["stroke_speed"].append(max(row["stroke_speed_m_per_s"] for row in own))
+    samples: dict[str, list[float]] = {name: [] for name in QUANTITIES if "rope_" not in name}
+    for rows_of_seed in (by_seed[seed] for seed in sorted(by_seed)):
+        samples["hook_load"].append(max(row["top_max_n"] for row in rows_of_seed))
+        samples["uplift"].append(max(1.0 - row["payload_min_n"] / weight_n for row in rows_of_seed))
+        samples["lower_end_load"].append(max(row["payload_max_n"] for row in rows_of_seed))
+        samples["loss"].append(max(weight_n - row["least_n"] for row in rows_of_seed))
+        samples["landing_speed"].append(max(row["landing_speed_m_per_s"] for row in rows_of_seed))
+        samples["re_hit"].append(max(row["re_hit_m_per_s"] for row in rows_of_seed))
+        samples["offset"].append(max(row["offset_m"] for row in rows_of_seed))
+        samples["stroke"].append(max(row["stroke_m"] for row in rows_of_seed))
+        samples["stroke_speed"].append(max(row["stroke_speed_m_per_s"] for row in rows_of_seed))
     for name in next(iter(by_seed.values()), [{}])[0]:
         if name.startswith(("rope_load[", "rope_loss[")):
-            found[name] = [max(row[name] for row in by_seed[seed]) for seed in sorted(by_seed)]
-    return {name: values for name, values in found.items() if np.isfinite(values).all()}
+            samples[name] = [max(row[name] for row in by_seed[seed]) for seed in sorted(by_seed)]
+    return {name: values for name, values in samples.items() if np.isfinite(values).all()}
 
 
 @dataclass(frozen=True)
@@ -323,7 +323,7 @@ class Judgement:
         count = [use for use in self.uses.values() if use.low <= 1.0 < use.high]
         count += [self.uses[self.governing]] if self.uses else []
         count += [self.values["hook_load"]] if "hook_load" in self.values else []
-        return all(one.half_width <= within for one in count)
+        return all(value.half_width <= within for value in count)
 
 
 def judge(
@@ -361,27 +361,27 @@ def _governing_run(
     limits: Sequence[Limit], uses: Mapping[str, Extreme], rows: Sequence[Row], weight_n: float
 ) -> tuple[int, int]:
     """Return seed and leg of the run with the largest value of the governing quantity."""
-    good = [row for row in rows if not row["failure"]]
-    if not uses or not good:
+    complete = [row for row in rows if not row["failure"]]
+    if not uses or not complete:
         return -1, 0
     key = max(uses, key=lambda name: uses[name].value)
     quantity = next(limit.quantity for limit in limits if limit.key == key)
-    worst = max(good, key=lambda row: samples_of([row], weight_n)[quantity][0])
-    return int(worst["seed"]), int(worst["leg"])
+    governing = max(complete, key=lambda row: samples_of([row], weight_n)[quantity][0])
+    return int(governing["seed"]), int(governing["leg"])
 
 
-def simplified_uses(limits: Sequence[Limit], found: Sequence[Simplified], weight_n: float
+def simplified_uses(limits: Sequence[Limit], loads: Sequence[Simplified], weight_n: float
                     ) -> dict[str, float]:  # fmt: skip
-    """Return the use of each criterion by the simplified method; found: one of each leg."""
+    """Return the use of each criterion by the simplified method; loads: one of each leg."""
     values = {
-        "hook_load": max(one.hook_n for one in found),
-        "uplift": max(one.uplift_share for one in found),
-        "lower_end_load": max(one.payload_max_n for one in found),
-        "loss": weight_n - min(one.payload_min_n for one in found),
-        "landing_speed": max(one.payload_m_per_s for one in found),
-        "re_hit": max(one.re_hit_m_per_s for one in found),
-        "offset": max(one.offset_m for one in found),
-        "stroke": max(one.tip_m for one in found),
-        "stroke_speed": max(one.tip_m_per_s for one in found),
+        "hook_load": max(load.hook_n for load in loads),
+        "uplift": max(load.uplift_share for load in loads),
+        "lower_end_load": max(load.payload_max_n for load in loads),
+        "loss": weight_n - min(load.payload_min_n for load in loads),
+        "landing_speed": max(load.payload_m_per_s for load in loads),
+        "re_hit": max(load.re_hit_m_per_s for load in loads),
+        "offset": max(load.offset_m for load in loads),
+        "stroke": max(load.tip_m for load in loads),
+        "stroke_speed": max(load.tip_m_per_s for load in loads),
     }
     return {limit.key: values[limit.quantity] / limit.most for limit in limits if limit.most > 0.0}

@@ -88,10 +88,10 @@ class Spread:
         """
         if not len(values_s):
             return cls(math.nan, (math.nan,) * len(PERCENTILES))
-        found = np.percentile(values_s, PERCENTILES, method="inverted_cdf")
+        percentiles_s = np.percentile(values_s, PERCENTILES, method="inverted_cdf")
         known = values_s[np.isfinite(values_s)]
         mean = float(known.mean()) if len(known) else math.inf
-        return cls(mean, tuple(float(one) for one in found))
+        return cls(mean, tuple(float(seconds) for seconds in percentiles_s))
 
 
 @dataclass(frozen=True)
@@ -143,8 +143,9 @@ def operability(
         raise InputError(hindcast.source, problem, "give a longer one")
     known = np.isfinite(hindcast.hs_m)
     heading = _headings(hindcast, limits, operation)
-    each = {name: limits.at(name, hindcast.tp_s, heading) for name in limits.phases}
-    limit = np.min(np.stack(list(each.values())), axis=0)  # nan at periods that are not covered
+    phase_limits = {name: limits.at(name, hindcast.tp_s, heading) for name in limits.phases}
+    # nan at periods that are not covered
+    limit = np.min(np.stack(list(phase_limits.values())), axis=0)
     covered = known & np.isfinite(limit)
     aside = ~np.all([limits.covers(name, heading) for name in limits.phases], axis=0)
     factor = np.ones(len(limit))
@@ -153,29 +154,31 @@ def operability(
     with np.errstate(invalid="ignore"):
         inside = covered & (hindcast.hs_m <= limit)
         calm = covered & (hindcast.hs_m <= factor * limit)
-        alone = {name: known & (hindcast.hs_m <= own) for name, own in each.items()}
+        phase_is_calm = {
+            name: known & (hindcast.hs_m <= limit_hs) for name, limit_hs in phase_limits.items()
+        }
     starts = _starts(calm, steps)
     wait = _waits(starts) * hindcast.step_s
     months = hindcast.month
 
-    def period(name: str, chosen: Flags) -> Period:
-        rows = chosen & known
-        own = wait[chosen]
+    def period(name: str, in_period: Flags) -> Period:
+        rows = in_period & known
+        wait_s = wait[in_period]
         return Period(
             name, int(rows.sum()), _share(inside, rows), _share(calm, rows),
-            _share(starts, chosen), Spread.of(own), Spread.of(own + operation.reference_s),
+            _share(starts, in_period), Spread.of(wait_s), Spread.of(wait_s + operation.reference_s),
         )  # fmt: skip
 
-    used = factor[covered] if covered.any() else np.ones(1)
+    alphas = factor[covered] if covered.any() else np.ones(1)
     return Operability(
         operation, hindcast.step_s, len(known) * hindcast.step_s / (365.25 * 86400.0),
         1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~aside, known),
         _share(aside, known),
-        (float(used.min()), float(used.max())), period("all", np.ones(len(known), bool)),
+        (float(alphas.min()), float(alphas.max())), period("all", np.ones(len(known), bool)),
         tuple(period(MONTHS[k], months == k + 1) for k in range(12) if (months == k + 1).any()),
         Spread.of(_spells(calm, True) * hindcast.step_s),
         Spread.of(_spells(calm, False) * hindcast.step_s),
-        {name: _share(own, known) for name, own in alone.items()},
+        {name: _share(is_calm, known) for name, is_calm in phase_is_calm.items()},
     )  # fmt: skip
 
 
@@ -203,9 +206,9 @@ def _headings(hindcast: Hindcast, limits: LimitTable, operation: Operation) -> V
 def _starts(calm: Flags, steps: int) -> Flags:
     """Return whether a sample and the `steps` after it are calm, (n,); False near the end."""
     count = np.concatenate([[0], np.cumsum(calm)])
-    found = np.zeros(len(calm), bool)
-    found[: len(calm) - steps] = count[steps + 1 :] - count[: len(calm) - steps] == steps + 1
-    return found
+    is_start = np.zeros(len(calm), bool)
+    is_start[: len(calm) - steps] = count[steps + 1 :] - count[: len(calm) - steps] == steps + 1
+    return is_start
 
 
 def _waits(starts: Flags) -> Vector:
@@ -215,28 +218,28 @@ def _waits(starts: Flags) -> Vector:
     return np.asarray(nearest - np.arange(len(starts)))
 
 
-def _spells(calm: Flags, wanted: bool) -> Vector:
+def _spells(calm: Flags, is_calm: bool) -> Vector:
     """Return the lengths [steps] of spells that begin and end within the hindcast, (k,)."""
     edges = np.flatnonzero(np.diff(calm.astype(np.int8))) + 1
     lengths = np.diff(edges)
-    return np.asarray(lengths[calm[edges[:-1]] == wanted], np.float64)
+    return np.asarray(lengths[calm[edges[:-1]] == is_calm], np.float64)
 
 
-def _share(flags: Flags, of: Flags) -> float:
-    count = int(of.sum())
-    return int((flags & of).sum()) / count if count else math.nan
+def _share(flags: Flags, among: Flags) -> float:
+    count = int(among.sum())
+    return int((flags & among).sum()) / count if count else math.nan
 
 
-def table_rows(found: Operability) -> list[list[str]]:
+def table_rows(result: Operability) -> list[list[str]]:
     """Return the table: a row for the whole hindcast and each month."""
     rows = [["", "within limit", "within α·limit", "starts",
              *(f"wait P{p:.0f} [h]" for p in PERCENTILES),
              *(f"duration P{p:.0f} [h]" for p in PERCENTILES)]]  # fmt: skip
-    for own in (*found.months, found.whole):
-        shares = (own.within_limit, own.within_forecast, own.possible_starts)
-        times = (*own.wait.percentiles_s, *own.duration.percentiles_s)
-        rows.append([own.name, *(f"{100.0 * share:.1f} %" for share in shares),
-                     *(hours_text(one) for one in times)])  # fmt: skip
+    for period in (*result.months, result.whole):
+        shares = (period.within_limit, period.within_forecast, period.possible_starts)
+        times = (*period.wait.percentiles_s, *period.duration.percentiles_s)
+        rows.append([period.name, *(f"{100.0 * share:.1f} %" for share in shares),
+                     *(hours_text(seconds) for seconds in times)])  # fmt: skip
     return rows
 
 
@@ -245,52 +248,56 @@ def hours_text(seconds: float) -> str:
     return f"{seconds / SECONDS_PER_HOUR:.0f}" if math.isfinite(seconds) else "-"
 
 
-def figures(found: Operability) -> dict[str, Any]:
+def figures(result: Operability) -> dict[str, Any]:
     """Return everything for `--json`, times in seconds."""
     return {
-        "planned_s": found.operation.planned_s,
-        "contingency_s": found.operation.contingency_s,
-        "reference_s": found.operation.reference_s,
-        "step_s": found.step_s,
-        "years": found.years,
-        "missing_share": found.missing,
-        "not_covered_share": found.not_covered,
-        "heading_not_covered_share": found.aside,
-        "alpha": list(found.alpha),
-        "phases_within_limit": dict(found.phases),
-        "periods": [_period_figures(own) for own in (found.whole, *found.months)],
-        "calm_spells": _spread_figures(found.calm),
-        "storms": _spread_figures(found.storm),
+        "planned_s": result.operation.planned_s,
+        "contingency_s": result.operation.contingency_s,
+        "reference_s": result.operation.reference_s,
+        "step_s": result.step_s,
+        "years": result.years,
+        "missing_share": result.missing,
+        "not_covered_share": result.not_covered,
+        "heading_not_covered_share": result.aside,
+        "alpha": list(result.alpha),
+        "phases_within_limit": dict(result.phases),
+        "periods": [_period_figures(period) for period in (result.whole, *result.months)],
+        "calm_spells": _spread_figures(result.calm),
+        "storms": _spread_figures(result.storm),
     }
 
 
-def _period_figures(own: Period) -> dict[str, Any]:
+def _period_figures(period: Period) -> dict[str, Any]:
     return {
-        "name": own.name, "samples": own.samples, "within_limit": own.within_limit,
-        "within_forecast": own.within_forecast, "possible_starts": own.possible_starts,
-        "wait": _spread_figures(own.wait), "duration": _spread_figures(own.duration),
+        "name": period.name, "samples": period.samples, "within_limit": period.within_limit,
+        "within_forecast": period.within_forecast, "possible_starts": period.possible_starts,
+        "wait": _spread_figures(period.wait), "duration": _spread_figures(period.duration),
     }  # fmt: skip
 
 
-def _spread_figures(own: Spread) -> dict[str, float]:
-    named = zip(PERCENTILES, own.percentiles_s, strict=True)
-    return {"mean_s": own.mean_s} | {f"p{p:.0f}_s": value for p, value in named}
+def _spread_figures(spread: Spread) -> dict[str, float]:
+    percentiles = zip(PERCENTILES, spread.percentiles_s, strict=True)
+    return {"mean_s": spread.mean_s} | {f"p{p:.0f}_s": value for p, value in percentiles}
 
 
-def panels(found: Operability) -> Sequence[Panel]:
+def panels(result: Operability) -> Sequence[Panel]:
     """Return the picture: shares and waiting by month."""
-    month = [MONTHS.index(own.name) + 1 for own in found.months]
+    month = [MONTHS.index(item.name) + 1 for item in result.months]
     shares = (
-        Line(month, [100.0 * own.within_limit for own in found.months], "within limit", "o-"),
-        Line(month, [100.0 * own.within_forecast for own in found.months], "within α·limit", "s-"),
-        Line(month, [100.0 * own.possible_starts for own in found.months], "possible start", "^-"),
+        Line(month, [100.0 * item.within_limit for item in result.months], "within limit", "o-"),
+        Line(
+            month, [100.0 * item.within_forecast for item in result.months], "within α·limit", "s-"
+        ),
+        Line(
+            month, [100.0 * item.possible_starts for item in result.months], "possible start", "^-"
+        ),
     )
     waits = tuple(
-        Line(month, [own.wait.percentiles_s[k] / SECONDS_PER_HOUR for own in found.months],
+        Line(month, [item.wait.percentiles_s[k] / SECONDS_PER_HOUR for item in result.months],
              f"P{p:.0f}", "o-")
         for k, p in enumerate(PERCENTILES)
     )  # fmt: skip
-    hours = found.operation.reference_s / SECONDS_PER_HOUR
+    hours = result.operation.reference_s / SECONDS_PER_HOUR
     return (
         Panel("share of the time", "month", "%", shares),
         Panel(f"wait for a window of {hours:g} h", "month", "h", waits),

@@ -116,27 +116,27 @@ def legs_of(plan: Plan, scene: Scene, phase: Phase) -> list[Leg]:
 
 
 def _legs(plan: Plan, scene: Scene, phase: Phase) -> Sequence[Leg]:
-    settled = scene.ship.motion_ramp_s + plan.method.settle_s
+    settled_s = scene.ship.motion_ramp_s + plan.method.settle_s
     if phase.lowering is not None:
         borders = phase.lowering.borders_m()
         speed = phase.lowering.speed_m_per_s
         pairs = pairwise(borders)
-        return [_leg(k, scene, settled, pair, speed) for k, pair in enumerate(pairs)]
+        return [_leg(k, scene, settled_s, pair, speed) for k, pair in enumerate(pairs)]
     if phase.at_depth is not None:
         depth, exposure = phase.at_depth.depth_m, phase.at_depth.exposure_s
-        return [_leg(0, scene, settled, (depth, depth), 0.0, exposure)]
+        return [_leg(0, scene, settled_s, (depth, depth), 0.0, exposure)]
     if phase.splash_zone is not None:
-        own = phase.splash_zone
-        return [_leg(0, scene, settled, (-own.above_m, own.below_m), own.speed_m_per_s)]
+        zone = phase.splash_zone
+        return [_leg(0, scene, settled_s, (-zone.above_m, zone.below_m), zone.speed_m_per_s)]
     if phase.in_air is not None:
         above, exposure = phase.in_air.above_m, phase.in_air.exposure_s
-        return [_leg(0, scene, settled, (-above, -above), 0.0, exposure)]
+        return [_leg(0, scene, settled_s, (-above, -above), 0.0, exposure)]
     if phase.from_scene is not None:
-        return [_from_scene(scene, settled, phase.from_scene.exposure_s)]
+        return [_from_scene(scene, settled_s, phase.from_scene.exposure_s)]
     if phase.lift_off is not None:
-        return [_lift_off(plan, scene, settled, phase.lift_off)]
+        return [_lift_off(plan, scene, settled_s, phase.lift_off)]
     assert phase.landing is not None
-    return [_landing(scene, settled, phase.landing.above_m, phase.landing.speed_m_per_s)]
+    return [_landing(scene, settled_s, phase.landing.above_m, phase.landing.speed_m_per_s)]
 
 
 def _leg(
@@ -149,21 +149,21 @@ def _leg(
     bed_m: float | None = None,
 ) -> Leg:
     start, end = depths_m
-    hung, _, _, offset = hung_at(scene, start)
+    start_scene, _, _, offset = hung_at(scene, start)
     if end > start and bed_m is None:
         offset = max(offset, hung_at(scene, end).offset_m)
     seconds = exposure_s or (end - start) / speed_m_per_s
     if speed_m_per_s > 0.0 and scene.winch is not None:
         seconds += speed_m_per_s / scene.winch.acceleration_limit_m_per_s2  # its start and its end
-        _check_line(scene, hung.ropes[0].length_m + (end - start))
+        _check_line(scene, start_scene.ropes[0].length_m + (end - start))
     commands = [CommandSample(0, WinchCommand(SPEED, 0.0))] if scene.winch is not None else []
     if speed_m_per_s > 0.0:
         commands.append(CommandSample(round(settled_s * 1e9), WinchCommand(SPEED, speed_m_per_s)))
     figures = lift_figures(scene)
-    lengths = (hung.ropes[0].length_m, hung.ropes[0].length_m + end - start)
+    lengths = (start_scene.ropes[0].length_m, start_scene.ropes[0].length_m + end - start)
     return Leg(
         number=number,
-        scene=hung,
+        scene=start_scene,
         commands=tuple(commands),
         first_s=settled_s,
         seconds=settled_s + seconds,
@@ -177,14 +177,14 @@ def _leg(
     )
 
 
-def _lift_off(plan: Plan, scene: Scene, settled_s: float, own: LiftOff) -> Leg:
+def _lift_off(plan: Plan, scene: Scene, settled_s: float, lift_off: LiftOff) -> Leg:
     """Return the leg of a lift off the scene's deck; the rope is as long as in the scene."""
     winch, body = scene.winch, scene.listed(RigidBodyParams)
     assert winch is not None, "checked when the plan was read"
     assert body is not None, "checked when the plan was read"
     assert body.deck is not None, "checked when the plan was read"
-    speed, height = own.speed_m_per_s, body.deck.height_m
-    seconds = own.hoist_m / speed + speed / winch.acceleration_limit_m_per_s2
+    speed, height = lift_off.speed_m_per_s, body.deck.height_m
+    seconds = lift_off.hoist_m / speed + speed / winch.acceleration_limit_m_per_s2
     commands = (
         CommandSample(0, WinchCommand(SPEED, 0.0)),
         CommandSample(round(settled_s * 1e9), WinchCommand(SPEED, -speed)),
@@ -199,24 +199,24 @@ def _lift_off(plan: Plan, scene: Scene, settled_s: float, own: LiftOff) -> Leg:
         first_s=settled_s,
         seconds=settled_s + seconds,
         from_m=-middle,
-        to_m=-middle - own.hoist_m,
+        to_m=-middle - lift_off.hoist_m,
         speed_m_per_s=-speed,
         static_hook_n=figures.top_tension_n(scene.ropes[0].length_m),
         payload_n=figures.payload_weight_n,
         by_twin=True,
         deck_m=height,
-        deck=deck_of(plan, own.deck),
+        deck=deck_of(plan, lift_off.deck),
     )
 
 
 def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
     """Return the leg of a scene as it is."""
-    shot, at = Twin(scene).snapshot(), places(scene)
-    by_name = {rope.name: rope for rope in shot.ropes}
+    snapshot, ship_places = Twin(scene).snapshot(), places(scene)
+    by_name = {rope.name: rope for rope in snapshot.ropes}
     ropes = tuple(
         RopeAtRest(
             name=line.name,
-            from_ship=number == 0 or line.from_ in at,
+            from_ship=number == 0 or line.from_ in ship_places,
             breaking_load_n=line.breaking_load_n,
             upper_n=by_name[line.name].tension_top_n,
             lower_n=float(by_name[line.name].element_tension_n[-1]),
@@ -224,7 +224,7 @@ def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
         for number, line in enumerate(scene.ropes)
         if line.name in by_name
     )
-    depth = -float(shot.payload_position_m[2])
+    depth = -float(snapshot.payload_position_m[2])
     return Leg(
         number=0,
         scene=scene,
@@ -235,9 +235,9 @@ def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
         to_m=depth,
         speed_m_per_s=0.0,
         static_hook_n=max(
-            [shot.tension_top_n, *(rope.upper_n for rope in ropes if rope.from_ship)]
+            [snapshot.tension_top_n, *(rope.upper_n for rope in ropes if rope.from_ship)]
         ),
-        payload_n=shot.tension_payload_n,
+        payload_n=snapshot.tension_payload_n,
         by_twin=True,
         ropes=ropes,
     )
@@ -245,12 +245,12 @@ def _from_scene(scene: Scene, settled_s: float, exposure_s: float) -> Leg:
 
 def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: float) -> Leg:
     """Return the leg of a landing from this height above the seabed."""
-    near = scene.ropes[0].length_m
+    length_m = scene.ropes[0].length_m
     for _ in range(TRIALS):
-        _, depth, height, _ = hung_at(scene, None, near)
+        _, depth, height, _ = hung_at(scene, None, length_m)
         if height is None or abs(height - above_m) <= NEAR_M:
             break
-        near += height - above_m
+        length_m += height - above_m
     assert height is not None, "checked when the plan was read"
     bed = depth + height
     return _leg(0, scene, settled_s, (depth, bed + LANDED_M), speed_m_per_s, bed_m=bed)
@@ -280,18 +280,20 @@ def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None
     for _ in range(TRIALS):
         count = max(min(STATIC_ELEMENTS, int(length / 2.0)), 3)
         changes = [Change("ropes[0].length_m", length), Change("ropes[0].elements", count)]
-        made = change_scene(scene, changes)
-        rope = build(made)
-        solve_scene_statics(made, rope)
-        found = -float(rope.state.nodes[rows.POSITION + 2, 0])
-        if depth_m is None or abs(found - depth_m) <= NEAR_M:
+        hung = change_scene(scene, changes)
+        rope = build(hung)
+        solve_scene_statics(hung, rope)
+        hung_depth_m = -float(rope.state.nodes[rows.POSITION + 2, 0])
+        if depth_m is None or abs(hung_depth_m - depth_m) <= NEAR_M:
             break
-        length += depth_m - found
+        length += depth_m - hung_depth_m
     bed = seabed_of(rope)
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
+    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
     x, y, _ = scene.ship.hang_off_m
-    offset = math.hypot(float(place[0, 0]) - x, float(place[1, 0]) - y)
-    return Hung(made, found, None if bed is None else float(clearance(bed, place)[0]), offset)
+    offset = math.hypot(float(position[0, 0]) - x, float(position[1, 0]) - y)
+    return Hung(
+        hung, hung_depth_m, None if bed is None else float(clearance(bed, position)[0]), offset
+    )
 
 
 def _check_line(scene: Scene, longest_m: float) -> None:
@@ -301,7 +303,7 @@ def _check_line(scene: Scene, longest_m: float) -> None:
         InputError: it has not.
     """
     assert scene.winch is not None
-    most = scene.winch.most_line_out_m
-    if longest_m > most:
-        problem = f"it takes {longest_m:.1f} m of line, the winch has {most:g} m"
+    max_line_m = scene.winch.most_line_out_m
+    if longest_m > max_line_m:
+        problem = f"it takes {longest_m:.1f} m of line, the winch has {max_line_m:g} m"
         raise InputError("winch", problem, "raise most_line_out_m of the scene")

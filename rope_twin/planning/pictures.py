@@ -41,10 +41,10 @@ def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDE, height), layout="constrained")
-    found = figure.subplots(1, across, **more)
-    for axes in [found] if across == 1 else found:
+    axes_array = figure.subplots(1, across, **more)
+    for axes in [axes_array] if across == 1 else axes_array:
         axes.grid(True, linewidth=0.3)
-    return figure, found
+    return figure, axes_array
 
 
 def _sunk(result: PlanResult) -> list[Leg]:
@@ -57,8 +57,8 @@ def _depths(result: PlanResult) -> tuple[float, float]:
     """Return the depths between which curves over depth are drawn [m]."""
     deepest = max(leg.to_m for leg in _sunk(result))
     winch = result.scene.winch
-    least = 0.0 if winch is None else winch.least_line_out_m - result.scene.ship.hang_off_m[2]
-    return max(SHALLOW * deepest, least, 1.0), deepest
+    min_depth_m = 0.0 if winch is None else winch.least_line_out_m - result.scene.ship.hang_off_m[2]
+    return max(SHALLOW * deepest, min_depth_m, 1.0), deepest
 
 
 def arrangement_figure(result: PlanResult) -> Any:
@@ -134,8 +134,10 @@ def resonance_figure(result: PlanResult) -> Any:
     template, periods = legs[0], []
     depths = np.linspace(shallow, deepest, DEPTHS)
     for depth in depths.tolist():
-        hung, found, _, _ = hung_at(result.scene, None, depth + tip_m)
-        leg = type(template)(**{**vars(template), "scene": hung, "from_m": found, "to_m": found})
+        scene, depth_m, _, _ = hung_at(result.scene, None, depth + tip_m)
+        leg = type(template)(
+            **{**vars(template), "scene": scene, "from_m": depth_m, "to_m": depth_m}
+        )
         periods.append(resonance_period_s(lift_of(leg)))
     axes.plot(periods, depths, color="#20506e")
     for period in result.plan.sea.tp_s:
@@ -157,8 +159,8 @@ def limits_figure(result: PlanResult) -> Any:
     for axes, work in zip(panels, result.works, strict=True):
         cells = result.of_phase(work.title)
         for number, heading in enumerate(result.plan.sea.headings_deg):
-            own = [cell for cell in cells if cell.heading_deg == heading]
-            _draw_limit(axes, own, number, f"{heading:g}°")
+            cells_of_heading = [cell for cell in cells if cell.heading_deg == heading]
+            _draw_limit(axes, cells_of_heading, number, f"{heading:g}°")
         axes.set_title(work.title, fontsize=10)
         axes.set_xlabel("Tp [s]")
         axes.set_ylabel("limiting Hs [m]")
@@ -168,13 +170,13 @@ def limits_figure(result: PlanResult) -> Any:
     return figure
 
 
-def _panels(count: int, each: float) -> tuple[Any, list[Any]]:
-    """Return a figure over the page and the axes of so many panels, `each` inches high."""
+def _panels(count: int, panel_height: float) -> tuple[Any, list[Any]]:
+    """Return a page-wide figure and the axes of its panels, `panel_height` inches high."""
     from matplotlib.figure import Figure
 
     across = min(count, 3)
     down = math.ceil(count / across)
-    figure = Figure(figsize=(WIDE, each * down), layout="constrained")
+    figure = Figure(figsize=(WIDE, panel_height * down), layout="constrained")
     panels: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
     for axes in panels[count:]:
         axes.set_axis_off()
@@ -221,7 +223,7 @@ def contour_figure(result: PlanResult) -> Any:
     for axes, work in zip(panels, result.works, strict=True):
         cells = result.by_sea(work.title)
         table = np.array([[cells[tp, h].height_m or 0.0 for tp in sea.tp_s] for h in headings])
-        drawn = axes.contourf(sea.tp_s, headings, table, levels, cmap="RdYlGn")
+        contours = axes.contourf(sea.tp_s, headings, table, levels, cmap="RdYlGn")
         lines = axes.contour(
             sea.tp_s, headings, table, levels[::2], colors="#1c2630", linewidths=0.5
         )
@@ -230,11 +232,11 @@ def contour_figure(result: PlanResult) -> Any:
         axes.plot(tp.ravel(), heading.ravel(), ".", color="#1c2630", markersize=3)
         axes.set_yticks(headings)
         if len(sea.tp_s) <= MOST_MARKED:
-            axes.set_xticks(sea.tp_s, [f"{one:g}" for one in sea.tp_s], fontsize=8)
+            axes.set_xticks(sea.tp_s, [f"{period_s:g}" for period_s in sea.tp_s], fontsize=8)
         axes.set_title(work.title, fontsize=10)
         axes.set_xlabel("Tp [s]")
         axes.set_ylabel("heading [°]")
-    figure.colorbar(drawn, ax=panels, label="limiting Hs [m]", shrink=0.9)
+    figure.colorbar(contours, ax=panels, label="limiting Hs [m]", shrink=0.9)
     return figure
 
 
@@ -242,13 +244,15 @@ def governing_series(search: Cell, limit: CellLimit) -> tuple[Vector, Vector]:
     """Return time [s] in the window, (n,), and hook load [N], payload tension [N] and depth [m] of
     the governing run, (n, 3).
     """
-    shown = limit.shown
-    assert shown is not None
-    leg = search.work.legs[shown.governing_leg]
-    seed = sea_seed(search.plan.method.seed, search.work.number, leg.number, shown.governing_seed)
-    time_s, steps = watch_seed(leg, search.work.ship, search.sea(shown.height_m), seed)
-    counted = time_s > leg.first_s
-    return time_s[counted], steps[counted][:, [TOP, AT_LOWEST, AT_DEPTH]]
+    judgement = limit.shown
+    assert judgement is not None
+    leg = search.work.legs[judgement.governing_leg]
+    seed = sea_seed(
+        search.plan.method.seed, search.work.number, leg.number, judgement.governing_seed
+    )
+    time_s, steps = watch_seed(leg, search.work.ship, search.sea(judgement.height_m), seed)
+    is_counted = time_s > leg.first_s
+    return time_s[is_counted], steps[is_counted][:, [TOP, AT_LOWEST, AT_DEPTH]]
 
 
 def is_short(time_s: Vector) -> bool:
@@ -270,15 +274,15 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
     if not short:
         panels[0].plot(time_s, hook, linewidth=0.6)
         panels[0].set_ylabel("hook load [kN]")
-    at = time_s[int(np.argmax(hook))]
-    near = short | (np.abs(time_s - at) <= AROUND_S)
-    for axes, values, words in (
+    peak_s = time_s[int(np.argmax(hook))]
+    is_near = short | (np.abs(time_s - peak_s) <= AROUND_S)
+    for axes, values, label in (
         (load, hook, "hook load [kN]"),
         (payload, tension, "tension at\npayload [kN]"),
         (depth, below, "depth [m]"),
     ):
-        axes.plot(time_s[near], values[near], linewidth=0.9)
-        axes.set_ylabel(words)
+        axes.plot(time_s[is_near], values[is_near], linewidth=0.9)
+        axes.set_ylabel(label)
     payload.axhline(0.0, color="#a02c00", linewidth=0.8)
     depth.invert_yaxis()
     depth.set_xlabel("time [s]")
@@ -301,10 +305,10 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     Raises:
         InputError: no height of the cell meets the criteria.
     """
-    shown = limit.shown
-    if shown is None or shown.governing_seed < 0:
-        what = limit.governing or "no height could be run"
-        raise InputError(f"cell of '{limit.phase}'", what, "choose another cell")
+    judgement = limit.shown
+    if judgement is None or judgement.governing_seed < 0:
+        problem = limit.governing or "no height could be run"
+        raise InputError(f"cell of '{limit.phase}'", problem, "choose another cell")
     time_s, series = governing_series(search, limit)
     stem = f"cell_{limit.phase}_{limit.period_s:g}s_{limit.heading_deg:g}deg".replace("/", "_")
     table = out / f"{stem}.csv"
@@ -317,8 +321,8 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
         "phase": limit.phase,
         "tp_s": limit.period_s,
         "heading_deg": limit.heading_deg,
-        "hs_m": shown.height_m,
-        "seed": shown.governing_seed,
+        "hs_m": judgement.height_m,
+        "seed": judgement.governing_seed,
         "hook_load_max_n": float(series[:, 0].max()),
         "payload_tension_min_n": float(series[:, 1].min()),
         "series": str(table),

@@ -143,7 +143,7 @@ class SeaGrid:
                 return f"{name} has {twice:g} twice; keep one of them"
         if any(b <= a for a, b in zip(self.tp_s, self.tp_s[1:], strict=False)):
             return "tp_s is not ascending; order it"
-        sides = {one > 0.0 for one in self.headings_deg if one % 180.0 != 0.0}
+        sides = {heading > 0.0 for heading in self.headings_deg if heading % 180.0 != 0.0}
         if self.symmetric and len(sides) > 1:
             return "symmetric, and headings_deg has both sides; give those of one side"
         return None
@@ -294,10 +294,10 @@ class Phase:
 
     def check(self) -> str | None:
         """Return a fault unless exactly one kind is given, or None."""
-        given = [kind for kind in KINDS if getattr(self, kind) is not None]
-        if len(given) == 1:
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) == 1:
             return None
-        problem = " and ".join(given) if given else "no kind of phase"
+        problem = " and ".join(kinds) if kinds else "no kind of phase"
         return f"{problem} given; give exactly one of {', '.join(KINDS)}"
 
 
@@ -388,8 +388,8 @@ class Method:
         """Return a fault if half of a setting is given, or None."""
         if (self.elements is None) == (self.step_s is None):
             return None
-        given = "step_s" if self.elements is None else "elements"
-        return f"{given} alone; give elements and step_s, or neither"
+        key = "step_s" if self.elements is None else "elements"
+        return f"{key} alone; give elements and step_s, or neither"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -419,12 +419,12 @@ class Plan:
 
     def heights_m(self, period: int, heading: int) -> list[float]:
         """Return the heights of the grid at which waves of a period do not break [m]."""
-        found = []
+        heights_m = []
         for height in self.sea.hs_m.values:
             if breaking_fault(self.sea_state(height, period, heading).spectrum()):
                 break
-            found.append(height)
-        return found
+            heights_m.append(height)
+        return heights_m
 
     def bow_of(self, scene: Scene) -> float:
         """Return the heading of the bow, from east to north [rad]."""
@@ -437,10 +437,10 @@ class Plan:
         """Return the scene with the plan's current, where it gives one; its digest includes it."""
         if self.current is None:
             return scene
-        own = self.current.towards(self.bow_of(scene))
+        current = self.current.towards(self.bow_of(scene))
         others = tuple(effect for effect in scene.effects if not isinstance(effect, CurrentParams))
-        digest = hashlib.sha256(f"{scene.digest} {own}".encode()).hexdigest()
-        return replace(scene, effects=(own, *others), digest=digest)
+        digest = hashlib.sha256(f"{scene.digest} {current}".encode()).hexdigest()
+        return replace(scene, effects=(current, *others), digest=digest)
 
     def sea_state(self, height_m: float, period: int, heading: int) -> SeaState:
         """Return the sea state of a cell."""
@@ -458,8 +458,8 @@ class Plan:
         if twice:
             return f"two phases are called '{twice}'; give one of them a `name`"
         keys = [uncertainty.key for uncertainty in self.uncertainties]
-        if again := next((key for key in keys if keys.count(key) > 1), ""):
-            return f"uncertainties has '{again}' twice; keep one of them"
+        if double := next((key for key in keys if keys.count(key) > 1), ""):
+            return f"uncertainties has '{double}' twice; keep one of them"
         cells = len(self.grid)
         if cells > CELLS_MOST:
             return f"{cells} cells of phase, Tp and heading; give at most {CELLS_MOST}"

@@ -57,15 +57,15 @@ def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
         remedy = "name it by the key `scene` of a plan, as `rope_twin plan --example` prints one"
         raise place.refuse("this is the file of a scene, not a plan", remedy)
     plan: Plan = read_object(Plan, tree, place, name=path.stem, path=path, digest=digest)
-    beside = path.parent / plan.scene
+    scene_path = path.parent / plan.scene
     try:
-        scene = load_scene(beside if beside.suffix in (".yaml", ".yml") else plan.scene)
+        scene = load_scene(scene_path if scene_path.suffix in (".yaml", ".yml") else plan.scene)
     except RopeTwinError as error:
         raise _at(tree, place, "scene").refuse(*_halves(error)) from error
     scene = plan.in_current(scene)
     errors = SceneErrors()
-    for keys, what, remedy in faults(plan, scene):
-        errors.add(_at(tree, place, *keys).refuse(what, remedy))
+    for keys, problem, remedy in faults(plan, scene):
+        errors.add(_at(tree, place, *keys).refuse(problem, remedy))
     errors.raise_any()
     return plan, scene
 
@@ -82,8 +82,8 @@ def with_error(plan: Plan, share: float) -> Plan:
     if share == plan.method.error_within:
         return plan
     change = Change("method.error_within", share)
-    made = change_part(plan, [change], Path("--within"))
-    return replace(made, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())
+    changed = change_part(plan, [change], Path("--within"))
+    return replace(changed, digest=hashlib.sha256(f"{plan.digest} {change}".encode()).hexdigest())
 
 
 def _halves(error: RopeTwinError) -> tuple[str, str]:
@@ -125,10 +125,10 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
             yield ("phases", number, phase.kind, *keys), problem, right
     yield from _criteria_faults(plan, scene)
     yield from _uncertainty_faults(plan, scene)
-    least = plan.sea.hs_m.from_
+    min_hs_m = plan.sea.hs_m.from_
     for k, period in enumerate(plan.sea.tp_s):
         if not plan.heights_m(k, 0):
-            problem = f"waves of Tp {period:g} s break at Hs {least:g} m, the lowest of the grid"
+            problem = f"waves of Tp {period:g} s break at Hs {min_hs_m:g} m, the lowest of the grid"
             yield ("sea", "tp_s"), problem, "leave the period out, or begin `hs_m` lower"
 
 
@@ -179,8 +179,8 @@ def _current_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     if _is_in_air(scene):
         yield ("current",), f"'{scene.name}' is in air", "leave it out, or give a scene in water"
         return
-    for where, what, right in scene_faults(scene):
-        yield ("current",), f"with it, {where} of '{scene.name}': {what}", right
+    for where, problem, remedy in scene_faults(scene):
+        yield ("current",), f"with it, {where} of '{scene.name}': {problem}", remedy
 
 
 def _wave_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
@@ -219,9 +219,9 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
         yield (), f"'{scene.name}' has no seabed", "add the effect `seabed` to the scene"
     if phase.splash_zone is not None:
         kinds = {"splash_zone": SplashZoneParams, "waves": WavesParams}
-        lacking = [name for name, kind in kinds.items() if scene.listed(kind) is None]
-        if lacking:
-            problem = f"'{scene.name}' lacks the effect {' and '.join(lacking)}"
+        missing = [name for name, kind in kinds.items() if scene.listed(kind) is None]
+        if missing:
+            problem = f"'{scene.name}' lacks the effect {' and '.join(missing)}"
             yield (), problem, "add it to the scene"
             return
     if phase.splash_zone is not None or phase.in_air is not None:
@@ -237,17 +237,21 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
         if winch is None:
             continue
         if not winch.least_line_out_m <= tip_m + depth <= winch.most_line_out_m:
-            least, most = winch.least_line_out_m - tip_m, winch.most_line_out_m - tip_m
+            low_m, high_m = winch.least_line_out_m - tip_m, winch.most_line_out_m - tip_m
             side = "above" if depth < 0.0 else "below"
             problem = f"{abs(depth):g} m {side} the water is beyond the line of the winch"
-            yield (key,), problem, f"it reaches from {least:g} to {most:g} m below the water"
+            yield (
+                (key,),
+                problem,
+                f"it reaches from {low_m:g} to {high_m:g} m below the water",
+            )
 
 
 def _is_in_air(scene: Scene) -> bool:
     return scene.environment.water_density_kg_per_m3 < MOST_AIR_KG_PER_M3
 
 
-def _lift_off_faults(plan: Plan, own: LiftOff, scene: Scene) -> Iterator[Fault]:
+def _lift_off_faults(plan: Plan, lift_off: LiftOff, scene: Scene) -> Iterator[Fault]:
     body = scene.listed(RigidBodyParams)
     if body is None or body.deck is None:
         problem = f"the object of '{scene.name}' stands on no deck"
@@ -257,16 +261,16 @@ def _lift_off_faults(plan: Plan, own: LiftOff, scene: Scene) -> Iterator[Fault]:
         problem = f"'{scene.name}' is in water, and the lift-off in air"
         yield (), problem, "give a scene in air (water_density_kg_per_m3: 1.225), without waves"
     if scene.winch is not None:
-        left = scene.ropes[0].length_m - own.hoist_m
+        left = scene.ropes[0].length_m - lift_off.hoist_m
         if left < scene.winch.least_line_out_m:
-            problem = f"{own.hoist_m:g} m leave {left:g} m of line, the winch keeps "
+            problem = f"{lift_off.hoist_m:g} m leave {left:g} m of line, the winch keeps "
             problem += f"{scene.winch.least_line_out_m:g} m"
             yield ("hoist_m",), problem, "give less, or lower the scene's least_line_out_m"
-    if own.deck is not None and plan.vessel is None:
+    if lift_off.deck is not None and plan.vessel is None:
         yield ("deck",), "the deck moves but no vessel is given", "add `vessel`"
         return
     try:
-        deck_of(plan, own.deck)
+        deck_of(plan, lift_off.deck)
     except RopeTwinError as error:
         yield ("deck", "responses"), *_halves(error)
 
@@ -285,10 +289,10 @@ def _depths(phase: Phase) -> Sequence[tuple[str, float]]:
 
 
 def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
-    own = plan.criteria
+    criteria = plan.criteria
     compensated = scene.winch is not None and scene.winch.heave_compensation is not None
     for key in ("stroke_m", "compensation_speed_m_per_s"):
-        if getattr(own, key) is not None and not compensated:
+        if getattr(criteria, key) is not None and not compensated:
             problem = f"the winch of '{scene.name}' has no heave compensation"
             yield (
                 ("criteria", key),
@@ -296,11 +300,11 @@ def _criteria_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
                 "leave it out, or add `heave_compensation` to the winch",
             )
     kinds = [phase.kind for phase in plan.phases]
-    if own.landing_speed_m_per_s is not None and "landing" not in kinds:
+    if criteria.landing_speed_m_per_s is not None and "landing" not in kinds:
         yield ("criteria", "landing_speed_m_per_s"), "no phase lands", "add a phase `landing`"
-    if own.re_hit_m_per_s is not None and "lift_off" not in kinds:
+    if criteria.re_hit_m_per_s is not None and "lift_off" not in kinds:
         yield ("criteria", "re_hit_m_per_s"), "no phase lifts off a deck", "add a phase `lift_off`"
-    if own == Criteria(uplift_share=None):
+    if criteria == Criteria(uplift_share=None):
         yield ("criteria",), "no limit is given", "give one, such as swl_n or uplift_share"
 
 
@@ -342,32 +346,34 @@ def tip_of(plan: Plan, scene: Scene) -> TipTransfer:
         return ResponsesTip(table, (x, y, z))
     riding = scene.sea_state.on_waves
     assert riding is not None, "checked when the plan was read"
-    own = vessel_raos(scene)
-    if own is None:
+    raos = vessel_raos(scene)
+    if raos is None:
         return HullTip(riding.hull)
-    return ResponsesTip(own, arm_from_bow(scene))
+    return ResponsesTip(raos, arm_from_bow(scene))
 
 
-def deck_of(plan: Plan, own: LiftedFrom | None) -> DeckTransfer | None:
+def deck_of(plan: Plan, lifted_from: LiftedFrom | None) -> DeckTransfer | None:
     """Return the transfer function of a deck, or None if it is fixed.
 
     Raises:
         InputError: the table of RAOs is wrong.
     """
-    if own is None:
+    if lifted_from is None:
         return None
     vessel = plan.vessel
     assert vessel is not None, "checked when the plan was read"
-    table = _raos(plan, own if own.responses else vessel)
+    table = _raos(plan, lifted_from if lifted_from.responses else vessel)
     origin = table.origin_m or (0.0, 0.0, 0.0)
-    x, y, z = (a - b for a, b in zip(own.point_m, origin, strict=True))
-    return DeckTransfer(table, (x, y, z), math.radians(own.turn_deg), own.apart_m)
+    x, y, z = (a - b for a, b in zip(lifted_from.point_m, origin, strict=True))
+    return DeckTransfer(table, (x, y, z), math.radians(lifted_from.turn_deg), lifted_from.apart_m)
 
 
-def _raos(plan: Plan, own: Vessel | LiftedFrom) -> Responses:
-    beside = plan.path.parent / own.responses
-    found = str(beside) if is_path(own.responses) and beside.is_file() else own.responses
-    return read_responses(found, own.conventions).scaled(own.motion_factor, own.heave_factor)
+def _raos(plan: Plan, vessel: Vessel | LiftedFrom) -> Responses:
+    path = plan.path.parent / vessel.responses
+    source = str(path) if is_path(vessel.responses) and path.is_file() else vessel.responses
+    return read_responses(source, vessel.conventions).scaled(
+        vessel.motion_factor, vessel.heave_factor
+    )
 
 
 def spreading_of(plan: Plan, scene: Scene) -> float | None:

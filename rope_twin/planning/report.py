@@ -74,19 +74,19 @@ class Report:
     _figures: int = 0
     _appendix: bool = False
 
-    def heading(self, words: str, level: int = 1) -> None:
+    def heading(self, title: str, level: int = 1) -> None:
         """Add a numbered heading."""
         self._numbers = (
             [self._numbers[0] + 1, 0] if level == 1 else [self._numbers[0], self._numbers[1] + 1]
         )
         first = chr(64 + self._numbers[0]) if self._appendix else str(self._numbers[0])
         number = first if level == 1 else f"{first}.{self._numbers[1]}"
-        self.blocks.append(Heading(f"{number}  {words}", level))
+        self.blocks.append(Heading(f"{number}  {title}", level))
 
-    def appendix(self, words: str) -> None:
+    def appendix(self, title: str) -> None:
         """Add the heading of the first appendix; further headings have letters too."""
         self._appendix, self._numbers = True, [0, 0]
-        self.heading(words)
+        self.heading(title)
 
     def text(self, *lines: str) -> None:
         """Add a paragraph for each."""
@@ -111,15 +111,15 @@ class Report:
         """
         self._tables += 1
         first = [row[0] for row in rows]
-        new = [k == 0 or own != first[k - 1] for k, own in enumerate(first)]
-        shown = [
+        new = [k == 0 or name != first[k - 1] for k, name in enumerate(first)]
+        cells = [
             tuple(row) if not group or begins else ("", *row[1:])
             for row, begins in zip(rows, new, strict=True)
         ]
         rules = tuple(group and k > 0 and begins for k, begins in enumerate(new))
         caption = f"Table {self._tables}. {caption}"
         self.blocks.append(
-            Table(tuple(head), tuple(shown), caption, tuple(words), tuple(wide), rules)
+            Table(tuple(head), tuple(cells), caption, tuple(words), tuple(wide), rules)
         )
 
     def figure(self, picture: Any, caption: str) -> None:
@@ -181,16 +181,16 @@ def pdf_report(report: Report) -> bytes:
     return bytes(make(files, format="pdf", ignore_system_fonts=True, timestamp=0))
 
 
-def _code(words: str) -> Any:
+def _code(text: str) -> Any:
     """Return words as HTML, `code` marked."""
     from markupsafe import Markup, escape
 
-    parts = str(words).split("`")
-    marked = (
+    parts = str(text).split("`")
+    markup = (
         Markup("<code>{}</code>").format(part) if k % 2 else escape(part)
         for k, part in enumerate(parts)
     )
-    return Markup("").join(marked)
+    return Markup("").join(markup)
 
 
 def _svg(figure: Figure, fonts: str) -> str:

@@ -130,16 +130,16 @@ def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
 def _add_summary(report: Report, result: PlanResult) -> None:
     report.heading("Summary")
     low, method = _lowest(result.cells), result.plan.method
-    by = limit_words(result, low)
+    criterion = limit_words(result, low)
     if low.height_m is None:
         report.text(
             f"At {low.sea} no sea state of the grid meets the criteria in phase '{low.phase}' "
-            f"({by}). The other limits stand below."
+            f"({criterion}). The other limits stand below."
         )
     else:
         report.text(
             f"The lowest limit is Hs {height_words(low)} m, in phase '{low.phase}' at {low.sea}; "
-            f"{by} governs."
+            f"{criterion} governs."
         )
     head = ("phase", "lowest limiting Hs", "at", "governed by", "largest hook load", "largest DAF")
     rows = [_summary_row(result, work) for work in result.works]
@@ -235,8 +235,8 @@ def _inputs(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     yield (
         "sea states",
         f"Hs {sea.hs_m.from_:g} to {sea.hs_m.to:g} m by {sea.hs_m.step:g} m; Tp "
-        f"{', '.join(f'{one:g}' for one in sea.tp_s)} s; headings "
-        f"{', '.join(f'{one:g}' for one in sea.headings_deg)}° (180°: head seas)",
+        f"{', '.join(f'{value:g}' for value in sea.tp_s)} s; headings "
+        f"{', '.join(f'{value:g}' for value in sea.headings_deg)}° (180°: head seas)",
         "plan",
     )
     yield "load models", ", ".join(listed_effects(scene)), "scene"
@@ -247,12 +247,12 @@ def _current(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     current = result.scene.listed(CurrentParams)
     if current is None:
         return
-    bow, words = math.degrees(result.plan.bow_of(result.scene)), []
+    bow, levels = math.degrees(result.plan.bow_of(result.scene)), []
     for z, east, north, _ in current.table[[0, -1] if len(current.table) > 1 else [0]].tolist():
         setting = (math.degrees(math.atan2(north, east)) - bow) % 360.0
-        words.append(f"{math.hypot(east, north):.3g} m/s towards {setting:.0f}° at {abs(z):g} m")
+        levels.append(f"{math.hypot(east, north):.3g} m/s towards {setting:.0f}° at {abs(z):g} m")
     source = "plan" if result.plan.current else "scene"
-    yield "current, from the bow", ", ".join(words), source
+    yield "current, from the bow", ", ".join(levels), source
 
 
 def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:
@@ -260,8 +260,8 @@ def _lines(scene: Scene) -> Iterator[tuple[str, str, str]]:
     for payload in scene.payloads:
         yield payload.name, f"payload, {1e-3 * payload.mass_kg:g} t in air", "scene"
     for line in scene.ropes:
-        words = f"{line.length_m:g} m, MBL {1e-3 * line.breaking_load_n:g} kN"
-        yield line.name, f"from {line.from_} to {line.to or 'a fixed point'}, {words}", "scene"
+        properties = f"{line.length_m:g} m, MBL {1e-3 * line.breaking_load_n:g} kN"
+        yield line.name, f"from {line.from_} to {line.to or 'a fixed point'}, {properties}", "scene"
 
 
 def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
@@ -269,16 +269,16 @@ def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
     figures = lift_figures(scene)
     payload = figures.payload
     assert payload is not None, "checked when the plan was read"
-    own = next(one for one in scene.payloads)
-    shaped = f"shape {type(own.shape).__name__.lower()}" if own.shape is not None else "scene"
-    yield "object", f"{own.name}, {1e-3 * payload.mass_kg:g} t in air", "scene"
+    entry = next(item for item in scene.payloads)
+    shaped = f"shape {type(entry.shape).__name__.lower()}" if entry.shape is not None else "scene"
+    yield "object", f"{entry.name}, {1e-3 * payload.mass_kg:g} t in air", "scene"
     yield (
         "submerged weight",
         f"{1e-3 * figures.payload_weight_n:.1f} kN ({payload.volume_m3:g} m³)",
         "mass and displaced volume",
     )
-    added = "scene" if own.added_mass_kg is not None else f"{shaped}, DNV-RP-N103"
-    drag = "scene" if own.drag_area_m2 is not None else f"{shaped}, DNV-RP-N103"
+    added = "scene" if entry.added_mass_kg is not None else f"{shaped}, DNV-RP-N103"
+    drag = "scene" if entry.drag_area_m2 is not None else f"{shaped}, DNV-RP-N103"
     yield "added mass A33", f"{1e-3 * payload.added_mass_kg[2]:.1f} t", added
     yield "vertical drag C_D·A", f"{payload.drag_area_m2[2]:.1f} m²", drag
     for section in scene.ropes[0].made_of:
@@ -319,8 +319,12 @@ def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     limits = {limit.key: limit for work in result.works for limit in work.limits}
     for limit in limits.values():
         unit = quantity_of(limit.quantity).unit
-        most = f"{1e-3 * limit.most:.0f} kN" if unit == "kN" else f"{limit.most:g} {unit}".strip()
-        yield f"{limit.words} (`{limit.key}`)", most, SOURCES.get(plain_name(limit.key), "plan")
+        text = f"{1e-3 * limit.most:.0f} kN" if unit == "kN" else f"{limit.most:g} {unit}".strip()
+        yield (
+            f"{limit.words} (`{limit.key}`)",
+            text,
+            SOURCES.get(plain_name(limit.key), "plan"),
+        )
 
 
 def _assumptions(result: PlanResult) -> Iterator[str]:
@@ -357,9 +361,11 @@ def _add_limits(report: Report, result: PlanResult) -> None:
     for work in result.works:
         cells = result.by_sea(work.title)
         for tp in result.plan.sea.tp_s:
-            own = [cells[tp, heading] for heading in headings]
-            rows.append((work.title, f"{tp:g}", *(_matrix_words(result, one) for one in own)))
-    head = ("phase", "Tp s", *(f"heading {one:g}°" for one in headings))
+            limits = [cells[tp, heading] for heading in headings]
+            rows.append(
+                (work.title, f"{tp:g}", *(_matrix_words(result, column) for column in limits))
+            )
+    head = ("phase", "Tp s", *(f"heading {heading:g}°" for heading in headings))
     report.table(
         "Limiting Hs in metres and the governing criterion, by phase, peak period and heading.",
         head,
@@ -411,16 +417,16 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
         "as if they acted at once. The runs integrate quadratic drag, slack and the paid-out line "
         "in time. Its numbers stand beside those of the runs in appendix A."
     )
-    apart = [
+    differences = [
         (100.0 * difference(cell)["hook_load"], cell)
         for cell in result.cells if cell.judged is not None and cell.simplified
     ]  # fmt: skip
-    if apart:
-        least, most = min(apart, key=itemgetter(0)), max(apart, key=itemgetter(0))
+    if differences:
+        lowest, highest = min(differences, key=itemgetter(0)), max(differences, key=itemgetter(0))
         report.text(
-            f"The hook load of the runs differs from the simplified one by {least[0]:+.1f} % "
-            f"({least[1].phase}, {least[1].sea}) to {most[0]:+.1f} % ({most[1].phase}, "
-            f"{most[1].sea})."
+            f"The hook load of the runs differs from the simplified one by {lowest[0]:+.1f} % "
+            f"({lowest[1].phase}, {lowest[1].sea}) to {highest[0]:+.1f} % ({highest[1].phase}, "
+            f"{highest[1].sea})."
         )
 
 
@@ -431,8 +437,8 @@ def _add_runs(report: Report, result: PlanResult) -> None:
                 "phase.")  # fmt: skip
     for work in result.works:
         low = _lowest(result.of_phase(work.title))
-        shown = low.shown
-        if shown is None or shown.governing_seed < 0:
+        judgement = low.shown
+        if judgement is None or judgement.governing_seed < 0:
             continue
         time_s, series = governing_series(result.search_of(low), low)
         parts = "the whole exposure"
@@ -441,8 +447,8 @@ def _add_runs(report: Report, result: PlanResult) -> None:
             parts = f"above the whole exposure, below {around}"
         report.figure(
             series_figure(low, time_s, series),
-            f"{work.title}: seed {shown.governing_seed} at Hs {shown.height_m:g} m, {low.sea}; "
-            f"{parts}.",
+            f"{work.title}: seed {judgement.governing_seed} at Hs {judgement.height_m:g} m, "
+            f"{low.sea}; {parts}.",
         )
 
 
@@ -473,10 +479,10 @@ def _add_cells(report: Report, result: PlanResult) -> None:
          "element without tension. Error: discretisation error of the governing run."),
     ):  # fmt: skip
         report.heading(title, 2)
-        chosen = [head.index(name) for name in names]
+        columns = [head.index(name) for name in names]
         text = [k for k, name in enumerate(names) if name in WORDS]
-        picked = [[row[k] for k in chosen] for row in rows]
-        report.table(caption, names, picked, text, wide, True)
+        cells = [[row[k] for k in columns] for row in rows]
+        report.table(caption, names, cells, text, wide, True)
     rows = list(_simplified_rows(result))
     if rows:
         report.heading("Simplified method", 2)
@@ -489,16 +495,17 @@ def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
     for cell in result.cells:
         if cell.judged is None or not cell.simplified:
             continue
-        tip = max(cell.simplified, key=lambda one: one.tip_m)
-        hook = max(one.hook_n for one in cell.simplified)
-        uplift = max(one.uplift_share for one in cell.simplified)
-        values, apart = cell.judged.values, difference(cell)
+        tip = max(cell.simplified, key=lambda load: load.tip_m)
+        hook = max(load.hook_n for load in cell.simplified)
+        uplift = max(load.uplift_share for load in cell.simplified)
+        values, differences = cell.judged.values, difference(cell)
         yield [
             *cell.row_head, f"{cell.height_m:g}",
             f"{tip.tip_m:.2f}", f"{tip.tip_period_s:.1f}",
             f"{1e-3 * values['hook_load'].value:.0f}", f"{1e-3 * hook:.0f}",
-            f"{round(100.0 * apart['hook_load']):+d}", f"{100.0 * values['uplift'].value:.0f}",
-            f"{100.0 * uplift:.0f}", f"{1e-3 * max(s.snap_n for s in cell.simplified):.0f}",
+            f"{round(100.0 * differences['hook_load']):+d}",
+            f"{100.0 * values['uplift'].value:.0f}", f"{100.0 * uplift:.0f}",
+            f"{1e-3 * max(s.snap_n for s in cell.simplified):.0f}",
         ]  # fmt: skip
 
 
@@ -510,6 +517,6 @@ def _versions(result: PlanResult) -> Iterator[tuple[str, str]]:
     yield "plan, SHA-256", f"`{plan.digest}`"
     yield "scene, SHA-256", f"`{scene.digest}`"
     yield "first random number", f"`{plan.method.seed}`"
-    bought = plan.method.elements is None
-    within = f" --within {plan.method.error_within:g}" if bought else ""
-    yield "command", f"`rope_twin plan {plan.name}{within} --report`"
+    is_selected = plan.method.elements is None
+    option = f" --within {plan.method.error_within:g}" if is_selected else ""
+    yield "command", f"`rope_twin plan {plan.name}{option} --report`"

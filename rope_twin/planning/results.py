@@ -65,9 +65,9 @@ def _bounded(height_m: float | None, capped: str) -> str:
 
 def limit_words(result: PlanResult, cell: CellLimit) -> str:
     """Return the governing criterion in words."""
-    words = {limit.key: limit.words for limit in result.work_of(cell).limits}
-    named = words.get(cell.governing, cell.governing)
-    return f"{cell.capped} ({named})" if cell.capped else named
+    labels = {limit.key: limit.words for limit in result.work_of(cell).limits}
+    label = labels.get(cell.governing, cell.governing)
+    return f"{cell.capped} ({label})" if cell.capped else label
 
 
 def daf(result: PlanResult, cell: CellLimit) -> float:
@@ -131,11 +131,11 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
                 if leg.to_m > leg.from_m
                 else (f"{leg.from_m:.0f} m")
             )
-            how = f"{leg.setting}, {error_words}"
-            yield f"{work.title}, {where}: {how}; exposure {leg.window_s:.0f} s"
-    alone = [work.title for work in result.works if work.legs[0].by_twin]
-    if alone:
-        yield f"{', '.join(alone)}: runs are stepped one at a time, not in lanes"
+            setting = f"{leg.setting}, {error_words}"
+            yield f"{work.title}, {where}: {setting}; exposure {leg.window_s:.0f} s"
+    titles = [work.title for work in result.works if work.legs[0].by_twin]
+    if titles:
+        yield f"{', '.join(titles)}: runs are stepped one at a time, not in lanes"
     finer = sum(cell.refinements > 0 for cell in result.cells)
     if finer:
         yield (
@@ -149,12 +149,12 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
         else (f"maximum of the top tension within {study.peak_pct:.2g} %, ")
     )
     yield f"study of scene '{result.scene.name}': {known}{study.words}"
-    whole = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
+    total = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
-        here = "done" if result.made >= result.runs else f"{result.made} runs made"
-        whole += f", {here} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
-    yield whole
+        progress = "done" if result.made >= result.runs else f"{result.made} runs made"
+        total += f", {progress} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
+    yield total
 
 
 def notes(result: PlanResult) -> Iterator[str]:
@@ -187,19 +187,21 @@ def _cells(count: int) -> str:
 def _static(result: PlanResult) -> Iterator[str]:
     for work in result.works:
         if work.static_use > 1.0:
-            most = work.static_hook_n / work.static_use
+            limit_n = work.static_hook_n / work.static_use
             yield (
                 f"{work.title}: the static hook load of {1e-3 * work.static_hook_n:.3g} kN alone "
-                f"is above its limit of {1e-3 * most:.3g} kN, so that no sea meets it; check swl_n "
-                "[N] and safety_factor."
+                f"is above its limit of {1e-3 * limit_n:.3g} kN, so that no sea meets it; check "
+                "swl_n [N] and safety_factor."
             )
 
 
 def _failures(result: PlanResult) -> Iterator[str]:
     for cell in result.cells:
         judged = (cell.judged, cell.beyond)
-        failed = sum(one.failures for one in judged if one is not None)
-        faults = [one.fault for one in judged if one is not None and one.fault]
+        failed = sum(judgement.failures for judgement in judged if judgement is not None)
+        faults = [
+            judgement.fault for judgement in judged if judgement is not None and judgement.fault
+        ]
         where = f"{cell.phase}, {cell.sea}"
         if failed:
             yield f"{where}: {failed} runs did not reach their end; such a sea counts as too high."
@@ -209,31 +211,31 @@ def _failures(result: PlanResult) -> Iterator[str]:
 
 def _intervals(result: PlanResult) -> Iterator[str]:
     method = result.plan.method
-    wide = [
+    wide_cells = [
         (max(use.half_width for use in cell.judged.uses.values()), cell)
         for cell in result.cells
         if cell.judged is not None and cell.judged.uses and not cell.judged.narrow(method.within)
     ]
-    if wide:
-        worst, cell = max(wide, key=lambda pair: pair[0])
+    if wide_cells:
+        half_width, cell = max(wide_cells, key=lambda pair: pair[0])
         yield (
-            f"In {_cells(len(wide))} {method.seeds.most} seeds leave an interval wider than "
-            f"±{100.0 * method.within:g} % (up to ±{100.0 * worst:.0f} %, {cell.phase}, Tp "
+            f"In {_cells(len(wide_cells))} {method.seeds.most} seeds leave an interval wider than "
+            f"±{100.0 * method.within:g} % (up to ±{100.0 * half_width:.0f} %, {cell.phase}, Tp "
             f"{cell.period_s:g} s); raise method.seeds.most."
         )
 
 
 def _errors(result: PlanResult) -> Iterator[str]:
-    most = result.plan.method.error_within
+    max_error = result.plan.method.error_within
     known = [cell for cell in result.cells if not math.isnan(cell.error)]
-    large = [cell for cell in known if cell.error > most]
+    large = [cell for cell in known if cell.error > max_error]
     unknown = sum(cell.judged is not None for cell in result.cells) - len(known)
     if large:
-        worst = max(large, key=lambda cell: cell.error)
+        largest = max(large, key=lambda cell: cell.error)
         yield (
             f"In {_cells(len(large))} the discretisation error of the governing run is above "
-            f"{100.0 * most:g} % (up to {100.0 * worst.error:.2g} %, {worst.phase}, Tp "
-            f"{worst.period_s:g} s): after slack, runs of two meshes drift apart."
+            f"{100.0 * max_error:g} % (up to {100.0 * largest.error:.2g} %, {largest.phase}, Tp "
+            f"{largest.period_s:g} s): after slack, runs of two meshes drift apart."
         )
     if unknown:
         yield f"In {_cells(unknown)} the discretisation error could not be measured."
@@ -258,21 +260,22 @@ def _beyond_table(result: PlanResult) -> Iterator[str]:
     tip, sea = result.works[0].ship.tip, result.plan.sea
     if not isinstance(tip, ResponsesTip):
         return
-    lost: dict[float, float] = {}
+    share_lost: dict[float, float] = {}
     for period in sea.tp_s:
         spectrum = SeaState(sea.hs_m.from_, period, 0.0, sea.gamma).spectrum()
         waves = irregular_waves(spectrum, COMPONENTS, 1, DEEP, STANDARD_GRAVITY)
         for heading in sea.headings_deg:
-            own = spread(waves, math.radians(heading), None, 1)
-            lost[period] = max(
-                lost.get(period, 0.0), tip.responses.share_left_out(own, 0.0, tip.arm_m)
+            spread_waves = spread(waves, math.radians(heading), None, 1)
+            share_lost[period] = max(
+                share_lost.get(period, 0.0),
+                tip.responses.share_left_out(spread_waves, 0.0, tip.arm_m),
             )
-    much = [period for period, share in lost.items() if share > LOST_SHARE]
-    if much:
+    cut_periods = [period for period, share in share_lost.items() if share > LOST_SHARE]
+    if cut_periods:
         yield (
-            f"At Tp {', '.join(f'{one:g}' for one in much)} s up to "
-            f"{100.0 * max(lost.values()):.2g} % of the variance of the tip's motion lies above "
-            "the highest frequency of the RAOs and is left out."
+            f"At Tp {', '.join(f'{tp:g}' for tp in cut_periods)} s up to "
+            f"{100.0 * max(share_lost.values()):.2g} % of the variance of the tip's motion lies "
+            "above the highest frequency of the RAOs and is left out."
         )
 
 
@@ -283,16 +286,16 @@ def _seas(result: PlanResult) -> Iterator[str]:
     ]  # fmt: skip
     if steep:
         periods = sorted({cell.period_s for cell in steep})
-        words = ", ".join(f"{period:g}" for period in periods)
+        period_list = ", ".join(f"{period:g}" for period in periods)
         yield (
-            f"At Tp {words} s limits lie above the steepest usual seas of DNV-RP-C205: such seas "
-            "are rare, and their limits seldom decide."
+            f"At Tp {period_list} s limits lie above the steepest usual seas of DNV-RP-C205: such "
+            "seas are rare, and their limits seldom decide."
         )
 
 
 def result_object(result: PlanResult) -> dict[str, Any]:
     """Return everything as one object of plain values; unknown numbers are None."""
-    found = {
+    content = {
         "plan": result.plan.name,
         "plan_digest": result.plan.digest,
         "scene": result.scene.name,
@@ -326,7 +329,7 @@ def result_object(result: PlanResult) -> dict[str, Any]:
         "slings": list(sling_loads(result)) if result.plan.slings is not None else [],
         "cells": [_cell_object(result, cell) for cell in result.cells],
     }  # fmt: skip
-    return dict(json_value(found))
+    return dict(json_value(content))
 
 
 def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
@@ -349,7 +352,7 @@ def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
         "refinements": cell.refinements,
         "simplified_hs_m": cell.simplified_height_m,
         "simplified_capped": cell.simplified_capped,
-        "simplified": [vars(one) for one in cell.simplified],
+        "simplified": [vars(load) for load in cell.simplified],
         "difference": difference(cell),
         "judged_heights": cell.heights,
         "runs": cell.runs,
@@ -372,8 +375,8 @@ def difference(cell: CellLimit) -> dict[str, float]:
     }
 
 
-def _simple(found: Sequence[Simplified]) -> tuple[float, float]:
-    return max(one.hook_n for one in found), max(one.uplift_share for one in found)
+def _simple(loads: Sequence[Simplified]) -> tuple[float, float]:
+    return max(load.hook_n for load in loads), max(load.uplift_share for load in loads)
 
 
 def _judgement_object(judged: Judgement | None) -> dict[str, Any] | None:
@@ -406,9 +409,9 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
             "kind": result.plan.phases[work.number].kind,
             "depth_m": [work.legs[0].from_m, work.legs[-1].to_m],
             "limits": {limit.key: limit.most for limit in work.limits},
-            "limiting_hs_m": [[one.height_m for one in row] for row in rows],
-            "governing": [[one.governing for one in row] for row in rows],
-            "hook_load_n": [[_hook_n(one) for one in row] for row in rows],
+            "limiting_hs_m": [[cell_limit.height_m for cell_limit in row] for row in rows],
+            "governing": [[cell_limit.governing for cell_limit in row] for row in rows],
+            "hook_load_n": [[_hook_n(cell_limit) for cell_limit in row] for row in rows],
         }
     return {
         "format": FORMAT,
@@ -446,5 +449,5 @@ def write_results(result: PlanResult, folder: Path) -> None:
     """
     for name, content in (("plan.json", result_object(result)),
                           ("load_chart.json", load_chart(result))):  # fmt: skip
-        words = json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False)
-        write_whole(folder / name, words.encode())
+        text = json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False)
+        write_whole(folder / name, text.encode())

@@ -77,7 +77,7 @@ def choose_setting(
     if leg.by_twin:  # contact and multi-line systems need the scene's own mesh and step
         return Setting(leg.scene.ropes[0].elements, leg.scene.time.step_s), math.nan
     trials = Trials(plan, number, leg, ship, sea, store)
-    best = SETTINGS[-1], math.nan
+    choice = SETTINGS[-1], math.nan
     for setting in SETTINGS:
         if setting.elements > leg.scene.ropes[0].length_m / SHORTEST_M:
             break
@@ -86,10 +86,10 @@ def choose_setting(
         if rows is None or reference is None:
             continue
         error = relative_error(rows, reference, leg.payload_n)
-        best = setting, error
+        choice = setting, error
         if error <= method.error_within:
             break
-    return best
+    return choice
 
 
 SHORTEST_M = 0.3  # element: a mesh that is finer than the payload is large resolves nothing
@@ -110,30 +110,30 @@ class Trials:
 
     def rows(self, setting: Setting) -> list[Row] | None:
         """Return the rows of all seeds; None if the scene does not run at the setting."""
-        place = (self._phase * LEGS_MOST + self._leg.number) * len(TRIED) + TRIED.index(setting)
-        numbers = [-1 - place * TRIAL_SEEDS - k for k in range(TRIAL_SEEDS)]
-        kept = [row for row in map(self._store.get, numbers) if row is not None]
-        if len(kept) < TRIAL_SEEDS and setting not in self._failed:
-            kept = self._run(setting, numbers)
-        failed = len(kept) < TRIAL_SEEDS or any(row["failure"] for row in kept)
-        return None if failed else kept
+        trial = (self._phase * LEGS_MOST + self._leg.number) * len(TRIED) + TRIED.index(setting)
+        numbers = [-1 - trial * TRIAL_SEEDS - k for k in range(TRIAL_SEEDS)]
+        rows = [row for row in map(self._store.get, numbers) if row is not None]
+        if len(rows) < TRIAL_SEEDS and setting not in self._failed:
+            rows = self._run(setting, numbers)
+        failed = len(rows) < TRIAL_SEEDS or any(row["failure"] for row in rows)
+        return None if failed else rows
 
     def _run(self, setting: Setting, numbers: Sequence[int]) -> list[Row]:
         phase, first = self._phase, self._plan.method.seed
         seeds = [sea_seed(first, phase, self._leg.number, k) for k in range(TRIAL_SEEDS)]
         try:
             leg = self._leg.at_setting(setting)
-            found = run_seeds(leg, self._ship, self._sea, seeds)
+            results = run_seeds(leg, self._ship, self._sea, seeds)
         except RopeTwinError:
             self._failed.add(setting)
             return []
         title = self._plan.phases[phase].title
-        made = [
+        rows = [
             run_row(number, title, leg, self._sea, k, row, SETTING)
-            for k, (number, row) in enumerate(zip(numbers, found, strict=True))
+            for k, (number, row) in enumerate(zip(numbers, results, strict=True))
         ]
-        self._store.add(made)
-        return made
+        self._store.add(rows)
+        return rows
 
 
 def relative_error(rows: Sequence[Row], reference: Sequence[Row], weight_n: float) -> float:
@@ -158,14 +158,14 @@ def governing_error(cell: Cell, height: int, judged: Judgement) -> float:
     if judged.governing_seed < 0:
         return math.nan
     leg, seed = judged.governing_leg, judged.governing_seed
-    own = cell.store.get(cell.run_number(height, leg, seed))
+    row = cell.store.get(cell.run_number(height, leg, seed))
     try:
         reference = cell.row_at(finer(cell.work.settings[leg]), height, leg, seed)
     except RopeTwinError:
         return math.nan
-    if own is None or reference["failure"]:
+    if row is None or reference["failure"]:
         return math.nan
-    return relative_error([own], [reference], cell.work.legs[leg].payload_n)
+    return relative_error([row], [reference], cell.work.legs[leg].payload_n)
 
 
 def find_within(search: Cell) -> tuple[Cell, CellLimit]:
@@ -180,12 +180,12 @@ def find_within(search: Cell) -> tuple[Cell, CellLimit]:
     """
     limit = search.find(governing_error)
     while (better := _refined(search, limit)) is not None:
-        again = better.find(governing_error)
-        again = replace(again, runs=again.runs + limit.runs)
-        if not again.error < limit.error:
-            return search, replace(limit, runs=again.runs)
-        converges = again.error <= CONVERGES * limit.error
-        search, limit = better, again
+        refined = better.find(governing_error)
+        refined = replace(refined, runs=refined.runs + limit.runs)
+        if not refined.error < limit.error:
+            return search, replace(limit, runs=refined.runs)
+        converges = refined.error <= CONVERGES * limit.error
+        search, limit = better, refined
         if not converges:
             break
     return search, limit
@@ -199,20 +199,22 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
         return None
     assert judged is not None
     leg = judged.governing_leg
-    own, most = limit.settings[leg], search.work.legs[leg].scene.ropes[0].length_m / SHORTEST_M
+    current = limit.settings[leg]
+    max_elements = search.work.legs[leg].scene.ropes[0].length_m / SHORTEST_M
     rest = [
-        one for one in SETTINGS
-        if one.elements >= own.elements and one.step_s <= own.step_s and one != own
-        and one.elements <= most
+        item for item in SETTINGS
+        if item.elements >= current.elements and item.step_s <= current.step_s and item != current
+        and item.elements <= max_elements
     ]  # fmt: skip
     if not rest:
         return None
 
-    def expected(one: Setting) -> float:
-        return limit.error * max(own.elements / one.elements, one.step_s / own.step_s) ** 2
+    def expected(setting: Setting) -> float:
+        ratio = max(current.elements / setting.elements, setting.step_s / current.step_s)
+        return limit.error * ratio**2
 
-    chosen = next((one for one in rest if expected(one) <= method.error_within), rest[-1])
-    settings = [chosen if k == leg else setting for k, setting in enumerate(limit.settings)]
+    selected = next((item for item in rest if expected(item) <= method.error_within), rest[-1])
+    settings = [selected if k == leg else setting for k, setting in enumerate(limit.settings)]
     try:
         return search.at_settings(settings, limit.refinements + 1)
     except RopeTwinError:
@@ -262,8 +264,8 @@ class PlanResult:
 
     def search_of(self, limit: CellLimit) -> Cell:
         """Return the search of a cell at its settings, without rows."""
-        place = self.plan.grid[self.cells.index(limit)]
-        search = Cell(self.plan, self.works[place[0]], place, RowStore())
+        indices = self.plan.grid[self.cells.index(limit)]
+        search = Cell(self.plan, self.works[indices[0]], indices, RowStore())
         return search.at_settings(limit.settings, limit.refinements)
 
 
@@ -307,15 +309,15 @@ def plan(
     Raises:
         RopeTwinError: the plan is invalid, or the folder holds another one; one sentence.
     """
-    own, scene = read_plan(name_or_path)
+    file_plan, scene = read_plan(name_or_path)
     if within is not None:
-        own = with_error(own, within)
+        file_plan = with_error(file_plan, within)
     if out is None:
-        return run_plan(own, scene, RowStore(), threads=threads)
-    with PlanFolder(Path(out), own, plan_stamp(own, scene)) as folder:
-        found = run_plan(own, scene, folder.store, threads=threads)
+        return run_plan(file_plan, scene, RowStore(), threads=threads)
+    with PlanFolder(Path(out), file_plan, plan_stamp(file_plan, scene)) as folder:
+        result = run_plan(file_plan, scene, folder.store, threads=threads)
         folder.close_rows()
-        return found
+        return result
 
 
 def run_plan(
@@ -340,22 +342,22 @@ def run_plan(
     Raises:
         RopeTwinError: a phase cannot be run, or there is no such scheduler; one sentence.
     """
-    began = time.perf_counter()
-    counted = _Counted(store)
-    works = prepare(plan, scene, counted)
-    report(0, len(plan.grid), counted.made)
-    found: dict[int, CellLimit] = {}
+    start_s = time.perf_counter()
+    counted_store = _Counted(store)
+    works = prepare(plan, scene, counted_store)
+    report(0, len(plan.grid), counted_store.made)
+    limits: dict[int, CellLimit] = {}
     results = (
-        _on_cluster(plan, works, counted, scheduler)
+        _on_cluster(plan, works, counted_store, scheduler)
         if scheduler
-        else _on_cores(plan, works, counted, cores() if threads is None else threads)
+        else _on_cores(plan, works, counted_store, cores() if threads is None else threads)
     )
     for number, limit in results:
-        found[number] = limit
-        report(len(found), len(plan.grid), counted.made)
-    ordered = tuple(found[k] for k in range(len(plan.grid)))
-    used = (counted.used[run] for run in sorted(counted.used))
-    rows = tuple(row for row in used if row["purpose"] == STATISTICS)
+        limits[number] = limit
+        report(len(limits), len(plan.grid), counted_store.made)
+    ordered = tuple(limits[k] for k in range(len(plan.grid)))
+    used_rows = (counted_store.used[run] for run in sorted(counted_store.used))
+    rows = tuple(row for row in used_rows if row["purpose"] == STATISTICS)
     return PlanResult(
         plan=plan,
         scene=scene,
@@ -364,23 +366,23 @@ def run_plan(
         study=known_error(scene),
         runs=len(rows),
         simulated_s=math.fsum(row["seconds"] for row in rows),
-        made=counted.made,
-        made_s=counted.made_s,
-        elapsed_s=time.perf_counter() - began,
+        made=counted_store.made,
+        made_s=counted_store.made_s,
+        elapsed_s=time.perf_counter() - start_s,
         rows=rows,
     )
 
 
 def _on_cores(
-    plan: Plan, works: tuple[PhaseWork, ...], counted: _Counted, threads: int
+    plan: Plan, works: tuple[PhaseWork, ...], counted_store: _Counted, threads: int
 ) -> Iterator[tuple[int, CellLimit]]:
     """Yield number and limit of each cell, as they come."""
 
     def find(number: int) -> tuple[int, CellLimit]:
-        place = plan.grid[number]
-        return number, find_within(Cell(plan, works[place[0]], place, counted))[1]
+        indices = plan.grid[number]
+        return number, find_within(Cell(plan, works[indices[0]], indices, counted_store))[1]
 
-    return on_cores(find, range(len(plan.grid)), threads, counted.stop)
+    return on_cores(find, range(len(plan.grid)), threads, counted_store.stop)
 
 
 @dataclass(frozen=True)
@@ -399,17 +401,17 @@ def find_cell(task: CellTask) -> tuple[int, CellLimit, list[Row]]:
     Raises:
         RopeTwinError: a run cannot start.
     """
-    counted = _Counted(RowStore(dict(task.rows)))
-    cell = Cell(task.plan, task.work, task.plan.grid[task.number], counted)
-    return task.number, find_within(cell)[1], list(counted.used.values())
+    counted_store = _Counted(RowStore(dict(task.rows)))
+    cell = Cell(task.plan, task.work, task.plan.grid[task.number], counted_store)
+    return task.number, find_within(cell)[1], list(counted_store.used.values())
 
 
 def _on_cluster(
-    plan: Plan, works: tuple[PhaseWork, ...], counted: _Counted, address: str
+    plan: Plan, works: tuple[PhaseWork, ...], counted_store: _Counted, address: str
 ) -> Iterator[tuple[int, CellLimit]]:
     """Yield number and limit of each cell, found by a Dask cluster."""
     parts: dict[int, dict[int, Row]] = {number: {} for number in range(len(plan.grid))}
-    for run, row in counted.rows.items():
+    for run, row in counted_store.rows.items():
         if run < 0:  # a trial of a setting
             continue
         parts[run // runs_of_cell(plan) % len(parts)][run] = row
@@ -418,10 +420,10 @@ def _on_cluster(
     ]
     for number, limit, rows in on_cluster(find_cell, tasks, address):
         known = parts[number]
-        counted.used |= {int(row["run"]): row for row in rows}
-        made = [row for row in rows if int(row["run"]) not in known]
-        if made:
-            counted.add(made)
+        counted_store.used |= {int(row["run"]): row for row in rows}
+        new_rows = [row for row in rows if int(row["run"]) not in known]
+        if new_rows:
+            counted_store.add(new_rows)
         yield number, limit
 
 
@@ -488,27 +490,27 @@ def prepare(plan: Plan, scene: Scene, store: RowStore | None = None) -> tuple[Ph
     return tuple(works)
 
 
-def cell_named(plan: Plan, words: str) -> tuple[int, int, int]:
+def cell_named(plan: Plan, text: str) -> tuple[int, int, int]:
     """Return the cell of `PHASE,TP,HEADING`, such as `at_depth,9,165`.
 
     Raises:
         InputError: there is no such cell.
     """
-    parts = [part.strip() for part in words.split(",")]
-    where = f"--cell {words}"
+    parts = [part.strip() for part in text.split(",")]
+    where = f"--cell {text}"
     if len(parts) != 3:
         raise InputError(where, "it is no cell", "write PHASE,TP,HEADING")
     titles = [phase.title for phase in plan.phases]
     if parts[0] not in titles:
         raise InputError(where, f"there is no phase '{parts[0]}'", f"known: {', '.join(titles)}")
-    found = [titles.index(parts[0])]
+    indices = [titles.index(parts[0])]
     axes: Mapping[str, tuple[float, ...]] = {
         "Tp": plan.sea.tp_s, "heading": plan.sea.headings_deg
     }  # fmt: skip
     for (name, values), word in zip(axes.items(), parts[1:], strict=True):
         try:
-            found.append(values.index(float(word)))
+            indices.append(values.index(float(word)))
         except ValueError:
             remedy = f"known: {', '.join(f'{value:g}' for value in values)}"
             raise InputError(where, f"there is no {name} '{word}'", remedy) from None
-    return found[0], found[1], found[2]
+    return indices[0], indices[1], indices[2]

@@ -40,8 +40,8 @@ def sea_seed(first: int, phase: int, leg: int, number: int) -> int:
 
     All seas of a phase have the same seeds, so that a higher sea is the same sea, but higher.
     """
-    words = np.random.SeedSequence([first, phase, leg, number]).generate_state(1)
-    return int(words[0] >> 1)
+    state = np.random.SeedSequence([first, phase, leg, number]).generate_state(1)
+    return int(state[0] >> 1)
 
 
 def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
@@ -56,8 +56,8 @@ def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
         heave = tip_record(ship.tip, sea, seed, leg.seconds, ship.bow, ship.tip.headings)
         return Variation((), heave, leg.commands)
     changes = sea_changes(leg, ship, sea, seed)
-    own = change_scene(leg.scene, changes)
-    heave = _on_waves(own, ship, leg.seconds)
+    scene = change_scene(leg.scene, changes)
+    heave = _on_waves(scene, ship, leg.seconds)
     return Variation(changes, heave, leg.commands)
 
 
@@ -91,24 +91,26 @@ class SteppedExtremes:
         """
         if nominal_m is not None:
             self._take_line(steps[:, LINE_OUT], time_s, nominal_m)
-        counted, found = time_s > self._leg.first_s, self.found
-        afloat = counted.copy()
+        is_counted, extremes = time_s > self._leg.first_s, self.found
+        afloat = is_counted.copy()
         if self._leg.bed_m is not None:
             afloat &= self._before_touchdown(steps)
-        if counted.any():
-            some = steps[counted]
-            k = int(np.argmax(some[:, TOP]))
-            at_s, depth_m = float(time_s[counted][k]), float(some[k, AT_DEPTH])
-            found.take_top(float(some[k, TOP]), at_s, depth_m)
-            found.payload_max_n = max(found.payload_max_n, float(some[:, AT_LOWEST].max()))
+        if is_counted.any():
+            selected = steps[is_counted]
+            k = int(np.argmax(selected[:, TOP]))
+            at_s, depth_m = float(time_s[is_counted][k]), float(selected[k, AT_DEPTH])
+            extremes.take_top(float(selected[k, TOP]), at_s, depth_m)
+            extremes.payload_max_n = max(
+                extremes.payload_max_n, float(selected[:, AT_LOWEST].max())
+            )
         if afloat.any():
-            some = steps[afloat]
-            found.take_least(
-                len(some),
-                int((some[:, AT_LEAST] <= 0.0).sum()),
-                top_n=float(some[:, TOP].min()),
-                payload_n=float(some[:, AT_LOWEST].min()),
-                anywhere_n=float(some[:, AT_LEAST].min()),
+            selected = steps[afloat]
+            extremes.take_least(
+                len(selected),
+                int((selected[:, AT_LEAST] <= 0.0).sum()),
+                top_n=float(selected[:, TOP].min()),
+                payload_n=float(selected[:, AT_LOWEST].min()),
+                anywhere_n=float(selected[:, AT_LEAST].min()),
             )
 
     def _before_touchdown(self, steps: Vector) -> Any:
@@ -129,14 +131,14 @@ class SteppedExtremes:
 
     def _take_line(self, line_m: Vector, time_s: Vector, nominal_m: Vector) -> None:
         """Note how far and how fast the heave compensation moves the line."""
-        extra, found = line_m - nominal_m, self.found
-        found.stroke_m = max(found.stroke_m, float(np.abs(extra).max(initial=0.0)))
+        extra, extremes = line_m - nominal_m, self.found
+        extremes.stroke_m = max(extremes.stroke_m, float(np.abs(extra).max(initial=0.0)))
         if self._line is not None:
             extra = np.concatenate([[self._line[1]], extra])
             time_s = np.concatenate([[self._line[0]], time_s])
         if len(extra) > 1:
             speeds = np.abs(np.diff(extra) / np.diff(time_s))
-            found.stroke_speed_m_per_s = max(found.stroke_speed_m_per_s, float(speeds.max()))
+            extremes.stroke_speed_m_per_s = max(extremes.stroke_speed_m_per_s, float(speeds.max()))
         self._line = float(time_s[-1]), float(extra[-1])
 
 
@@ -151,22 +153,24 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     if leg.by_twin:
         return twin_rows(leg, ship, sea, seeds)
     ensemble = _started(leg, ship, sea, seeds)
-    found = [SteppedExtremes(leg) for _ in seeds]
+    members = [SteppedExtremes(leg) for _ in seeds]
     for time_s, nominal, parts in _batches(leg, ensemble):
-        for own, steps in zip(found, parts, strict=True):
-            some = len(steps)
-            if some:
-                own.take(steps, time_s[:some], None if nominal is None else nominal[:some])
+        for extremes, steps in zip(members, parts, strict=True):
+            count = len(steps)
+            if count:
+                extremes.take(steps, time_s[:count], None if nominal is None else nominal[:count])
     rows = []
-    for seed, own, member in zip(seeds, found, ensemble.figures(), strict=True):
-        lost = "" if leg.bed_m is None or own.landed or member.failure else "it did not land"
-        failure = member.failure or lost
-        rows.append({"sea_seed": seed, **own.found.row(), "failure": failure})
+    for seed, extremes, member in zip(seeds, members, ensemble.figures(), strict=True):
+        not_landed = (
+            "" if leg.bed_m is None or extremes.landed or member.failure else "it did not land"
+        )
+        failure = member.failure or not_landed
+        rows.append({"sea_seed": seed, **extremes.found.row(), "failure": failure})
     return rows
 
 
 def run_row(
-    number: int, phase: str, leg: Leg, sea: SeaState, seed: int, found: Row, purpose: str
+    number: int, phase: str, leg: Leg, sea: SeaState, seed: int, result: Row, purpose: str
 ) -> Row:
     """Return the row that is kept of a run: its place in the plan, what it found, its setting.
 
@@ -181,7 +185,7 @@ def run_row(
         "heading_deg": sea.heading_deg,
         "hs_m": sea.height_m,
         "seed": seed,
-        **found,
+        **result,
         "seconds": leg.seconds,
         "elements": leg.setting.elements,
         "step_s": leg.setting.step_s,
@@ -197,17 +201,17 @@ def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, 
     """
     if leg.by_twin:
         rows = []
-        for shot in watch_twin(leg, ship, sea, seed):
+        for snapshot in watch_twin(leg, ship, sea, seed):
             row = np.full(WATCHED, math.nan)
-            row[TOP], row[AT_LOWEST] = shot.tension_top_n, shot.tension_payload_n
-            row[AT_DEPTH] = -float(shot.payload_position_m[2])
-            rows.append((shot.time_s, row))
-        return np.array([at for at, _ in rows]), np.stack([row for _, row in rows])
+            row[TOP], row[AT_LOWEST] = snapshot.tension_top_n, snapshot.tension_payload_n
+            row[AT_DEPTH] = -float(snapshot.payload_position_m[2])
+            rows.append((snapshot.time_s, row))
+        return np.array([instant for instant, _ in rows]), np.stack([row for _, row in rows])
     ensemble = _started(leg, ship, sea, [seed])
     times, steps = [], []
-    for time_s, _, (own,) in _batches(leg, ensemble):
-        times.append(time_s[: len(own)])
-        steps.append(own)
+    for time_s, _, (member_steps,) in _batches(leg, ensemble):
+        times.append(time_s[: len(member_steps)])
+        steps.append(member_steps)
     return np.concatenate(times), np.concatenate(steps)
 
 
@@ -227,12 +231,12 @@ def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector | No
     compensated = winch is not None and winch.heave_compensation is not None
     nominal = nominal_line(leg) if compensated else None
     while left:
-        some = min(left, BATCH_STEPS)
-        ensemble.advance(some * step)
-        time_s = np.arange(done + 1.0, done + some + 1.0) * step
+        count = min(left, BATCH_STEPS)
+        ensemble.advance(count * step)
+        time_s = np.arange(done + 1.0, done + count + 1.0) * step
         parts = [ensemble.watched(k) for k in range(len(ensemble))]
-        yield time_s, None if nominal is None else nominal[done : done + some], parts
-        left, done = left - some, done + some
+        yield time_s, None if nominal is None else nominal[done : done + count], parts
+        left, done = left - count, done + count
 
 
 def nominal_line(leg: Leg) -> Vector:

@@ -109,9 +109,9 @@ class HullTip:
 
     def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
         """Return the heave alone."""
-        found = np.zeros((6, len(frequency_hz)), np.complex128)
-        found[2] = heave_response(self.hull, frequency_hz)
-        return found
+        motions = np.zeros((6, len(frequency_hz)), np.complex128)
+        motions[2] = heave_response(self.hull, frequency_hz)
+        return motions
 
 
 class Ship(NamedTuple):
@@ -168,9 +168,9 @@ class DeckTransfer:
         """
         x, y = self.apart_m
         number = (2.0 * np.pi * frequency_hz) ** 2 / STANDARD_GRAVITY
-        late = np.exp(-1j * number * (x * np.cos(heading) + y * np.sin(heading)))
-        own = self.responses.at(frequency_hz, heading - self.turn)
-        forward, port, up = late * moved_by(own, self.arm_m)[:3]
+        phase = np.exp(-1j * number * (x * np.cos(heading) + y * np.sin(heading)))
+        motions = self.responses.at(frequency_hz, heading - self.turn)
+        forward, port, up = phase * moved_by(motions, self.arm_m)[:3]
         c, s = math.cos(self.turn), math.sin(self.turn)
         return np.stack([c * forward - s * port, s * forward + c * port, up])
 
@@ -193,11 +193,11 @@ def tip_spectrum(tip: PointTransfer, sea: SeaState) -> tuple[Vector, Vector]:
     """Return frequencies [Hz] and one-sided density of the tip's height [m²/Hz], (n,) each."""
     spectrum = sea.spectrum()
     f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz
-    moved = np.zeros_like(f)
+    squared_response = np.zeros_like(f)
     for turn, share in _directions(sea.spreading):
         heading = np.full_like(f, math.radians(sea.heading_deg) + turn)
-        moved += share * np.abs(tip.at(f, heading)[2]) ** 2
-    return f, moved * density
+        squared_response += share * np.abs(tip.at(f, heading)[2]) ** 2
+    return f, squared_response * density
 
 
 def tip_moments(tip: PointTransfer, sea: SeaState) -> Moments:
@@ -222,8 +222,8 @@ def lateral_moments(tip: PointTransfer, sea: SeaState) -> Moments:
         products += share * (pair[:, :, None] * pair[:, None, :].conj()).real
     products *= density[:, None, None]
     direction = np.linalg.eigh(np.trapezoid(products, f, axis=0))[1][:, -1]
-    along = np.einsum("i,nij,j->n", direction, products, direction)
-    return _moments(f, along)
+    directional_density = np.einsum("i,nij,j->n", direction, products, direction)
+    return _moments(f, directional_density)
 
 
 def _directions(exponent: float | None) -> list[tuple[float, float]]:
@@ -261,14 +261,14 @@ def tip_record(
     samples = _samples(seconds)
     record = sea_record(sea, seed, seconds)
     order, count = record.order, record.count
-    moved = record.wave * tip.at(record.frequency_hz, record.heading)
+    motion = record.wave * tip.at(record.frequency_hz, record.heading)
 
     def in_time(component: Complex) -> Vector:
         half = np.zeros(count // 2 + 1, np.complex128)
         half[order] = 0.5 * count * component
         return np.asarray(irfft(half, count)[:samples])
 
-    tracks = [in_time(part) for part in _in_sea(moved, record.omega, bow, aside)]
+    tracks = [in_time(part) for part in _in_sea(motion, record.omega, bow, aside)]
     return _series(tracks)
 
 
@@ -289,8 +289,8 @@ class SeaRecord:
 
     def from_start(self, response: Complex) -> Complex:
         """Return the complex amplitudes at time 0 of what answers with this response, (..., n)."""
-        late = np.exp(1j * self.omega * (LEAD_SAMPLES * SAMPLE_NS * 1e-9))
-        return np.asarray(self.wave * late * response)
+        phase = np.exp(1j * self.omega * (LEAD_SAMPLES * SAMPLE_NS * 1e-9))
+        return np.asarray(self.wave * phase * response)
 
     def harmonics(self, deck: DeckTransfer) -> Vector:
         """Return amplitude [m], ω [rad/s] and phase [rad] of the sines of a deck's height from
@@ -334,8 +334,8 @@ def tip_on_waves(
     reference: x and y of the ship's reference point [m]; others as for `tip_record`.
     """
     samples = _samples(seconds)
-    moved = wave_at(waves, *reference) * tip.at(waves.omega / (2.0 * np.pi), waves.heading - bow)
-    parts = np.stack(_in_sea(moved, waves.omega, bow, aside), axis=1)
+    motion = wave_at(waves, *reference) * tip.at(waves.omega / (2.0 * np.pi), waves.heading - bow)
+    parts = np.stack(_in_sea(motion, waves.omega, bow, aside), axis=1)
     time_s = (np.arange(samples) - LEAD_SAMPLES) * (SAMPLE_NS * 1e-9)
     chunks = [
         (np.exp(1j * np.outer(time_s[k : k + CHUNK], waves.omega)) @ parts).real
@@ -344,15 +344,15 @@ def tip_on_waves(
     return _series(list(np.concatenate(chunks).T))
 
 
-def _in_sea(moved: Complex, omega: Vector, bow: float, aside: bool) -> list[Complex]:
+def _in_sea(motion: Complex, omega: Vector, bow: float, aside: bool) -> list[Complex]:
     """Return height and its rate; with `aside`, then east, north and their rates."""
-    forward, port, up = moved
-    found = [up, 1j * omega * up]
+    forward, port, up = motion
+    components = [up, 1j * omega * up]
     if aside:
         c, s = math.cos(bow), math.sin(bow)
         east, north = c * forward - s * port, s * forward + c * port
-        found += [east, north, 1j * omega * east, 1j * omega * north]
-    return found
+        components += [east, north, 1j * omega * east, 1j * omega * north]
+    return components
 
 
 def _series(tracks: list[Vector]) -> HeaveSeries:
@@ -361,7 +361,7 @@ def _series(tracks: list[Vector]) -> HeaveSeries:
     Raises:
         InputError: the motion is beyond what a ship can do.
     """
-    z, v, *beside = tracks
+    z, v, *lateral = tracks
     stamps = (np.arange(len(z), dtype=np.int64) - LEAD_SAMPLES) * SAMPLE_NS
-    aside = np.ascontiguousarray(np.stack(beside)) if beside else None
+    aside = np.ascontiguousarray(np.stack(lateral)) if lateral else None
     return HeaveSeries(stamps, np.ascontiguousarray(z), np.ascontiguousarray(v), aside=aside)

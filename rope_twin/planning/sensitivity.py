@@ -106,14 +106,14 @@ def indices(
         values: each output at the samples, (n,).
         seed: of the bootstrap.
     """
-    found = []
+    result = []
     for output, value in values.items():
         rows = _indices(method, _problem(names), samples, np.asarray(value), seed)
-        made = [Index(name, output, *row) for name, row in zip(names, rows, strict=True)]
-        found += sorted(
-            made, key=lambda index: -index.first if method == "morris" else -index.total
+        output_indices = [Index(name, output, *row) for name, row in zip(names, rows, strict=True)]
+        result += sorted(
+            output_indices, key=lambda index: -index.first if method == "morris" else -index.total
         )
-    return found
+    return result
 
 
 def _indices(
@@ -126,14 +126,19 @@ def _indices(
     if method == "morris":
         from SALib.analyze import morris
 
-        own = morris.analyze(problem, samples, values, num_levels=LEVELS, **options)
-        columns = own["mu_star"], own["mu_star_conf"], own["sigma"], [math.nan] * len(own["sigma"])
+        analysis = morris.analyze(problem, samples, values, num_levels=LEVELS, **options)
+        columns = (
+            analysis["mu_star"],
+            analysis["mu_star_conf"],
+            analysis["sigma"],
+            [math.nan] * len(analysis["sigma"]),
+        )
     else:
         from SALib.analyze import sobol
 
-        own = sobol.analyze(problem, values, calc_second_order=False, **options)
-        columns = own["S1"], own["S1_conf"], own["ST"], own["ST_conf"]
-    return [tuple(float(one) for one in row) for row in zip(*columns, strict=True)]  # type: ignore[misc]
+        analysis = sobol.analyze(problem, values, calc_second_order=False, **options)
+        columns = analysis["S1"], analysis["S1_conf"], analysis["ST"], analysis["ST_conf"]
+    return [tuple(float(value) for value in row) for row in zip(*columns, strict=True)]  # type: ignore[misc]
 
 
 def _problem(names: Sequence[str]) -> dict[str, Any]:
@@ -205,24 +210,24 @@ def case_of(plan: Plan, scene: Scene, cell: tuple[int, int, int]) -> Case:
         raise InputError(str(plan.path), f"{len(plan.uncertainties)} uncertain numbers", remedy)
     seeds = plan.method.seeds.start
     method = replace(plan.method, seeds=Seeds(start=seeds, most=seeds), height_within_m=None)
-    own = replace(plan, method=method)
-    work = prepare(own, scene)[cell[0]]
+    single_plan = replace(plan, method=method)
+    work = prepare(single_plan, scene)[cell[0]]
     settings = tuple((leg.setting, leg.setting_error) for leg in work.legs)
-    search = Cell(own, work, cell, RowStore())
+    search = Cell(single_plan, work, cell, RowStore())
     limit = search.find()
     assert limit.shown is not None
     height_m = limit.shown.height_m
     outputs = _outputs(search, search.heights_m.index(height_m))
-    return Case(own, scene, cell, settings, height_m, outputs)
+    return Case(single_plan, scene, cell, settings, height_m, outputs)
 
 
 def _outputs(search: Cell, height: int) -> dict[str, float]:
     """Return the outputs of a cell, loads at a height of the grid."""
     limit, judged = search.find(), search.judge(height)
-    found = {LIMIT: limit.crossing_m, USE: judged.use if judged.uses else math.nan}
-    found |= {name: judged.values[name].value for name in ("hook_load", "uplift")
-              if name in judged.values}  # fmt: skip
-    return found | {"capped": float(bool(limit.capped))}
+    outputs = {LIMIT: limit.crossing_m, USE: judged.use if judged.uses else math.nan}
+    outputs |= {name: judged.values[name].value for name in ("hook_load", "uplift")
+                if name in judged.values}  # fmt: skip
+    return outputs | {"capped": float(bool(limit.capped))}
 
 
 def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
@@ -232,8 +237,8 @@ def outputs_at(case: Case, values: Sequence[float]) -> dict[str, float]:
         RopeTwinError: plan or scene do not take them together.
     """
     plan, scene = with_values(case.plan, case.scene, case.plan.uncertainties, values)
-    for keys, what, right in faults(plan, scene):
-        raise InputError(f"{plan.path}: {'.'.join(map(str, keys))}", what, right)
+    for keys, problem, remedy in faults(plan, scene):
+        raise InputError(f"{plan.path}: {'.'.join(map(str, keys))}", problem, remedy)
     number = case.cell[0]
     legs = [
         leg.at_setting(*case.settings[min(k, len(case.settings) - 1)])
@@ -262,12 +267,12 @@ class SampleTask:
 def run_sample(task: SampleTask) -> Row:
     """Return the row of a sample; `failure` says why it cannot be run."""
     try:
-        found, failure = outputs_at(task.case, task.values), ""
+        result, failure = outputs_at(task.case, task.values), ""
     except RopeTwinError as error:
-        found, failure = dict.fromkeys([*OUTPUTS, "capped"], math.nan), str(error)
-    given = dict(zip(task.case.names, task.values, strict=True))
-    outputs = {name: found.get(name, math.nan) for name in [*OUTPUTS, "capped"]}
-    return {"run": task.number, **given, **outputs, "failure": failure}
+        result, failure = dict.fromkeys([*OUTPUTS, "capped"], math.nan), str(error)
+    inputs = dict(zip(task.case.names, task.values, strict=True))
+    outputs = {name: result.get(name, math.nan) for name in [*OUTPUTS, "capped"]}
+    return {"run": task.number, **inputs, **outputs, "failure": failure}
 
 
 def run_sensitivity(
@@ -317,38 +322,40 @@ def run_sensitivity(
 
 
 def _result(case: Case, method: Method, unit: Vector, rows: Sequence[Row]) -> Sensitivity:
-    lost = [row for row in rows if row["failure"] or math.isnan(row[LIMIT])]
-    if lost:
-        why = lost[0]["failure"] or "it has no limit"
-        problem = f"{len(lost)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
+    failed = [row for row in rows if row["failure"] or math.isnan(row[LIMIT])]
+    if failed:
+        why = failed[0]["failure"] or "it has no limit"
+        problem = (
+            f"{len(failed)} of {len(rows)} samples cannot be run, the first: {why.rstrip('.')}"
+        )
         raise InputError(str(case.plan.path), problem, "narrow the distributions")
     columns = {name: np.array([row[name] for row in rows]) for name in OUTPUTS}
-    whole = {name: column for name, column in columns.items() if np.isfinite(column).all()}
+    complete = {name: column for name, column in columns.items() if np.isfinite(column).all()}
     ends = {
-        name: tuple(float(one) for one in np.percentile(own, [10.0, 50.0, 90.0]))
-        for name, own in whole.items()
+        name: tuple(float(value) for value in np.percentile(results, [10.0, 50.0, 90.0]))
+        for name, results in complete.items()
     }
     return Sensitivity(
         case=case,
         method=method,
         samples=len(rows),
         capped=int(sum(row["capped"] for row in rows)),
-        indices=tuple(indices(method, case.names, unit, whole, case.plan.method.seed)),
+        indices=tuple(indices(method, case.names, unit, complete, case.plan.method.seed)),
         spread=ends,  # type: ignore[arg-type]
     )
 
 
-def table_rows(found: Sensitivity, output: str = LIMIT) -> list[list[str]]:
+def table_rows(result: Sensitivity, output: str = LIMIT) -> list[list[str]]:
     """Return the weights for an output as rows of text below a head."""
     sources = {
-        uncertainty.title: uncertainty.source for uncertainty in found.case.plan.uncertainties
+        uncertainty.title: uncertainty.source for uncertainty in result.case.plan.uncertainties
     }
     head = ["uncertain", "μ*", "±", "σ", "source"]
-    if found.method == "sobol":
+    if result.method == "sobol":
         head = ["uncertain", "S1", "±", "ST", "±", "source"]
-    rows, sobol = [], found.method == "sobol"
+    rows, sobol = [], result.method == "sobol"
     scale = 1.0 if sobol else OUTPUTS[output].scale
-    for index in found.indices:
+    for index in result.indices:
         if index.output == output:
             numbers = [scale * index.first, scale * index.first_width, scale * index.total]
             numbers += [index.total_width] if sobol else []
@@ -356,51 +363,51 @@ def table_rows(found: Sensitivity, output: str = LIMIT) -> list[list[str]]:
     return [head, *rows]
 
 
-def result_object(found: Sensitivity) -> dict[str, Any]:
+def result_object(result: Sensitivity) -> dict[str, Any]:
     """Return everything as one object of plain values."""
     return {
-        "plan": found.case.plan.name,
-        "method": found.method,
-        "cell": found.case.where,
-        "hs_m": found.case.height_m,
-        "samples": found.samples,
-        "capped": found.capped,
-        "nominal": {name: found.case.nominal.get(name) for name in OUTPUTS},
-        "spread": {name: dict(zip(("p10", "p50", "p90"), own, strict=True))
-                   for name, own in found.spread.items()},
-        "indices": [_named(index, found.method) for index in found.indices],
+        "plan": result.case.plan.name,
+        "method": result.method,
+        "cell": result.case.where,
+        "hs_m": result.case.height_m,
+        "samples": result.samples,
+        "capped": result.capped,
+        "nominal": {name: result.case.nominal.get(name) for name in OUTPUTS},
+        "spread": {name: dict(zip(("p10", "p50", "p90"), percentiles, strict=True))
+                   for name, percentiles in result.spread.items()},
+        "indices": [_named(index, result.method) for index in result.indices],
     }  # fmt: skip
 
 
-def _named(one: Index, method: str) -> dict[str, Any]:
+def _named(index: Index, method: str) -> dict[str, Any]:
     """Return a weight under the names of its method."""
-    found: dict[str, Any] = {"name": one.name, "output": one.output}
+    head: dict[str, Any] = {"name": index.name, "output": index.output}
     if method == "morris":
-        effect = {"mean_effect": one.first, "mean_effect_width": one.first_width}
-        return found | effect | {"effect_sd": one.total}
-    first = {"first": one.first, "first_width": one.first_width}
-    return found | first | {"total": one.total, "total_width": one.total_width}
+        effect = {"mean_effect": index.first, "mean_effect_width": index.first_width}
+        return head | effect | {"effect_sd": index.total}
+    first = {"first": index.first, "first_width": index.first_width}
+    return head | first | {"total": index.total, "total_width": index.total_width}
 
 
-def panels(found: Sensitivity) -> list[Panel]:
+def panels(result: Sensitivity) -> list[Panel]:
     """Return the picture: a panel for each output.
 
     Morris: σ over μ*, a point for each number. Sobol: S1 and ST of each number.
     """
-    made = []
-    for output in found.spread:
-        own = [index for index in found.indices if index.output == output]
+    result_panels = []
+    for output in result.spread:
+        items = [index for index in result.indices if index.output == output]
         quantity = OUTPUTS[output]
-        if found.method == "morris":
+        if result.method == "morris":
             k = quantity.scale
-            lines = [Line([k * one.first], [k * one.total], one.name, "o") for one in own]
+            lines = [Line([k * item.first], [k * item.total], item.name, "o") for item in items]
             unit = f" [{quantity.unit}]" if quantity.unit else ""
-            along = f"μ*: mean absolute effect{unit}"
-            made.append(Panel(quantity.words, along, f"σ{unit}", tuple(lines)))
+            x_label = f"μ*: mean absolute effect{unit}"
+            result_panels.append(Panel(quantity.words, x_label, f"σ{unit}", tuple(lines)))
         else:
-            at = [float(k) for k in range(1, len(own) + 1)]
-            names = "; ".join(f"{k} {one.name}" for k, one in enumerate(own, 1))
-            pair = (Line(at, [one.first for one in own], "S1", "o"),
-                    Line(at, [one.total for one in own], "ST", "s"))  # fmt: skip
-            made.append(Panel(quantity.words, names, "share of the variance", pair))
-    return made
+            position = [float(k) for k in range(1, len(items) + 1)]
+            names = "; ".join(f"{k} {item.name}" for k, item in enumerate(items, 1))
+            pair = (Line(position, [item.first for item in items], "S1", "o"),
+                    Line(position, [item.total for item in items], "ST", "s"))  # fmt: skip
+            result_panels.append(Panel(quantity.words, names, "share of the variance", pair))
+    return result_panels

@@ -97,16 +97,16 @@ def lift_of(leg: Leg) -> Lift:
     bars = [
         (bar, length) for bar, length in zip(figures.bars, lengths, strict=True) if length > 0.0
     ]
-    whole = sum(length for _, length in bars)
-    EA = whole / sum(length / bar.stiffness_n for bar, length in bars)
+    length_m = sum(length for _, length in bars)
+    EA = length_m / sum(length / bar.stiffness_n for bar, length in bars)
     drag = scene.listed(DragParams)
     skin = sum(_drag_diameter_m(bar.rope, drag, "tangential") * length for bar, length in bars)
     return Lift(
-        length_m=whole,
+        length_m=length_m,
         EA_n=EA,
-        mass_kg_per_m=sum(bar.inertia_kg_per_m * length for bar, length in bars) / whole,
+        mass_kg_per_m=sum(bar.inertia_kg_per_m * length for bar, length in bars) / length_m,
         rope_damping_newton_seconds=max(figures.damping_newton_seconds),
-        rope_drag_kg_per_m2=0.5 * density * math.pi * skin / whole,
+        rope_drag_kg_per_m2=0.5 * density * math.pi * skin / length_m,
         mass_kg=payload.mass_kg,
         added_mass_kg=payload.added_mass_kg[2],
         drag_kg_per_m=0.5 * density * payload.drag_area_m2[2],
@@ -116,23 +116,23 @@ def lift_of(leg: Leg) -> Lift:
     )
 
 
-def _drag_diameter_m(rope: Rope, drag: DragParams | None, along: str) -> float:
+def _drag_diameter_m(rope: Rope, drag: DragParams | None, direction: str) -> float:
     """Return C·d of a rope [m]: its own coefficient on its nominal, else that of the scene.
 
     along: normal or tangential; the scene's refers to the hydrodynamic diameter.
     """
-    own: float | None = getattr(rope, f"drag_{along}")
+    factor: float | None = getattr(rope, f"drag_{direction}")
     if drag is None:
         return 0.0
-    if own is not None:
-        return rope.diameter_m * own
-    return rope.hydrodynamic_diameter_m * float(getattr(drag, along))
+    if factor is not None:
+        return rope.diameter_m * factor
+    return rope.hydrodynamic_diameter_m * float(getattr(drag, direction))
 
 
 def resonance_period_s(lift: Lift) -> float:
     """Return T0 = 2π·√((M + A33 + m·L/3)/k)."""
-    moved = lift.moved_kg + lift.mass_kg_per_m * lift.length_m / 3.0
-    return 2.0 * math.pi * math.sqrt(moved / lift.stiffness_n_per_m)
+    effective_kg = lift.moved_kg + lift.mass_kg_per_m * lift.length_m / 3.0
+    return 2.0 * math.pi * math.sqrt(effective_kg / lift.stiffness_n_per_m)
 
 
 @dataclass(frozen=True)
@@ -191,15 +191,15 @@ def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> 
         hook, low = lift_off_n(leg, lift, relative), lift.weight_n
         high = hook - leg.static_hook_n + lift.weight_n
         re_hit = max(closing + leg.speed_m_per_s, 0.0)
-        words, snap = "lift-off, API Spec 2C 5.4.5", hook - leg.static_hook_n
+        formula, snap = "lift-off, API Spec 2C 5.4.5", hook - leg.static_hook_n
     elif leg.from_m <= 0.0 and zone is not None:
         relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
         hook = leg.static_hook_n + hydro
         low, high = lift.weight_n - hydro, lift.weight_n + hydro
-        words, snap = "splash zone, 4.3", snap_force_n(lift, relative)
+        formula, snap = "splash zone, 4.3", snap_force_n(lift, relative)
     else:
         hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, percentile)
-        words, snap = "rope with payload, 5.3.6", snap_force_n(lift, relative)
+        formula, snap = "rope with payload, 5.3.6", snap_force_n(lift, relative)
     return Simplified(
         tip_m=amplitude,
         tip_m_per_s=speed,
@@ -212,7 +212,7 @@ def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> 
         payload_m_per_s=relative,
         re_hit_m_per_s=re_hit,
         offset_m=lateral_offset_m(leg, lift),
-        words=words,
+        words=formula,
     )
 
 
@@ -278,19 +278,19 @@ def lateral_offset_m(leg: Leg, lift: Lift) -> float:
     z, *velocity = current.table[::-1, :3].T
     s = np.linspace(0.0, lift.length_m, OFFSET_POINTS)  # from the payload up
     height = -leg.to_m + s
-    flow = np.stack([np.interp(height, z, own) for own in velocity])
+    flow = np.stack([np.interp(height, z, component) for component in velocity])
     flow[:, height > 0.0] = 0.0
     force = flow * np.hypot(*flow)
     lengths = leg.scene.ropes[0].lengths_m(leg.line_out_m)
     section = np.searchsorted(np.cumsum(lengths)[:-1], s, side="right")
-    wide = np.array([_drag_diameter_m(bar.rope, drag, "normal") for bar in figures.bars])
+    drag_diameters = np.array([_drag_diameter_m(bar.rope, drag, "normal") for bar in figures.bars])
     heavy = np.array([bar.weight_n_per_m for bar in figures.bars])[section]
-    per_m, step = half * wide[section] * force, s[1] - s[0]
+    per_m, step = half * drag_diameters[section] * force, s[1] - s[0]
     below = np.zeros_like(flow)
     below[:, 1:] = step * np.cumsum(0.5 * (per_m[:, 1:] + per_m[:, :-1]), axis=1)
-    hung = lift.weight_n + np.append(0.0, step * np.cumsum(0.5 * (heavy[1:] + heavy[:-1])))
+    tension_n = lift.weight_n + np.append(0.0, step * np.cumsum(0.5 * (heavy[1:] + heavy[:-1])))
     area = np.array(payload.drag_area_m2[:2])[:, None]
-    lean = (half * area * force[:, :1] + below) / hung
+    lean = (half * area * force[:, :1] + below) / tension_n
     return float(np.hypot(*np.trapezoid(lean, s, axis=1)))
 
 
@@ -310,10 +310,10 @@ def _on_long_rope(
         sigma = np.array([speed, 0.5 * (speed + tip_speed)])  # of the payload and of the rope
         slopes = linear_drag(sigma, line_speed)
         answer = rope_transfer(lift, omega, float(slopes[0]), float(slopes[1]))
-        found = rms(1j * omega * answer.payload)
-        if abs(found - speed) <= SETTLED * tip_speed:
+        response_speed = rms(1j * omega * answer.payload)
+        if abs(response_speed - speed) <= SETTLED * tip_speed:
             break
-        speed = 0.5 * (speed + found)
+        speed = 0.5 * (speed + response_speed)
     period = 2.0 * math.pi * rms(answer.payload) / speed if speed > 0.0 else math.inf
     factor = rayleigh_factor(leg.window_s / period, percentile)
     steady = (lift.drag_kg_per_m + lift.rope_drag_kg_per_m2 * lift.length_m) * leg.speed_m_per_s**2

@@ -115,8 +115,8 @@ class Slings:
     @property
     def lengths(self) -> Vector:
         """Return the length of each [m], (slings,)."""
-        given = np.array(self.lengths_m, dtype=float)
-        return given if len(given) == self.count else np.full(self.count, given[0])
+        lengths = np.array(self.lengths_m, dtype=float)
+        return lengths if len(lengths) == self.count else np.full(self.count, lengths[0])
 
     def check(self) -> str | None:
         """Return a fault of the keys, or None."""
@@ -131,11 +131,11 @@ class Slings:
             yield f"{len(self.lengths_m)} lengths for {count} slings; give one of each, or one"
             return
         if (self.axial_stiffness_n is None) == (self.diameter_m is None):
-            given = "no" if self.diameter_m is None else "a second"
-            yield f"{given} stiffness is given; give one of axial_stiffness_n and diameter_m"
+            number = "no" if self.diameter_m is None else "a second"
+            yield f"{number} stiffness is given; give one of axial_stiffness_n and diameter_m"
             return
         skew = (self.skew_load_factor, self.length_tolerance_m)
-        known = sum(one is not None for one in skew)
+        known = sum(value is not None for value in skew)
         if more and known != 1:
             problem = "both skew_load_factor and length_tolerance_m" if known else "no skew load"
             yield (
@@ -178,10 +178,10 @@ def sling_shares(slings: Slings, load_n: float) -> SlingShares:
     errors = [tolerance * np.array(sign) for sign in signs]
     largest = nominal
     for shift, error in product(sorted(shifts), errors):
-        moved = points - np.array(shift)
-        own, tension = hang(moved, lengths + error, EA, load_n, hook - np.array(shift))
+        shifted = points - np.array(shift)
+        hook_position, tension = hang(shifted, lengths + error, EA, load_n, hook - np.array(shift))
         largest = np.maximum(largest, tension / load_n)
-        tilts.append(_tilt_deg(own))
+        tilts.append(_tilt_deg(hook_position))
     factor = slings.tilt_factor * (slings.skew_load_factor or 1.0)
     return SlingShares(nominal, factor * largest, tilts[0], max(tilts))
 
@@ -212,21 +212,21 @@ def hang(
         return arms / length[:, None], length, stretch, math.sqrt(float(h @ h))
 
     def energy(h: Vector) -> float:
-        _, _, stretch, far = state(h)
-        return (0.5 * float(k @ stretch**2) - load_n * far) / scale
+        _, _, stretch, distance = state(h)
+        return (0.5 * float(k @ stretch**2) - load_n * distance) / scale
 
     def slope(h: Vector) -> Vector:
-        along, _, stretch, far = state(h)
-        return np.asarray(((k * stretch) @ along - load_n * h / far) / scale)
+        direction, _, stretch, distance = state(h)
+        return np.asarray(((k * stretch) @ direction - load_n * h / distance) / scale)
 
     def curvature(h: Vector) -> Vector:
-        along, length, stretch, far = state(h)
+        direction, length, stretch, distance = state(h)
         tension = k * stretch
-        outer = along[:, :, None] * along[:, None, :]
+        outer = direction[:, :, None] * direction[:, None, :]
         stiff = np.where(stretch > 0.0, k - tension / length, 0.0)
-        up = h / far
-        turned = (np.eye(3) - np.outer(up, up)) * load_n / far
-        total = np.tensordot(stiff, outer, 1) + np.eye(3) * (tension / length).sum() - turned
+        up = h / distance
+        geometric = (np.eye(3) - np.outer(up, up)) * load_n / distance
+        total = np.tensordot(stiff, outer, 1) + np.eye(3) * (tension / length).sum() - geometric
         return np.asarray(total / scale)
 
     start = near_m

@@ -63,7 +63,7 @@ def _uses(result: PlanResult) -> Table:
     rows = [list(USES)]
     for work in result.works:
         cells = result.of_phase(work.title)
-        cell = min(cells, key=lambda one: (one.height_m or 0.0, one.crossing_m))
+        cell = min(cells, key=lambda cell: (cell.height_m or 0.0, cell.crossing_m))
         judged = cell.shown
         if judged is None:
             continue
@@ -73,10 +73,10 @@ def _uses(result: PlanResult) -> Table:
                 continue
             share = quantity.unit == ""
             scale, unit = (100.0, "%") if share else (quantity.scale, quantity.unit)
-            half, most = 0.5 * scale * (value.high - value.low), scale * limit.most
+            half, limit_value = 0.5 * scale * (value.high - value.low), scale * limit.most
             rows.append([
                 *cell.row_head, f"{judged.height_m:g}", limit.words,
-                f"{scale * value.value:.3g} ± {half:.2g} {unit}", f"{most:.4g} {unit}",
+                f"{scale * value.value:.3g} ± {half:.2g} {unit}", f"{limit_value:.4g} {unit}",
                 f"{100.0 * judged.uses[limit.key].value:.0f}",
             ])  # fmt: skip
     about = (
@@ -90,26 +90,33 @@ def _uses(result: PlanResult) -> Table:
 def _values(result: PlanResult) -> Table:
     """Return the characteristic values that the table of limits does not have."""
     judged = [(cell, cell.shown) for cell in result.cells]
-    known = [(cell, one) for cell, one in judged if one is not None and one.values]
+    known = [
+        (cell, judgement)
+        for cell, judgement in judged
+        if judgement is not None and judgement.values
+    ]
     names = [
         name
-        for name in dict.fromkeys(name for _, one in known for name in one.values)
+        for name in dict.fromkeys(name for _, judgement in known for name in judgement.values)
         if name not in IN_LIMITS
-        and any(name in one.values and one.values[name].value != 0.0 for _, one in known)
+        and any(
+            name in judgement.values and judgement.values[name].value != 0.0
+            for _, judgement in known
+        )
     ]
     head = [
         *CELL,
         *(f"{quantity_of(name).words} {quantity_of(name).unit}".strip() for name in names),
     ]
     rows = [head]
-    for cell, one in known:
+    for cell, judgement in known:
         values = [
-            f"{one.values[name].scaled(quantity_of(name).scale).value:.3g}"
-            if name in one.values
+            f"{judgement.values[name].scaled(quantity_of(name).scale).value:.3g}"
+            if name in judgement.values
             else ""
             for name in names
         ]
-        rows.append([*cell.row_head, f"{one.height_m:g}", *values])
+        rows.append([*cell.row_head, f"{judgement.height_m:g}", *values])
     about = (
         f"P{result.plan.method.percentile:g} of the largest value in the exposure, at the limiting "
         "Hs, or at the lowest of the grid where no height meets the criteria."
@@ -125,17 +132,18 @@ def _snaps(result: PlanResult) -> Table:
             (limit.most for limit in work.limits if limit.quantity == "hook_load"), default=math.inf
         )
         for cell in result.of_phase(work.title):
-            one = cell.shown
-            if one is None or not cell.simplified or "uplift" not in one.values:
+            judgement = cell.shown
+            if judgement is None or not cell.simplified or "uplift" not in judgement.values:
                 continue
-            snap = max(each.snap_n for each in cell.simplified)
-            whole = work.static_hook_n + snap
+            snap = max(load.snap_n for load in cell.simplified)
+            total_n = work.static_hook_n + snap
             rows.append([
-                *cell.row_head, f"{one.height_m:g}",
-                f"{100.0 * one.values['uplift'].value:.0f}", f"{100.0 * one.slack_share:.2g}",
-                f"{1e-3 * snap:.0f}", f"{1e-3 * whole:.0f}",
-                f"{100.0 * whole / hook:.0f}" if hook < math.inf else "–",
-                f"{1e-3 * one.values['hook_load'].value:.0f}",
+                *cell.row_head, f"{judgement.height_m:g}",
+                f"{100.0 * judgement.values['uplift'].value:.0f}",
+                f"{100.0 * judgement.slack_share:.2g}",
+                f"{1e-3 * snap:.0f}", f"{1e-3 * total_n:.0f}",
+                f"{100.0 * total_n / hook:.0f}" if hook < math.inf else "–",
+                f"{1e-3 * judgement.values['hook_load'].value:.0f}",
             ])  # fmt: skip
     about = (
         "Snap force v_snap·√(K·(M + A33)) of DNV-RP-N103 (4.7.2 in H103) and with the static hook "
@@ -151,20 +159,20 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
     for work in works:
         leg, static = work.legs[0], work.static_hook_n
         for cell in result.of_phase(work.title):
-            one = cell.shown
-            if one is None or "re_hit" not in one.values:
+            judgement = cell.shown
+            if judgement is None or "re_hit" not in judgement.values:
                 continue
             spreading = spreading_of(result.plan, result.scene)
             gamma = result.plan.sea.gamma
-            sea = SeaState(one.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
-            asked = leg, work.ship.tip, sea, result.plan.method.percentile
-            closing, aside = relative_speed(*asked), relative_offset_m(*asked)
+            sea = SeaState(judgement.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
+            inputs = leg, work.ship.tip, sea, result.plan.method.percentile
+            closing, aside = relative_speed(*inputs), relative_offset_m(*inputs)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
-                *cell.row_head, f"{one.height_m:g}", f"{-leg.speed_m_per_s:g}",
-                f"{closing:.2f}", f"{aside:.2f}", f"{lift_off_speed(one.height_m):.2f}",
-                f"{one.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
-                f"{one.values['re_hit'].value:.2f}",
+                *cell.row_head, f"{judgement.height_m:g}", f"{-leg.speed_m_per_s:g}",
+                f"{closing:.2f}", f"{aside:.2f}", f"{lift_off_speed(judgement.height_m):.2f}",
+                f"{judgement.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
+                f"{judgement.values['re_hit'].value:.2f}",
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
@@ -189,23 +197,23 @@ def sling_loads(result: PlanResult) -> Iterator[dict[str, Any]]:
             continue
         shares = sling_shares(slings, work.weight_n)
         for k in range(slings.count):
-            own = float(shares.largest[k]) * load
+            load_n = float(shares.largest[k]) * load
             yield {
                 "phase": work.title,
                 "sling": k + 1,
                 "share": float(shares.nominal[k]),
                 "largest_share": float(shares.largest[k]),
                 "lower_end_n": load,
-                "load_n": own,
+                "load_n": load_n,
                 "allowed_n": slings.strength_n,
-                "utilisation": own / slings.strength_n,
+                "utilisation": load_n / slings.strength_n,
             }
 
 
 def _lower_end_n(result: PlanResult, work: PhaseWork) -> float | None:
     """Return the largest characteristic load at the lower end in a phase's limiting seas [N]."""
     judged = [cell.shown for cell in result.of_phase(work.title)]
-    values = [one.values for one in judged if one is not None]
+    values = [judgement.values for judgement in judged if judgement is not None]
     return max(
         (value["lower_end_load"].value for value in values if "lower_end_load" in value),
         default=None,
@@ -223,24 +231,25 @@ def _slings(result: PlanResult) -> Table:
             f"{1e-3 * load['load_n']:.1f}", f"{1e-3 * load['allowed_n']:.1f}",
             f"{100.0 * load['utilisation']:.0f}",
         ])  # fmt: skip
-    own, shares = slings.factors, sling_shares(slings, result.works[0].weight_n)
+    factors, shares = slings.factors, sling_shares(slings, result.works[0].weight_n)
     if slings.skew_load_factor is not None:
         skew = f"skew load factor {slings.skew_load_factor:g} (5.6.12)"
     elif slings.length_tolerance_m is not None:
         skew = f"all errors of length of ±{slings.length_tolerance_m:g} m (5.6.13)"
     else:
         skew = "statically determinate, SKL 1"
-    words = [f"Elastic slings below the hook (GL Noble Denton 0027/ND): {skew}"]
-    words.append(
+    remarks = [f"Elastic slings below the hook (GL Noble Denton 0027/ND): {skew}"]
+    remarks.append(
         f"object at rest tilted by {shares.tilt_deg:.1f}°, within its tolerances by up to "
         f"{shares.most_tilt_deg:.1f}°"
     )
     if slings.mbl_n is not None:
-        words.append(
-            f"MBL {1e-3 * slings.mbl_n:g} kN over γ_sf {own.nominal:.2f} (γ_f {own.load:g}, γ_c "
-            f"{own.consequence:g}, γ_r {own.reduction:g}, γ_w {own.wear:g}, γ_m {own.material:g}, "
-            f"γ_tw {own.twist:g})"
+        remarks.append(
+            f"MBL {1e-3 * slings.mbl_n:g} kN over γ_sf {factors.nominal:.2f} "
+            f"(γ_f {factors.load:g}, "
+            f"γ_c {factors.consequence:g}, γ_r {factors.reduction:g}, γ_w {factors.wear:g}, "
+            f"γ_m {factors.material:g}, γ_tw {factors.twist:g})"
         )
     if slings.wll_n is not None:
-        words.append(f"WLL {1e-3 * slings.wll_n:g} kN")
-    return Table("Slings", rows, "; ".join(words) + ".")
+        remarks.append(f"WLL {1e-3 * slings.wll_n:g} kN")
+    return Table("Slings", rows, "; ".join(remarks) + ".")

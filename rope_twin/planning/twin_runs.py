@@ -36,14 +36,14 @@ AHEAD_NS = 1_000_000_000  # inputs are given to the twin this long before they a
 SMALLEST_M, SHORTEST_S = 1e-6, 0.5  # harmonics of a deck below: they move it by nothing
 
 
-def offset_m(shot: Snapshot, from_ship: Collection[str] = ()) -> float:
+def offset_m(snapshot: Snapshot, from_ship: Collection[str] = ()) -> float:
     """Return the horizontal distance of the payload from the crane tip [m].
 
     from_ship: names of the ropes that leave the ship in multi-line systems; their middle counts.
     """
-    tips = [rope.node_position_m[0] for rope in shot.ropes if rope.name in from_ship]
-    middle = np.mean(tips, axis=0) if tips else shot.hang_off_position_m
-    return float(np.hypot(*(shot.payload_position_m - middle)[:2]))
+    tips = [rope.node_position_m[0] for rope in snapshot.ropes if rope.name in from_ship]
+    middle = np.mean(tips, axis=0) if tips else snapshot.hang_off_position_m
+    return float(np.hypot(*(snapshot.payload_position_m - middle)[:2]))
 
 
 @dataclass
@@ -99,54 +99,57 @@ class TwinExtremes:
         self._clearance: tuple[float, float] | None = None  # time [s], above the deck [m]
         self._by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
 
-    def take(self, shot: Snapshot) -> None:
+    def take(self, snapshot: Snapshot) -> None:
         """Take the present of a twin."""
-        if shot.time_s <= self._first_s:
+        if snapshot.time_s <= self._first_s:
             return
-        least = min(
-            [float(shot.element_tension_n.min())]
-            + [float(rope.element_tension_n.min()) for rope in shot.ropes]
+        least_n = min(
+            [float(snapshot.element_tension_n.min())]
+            + [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
         )
-        tops = [rope.tension_top_n for rope in shot.ropes if rope.name in self._from_ship]
-        top, depth_m = max([shot.tension_top_max_n, *tops]), -float(shot.payload_position_m[2])
-        found = self._found
-        found.take_top(top, shot.time_s, depth_m)
-        found.payload_max_n = max(found.payload_max_n, shot.tension_payload_n)
-        for rope in shot.ropes:
-            seen = self._by_rope.setdefault(rope.name, [-math.inf, math.inf])
-            seen[0] = max(seen[0], float(rope.element_tension_n.max()), rope.tension_top_n)
-            seen[1] = min(seen[1], float(rope.element_tension_n[-1]))
+        tops = [rope.tension_top_n for rope in snapshot.ropes if rope.name in self._from_ship]
+        top = max([snapshot.tension_top_max_n, *tops])
+        depth_m = -float(snapshot.payload_position_m[2])
+        extremes = self._found
+        extremes.take_top(top, snapshot.time_s, depth_m)
+        extremes.payload_max_n = max(extremes.payload_max_n, snapshot.tension_payload_n)
+        for rope in snapshot.ropes:
+            rope_extremes = self._by_rope.setdefault(rope.name, [-math.inf, math.inf])
+            rope_extremes[0] = max(
+                rope_extremes[0], float(rope.element_tension_n.max()), rope.tension_top_n
+            )
+            rope_extremes[1] = min(rope_extremes[1], float(rope.element_tension_n[-1]))
         if self._decked:
-            self._take_deck(shot)
+            self._take_deck(snapshot)
         if not self._decked or (self.aloft and not self.on_deck):
-            found.take_least(
-                1, int(least <= 0.0), top_n=shot.tension_top_min_n,
-                payload_n=shot.tension_payload_n, anywhere_n=least,
+            extremes.take_least(
+                1, int(least_n <= 0.0), top_n=snapshot.tension_top_min_n,
+                payload_n=snapshot.tension_payload_n, anywhere_n=least_n,
             )  # fmt: skip
-            found.offset_m = max(found.offset_m, offset_m(shot, self._from_ship))
+            extremes.offset_m = max(extremes.offset_m, offset_m(snapshot, self._from_ship))
 
-    def _take_deck(self, shot: Snapshot) -> None:
+    def _take_deck(self, snapshot: Snapshot) -> None:
         """Note whether the object stands on the deck, and how fast that meets it again."""
-        body = shot.body
+        body = snapshot.body
         assert body is not None, "checked when the plan was read"
         assert body.deck_push_n is not None, "checked when the plan was read"
         assert body.deck_clearance_m is not None, "checked when the plan was read"
-        now, before = (shot.time_s, body.deck_clearance_m), self._clearance
+        clearance, before = (snapshot.time_s, body.deck_clearance_m), self._clearance
         on_deck = body.deck_push_n > 0.0
         if on_deck and self.aloft and not self.on_deck and before is not None:
-            speed = (before[1] - now[1]) / (now[0] - before[0])
+            speed = (before[1] - clearance[1]) / (clearance[0] - before[0])
             self._found.re_hit_m_per_s = max(self._found.re_hit_m_per_s, speed)
         self.aloft = self.aloft or not on_deck
-        self.on_deck, self._clearance = on_deck, now
+        self.on_deck, self._clearance = on_deck, clearance
 
     def row(self) -> Row:
         """Return the run's results."""
-        found = self._found.row()
+        row = self._found.row()
         for rope in self._ropes:
             high, low = self._by_rope.get(rope.name, (math.nan, math.nan))
-            found[f"rope_load[{rope.name}]"] = high
-            found[f"rope_loss[{rope.name}]"] = 1.0 - low / rope.lower_n
-        return found
+            row[f"rope_load[{rope.name}]"] = high
+            row[f"rope_loss[{rope.name}]"] = 1.0 - low / rope.lower_n
+        return row
 
 
 def twin_rows(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list[Row]:
@@ -157,15 +160,15 @@ def twin_rows(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     """
     rows = []
     for seed in seeds:
-        found, failure = TwinExtremes(leg), ""
+        extremes, failure = TwinExtremes(leg), ""
         try:
-            for shot in watch_twin(leg, ship, sea, seed):
-                found.take(shot)
+            for snapshot in watch_twin(leg, ship, sea, seed):
+                extremes.take(snapshot)
         except SolverError as error:
             failure = str(error)
-        if not failure and leg.deck_m is not None and found.on_deck:
+        if not failure and leg.deck_m is not None and extremes.on_deck:
             failure = "the object did not leave the deck"
-        rows.append({"sea_seed": seed, **found.row(), "failure": failure})
+        rows.append({"sea_seed": seed, **extremes.row(), "failure": failure})
     return rows
 
 
@@ -176,7 +179,7 @@ def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snaps
         RopeTwinError: it cannot start.
         SolverError: an input was rejected, or the next state would not be finite.
     """
-    scene, moved = moved_by_sea(leg, ship, sea, seed)
+    scene, motion = moved_by_sea(leg, ship, sea, seed)
     twin = Twin(scene)
     twin.prescribe_motion()
     step = twin.step_ns
@@ -186,7 +189,7 @@ def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snaps
     while twin.steps < steps:
         until = twin.time_ns + every * step + AHEAD_NS
         while stamp < until:
-            check_taken(twin.offer_pose(moved.pose(stamp)))
+            check_taken(twin.offer_pose(motion.pose(stamp)))
             stamp += SAMPLE_PERIOD_NS
         for name, winch in winches_by_name(scene).items():
             if name != WINCH or not leg.commands:
@@ -220,10 +223,12 @@ def moved_by_sea(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Scene,
     scene = change_scene(scene, sea_changes(leg, ship, sea, seed))
     waves = scene.listed(WavesParams)
     assert waves is not None
-    own = components_of(waves, scene.environment.gravity_m_per_s2)
-    heading = own.heading - bow
-    answer = wave_at(own, *reference[:2]) * tip.freedoms(own.omega / (2.0 * math.pi), heading)
-    return scene, ShipOfComponents(answer, own.omega, bow)
+    components = components_of(waves, scene.environment.gravity_m_per_s2)
+    heading = components.heading - bow
+    answer = wave_at(components, *reference[:2]) * tip.freedoms(
+        components.omega / (2.0 * math.pi), heading
+    )
+    return scene, ShipOfComponents(answer, components.omega, bow)
 
 
 def reference_m(scene: Scene, ship: Ship) -> tuple[float, float, float]:
@@ -269,6 +274,6 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
         for amplitude, omega, phase in record.harmonics(deck).tolist()
         if amplitude > SMALLEST_M and 2.0 * math.pi / omega > SHORTEST_S
     )
-    moved = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=heaves))
-    effects = tuple(moved if effect is body else effect for effect in scene.effects)
+    deck_body = replace(body, deck=replace(body.deck, heave=None, with_ship=False, heaves=heaves))
+    effects = tuple(deck_body if effect is body else effect for effect in scene.effects)
     return replace(scene, effects=effects)

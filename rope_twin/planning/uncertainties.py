@@ -61,8 +61,8 @@ class Normal:
     def quantile(self, share: Vector) -> Vector:
         """Return the numbers that these shares do not exceed, same shape."""
         low = ndtr(-ENDS)
-        found = ndtri(low + (1.0 - 2.0 * low) * np.asarray(share))
-        return np.asarray(self.mean + self.std * found)
+        deviate = ndtri(low + (1.0 - 2.0 * low) * np.asarray(share))
+        return np.asarray(self.mean + self.std * deviate)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,12 +82,12 @@ class Triangular:
 
     def quantile(self, share: Vector) -> Vector:
         """Return the numbers that these shares do not exceed, same shape."""
-        whole, rise = self.to - self.from_, self.mode - self.from_
+        width, rise = self.to - self.from_, self.mode - self.from_
         share = np.asarray(share)
         return np.where(
-            share <= rise / whole,
-            self.from_ + np.sqrt(share * whole * rise),
-            self.to - np.sqrt((1.0 - share) * whole * (self.to - self.mode)),
+            share <= rise / width,
+            self.from_ + np.sqrt(share * width * rise),
+            self.to - np.sqrt((1.0 - share) * width * (self.to - self.mode)),
         )
 
 
@@ -114,31 +114,33 @@ class Uncertainty:
     @property
     def distribution(self) -> Uniform | Normal | Triangular:
         """Return the distribution that is given."""
-        found = self.uniform or self.normal or self.triangular
-        assert found is not None, "checked when it was read"
-        return found
+        distribution = self.uniform or self.normal or self.triangular
+        assert distribution is not None, "checked when it was read"
+        return distribution
 
     def check(self) -> str | None:
         """Return a fault unless exactly one distribution is given, or None."""
-        given = [kind for kind in KINDS if getattr(self, kind) is not None]
-        if len(given) == 1:
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
+        if len(kinds) == 1:
             return None
-        problem = " and ".join(given) if given else "no distribution"
+        problem = " and ".join(kinds) if kinds else "no distribution"
         return f"{problem} given; give exactly one of {', '.join(KINDS)}"
 
     @property
     def words(self) -> str:
         """Return the distribution in words."""
-        own, times = self.distribution, "times " if self.factor else ""
+        distribution, times = self.distribution, "times " if self.factor else ""
         end = "" if self.factor else re.sub(r"\[\d+\]$", "", self.key)
-        unit, scale = next((one for name, one in UNITS.items() if end.endswith(name)), ("", 1.0))
+        unit, scale = next(
+            (unit_scale for name, unit_scale in UNITS.items() if end.endswith(name)), ("", 1.0)
+        )
         unit = f" {unit}" if unit else ""
-        if isinstance(own, Normal):
-            mean, std = scale * own.mean, scale * own.std
+        if isinstance(distribution, Normal):
+            mean, std = scale * distribution.mean, scale * distribution.std
             return f"{times}normal, mean {mean:g}{unit}, standard deviation {std:g}{unit}"
-        low, high = scale * own.from_, scale * own.to
-        if isinstance(own, Triangular):
-            mode = scale * own.mode
+        low, high = scale * distribution.from_, scale * distribution.to
+        if isinstance(distribution, Triangular):
+            mode = scale * distribution.mode
             return f"{times}triangular, {low:g} to {high:g}{unit}, most likely {mode:g}{unit}"
         return f"{times}uniform, {low:g} to {high:g}{unit}"
 
@@ -155,8 +157,8 @@ def with_values(
     Raises:
         SceneError: a key is no path of plan or scene, or a number is out of range; one sentence.
     """
-    pairs = [(one.key.startswith(SCENE), one.change(float(value)))
-             for one, value in zip(uncertain, values, strict=True)]  # fmt: skip
-    made = change_part(plan, [change for inside, change in pairs if not inside], plan.path)
+    pairs = [(uncertainty.key.startswith(SCENE), uncertainty.change(float(value)))
+             for uncertainty, value in zip(uncertain, values, strict=True)]  # fmt: skip
+    changed_plan = change_part(plan, [change for inside, change in pairs if not inside], plan.path)
     changed = change_scene(scene, [change for inside, change in pairs if inside])
-    return made, made.in_current(changed)
+    return changed_plan, changed_plan.in_current(changed)

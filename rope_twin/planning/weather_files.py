@@ -84,14 +84,14 @@ class LimitTable:
         """
         periods, headings, limits = self.tables[phase]
         over_tp = [np.interp(tp_s, periods, limits[:, k]) for k in range(len(headings))]
-        found = over_tp[0]
+        limit = over_tp[0]
         if len(headings) > 1:
             i, share = _between(headings, heading_deg)
             stacked, rows = np.stack(over_tp), np.arange(len(tp_s))
             low, high = stacked[i, rows], stacked[(i + 1) % len(headings), rows]
-            found = (1.0 - share) * low + share * high
+            limit = (1.0 - share) * low + share * high
         inside = (tp_s >= periods[0]) & (tp_s <= periods[-1])
-        return np.where(inside & self.covers(phase, heading_deg), found, np.nan)
+        return np.where(inside & self.covers(phase, heading_deg), limit, np.nan)
 
     def covers(self, phase: str, heading_deg: Vector) -> NDArray[np.bool_]:
         """Return whether the table has limits at headings, (n,)."""
@@ -159,12 +159,12 @@ class AlphaTable:
             problem = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
             remedy = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
             raise InputError(self.where, problem, remedy)
-        least = float(limit_hs_m.min(initial=math.inf))
-        if least < self.hs_m[0]:
-            problem = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {least:.3g} m"
+        min_limit_m = float(limit_hs_m.min(initial=math.inf))
+        if min_limit_m < self.hs_m[0]:
+            problem = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {min_limit_m:.3g} m"
             raise InputError(self.where, problem, "give alpha factors for that height")
-        own = [np.interp(period, self.period_s, row) for row in self.alpha]
-        return np.asarray(np.interp(limit_hs_m, self.hs_m, own))
+        alpha_of_period = [np.interp(period, self.period_s, row) for row in self.alpha]
+        return np.asarray(np.interp(limit_hs_m, self.hs_m, alpha_of_period))
 
 
 def read_limits(path: Path) -> LimitTable:
@@ -178,22 +178,22 @@ def read_limits(path: Path) -> LimitTable:
         rows, mirrored = _json_rows(path)
     else:
         rows, mirrored = _csv_rows(path), "symmetric" in _comments(path)
-    found: dict[str, dict[tuple[float, float], float]] = {}
-    for at, row in rows:
-        _need(at, row, ("tp_s", "limit_hs_m"))
+    limits: dict[str, dict[tuple[float, float], float]] = {}
+    for place, row in rows:
+        _need(place, row, ("tp_s", "limit_hs_m"))
         name = str(row.get("phase") or ONE_PHASE).strip()
         heading = ANY_HEADING
         if "heading_deg" in row:
-            heading = _ranged(at, row, "heading_deg", -360.0, 360.0) % 360.0
-        key = (_ranged(at, row, "tp_s", 1.0, LARGEST_TP_S), heading)
-        table = found.setdefault(name, {})
+            heading = _ranged(place, row, "heading_deg", -360.0, 360.0) % 360.0
+        key = (_ranged(place, row, "tp_s", 1.0, LARGEST_TP_S), heading)
+        table = limits.setdefault(name, {})
         if key in table:
             problem = f"{_pair_words(*key)} is double in phase '{name}'"
-            raise InputError(at, problem, "give each once")
-        table[key] = _ranged(at, row, "limit_hs_m", 0.0, LARGEST_HS_M)
-    if not found:
+            raise InputError(place, problem, "give each once")
+        table[key] = _ranged(place, row, "limit_hs_m", 0.0, LARGEST_HS_M)
+    if not limits:
         raise InputError(where, "it has no limits", "give rows of tp_s and limit_hs_m")
-    tables = {name: _grid(where, name, table, mirrored) for name, table in found.items()}
+    tables = {name: _grid(where, name, table, mirrored) for name, table in limits.items()}
     return LimitTable(where, tables)
 
 
@@ -209,26 +209,26 @@ def _grid(
     Raises:
         InputError: a pair is missing, or a heading and its mirror image are both given.
     """
-    at = f"{where}, phase '{name}'"
+    place = f"{where}, phase '{name}'"
     periods = sorted({period for period, _ in table})
     headings = sorted({heading for _, heading in table})
     if len(periods) < 2:
-        raise InputError(at, "one Tp", "give two or more")
+        raise InputError(place, "one Tp", "give two or more")
     for period in periods:
         for heading in headings:
             if (period, heading) not in table:
                 problem = f"{_pair_words(period, heading)} is missing"
-                raise InputError(at, problem, "give a full grid")
+                raise InputError(place, problem, "give a full grid")
     values = np.array([[table[period, heading] for heading in headings] for period in periods])
     axis = np.array(headings)
     if headings == [ANY_HEADING]:
         return np.array(periods), np.zeros(1), values
     if mirrored and not _is_one_side(axis):
-        other = [k for k, one in enumerate(headings) if one % 180.0 > 0.0]
+        other = [k for k, heading_deg in enumerate(headings) if heading_deg % 180.0 > 0.0]
         image = (360.0 - axis[other]) % 360.0
         if set(image.tolist()) & set(headings):
             problem = "it is symmetric and has headings of both sides"
-            raise InputError(at, problem, "give those of one side")
+            raise InputError(place, problem, "give those of one side")
         axis, values = np.append(axis, image), np.hstack([values, values[:, other]])
         order = np.argsort(axis)
         axis, values = axis[order], values[:, order]
@@ -246,14 +246,17 @@ def read_hindcast(path: Path) -> Hindcast:
     """
     where, times, numbers = str(path), list[datetime](), list[tuple[float, float, float]]()
     column, turn = "", 0.0
-    for at, row in _csv_rows(path):
+    for place, row in _csv_rows(path):
         if not column:
-            column, turn = _direction_column(at, row)
-        times.append(_time(at, row["time"]))
-        hs, tp = _ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, "tp_s", 0.0, 60.0)
-        towards = _ranged(at, row, column, -360.0, 360.0) + turn if column != "none" else 0.0
+            column, turn = _direction_column(place, row)
+        times.append(_time(place, row["time"]))
+        hs, tp = (
+            _ranged(place, row, "hs_m", 0.0, LARGEST_HS_M),
+            _ranged(place, row, "tp_s", 0.0, 60.0),
+        )
+        towards = _ranged(place, row, column, -360.0, 360.0) + turn if column != "none" else 0.0
         if len(times) > 1 and times[-1] <= times[-2]:
-            raise InputError(at, "its time is not after the one above", "order the rows")
+            raise InputError(place, "its time is not after the one above", "order the rows")
         numbers.append((hs, tp, towards))
     if len(times) < 2:
         raise InputError(where, "it has fewer than two rows", "give a time series")
@@ -265,23 +268,23 @@ def _series(
     where: str, times: Sequence[datetime], hs_m: Vector, tp_s: Vector, towards_deg: Vector | None
 ) -> Hindcast:
     """Return rows (n,) at ascending times on equal steps. Raises InputError: they are not equal."""
-    seconds = np.array([(one - times[0]).total_seconds() for one in times])
+    seconds = np.array([(time - times[0]).total_seconds() for time in times])
     steps, counts = np.unique(np.diff(seconds), return_counts=True)
     step = float(steps[np.argmax(counts)])  # the smallest of the most frequent ones
     index = np.rint(seconds / step).astype(np.int64)
-    off = np.abs(seconds - index * step) > 0.01 * step
-    if off.any():
-        when = f"{times[int(np.argmax(off))]:%Y-%m-%d %H:%M}"
-        problem = f"{when} is not at a step of {step / 60.0:g} min"
+    is_off = np.abs(seconds - index * step) > 0.01 * step
+    if is_off.any():
+        first_off = f"{times[int(np.argmax(is_off))]:%Y-%m-%d %H:%M}"
+        problem = f"{first_off} is not at a step of {step / 60.0:g} min"
         raise InputError(where, problem, "give equal steps; rows may be missing")
     if step > LONGEST_STEP_S:
         problem = f"steps of {step / SECONDS_PER_HOUR:g} h"
         raise InputError(where, problem, f"give at most {LONGEST_STEP_S / SECONDS_PER_HOUR:g} h")
 
     def filled(values: Vector) -> Vector:
-        whole = np.full(index[-1] + 1, np.nan)
-        whole[index] = values
-        return whole
+        series = np.full(index[-1] + 1, np.nan)
+        series[index] = values
+        return series
 
     start = np.datetime64(times[0].replace(tzinfo=None), "s")
     stamps = start + np.rint(np.arange(index[-1] + 1) * step).astype("timedelta64[s]")
@@ -312,48 +315,48 @@ def read_spectra(path: Path, reader: str) -> Hindcast:
         raise InputError("--reader", problem, did_you_mean(reader, known))
     try:
         spectra = getattr(wavespectra, f"read_{reader}")(where)
-        found = [getattr(spectra.spec, name)().squeeze() for name in ("hs", "tp", "dpm")]
-        stamps = found[0].time.values.astype("datetime64[s]")
-        rows = [np.asarray(one.values, np.float64) for one in found]
+        parameters = [getattr(spectra.spec, name)().squeeze() for name in ("hs", "tp", "dpm")]
+        stamps = parameters[0].time.values.astype("datetime64[s]")
+        rows = [np.asarray(parameter.values, np.float64) for parameter in parameters]
     except Exception as error:  # a reader fails in any way on a file of another format
-        words = " ".join(str(error).split())[:120] or type(error).__name__
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
         remedy = f"give a file of the format {reader}"
-        raise InputError(where, f"it cannot be read ({words})", remedy) from None
+        raise InputError(where, f"it cannot be read ({reason})", remedy) from None
     if any(row.shape != stamps.shape or row.ndim != 1 for row in rows):
         problem = f"its spectra are an array of {' x '.join(map(str, rows[0].shape))}"
         raise InputError(where, problem, "give a time series at one place")
-    kept = np.isfinite(rows).all(axis=0)
-    if kept.sum() < 2:
+    is_finite = np.isfinite(rows).all(axis=0)
+    if is_finite.sum() < 2:
         raise InputError(where, "it has fewer than two spectra", "give a time series")
-    order = np.argsort(stamps[kept])
-    stamps, (hs, tp, come_from) = stamps[kept][order], (row[kept][order] for row in rows)
+    order = np.argsort(stamps[is_finite])
+    stamps, (hs, tp, come_from) = stamps[is_finite][order], (row[is_finite][order] for row in rows)
     if (np.diff(stamps) <= np.timedelta64(0, "s")).any():
         raise InputError(where, "a time is double", "give each once")
     times = [stamp.astype(datetime).replace(tzinfo=UTC) for stamp in stamps]
     return _series(where, times, hs, tp, (come_from + 180.0) % 360.0)
 
 
-def _direction_column(at: str, row: Mapping[str, Any]) -> tuple[str, float]:
+def _direction_column(place: str, row: Mapping[str, Any]) -> tuple[str, float]:
     """Return the column of the direction, "none" without, and what turns it into that towards."""
-    _need(at, row, ("time", "hs_m", "tp_s"))
-    given = [name for name in ("direction_from_deg", "direction_to_deg") if name in row]
-    if len(given) == 2:
-        raise InputError(at, "both direction_from_deg and direction_to_deg", "keep one of them")
-    if not given:
+    _need(place, row, ("time", "hs_m", "tp_s"))
+    columns = [name for name in ("direction_from_deg", "direction_to_deg") if name in row]
+    if len(columns) == 2:
+        raise InputError(place, "both direction_from_deg and direction_to_deg", "keep one of them")
+    if not columns:
         if other := [name for name in row if "dir" in name]:
             problem = f"the column {other[0]} does not say which direction it is"
-            raise InputError(at, problem, "name it direction_from_deg or direction_to_deg")
+            raise InputError(place, problem, "name it direction_from_deg or direction_to_deg")
         return "none", 0.0
-    return given[0], 180.0 if given[0] == "direction_from_deg" else 0.0
+    return columns[0], 180.0 if columns[0] == "direction_from_deg" else 0.0
 
 
-def _time(at: str, words: str) -> datetime:
+def _time(place: str, text: str) -> datetime:
     try:
-        found = datetime.fromisoformat(words.strip())
+        time = datetime.fromisoformat(text.strip())
     except ValueError:
         remedy = "give ISO 8601, like 2015-01-31T06:00"
-        raise InputError(at, f"'{words}' is not a time", remedy) from None
-    return found.replace(tzinfo=UTC) if found.tzinfo is None else found.astimezone(UTC)
+        raise InputError(place, f"'{text}' is not a time", remedy) from None
+    return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
 
 
 def read_alpha(path: Path) -> AlphaTable:
@@ -362,7 +365,7 @@ def read_alpha(path: Path) -> AlphaTable:
     Raises:
         InputError: the file is invalid or names no source; one sentence.
     """
-    where, found = str(path), dict[tuple[float, float], float]()
+    where, alpha_of = str(path), dict[tuple[float, float], float]()
     comments = _comments(path)
     source = next(
         (comment[7:].strip() for comment in comments if comment.lower().startswith("source:")), ""
@@ -371,22 +374,25 @@ def read_alpha(path: Path) -> AlphaTable:
         remedy = "add a line `# source: ...` with the standard or forecast service"
         raise InputError(where, "it names no source", remedy)
     column = ""
-    for at, row in _csv_rows(path):
-        given = [name for name in ("planned_h", "reference_h") if name in row]
-        if len(given) != 1:
+    for place, row in _csv_rows(path):
+        columns = [name for name in ("planned_h", "reference_h") if name in row]
+        if len(columns) != 1:
             problem = "there is not one column of periods"
-            raise InputError(at, problem, "name it planned_h (T_POP) or reference_h (T_R)")
-        column = given[0]
-        _need(at, row, ("hs_m", "alpha"))
-        key = (_ranged(at, row, "hs_m", 0.0, LARGEST_HS_M), _ranged(at, row, column, 0.0, 1e4))
-        if key in found:
-            raise InputError(at, "its height and period are double", "give each once")
-        found[key] = _ranged(at, row, "alpha", 0.0, 1.0)
-    heights, periods = (sorted({key[k] for key in found}) for k in (0, 1))
-    if not found or len(found) != len(heights) * len(periods):
-        problem = f"{len(found)} rows of {len(heights)} heights and {len(periods)} periods"
+            raise InputError(place, problem, "name it planned_h (T_POP) or reference_h (T_R)")
+        column = columns[0]
+        _need(place, row, ("hs_m", "alpha"))
+        key = (
+            _ranged(place, row, "hs_m", 0.0, LARGEST_HS_M),
+            _ranged(place, row, column, 0.0, 1e4),
+        )
+        if key in alpha_of:
+            raise InputError(place, "its height and period are double", "give each once")
+        alpha_of[key] = _ranged(place, row, "alpha", 0.0, 1.0)
+    heights, periods = (sorted({key[k] for key in alpha_of}) for k in (0, 1))
+    if not alpha_of or len(alpha_of) != len(heights) * len(periods):
+        problem = f"{len(alpha_of)} rows of {len(heights)} heights and {len(periods)} periods"
         raise InputError(where, problem, "give a full grid")
-    alpha = np.array([[found[height, period] for period in periods] for height in heights])
+    alpha = np.array([[alpha_of[height, period] for period in periods] for height in heights])
     hours = np.array(periods)
     return AlphaTable(where, source, column == "reference_h", np.array(heights),
                       SECONDS_PER_HOUR * hours, alpha)  # fmt: skip
@@ -431,25 +437,25 @@ def _json_rows(path: Path) -> tuple[list[tuple[str, dict[str, Any]]], bool]:
     except ValueError as error:
         raise InputError(str(path), f"it is not JSON ({error})", remedy) from None
     listed = content.get("limits") if isinstance(content, dict) else None
-    if not isinstance(listed, list) or not all(isinstance(one, dict) for one in listed):
+    if not isinstance(listed, list) or not all(isinstance(entry, dict) for entry in listed):
         raise InputError(str(path), "there is no list `limits`", remedy)
-    rows = [(f"{path}, limits[{number}]", one) for number, one in enumerate(listed)]
+    rows = [(f"{path}, limits[{number}]", entry) for number, entry in enumerate(listed)]
     return rows, content.get("symmetric") is True
 
 
-def _need(at: str, row: Mapping[str, Any], names: Sequence[str]) -> None:
+def _need(place: str, row: Mapping[str, Any], names: Sequence[str]) -> None:
     for name in names:
         if name not in row:
-            raise InputError(at, f"there is no {name}", f"needed are {', '.join(names)}")
+            raise InputError(place, f"there is no {name}", f"needed are {', '.join(names)}")
 
 
-def _ranged(at: str, row: Mapping[str, Any], name: str, low: float, high: float) -> float:
+def _ranged(place: str, row: Mapping[str, Any], name: str, low: float, high: float) -> float:
     """Return a finite number within a range. Raises InputError."""
-    given = row[name]
+    cell = row[name]
     try:
-        value = math.nan if isinstance(given, bool) or given is None else float(given)
+        value = math.nan if isinstance(cell, bool) or cell is None else float(cell)
     except (TypeError, ValueError):
         value = math.nan
     if not (math.isfinite(value) and low <= value <= high):
-        raise InputError(at, f"{name} is {given!r}", f"give {low:g} to {high:g}")
+        raise InputError(place, f"{name} is {cell!r}", f"give {low:g} to {high:g}")
     return value
