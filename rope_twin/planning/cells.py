@@ -32,7 +32,7 @@ ERROR_RUNS = 100  # refinements from here on are those of the runs that give an 
 
 
 def runs_of_cell(plan: Plan) -> int:
-    """Return how many run numbers a cell has."""
+    """Return the number of run numbers of a cell."""
     return len(plan.sea.hs_m.values) * LEGS_MOST * SEEDS_MOST
 
 
@@ -190,7 +190,7 @@ class Cell:
         return cell * runs_of_cell(plan) + (height * LEGS_MOST + leg) * SEEDS_MOST + seed
 
     def rows(self, height: int, seeds: int) -> list[Row]:
-        """Return the rows of the first seeds at a height; those that are not there are run.
+        """Return the rows of the first seeds at a height; run those that are missing.
 
         Raises:
             RopeTwinError: a run cannot start.
@@ -235,7 +235,7 @@ class Cell:
         return rows
 
     def judge(self, height: int, narrow: bool = False, more: bool = False) -> Judgement:
-        """Return the judgement of a height, with seeds as many as the decision takes.
+        """Return the judgement of a height, with as many seeds as the decision requires.
 
         narrow: until the intervals are narrow, even if the decision is clear; more: with more seeds
         than before.

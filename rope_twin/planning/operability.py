@@ -82,7 +82,7 @@ class Spread:
 
     @classmethod
     def of(cls, values_s: Vector) -> Spread:
-        """Return that of values (n,); nan if there are none.
+        """Return mean and percentiles of values (n,); nan if there are none.
 
         A percentile is the smallest value that at least so many per cent do not exceed.
         """

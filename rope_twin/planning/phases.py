@@ -297,7 +297,7 @@ def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None
 
 
 def _check_line(scene: Scene, longest_m: float) -> None:
-    """Check that the winch has so much line.
+    """Check that the winch has this much line.
 
     Raises:
         InputError: it has not.

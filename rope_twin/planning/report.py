@@ -158,7 +158,7 @@ def html_report(report: Report) -> bytes:
 
 
 def pdf_report(report: Report) -> bytes:
-    """Return the report as PDF, tagged, with the fonts that typst brings: it repeats to the bit."""
+    """Return the report as tagged PDF with typst's fonts; bit-identical when repeated."""
     import typst
 
     pictures = {

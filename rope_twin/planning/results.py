@@ -116,7 +116,7 @@ def _interval(cell: CellLimit) -> str:
 
 
 def summary_lines(result: PlanResult) -> Iterator[str]:
-    """Yield what the table does not say."""
+    """Yield lines on method, settings and runs, which complete the table."""
     method = result.plan.method
     yield (
         f"characteristic values: P{method.percentile:g} of the largest in the exposure, Gumbel by "
@@ -360,7 +360,7 @@ def _cell_object(result: PlanResult, cell: CellLimit) -> dict[str, Any]:
 
 
 def difference(cell: CellLimit) -> dict[str, float]:
-    """Return what the runs' characteristic values are above the simplified method's.
+    """Return the excess of the runs' characteristic values over the simplified method's.
 
     Hook load over the simplified one less 1, and uplift less the simplified uplift; empty if no
     height meets the criteria.

@@ -387,7 +387,7 @@ def _on_cores(
 
 @dataclass(frozen=True)
 class CellTask:
-    """Search of one cell, with the rows that are done; all that a worker needs to know."""
+    """Search of one cell, with the rows that are done; the complete input of a worker."""
 
     plan: Plan
     work: PhaseWork  # of the cell's phase

@@ -172,7 +172,7 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
 def run_row(
     number: int, phase: str, leg: Leg, sea: SeaState, seed: int, result: Row, purpose: str
 ) -> Row:
-    """Return the row that is kept of a run: its place in the plan, what it found, its setting.
+    """Return the stored row of a run: its place in the plan, its results and its setting.
 
     found: of `run_seeds`.
     """

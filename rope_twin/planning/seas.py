@@ -288,7 +288,7 @@ class SeaRecord:
         return np.asarray(2.0 * np.pi * self.frequency_hz)
 
     def from_start(self, response: Complex) -> Complex:
-        """Return the complex amplitudes at time 0 of what answers with this response, (..., n)."""
+        """Return the complex amplitudes of a response at time 0, (..., n); response: its RAO."""
         phase = np.exp(1j * self.omega * (LEAD_SAMPLES * SAMPLE_NS * 1e-9))
         return np.asarray(self.wave * phase * response)
 

@@ -257,7 +257,7 @@ class SampleFolder(RowFolder):
 
 @dataclass(frozen=True)
 class SampleTask:
-    """One sample; all that a worker needs to know."""
+    """One sample; the complete input of a worker."""
 
     case: Case
     number: int

@@ -108,7 +108,7 @@ class Slings:
 
     @property
     def strength_n(self) -> float:
-        """Return the load that a sling may have: MBL/γ_sf or WLL, the lesser [N]."""
+        """Return the allowable load of a sling: the lesser of MBL/γ_sf and WLL [N]."""
         by_mbl = math.inf if self.mbl_n is None else self.mbl_n / self.factors.nominal
         return min(by_mbl, math.inf if self.wll_n is None else self.wll_n)
 

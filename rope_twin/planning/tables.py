@@ -125,7 +125,7 @@ def _values(result: PlanResult) -> Table:
 
 
 def _snaps(result: PlanResult) -> Table:
-    """Return the snap check: what a slack rope would get by the formula, beside the runs."""
+    """Return the snap loads of a slack rope by the formula, beside the loads of the runs."""
     rows = [list(SNAP)]
     for work in result.works:
         hook = min(
@@ -154,7 +154,7 @@ def _snaps(result: PlanResult) -> Table:
 
 
 def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
-    """Return what a lift-off needs and gives, by the runs and by the simplified formula."""
+    """Return speeds, offset and loads of each lift-off, by the runs and by the formula."""
     rows = [list(LIFT_OFF)]
     for work in works:
         leg, static = work.legs[0], work.static_hook_n

@@ -74,7 +74,7 @@ class Extremes:
     def take_least(
         self, looks: int, slack: int, *, top_n: float, payload_n: float, anywhere_n: float
     ) -> None:
-        """Take the least tensions of some looks, and in how many of them an element is slack."""
+        """Take the least tensions of several samples; slack: samples with a slack element."""
         self.top_min_n = min(self.top_min_n, top_n)
         self.payload_min_n = min(self.payload_min_n, payload_n)
         self.least_n = min(self.least_n, anywhere_n)
@@ -82,7 +82,7 @@ class Extremes:
         self.slack_share = self._slack / self._looks
 
     def row(self) -> Row:
-        """Return them as a row of results."""
+        """Return the extremes as a row of results."""
         return {name: value for name, value in vars(self).items() if not name.startswith("_")}
 
 
@@ -100,7 +100,7 @@ class TwinExtremes:
         self._by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
 
     def take(self, snapshot: Snapshot) -> None:
-        """Take the present of a twin."""
+        """Take a snapshot."""
         if snapshot.time_s <= self._first_s:
             return
         least_n = min(

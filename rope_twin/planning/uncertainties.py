@@ -35,7 +35,7 @@ ENDS = 3.0  # standard deviations of a normal distribution
 
 @dataclass(frozen=True, kw_only=True)
 class Uniform:
-    """Every number between two equally likely."""
+    """Uniform distribution between two numbers."""
 
     from_: float = quantity("lowest number")
     to: float = quantity("highest number")
