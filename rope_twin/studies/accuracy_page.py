@@ -52,7 +52,7 @@ How to read this, and what it does not contain: docs/accuracy.md. Made by
 
 def as_markdown(study: Study, content: dict[str, object], picture: str) -> str:
     """Return the page; `content` is the study as in its JSON file."""
-    still = " (here of its mean, since nothing moves)" if is_still(study) else ""
+    mean_remark = " (here of its mean, since nothing moves)" if is_still(study) else ""
     return _PAGE.format(
         name=study.scene.name,
         about=f"{study.scene.about}.",
@@ -60,7 +60,7 @@ def as_markdown(study: Study, content: dict[str, object], picture: str) -> str:
         picture=picture,
         seconds=study.plan.seconds,
         reference=study.reference.setting,
-        still=still,
+        still=mean_remark,
         machine=study.machine.as_text(),
         met=_of_which(study.scene),
         rows=page_table(row_table(study)),
@@ -90,21 +90,21 @@ def is_still(study: Study) -> bool:
 def summary(study: Study) -> list[str]:
     """Return the conclusions of the study in a few sentences."""
     lines = []
-    own = study.own
-    if own is not None:
+    level = study.own
+    if level is not None:
         lines.append(
-            f"As the scene is, {own.setting}: top tension {_bound(own, RMS, study)} rms and "
-            f"{_bound(own, PEAK, study)} at its highest, at {own.real_time_factor:.0f} times real "
-            "time."
+            f"As the scene is, {level.setting}: top tension {_bound(level, RMS, study)} rms and "
+            f"{_bound(level, PEAK, study)} at its highest, at {level.real_time_factor:.0f} times "
+            "real time."
         )
-    bought: dict[Setting, tuple[StudyLevel, list[str]]] = {}
+    selections: dict[Setting, tuple[StudyLevel, list[str]]] = {}
     for target in TARGETS_PCT:
         row = cheapest_within(study.rows, RMS, target)
         if row is not None:
-            bought.setdefault(row.setting, (row, []))[1].append(f"{target:g} %")
+            selections.setdefault(row.setting, (row, []))[1].append(f"{target:g} %")
         elif study.reference.doubts[RMS].uncertainty is not None:
             lines.append(f"No setting is within {target:g} % rms.")
-    for row, (*first, last) in bought.values():
+    for row, (*first, last) in selections.values():
         targets = f"{', '.join(first)} and {last}" if first else last
         lines.append(
             f"Within {targets} rms the cheapest is {row.setting}: "
@@ -131,12 +131,12 @@ def notes(study: Study) -> list[str]:
 
 def _of_vortices(scene: Scene) -> list[str]:
     """Return the resolution that the fastest lock-in needs, which tension errors do not reveal."""
-    words = "" if is_joined(scene) else vortex_words(scene, lift_figures(scene))
-    if not words or model_beside(scene) is not None:
-        return [words] if words else []
+    vortices = "" if is_joined(scene) else vortex_words(scene, lift_figures(scene))
+    if not vortices or model_beside(scene) is not None:
+        return [vortices] if vortices else []
     return [
-        f"{words.removesuffix('.')}. The errors above are of the tension and the payload: what is "
-        "coarser than that does not tell how the rope vibrates."
+        f"{vortices.removesuffix('.')}. The errors above are of the tension and the payload: "
+        "what is coarser than that does not tell how the rope vibrates."
     ]
 
 
@@ -248,10 +248,10 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     doubt = study.reference.doubts[name].uncertainty
     rows = [row for row in study.rows if row.newton_tolerance_n is None]
     if doubt is None or is_still(study):
-        words = "does not converge:\nsee the spread in the study" if doubt is None else (
+        text = "does not converge:\nsee the spread in the study" if doubt is None else (
             "nothing moves:\nevery setting is right to round-off"
         )  # fmt: skip
-        axes.text(0.5, 0.5, words, ha="center", va="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, text, ha="center", va="center", transform=axes.transAxes)
         axes.set_xticks([])
         axes.set_yticks([])
         return
@@ -259,10 +259,10 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     axes.set_yscale("log")
     _draw_rungs(axes, rows, name)
     _draw_front(axes, rows, name)
-    own = study.own
-    if own is not None:
-        axes.plot(own.real_time_factor, _height(own, name), "o", markersize=14, fillstyle="none",
-                  color="crimson", markeredgewidth=1.8, linestyle="", label="the scene as it is")  # fmt: skip # noqa: E501
+    level = study.own
+    if level is not None:
+        axes.plot(level.real_time_factor, _height(level, name), "o", markersize=14,
+                  fillstyle="none", color="crimson", markeredgewidth=1.8, linestyle="", label="the scene as it is")  # fmt: skip # noqa: E501
     low, high = axes.get_ylim()
     bottom = min(low, 0.5 * max(doubt, LEAST_PCT))
     axes.axhspan(bottom, max(doubt, LEAST_PCT), color="0.85", zorder=0,
@@ -280,15 +280,15 @@ def _draw_rungs(axes: Any, rows: list[StudyLevel], name: str) -> None:
     steps = sorted({row.step_s for row in rows})
     for number, count in enumerate(counts):
         colour = colormaps["viridis"](0.92 * number / max(len(counts) - 1, 1))
-        own = sorted(
+        levels = sorted(
             (row for row in rows if row.elements == count),
             key=lambda row: row.step_s,
         )
-        places = [(row.real_time_factor, _height(row, name)) for row in own]
+        points = [(row.real_time_factor, _height(row, name)) for row in levels]
         axes.plot(
-            *zip(*places, strict=True), color=colour, linewidth=0.9, label=f"{count} elements"
+            *zip(*points, strict=True), color=colour, linewidth=0.9, label=f"{count} elements"
         )
-        for row, (x, y) in zip(own, places, strict=True):
+        for row, (x, y) in zip(levels, points, strict=True):
             axes.plot(x, y, MARKERS[steps.index(row.step_s) % len(MARKERS)], color=colour,
                       markersize=5)  # fmt: skip
     for number, step_s in enumerate(steps):

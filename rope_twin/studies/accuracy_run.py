@@ -94,34 +94,34 @@ class Course:
             if is_joined(scene):
                 known = places(scene)
                 parts = [self._of_rope(line, known.get(line.from_), step_s) for line in scene.ropes]
-                tables = (np.stack(some) for some in zip(*parts, strict=True))
+                tables = (np.stack(columns) for columns in zip(*parts, strict=True))
                 self._motions[step_s] = rows.Boundary(*tables)
             else:
-                one = self._of_rope(scene.ropes[0], scene.ship.hang_off_m, step_s)
-                self._motions[step_s] = one
+                motion = self._of_rope(scene.ropes[0], scene.ship.hang_off_m, step_s)
+                self._motions[step_s] = motion
         return self._motions[step_s]
 
-    def _heave_at(self, place: Triple) -> HeaveSeries | None:
+    def _heave_at(self, position: Triple) -> HeaveSeries | None:
         """Return the motion of a hang-off at this rest position: from poses with its arm, or the
         heave.
         """
         posed = [sample for sample in self._samples if sample.pose is not None]
-        if not posed or place == self.scene.ship.hang_off_m:
+        if not posed or position == self.scene.ship.hang_off_m:
             return self._heave
-        arm = lever_arm(self.scene, place)
-        return series_of([sample_of(one.pose, arm, None) for one in posed if one.pose])
+        arm = lever_arm(self.scene, position)
+        return series_of([sample_of(entry.pose, arm, None) for entry in posed if entry.pose])
 
-    def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
-        """Return the motion of a rope with a hang-off at `place` at rest; None: it has none."""
+    def _of_rope(self, line: RopeLine, position: Triple | None, step_s: float) -> rows.Boundary:
+        """Return the motion of a rope with a hang-off at `position` at rest; None: it has none."""
         steps = round(self.seconds / step_s)
-        if place is None:
-            still = np.zeros((steps + 1, rows.MOTIONS))
-            still[:, rows.LINE] = line.length_m
-            return rows.Boundary(still, np.zeros_like(still))
+        if position is None:
+            constant = np.zeros((steps + 1, rows.MOTIONS))
+            constant[:, rows.LINE] = line.length_m
+            return rows.Boundary(constant, np.zeros_like(constant))
         winch = None if self._line is not None else winch_of(self.scene, line)
         track = WinchMotion(winch, line.length_m, None, step_s)
-        ship = replace(self.scene.ship, hang_off_m=place)
-        borders = SharedBoundary(ship, track, self._heave_at(place), step_s)
+        ship = replace(self.scene.ship, hang_off_m=position)
+        borders = SharedBoundary(ship, track, self._heave_at(position), step_s)
         value, rate = borders.through(0, steps)
         if self._line is not None:
             border_s = np.arange(steps + 1) * step_s
@@ -137,8 +137,8 @@ def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
     """
     shots = [(0.0, scene.ropes[0].length_m, 0.0)]
     shots += [
-        (shot.time_s, shot.line_out_m, shot.payout_speed_m_per_s)
-        for shot in fed(Twin(scene), seconds + 1e-9 * AFTER_NS)
+        (snapshot.time_s, snapshot.line_out_m, snapshot.payout_speed_m_per_s)
+        for snapshot in fed(Twin(scene), seconds + 1e-9 * AFTER_NS)
     ]
     return CubicHermiteSpline(*np.array(shots).T)
 
@@ -167,22 +167,22 @@ class Trial:
             SolverError: a step that is not finite.
         """
         every = round(self._course.look_s / self.setting.step_s)
-        looks = self._steps // every
-        depth, slack = np.zeros(looks), np.zeros(looks, bool)
+        samples = self._steps // every
+        depth, slack = np.zeros(samples), np.zeros(samples, bool)
         self._body.begin()
-        for number in range(looks):
+        for number in range(samples):
             first = number * every
             self._advance(self._part(first, every), first, every)
             depth[number] = self._body.depth_m()
             slack[number] = is_slack(self._body.ropes)
-        done = looks * every
+        steps = samples * every
         return Series(
             self.setting.step_s,
-            self._tension[:done].copy(),
+            self._tension[:steps].copy(),
             self._course.look_s,
             depth,
             slack,
-            float(self._body.health[rows.SOLVES]) / done,
+            float(self._body.health[rows.SOLVES]) / steps,
             int(self._body.health[rows.SUBSTEPS_UNCONVERGED]),
             self._body.memory_mb,
         )
@@ -193,38 +193,40 @@ class Trial:
         The run is cut into pieces and repeated; the fastest time of each piece counts, since other
         programs use the machine too.
         """
-        work = self._steps * self.setting.elements
-        piece = math.ceil(self._steps / max(1, min(100, work // PIECE_NODE_STEPS)))
+        element_steps = self._steps * self.setting.elements
+        piece = math.ceil(self._steps / max(1, min(100, element_steps // PIECE_NODE_STEPS)))
         runs: list[Vector] = []
         while len(runs) < MOST_RUNS:
             runs.append(self._timed(piece))
-            spent = float(sum(run.sum() for run in runs))
-            if len(runs) >= FEWEST_RUNS and spent > ENOUGH_S:
+            spent_s = float(sum(run.sum() for run in runs))
+            if len(runs) >= FEWEST_RUNS and spent_s > ENOUGH_S:
                 break
-        least = float(np.min(runs, axis=0).sum())
-        return float(self._steps * self.setting.step_s / least)
+        min_s = float(np.min(runs, axis=0).sum())
+        return float(self._steps * self.setting.step_s / min_s)
 
     def _timed(self, piece: int) -> Vector:
-        took = []
+        times_s = []
         self._body.begin()
         for first in range(0, self._steps, piece):
             count = min(piece, self._steps - first)
             part = self._part(first, count)
-            began = time.perf_counter()
+            start_s = time.perf_counter()
             self._advance(part, first, count)
-            took.append(time.perf_counter() - began)
-        return np.array(took)
+            times_s.append(time.perf_counter() - start_s)
+        return np.array(times_s)
 
     def _part(self, first: int, count: int) -> rows.Boundary:
         tables = (table[..., first : first + count + 1, :] for table in self._motion)
         return rows.Boundary(*map(np.ascontiguousarray, tables))
 
     def _advance(self, part: rows.Boundary, first: int, count: int) -> None:
-        done, tension = self._body.advance(part, first * self.setting.step_s, count)
+        completed, tension = self._body.advance(part, first * self.setting.step_s, count)
         self._tension[first : first + count] = tension
-        if done < count:
+        if completed < count:
             where = f"scene {self._course.scene.name}, {self.setting}"
-            raise SolverError(where, f"step {first + done + 1} is not finite", "shorten the step")
+            raise SolverError(
+                where, f"step {first + completed + 1} is not finite", "shorten the step"
+            )
 
 
 STILL = 1e-4  # of the mean: a tension that varies by less is still, and the mean is the scale
@@ -274,20 +276,20 @@ def differences(series: Series, truth: Series) -> Values:
 
     In the units of QUANTITIES; None where there is nothing to compare.
     """
-    mine, theirs = values(series), values(truth)
+    figures, true_figures = values(series), values(truth)
     every = round(series.step_s / truth.step_s)
-    there = truth.tension_n[every - 1 :: every][: len(series.tension_n)]
-    apart = series.tension_n[: len(there)] - there
+    true_n = truth.tension_n[every - 1 :: every][: len(series.tension_n)]
+    deviation = series.tension_n[: len(true_n)] - true_n
     mean, scale = float(truth.tension_n.mean()), tension_scale(truth)
     return {
-        RMS: 100.0 * _rms(apart) / scale,
-        "tension_mean": _change(mine, theirs, "tension_mean_n", mean),
-        "tension_std": _change(mine, theirs, "tension_std_n", scale),
-        PEAK: _change(mine, theirs, "tension_max_n", theirs["tension_max_n"]),
-        "tension_trough": _change(mine, theirs, "tension_min_n", scale),
-        "snap_peak": _change(mine, theirs, "snap_peak_n", theirs["snap_peak_n"]),
+        RMS: 100.0 * _rms(deviation) / scale,
+        "tension_mean": _change(figures, true_figures, "tension_mean_n", mean),
+        "tension_std": _change(figures, true_figures, "tension_std_n", scale),
+        PEAK: _change(figures, true_figures, "tension_max_n", true_figures["tension_max_n"]),
+        "tension_trough": _change(figures, true_figures, "tension_min_n", scale),
+        "snap_peak": _change(figures, true_figures, "snap_peak_n", true_figures["snap_peak_n"]),
         "payload_depth": _rms(series.depth_m - truth.depth_m),
-        "slack_share": _change(mine, theirs, "slack_share", 1.0),
+        "slack_share": _change(figures, true_figures, "slack_share", 1.0),
     }
 
 
@@ -309,15 +311,15 @@ def snap_peak_n(series: Series) -> float | None:
     return float(np.mean(peaks)) if peaks else None
 
 
-def _change(mine: Values, theirs: Values, name: str, scale: float | None) -> float | None:
-    one, other = mine[name], theirs[name]
-    if one is None or other is None or not scale:
+def _change(figures: Values, true_figures: Values, name: str, scale: float | None) -> float | None:
+    value, true_value = figures[name], true_figures[name]
+    if value is None or true_value is None or not scale:
         return None
-    return 100.0 * (one - other) / scale
+    return 100.0 * (value - true_value) / scale
 
 
-def _rms(apart: Vector) -> float:
-    return float(np.sqrt(np.mean(apart**2)))
+def _rms(deviation: Vector) -> float:
+    return float(np.sqrt(np.mean(deviation**2)))
 
 
 class Body(ABC):
@@ -373,23 +375,23 @@ class RopeBody(Body):
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """Return the number of steps done, and the top tension after each [N]."""
-        pull = np.zeros((steps, rows.PULL_COLUMNS))
-        return advance(self.ropes[0], motion, pull, time, steps), pull[:, rows.PULL]
+        tension = np.zeros((steps, rows.PULL_COLUMNS))
+        return advance(self.ropes[0], motion, tension, time, steps), tension[:, rows.PULL]
 
 
 class JoinedBody(Body):
     """Multi-line system; motion (ropes, steps + 1, MOTIONS), top tension of the first rope."""
 
     def __init__(self, scene: Scene) -> None:
-        built = build_joined(scene)
-        self._system = system = built.system
+        model = build_joined(scene)
+        self._system = system = model.system
         self.ropes = system.ropes
-        place = np.zeros((len(system.ropes), rows.MOTIONS))
-        place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
-        place[:, rows.LINE] = [line.length_m for line in scene.ropes]
-        end = solve_reeved_statics(system, place)
+        boundary = np.zeros((len(system.ropes), rows.MOTIONS))
+        boundary[:, : rows.LINE] = np.nan_to_num(model.hang_off_m)
+        boundary[:, rows.LINE] = [line.length_m for line in scene.ropes]
+        end = solve_reeved_statics(system, boundary)
         check_equilibrium(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
-        self.lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
+        self.lowest = model.owners[scene.payloads[0].name] if scene.payloads else 0
         stack = system.stack
         state = (stack.nodes, stack.s, stack.offset, stack.counts, stack.health)
         self._tables = _arrays((state, system.joints.nodes, system.joints.ties, system.sheaves))
@@ -403,8 +405,8 @@ class JoinedBody(Body):
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """Return the number of steps done, and the first rope's top tension after each [N]."""
-        pull = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
-        return advance_joined(self._system, motion, pull, time, steps), pull[0, :, rows.PULL]
+        tension = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
+        return advance_joined(self._system, motion, tension, time, steps), tension[0, :, rows.PULL]
 
     @property
     def loaded(self) -> tuple[bool, ...]:
@@ -434,22 +436,22 @@ class ShakenBody(Body):
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """Return the number of steps done, and the top tension after each [N]."""
-        pull, done = np.zeros(steps), 0
+        tension, done = np.zeros(steps), 0
         while done < steps:
             count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
             part = Boundary(
                 *(np.ascontiguousarray(table[..., done : done + count + 1, :]) for table in motion)
             )
             at_s = time + done * self.ropes[0].model.step
-            went, pull[done : done + count] = self._body.advance(part, at_s, count)
-            done, self._steps = done + went, self._steps + went
-            if went < count:
+            completed, tension[done : done + count] = self._body.advance(part, at_s, count)
+            done, self._steps = done + completed, self._steps + completed
+            if completed < count:
                 break
             if self._viv_drag.steps_to_sampling(self._steps) == 0:
                 first = (table if table.ndim == 2 else table[0] for table in motion)
-                now = Boundary(*(table[done:] for table in first))
-                self._viv_drag.look(self.ropes, now, self._steps, 0)
-        return done, pull
+                boundary = Boundary(*(table[done:] for table in first))
+                self._viv_drag.look(self.ropes, boundary, self._steps, 0)
+        return done, tension
 
     def _shake(self) -> None:
         cycle, body = steps_in_slot(self._scene.time.step_s), self._body

@@ -98,8 +98,8 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
         remedy = "give the lowest element's length and its growth instead"
         raise InputError(where, "grading.nodes_m holds the elements fixed", remedy)
     usual = _plan(scene, seconds, USUAL)
-    dear = dearness(scene) > DEAR or usual.work > MOST_WORK
-    return _plan(scene, seconds, SHORT) if dear else usual
+    is_expensive = dearness(scene) > DEAR or usual.work > MOST_WORK
+    return _plan(scene, seconds, SHORT) if is_expensive else usual
 
 
 def dearness(scene: Scene) -> float:
@@ -110,27 +110,27 @@ def dearness(scene: Scene) -> float:
 
 
 def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
-    own = Setting(scene.ropes[0].elements, scene.time.step_s)
-    h = own.step_s
+    setting = Setting(scene.ropes[0].elements, scene.time.step_s)
+    h = setting.step_s
     factors = [factor for factor in reach.step_factors if factor * h <= LONGEST_STEP_S]
-    look_s = _whole(math.lcm(*(round(2.0 * one) for one in factors)) * 0.5 * h)
+    look_s = _whole(math.lcm(*(round(2.0 * multiple) for multiple in factors)) * 0.5 * h)
     span = _window_s(scene, reach) if seconds is None else seconds
     span = _whole(math.floor(span / look_s + 1e-6) * look_s)
-    least = _whole(SHORTEST_WINDOW * look_s)
-    if span < least:
-        raise InputError("--duration", f"{seconds:g} s is too short", f"give {least:g} or more")
-    counts = _counts(own.elements, reach.doublings)
-    ropes = sum(line.elements for line in scene.ropes) / own.elements
+    min_s = _whole(SHORTEST_WINDOW * look_s)
+    if span < min_s:
+        raise InputError("--duration", f"{seconds:g} s is too short", f"give {min_s:g} or more")
+    counts = _counts(setting.elements, reach.doublings)
+    ropes = sum(line.elements for line in scene.ropes) / setting.elements
     first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)
     tolerance = first.model.tolerance
     grid = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
-    others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
+    others = [Setting(setting.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
     finest_s = _whole(reach.reference_step * h)
-    most = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
-    finer = 2 ** math.floor(math.log2(max(most, 1.0)))
+    max_multiple = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
+    finer = 2 ** math.floor(math.log2(max(max_multiple, 1.0)))
     elements = counts[-1] * min(max(finer, 2), FINER_MOST)
     fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
-    return Plan(span, own, look_s, (*grid, *others), fine, ropes)
+    return Plan(span, setting, look_s, (*grid, *others), fine, ropes)
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:
@@ -141,19 +141,19 @@ def _window_s(scene: Scene, reach: Reach) -> float:
     winch = scene.winch
     scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
     ramp = scene.listed(FluidRampParams)
-    grown = max((curve.last[0] for curve in ramp.curves.values()), default=0.0) if ramp else 0.0
-    return max(grown, 0.0) + min(max(reach.window_s, scheduled), reach.longest_window_s)
+    ramp_s = max((curve.last[0] for curve in ramp.curves.values()), default=0.0) if ramp else 0.0
+    return max(ramp_s, 0.0) + min(max(reach.window_s, scheduled), reach.longest_window_s)
 
 
-def _counts(own: int, doublings: int) -> list[int]:
+def _counts(elements: int, doublings: int) -> list[int]:
     """Return the numbers of elements: the scene's own, halved and doubled."""
-    counts, down = [own], own
+    counts, down = [elements], elements
     while round(down / 2) >= FEWEST:
         down = round(down / 2)
         counts.insert(0, down)
     for doubling in range(1, doublings + 1):
-        if doubling == 1 or own * 2**doubling <= MOST:
-            counts.append(own * 2**doubling)
+        if doubling == 1 or elements * 2**doubling <= MOST:
+            counts.append(elements * 2**doubling)
     return counts
 
 
@@ -198,9 +198,9 @@ def find_reference(course: Course, setting: Setting, report: Callable[[str], Non
     grids = [(n, h), (n // 2, h), (n // 4, h), (n, 2.0 * h), (n, 4.0 * h)]
     runs = []
     for elements, step_s in grids:
-        one = Setting(elements, step_s, tolerance)
-        report(f"reference, {one}")
-        runs.append(Trial(course, one).look())
+        grid_setting = Setting(elements, step_s, tolerance)
+        report(f"reference, {grid_setting}")
+        runs.append(Trial(course, grid_setting).look())
     return judge(setting, runs)
 
 
@@ -209,16 +209,16 @@ def judge(setting: Setting, runs: list[Series]) -> Reference:
     fine, n2, n4, h2, h4 = runs
     by_element = differences(n4, n2), differences(n2, fine)
     by_step = differences(h4, h2), differences(h2, fine)
-    seen = [values(run) for run in runs]
+    results = [values(run) for run in runs]
     doubts = {}
     for name, quantity in BY_NAME.items():
         pairs = [(coarse[name], middle[name]) for coarse, middle in (by_element, by_step)]
         parts = [uncertainty(*pair, quantity.unit) for pair in pairs]
-        known = [one for one, _ in parts]
-        total = None if None in known else math.fsum(one for one in known if one is not None)
-        spread = None if total is not None else _spread(name, seen, [*by_element, *by_step])
+        known = [term for term, _ in parts]
+        total = None if None in known else math.fsum(term for term in known if term is not None)
+        spread = None if total is not None else _spread(name, results, [*by_element, *by_step])
         doubts[name] = Doubt(parts[0][1], parts[1][1], total, spread)
-    return Reference(setting, fine, seen[0], doubts)
+    return Reference(setting, fine, results[0], doubts)
 
 
 def uncertainty(
@@ -237,8 +237,8 @@ def uncertainty(
         return max(d1, d2), None
     order = math.log2(d1 / d2) if d1 > 0.0 and d2 > 0.0 else math.inf if d2 == 0.0 else -math.inf
     if order < LEAST_ORDER:
-        most = NO_ORDER * max(d1, d2)
-        return (most, None) if most <= LITTLE[unit] else (None, None)
+        bound = NO_ORDER * max(d1, d2)
+        return (bound, None) if bound <= LITTLE[unit] else (None, None)
     p = min(order, FORMAL_ORDER)
     # Where the order is chance, what the coarse grid's difference makes of it counts.
     d2 = max(d2, d1 / 2.0**FORMAL_ORDER)
@@ -255,13 +255,13 @@ _SPREAD_OF = {
 }
 
 
-def _spread(name: str, seen: list[Values], apart: list[Values]) -> tuple[float, float] | None:
+def _spread(name: str, runs: list[Values], errors: list[Values]) -> tuple[float, float] | None:
     """Return minimum and maximum over the grids; for an RMS quantity, of the differences."""
     if name in _SPREAD_OF:
-        found = [one[_SPREAD_OF[name]] for one in seen]
+        grid_values = [run[_SPREAD_OF[name]] for run in runs]
     else:
-        found = [one[name] for one in apart]
-    held = [one for one in found if one is not None]
+        grid_values = [run[name] for run in errors]
+    held = [value for value in grid_values if value is not None]
     return (min(held), max(held)) if held else None
 
 
@@ -292,13 +292,13 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
     Raises:
         RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
-    here = this_machine()
+    computer = this_machine()
     course = Course(scene, plan.seconds, plan.look_s)
     total, done = 5 + 1 + len(plan.settings), 0
 
-    def tell(what: str) -> None:
+    def tell(activity: str) -> None:
         nonlocal done
-        report(done, total, f"{scene.name}: {what}")
+        report(done, total, f"{scene.name}: {activity}")
         done += 1
 
     reference = find_reference(course, plan.reference, tell)
@@ -314,19 +314,19 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         except RopeTwinError as error:
             failures.append(f"{setting}: {error}")
     report(total, total, f"{scene.name}: done")
-    return Study(scene, plan, here, reference, witness, tuple(rows), tuple(failures))
+    return Study(scene, plan, computer, reference, witness, tuple(rows), tuple(failures))
 
 
 def as_content(study: Study) -> dict[str, Any]:
     """Return the study as its JSON file and `--json` have it."""
     scene, reference = study.scene, study.reference
     witness = study.witness
-    seen = witness if isinstance(witness, str) else {**asdict(witness), "words": str(witness)}
-    met = {"rope_elements": [line.elements for line in scene.ropes]} if is_joined(scene) else {}
+    check = witness if isinstance(witness, str) else {**asdict(witness), "words": str(witness)}
+    extra = {"rope_elements": [line.elements for line in scene.ropes]} if is_joined(scene) else {}
     return {
         "format": FORMAT,
         "scene": scene.name,
-        **met,
+        **extra,
         "scene_digest": scene_digest(scene),
         "solver": solver_version(scene),
         "seconds": study.plan.seconds,
@@ -337,7 +337,7 @@ def as_content(study: Study) -> dict[str, Any]:
             "values": reference.values,
             "doubts": {name: asdict(doubt) for name, doubt in reference.doubts.items()},
         },
-        "witness": seen,
+        "witness": check,
         "units": {quantity.name: quantity.unit for quantity in QUANTITIES},
         "rows": [_as_row(row) for row in study.rows],
         "failures": list(study.failures),
@@ -413,14 +413,14 @@ class Machine:
 
 def this_machine() -> Machine:
     """Query the machine and measure its speed (about 50 ms)."""
-    own = machine()
+    description = machine()
     return Machine(
-        processor=own["processor"],
+        processor=description["processor"],
         cores=len(os.sched_getaffinity(0)),
         load=os.getloadavg()[0],
         multiply_add_ns=_time_chain(),
-        python=own["python"],
-        numba=own["numba"],
+        python=description["python"],
+        numba=description["numba"],
         run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
     )
 
@@ -428,9 +428,9 @@ def this_machine() -> Machine:
 def _time_chain() -> float:
     """Return the shortest time of a link of the benchmark [ns]."""
     chain(1.0, 0.5, 0.5, 1)  # compiled here
-    took = []
+    times_s = []
     for _ in range(REPETITIONS):
-        began = time.perf_counter()
+        start_s = time.perf_counter()
         chain(1.0, 0.5, 0.5, LINKS)
-        took.append(time.perf_counter() - began)
-    return min(took) / LINKS * 1e9
+        times_s.append(time.perf_counter() - start_s)
+    return min(times_s) / LINKS * 1e9

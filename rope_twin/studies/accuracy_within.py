@@ -51,9 +51,9 @@ def sure_bound(level: StudyLevel, levels: Iterable[StudyLevel], name: str) -> fl
 
 def cheapest_within(levels: Sequence[StudyLevel], name: str, target: float) -> StudyLevel | None:
     """Return the fastest level with the scene's own tolerance whose bound is at most `target`."""
-    own = [level for level in levels if level.newton_tolerance_n is None]
-    good = [level for level in own if sure_bound(level, own, name) <= target]
-    return max(good, key=lambda level: level.real_time_factor, default=None)
+    candidates = [level for level in levels if level.newton_tolerance_n is None]
+    sufficient = [level for level in candidates if sure_bound(level, candidates, name) <= target]
+    return max(sufficient, key=lambda level: level.real_time_factor, default=None)
 
 
 def most_accurate(
@@ -71,9 +71,9 @@ def most_accurate(
     known = [entry for entry in fitting if not math.isnan(entry[0])]
     if not known:
         return None
-    least = min(entry[0] for entry in known)
-    alike = [entry for entry in known if entry[0] <= max(1.1 * least, NOTHING)]
-    return min(alike, key=lambda entry: entry[1])[2]
+    min_bound = min(entry[0] for entry in known)
+    near_best = [entry for entry in known if entry[0] <= max(1.1 * min_bound, NOTHING)]
+    return min(near_best, key=lambda entry: entry[1])[2]
 
 
 def next_better(
@@ -158,8 +158,8 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
     elements, step_s, tolerance_n = plan.reference
     times = 1 if elements > ENOUGH else 2
     finer = Setting(times * elements, 0.5 * step_s, tolerance_n)
-    seen = Trial(course, level.setting).look()
-    error = differences(seen, Trial(course, finer).look())[quantity.name]
+    result = Trial(course, level.setting).look()
+    error = differences(result, Trial(course, finer).look())[quantity.name]
     return Selected(
         scene.name, quantity.name, within, plan.seconds, level.elements, level.step_s,
         level.real_time_factor, level.bound(quantity.name), error,
@@ -171,8 +171,8 @@ def _nothing(
     scene: Scene, quantity: Quantity, within: float, known: Sequence[StudyLevel]
 ) -> Selected:
     if known:
-        best = best_bound(known, quantity.name)
-        refusal = f"the best of its study is {format_bound(best)} {quantity.unit}"
+        level = best_bound(known, quantity.name)
+        refusal = f"the best of its study is {format_bound(level)} {quantity.unit}"
     else:
         refusal = f"its study knows no error of {quantity.name}"
     nothing = (None,) * 6

@@ -64,8 +64,8 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
     if why:
         return f"none: the explicit code does not know {why}"
     scenes = [replace(variant(scene, count, step_s), winch=None) for count in ELEMENTS]
-    ropes = (_Rope(one) for one in scenes)
-    rope = next((one for one in ropes if SHARE * one.largest_step() > SHORTEST_S), None)
+    ropes = (_Rope(item) for item in scenes)
+    rope = next((item for item in ropes if SHARE * item.largest_step() > SHORTEST_S), None)
     if rope is None:
         return f"none: its steps would be shorter than {1e3 * SHORTEST_S:g} ms"
     scene = rope.scene
@@ -75,14 +75,14 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
     tension = Trial(course, Setting(count, step_s)).look().tension_n
     inner = math.ceil(step_s / (SHARE * rope.largest_step()))
     exact = rope.run(course.motion(step_s / inner), step_s / inner)[inner - 1 :: inner]
-    apart, scale = tension - exact[: len(tension)], float(tension.std())
+    deviation, scale = tension - exact[: len(tension)], float(tension.std())
     if scale < 1e-4 * tension.mean():
         scale = float(tension.mean())
     return Witness(
         count,
         seconds,
         step_s / inner,
-        100.0 * float(np.sqrt(np.mean(apart**2))) / scale,
+        100.0 * float(np.sqrt(np.mean(deviation**2))) / scale,
         100.0 * float(tension.max() / exact.max() - 1.0),
     )
 
@@ -108,8 +108,8 @@ def _beyond(scene: Scene) -> str:
             return "added mass along the rope"
         if isinstance(effect, CurrentParams) and effect.over_time:
             return "a current that changes in time"
-    strange = [effect for effect in scene.effects if not isinstance(effect, KNOWN)]
-    return f"the effect of {type(strange[0]).__name__.removesuffix('Params')}" if strange else ""
+    unknown = [effect for effect in scene.effects if not isinstance(effect, KNOWN)]
+    return f"the effect of {type(unknown[0]).__name__.removesuffix('Params')}" if unknown else ""
 
 
 class _Rope:
@@ -118,12 +118,12 @@ class _Rope:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         line, water = scene.ropes[0], scene.environment
-        built, rope = build(scene), line.rope
-        solve_scene_statics(scene, built)
+        model, rope = build(scene), line.rope
+        solve_scene_statics(scene, model)
         assert rope is not None
         assert rope.axial_stiffness_n is not None
         count, density = line.elements + 1, water.water_density_kg_per_m3
-        self.x = built.state.nodes[rows.POSITION : rows.POSITION + 3, :count].copy()
+        self.x = model.state.nodes[rows.POSITION : rows.POSITION + 3, :count].copy()
         self.rest, self.EA = line.length_m / line.elements, rope.axial_stiffness_n
         payload = find_payload(scene, line)
         assert payload is not None
@@ -134,22 +134,22 @@ class _Rope:
         d, gravity = rope.hydrodynamic_diameter_m, water.gravity_m_per_s2
         area = 0.25 * math.pi * d * d
         self.per_metre, self.mass = rope.mass_kg_per_m, rope.mass_kg_per_m * lump
-        has = {type(effect): effect for effect in scene.effects}
-        drag, added = has.get(DragParams), has.get(AddedMassParams)
+        effects = {type(effect): effect for effect in scene.effects}
+        drag, added = effects.get(DragParams), effects.get(AddedMassParams)
         self.added = np.zeros(count) if added is None else added.normal * density * area * lump
         self.normal = self.skin = np.zeros(count)
         if drag is not None:
             normal = drag.normal * d if rope.drag_normal is None else rope.drag_normal * rope.diameter_m  # fmt: skip # noqa: E501
-            along = drag.tangential * d if rope.drag_tangential is None else rope.drag_tangential * rope.diameter_m  # fmt: skip # noqa: E501
+            tangential = drag.tangential * d if rope.drag_tangential is None else rope.drag_tangential * rope.diameter_m  # fmt: skip # noqa: E501
             self.normal = 0.5 * density * normal * lump
-            self.skin = 0.5 * density * math.pi * along * lump
+            self.skin = 0.5 * density * math.pi * tangential * lump
         self.weight = np.zeros(count)
-        if WeightParams in has:
+        if WeightParams in effects:
             self.weight = (rope.mass_kg_per_m - density * area) * gravity * lump
         self.weight[0] += (load.mass_kg - density * load.volume_m3) * gravity
         self.payload_mass = load.mass_kg + np.array(load.added_mass_kg)
         self.payload_drag = 0.5 * density * np.array(load.drag_area_m2)
-        table = has[CurrentParams].table if CurrentParams in has else np.zeros((1, 4))
+        table = effects[CurrentParams].table if CurrentParams in effects else np.zeros((1, 4))
         self.height, self.flow = table[::-1, 0], table[::-1, 1:].T
 
     def largest_step(self) -> float:
@@ -160,44 +160,44 @@ class _Rope:
 
     def run(self, motion: rows.Boundary, h: float) -> Vector:
         """Return the force on the hang-off [N] after each step of h."""
-        place, rate = motion.value[:, :3], motion.rate[:, :3]
+        position, rate = motion.value[:, :3], motion.rate[:, :3]
         acceleration = np.gradient(rate, h, axis=0)
         x, half = self.x, np.zeros_like(self.x)  # velocity half a step before
         last = np.zeros_like(half)
-        pulls = np.zeros(len(place) - 1)
-        for step in range(len(place)):
+        tension_n = np.zeros(len(position) - 1)
+        for step in range(len(position)):
             v = half + 0.5 * h * last
-            x[:, -1], v[:, -1] = place[step], rate[step]
+            x[:, -1], v[:, -1] = position[step], rate[step]
             force, tangent = self._forces(x, v)
             if step:
-                pull = force[:, -1] - self._inertia(tangent[:, -1], acceleration[step])
-                pulls[step - 1] = np.sqrt(pull @ pull)
+                end_force = force[:, -1] - self._inertia(tangent[:, -1], acceleration[step])
+                tension_n[step - 1] = np.sqrt(end_force @ end_force)
             last = self._accelerations(force, tangent)
             half += h * last
             x[:, :-1] += h * half[:, :-1]
-        return pulls
+        return tension_n
 
     def _forces(self, x: Vector, v: Vector) -> tuple[Vector, Vector]:
         """Return all forces on the nodes except inertia [N], and the tangents there."""
         gap = np.diff(x)
         length = np.sqrt((gap * gap).sum(axis=0))
-        way = gap / length
-        rate = (way * np.diff(v)).sum(axis=0)
+        direction = gap / length
+        rate = (direction * np.diff(v)).sum(axis=0)
         tension = np.maximum(0.0, (self.EA * (length - self.rest) + self.c * rate) / self.rest)
         tangent = np.empty_like(x)
-        tangent[:, 1:-1] = way[:, 1:] + way[:, :-1]
-        tangent[:, 0], tangent[:, -1] = way[:, 0], way[:, -1]
+        tangent[:, 1:-1] = direction[:, 1:] + direction[:, :-1]
+        tangent[:, 0], tangent[:, -1] = direction[:, 0], direction[:, -1]
         tangent /= np.sqrt((tangent * tangent).sum(axis=0) + 1e-12)
         u = v.copy()
         for k in range(3):
             u[k] -= np.interp(x[2], self.height, self.flow[k])
-        along = (u * tangent).sum(axis=0)
-        across = u - along * tangent
+        tangential = (u * tangent).sum(axis=0)
+        across = u - tangential * tangent
         size = np.sqrt((across * across).sum(axis=0))
-        force = -self.normal * size * across - self.skin * np.abs(along) * along * tangent
+        force = -self.normal * size * across - self.skin * np.abs(tangential) * tangential * tangent
         force[2] -= self.weight
-        force[:, :-1] += tension * way
-        force[:, 1:] -= tension * way
+        force[:, :-1] += tension * direction
+        force[:, 1:] -= tension * direction
         force[:, 0] -= self.payload_drag * np.sqrt(u[:, 0] @ u[:, 0]) * u[:, 0]
         return force, tangent
 
@@ -208,11 +208,11 @@ class _Rope:
 
     def _accelerations(self, force: Vector, tangent: Vector) -> Vector:
         """Return F/M; M is the rope's mass along the tangent, and includes added mass across it."""
-        along = (force * tangent).sum(axis=0) * tangent
-        found: Vector = along / self.mass + (force - along) / (self.mass + self.added)
+        axial = (force * tangent).sum(axis=0) * tangent
+        acceleration: Vector = axial / self.mass + (force - axial) / (self.mass + self.added)
         tau = tangent[:, 0]
         end = np.diag(self.payload_mass + self.mass[0])
         end += self.added[0] * (np.eye(3) - np.outer(tau, tau))
-        found[:, 0] = np.linalg.solve(end, force[:, 0])
-        found[:, -1] = 0.0
-        return found
+        acceleration[:, 0] = np.linalg.solve(end, force[:, 0])
+        acceleration[:, -1] = 0.0
+        return acceleration

@@ -32,9 +32,9 @@ def variant(
     elements: of the first rope; in multi-line systems the others are scaled in proportion. For
     scenes whose damping is in N·s, or a fraction of the first axial mode, the physics is unchanged.
     """
-    own = [line.elements for line in scene.ropes]
-    counts = own if elements is None else elements_with(own, elements)
-    ropes = (replace(one, elements=n) for one, n in zip(scene.ropes, counts, strict=True))
+    present = [line.elements for line in scene.ropes]
+    counts = present if elements is None else elements_with(present, elements)
+    ropes = (replace(item, elements=n) for item, n in zip(scene.ropes, counts, strict=True))
     time = scene.time
     time = time if step_s is None else replace(time, step_s=step_s)
     time = time if tolerance_n is None else replace(time, newton_tolerance_n=tolerance_n)
@@ -47,8 +47,8 @@ def with_effect(scene: Scene, params: Any) -> Scene:
     """
     order = [effect.params for effect in EFFECTS]
     body = isinstance(params, RigidBodyParams)
-    kept = [own for own in scene.effects if not (body and isinstance(own, PayloadParams))]
-    effects = sorted((*kept, params), key=lambda own: order.index(type(own)))
+    others = [item for item in scene.effects if not (body and isinstance(item, PayloadParams))]
+    effects = sorted((*others, params), key=lambda item: order.index(type(item)))
     return replace(scene, effects=tuple(effects))
 
 
@@ -65,13 +65,13 @@ def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
     Raises:
         SolverError: a step that is not finite.
     """
-    sea, named = open_sea(twin.scene), winches_by_name(twin.scene)
+    sea, winches = open_sea(twin.scene), winches_by_name(twin.scene)
     steps, offered_ns = every or steps_in_slot(twin.step_s), FIRST_NS
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
         for heave in sea.between(offered_ns, until_ns) if sea else ():
             offer(twin, heave)
-        for name, winch in named.items():
+        for name, winch in winches.items():
             for command in schedule_samples(winch, offered_ns, until_ns):
                 twin.offer_command(command.stamp_ns, command.command, name)
         offered_ns = until_ns
@@ -111,8 +111,8 @@ def march(
     for _ in range(round(seconds / (every * twin.step_s))):
         last = twin.steps + every
         while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
-            at, speed, *name = waiting.popleft()
-            check_taken(twin.offer_speed(round(at * 1e9), speed, *name))
+            at_s, speed, *name = waiting.popleft()
+            check_taken(twin.offer_speed(round(at_s * 1e9), speed, *name))
         for k in range(twin.steps + 1, last + 1):
             check_taken(twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)))
         twin.advance(every)

@@ -44,17 +44,17 @@ def suggested(effect: Effect, scene: Scene) -> Any:
     """Return parameters for an effect that the scene does not list, or what is missing."""
     if effect.name == "line_contact" and len(scene.ropes) < 2:
         return "it acts between ropes, and the scene has one"
-    given = _usual(effect.name, scene)
-    missing = [
+    defaults = _usual(effect.name, scene)
+    lacking = [
         field
         for field in dataclasses.fields(effect.params)
         if field.default is dataclasses.MISSING
         and field.default_factory is dataclasses.MISSING
-        and field.name not in given
+        and field.name not in defaults
     ]
-    if missing:
-        return "it needs " + ", ".join(f"{field.name} ({_about(field)})" for field in missing)
-    params = effect.params(**given)
+    if lacking:
+        return "it needs " + ", ".join(f"{field.name} ({_about(field)})" for field in lacking)
+    params = effect.params(**defaults)
     complaint = params.check() if hasattr(params, "check") else None
     return f"the scene has no data for it: {complaint}" if complaint else params
 
@@ -110,8 +110,8 @@ def _lowest_m(scene: Scene) -> float:
     line = scene.ropes[0]
     if line.fixed_at_m is not None:
         return line.fixed_at_m[2]
-    most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    return scene.ship.hang_off_m[2] - most
+    max_line_m = scene.winch.most_line_out_m if scene.winch else line.length_m
+    return scene.ship.hang_off_m[2] - max_line_m
 
 
 def _about(field: dataclasses.Field[Any]) -> str:
@@ -169,15 +169,15 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
     listed = listed_effects(scene)
     count = len(EFFECTS) + 2
     listen(0, count, "as it is")
-    whole = _run(scene, course, seconds)
+    as_listed = _run(scene, course, seconds)
     rows = []
     for number, effect in enumerate(EFFECTS, start=1):
         listen(number, count, effect.name)
-        own = None if effect.beside else course
-        base = _run(scene, own, seconds) if own is not course else whole
-        rows.append(_row(scene, effect, base, partial(_run, course=own, seconds=seconds)))
+        effect_course = None if effect.beside else course
+        base = _run(scene, effect_course, seconds) if effect_course is not course else as_listed
+        rows.append(_row(scene, effect, base, partial(_run, course=effect_course, seconds=seconds)))
     listen(len(EFFECTS) + 1, count, "as it is, again")
-    again = _run(scene, course, seconds)
+    repeated = _run(scene, course, seconds)
     listen(count, count, "done")
     rows.sort(key=lambda row: row.effect not in listed)
     return EffectStudy(
@@ -185,33 +185,33 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
         seconds=seconds,
         elements=scene.ropes[0].elements,
         step_s=scene.time.step_s,
-        as_it_is=whole,
-        us_noise=abs(again.us_per_step - whole.us_per_step),
+        as_it_is=as_listed,
+        us_noise=abs(repeated.us_per_step - as_listed.us_per_step),
         rows=tuple(rows),
     )
 
 
-def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) -> EffectRow:
+def _row(scene: Scene, effect: Effect, base: Ran, run: Callable[[Scene], Ran]) -> EffectRow:
     """Return the result with one effect removed or added."""
     listed = effect.name in listed_effects(scene)
-    words = ""
+    text = ""
     try:
         if listed:
-            kept = tuple(own for own in scene.effects if type(own) is not effect.params)
-            with_it, without = whole, run(_sound(replace(scene, effects=kept)))
+            effects = tuple(item for item in scene.effects if type(item) is not effect.params)
+            with_it, without = base, run(_sound(replace(scene, effects=effects)))
         else:
             params = suggested(effect, scene)
             if isinstance(params, str):
                 return EffectRow(effect.name, False, "", None, None, None, params)
-            words = _words(params)
-            with_it, without = run(_sound(with_effect(scene, params))), whole
+            text = _words(params)
+            with_it, without = run(_sound(with_effect(scene, params))), base
     except RopeTwinError as error:
         why = str(error).removesuffix(".")
-        return EffectRow(effect.name, listed, words, None, None, None, why)
+        return EffectRow(effect.name, listed, text, None, None, None, why)
     return EffectRow(
         effect.name,
         listed,
-        words,
+        text,
         with_it.us_per_step - without.us_per_step,
         with_it.mean_n - without.mean_n,
         with_it.max_n - without.max_n,
@@ -224,18 +224,18 @@ def _sound(scene: Scene) -> Scene:
     Raises:
         RopeTwinError: one is.
     """
-    still = scene.sea_state if is_joined(scene) else SeaState()
-    for where, what, right in faults(replace(scene, sea_state=still)):
-        raise RopeTwinError(f"{where}: {what}; {right}")
+    sea_state = scene.sea_state if is_joined(scene) else SeaState()
+    for where, problem, remedy in faults(replace(scene, sea_state=sea_state)):
+        raise RopeTwinError(f"{where}: {problem}; {remedy}")
     return scene
 
 
 def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
     if course is None:
         return _run_twin(scene, seconds)
-    own = copy.copy(course)
-    own.scene = scene
-    trial = Trial(own, Setting(scene.ropes[0].elements, scene.time.step_s))
+    scene_course = copy.copy(course)
+    scene_course.scene = scene
+    trial = Trial(scene_course, Setting(scene.ropes[0].elements, scene.time.step_s))
     tension = trial.look().tension_n
     us_per_step = 1e6 * scene.time.step_s / trial.real_time_factor()
     return Ran(us_per_step, float(np.mean(tension)), float(np.max(tension)))
@@ -244,22 +244,24 @@ def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
 def _run_twin(scene: Scene, seconds: float) -> Ran:
     """Run the scene by its twin; return the median over its publish periods, inputs included."""
     twin = Twin(scene)
-    took, before = [], twin.statistics()
+    times_s, before = [], twin.statistics()
     for _ in fed(twin, seconds):
         after = twin.statistics()
-        took.append((after.computing_s - before.computing_s) / (after.steps - before.steps))
+        times_s.append((after.computing_s - before.computing_s) / (after.steps - before.steps))
         before = after
-    return Ran(1e6 * statistics.median(took), before.tension_top_mean_n, before.tension_top_max_n)
+    return Ran(
+        1e6 * statistics.median(times_s), before.tension_top_mean_n, before.tension_top_max_n
+    )
 
 
 def _words(params: Any) -> str:
     """Return parameters as a scene would give them, without those that are not set."""
-    given = {
+    changes = {
         field.name: getattr(params, field.name)
         for field in dataclasses.fields(params)
         if getattr(params, field.name) != field.default
     }
-    return ", ".join(f"{name} {value}" for name, value in given.items())
+    return ", ".join(f"{name} {value}" for name, value in changes.items())
 
 
 def effect_table(study: EffectStudy) -> Iterator[str]:

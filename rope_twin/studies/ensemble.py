@@ -38,17 +38,17 @@ class Plan:
     per_point: int  # members at each point of the grid
 
 
-def read_axis(option: str, words: str) -> Variable:
+def read_axis(option: str, text: str) -> Variable:
     """Return a variable as written on a command line.
 
     Raises:
         InputError: one sentence.
     """
-    path, sign, numbers = words.partition("=")
+    path, sign, numbers = text.partition("=")
     multiply = path.endswith("*")
     path = path.removesuffix("*")
     if not sign or not path or not numbers:
-        raise InputError(f"{option} '{words}'", "it names no path or no numbers", RIGHT)
+        raise InputError(f"{option} '{text}'", "it names no path or no numbers", RIGHT)
     return read_range(option, path, numbers, multiply)
 
 
@@ -86,28 +86,28 @@ def make_plan(axes: Sequence[Variable], members: int | None, seed: int) -> Plan:
     Raises:
         InputError: nothing varies, or there are too many members.
     """
-    drawn = [axis for axis in axes if not axis.values]
+    random_axes = [axis for axis in axes if not axis.values]
     if not axes:
         raise InputError("ensemble", "nothing varies", "say what does, with --vary or --sea-offset")
     paths = [axis.path for axis in axes if not axis.multiply]
     twice = next((path for path in paths if paths.count(path) > 1), "")
     if twice:
         raise InputError(f"--vary {twice}", "it is set twice", "keep one of them")
-    each = members if members is not None else (MEMBERS_USUAL if drawn else 1)
+    per_point = members if members is not None else (MEMBERS_USUAL if random_axes else 1)
     points = math.prod(len(axis.values) for axis in axes if axis.values)
-    if not 1 <= each * points <= MEMBERS_MOST:
-        problem = f"{each} members at each of {points} points of the grid"
+    if not 1 <= per_point * points <= MEMBERS_MOST:
+        problem = f"{per_point} members at each of {points} points of the grid"
         raise InputError("--members", problem, f"give 1 to {MEMBERS_MOST} in all")
-    if each > 1 and not drawn:
-        problem = f"{each} members at each point would all be equal"
+    if per_point > 1 and not random_axes:
+        problem = f"{per_point} members at each point would all be equal"
         raise InputError("--members", problem, "leave it out, or draw a number at random")
-    random = np.random.default_rng(seed).random((each * points, len(drawn)))
+    random = np.random.default_rng(seed).random((per_point * points, len(random_axes)))
     rows = []
     grid = itertools.product(*(axis.values for axis in axes if axis.values))
-    for number, point in enumerate(point for point in grid for _ in range(each)):
-        given, shares = iter(point), iter(random[number].tolist())
-        rows.append(tuple(next(given) if axis.values else axis.at(next(shares)) for axis in axes))
-    return Plan(tuple(axes), seed, tuple(rows), each)
+    for number, point in enumerate(point for point in grid for _ in range(per_point)):
+        numbers, shares = iter(point), iter(random[number].tolist())
+        rows.append(tuple(next(numbers) if axis.values else axis.at(next(shares)) for axis in axes))
+    return Plan(tuple(axes), seed, tuple(rows), per_point)
 
 
 def _read_number(where: str, word: str) -> float:
@@ -159,16 +159,16 @@ class StudyResult:
     def overloaded(self) -> int:
         """Return the number of members whose MBL was exceeded."""
         pairs = zip(self.figures, self.breaking_loads_n, strict=True)
-        return sum(one.tension_top_max_n > most for one, most in pairs)
+        return sum(figure.tension_top_max_n > limit_n for figure, limit_n in pairs)
 
     def quantiles(self, first: int = 0, count: int | None = None) -> dict[str, list[float]]:
         """Return QUANTILES of each of FIGURES over the completed members; empty: none."""
         end = None if count is None else first + count
-        whole = [figure for figure in self.figures[first:end] if not figure.failure]
-        if not whole:
+        complete = [figure for figure in self.figures[first:end] if not figure.failure]
+        if not complete:
             return {}
         return {
-            name: np.quantile([getattr(one, name) for one in whole], QUANTILES).tolist()
+            name: np.quantile([getattr(member, name) for member in complete], QUANTILES).tolist()
             for name in FIGURES
         }
 
@@ -186,7 +186,7 @@ def run_study(
     Raises:
         RopeTwinError: a member, the sea or a value is invalid; one sentence.
     """
-    began = time.perf_counter()
+    start_s = time.perf_counter()
     whole_steps("--duration", seconds, scene.time.step_s)
     whole_steps("--slack-interval", look_s, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET_S for axis in plan.axes):
@@ -209,7 +209,7 @@ def run_study(
         step_s=scene.time.step_s,
         threads=ensemble.threads,
         lanes=lanes,
-        starting_s=started - began,
+        starting_s=started - start_s,
         computing_s=time.perf_counter() - started,
     )
 
@@ -220,16 +220,16 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
     Raises:
         InputError: a sea ends before the run does.
     """
-    made = []
+    result = []
     seas = Seas(scene, seconds)
     for number, row in enumerate(plan.rows):
         pairs = list(zip(plan.axes, row, strict=True))
-        own = [(axis, value) for axis, value in pairs if axis.path != SEA_OFFSET_S]
-        changes = tuple(change for axis, value in own for change in axis.changes(value))
+        scene_pairs = [(axis, value) for axis, value in pairs if axis.path != SEA_OFFSET_S]
+        changes = tuple(change for axis, value in scene_pairs for change in axis.changes(value))
         offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET_S)
         where = f"--duration {seconds:g}"
-        made.append(seas.variation(changes, offset_s, where, f"member {number}"))
-    return made
+        result.append(seas.variation(changes, offset_s, where, f"member {number}"))
+    return result
 
 
 class Seas:
@@ -264,8 +264,8 @@ class Seas:
         """
         if self._scene.sea_state.on_waves is not None:
             return self._on_waves(changes, offset_s)
-        own = [change for change in changes if change.path.startswith("sea_state.")]
-        state = change_scene(self._scene, own).sea_state
+        sea_changes = [change for change in changes if change.path.startswith("sea_state.")]
+        state = change_scene(self._scene, sea_changes).sea_state
         if not state.moves:
             return None
         if state.start_s + offset_s < 0.0:
@@ -275,15 +275,15 @@ class Seas:
             sooner = replace(state, start_s=state.start_s + offset_s)
             return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
         start_ns = round((state.start_s + offset_s) * 1e9)
-        whole = replace(state, start_s=0.0)
-        check_start(state.start_s + offset_s, _opened(whole).duration_s)
-        record = self._records.get(whole)
-        if record is None or (whole.loop and record.end_ns < start_ns + self._length_ns):
+        from_start = replace(state, start_s=0.0)
+        check_start(state.start_s + offset_s, _opened(from_start).duration_s)
+        record = self._records.get(from_start)
+        if record is None or (from_start.loop and record.end_ns < start_ns + self._length_ns):
             # more than this member needs: offsets to come are like its own
             minutes = -(-(2 * start_ns + self._length_ns) // MINUTE_NS)
             # of a minute times a power of two, so that similar lengths share a record
             until_ns = MINUTE_NS << (minutes - 1).bit_length()
-            record = self._records[whole] = _recorded(whole, until_ns)
+            record = self._records[from_start] = _recorded(from_start, until_ns)
         return record.starting_at(start_ns)
 
     def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:

@@ -104,11 +104,11 @@ def bring_to_rest(scene: Scene) -> AtRest:
             f"{scene.path}: ropes[0]", "no static equilibrium", "check what holds the rope"
         )
     still = StillRope(rope, line.length_m)
-    place = still.place.copy()
-    forces = still.forces(place)
+    position = still.place.copy()
+    forces = still.forces(position)
     body = _body_of(scene, rope)  # as it rests at this place
     _check_taut(scene, 0, forces.tension)
-    span = np.diff(place, axis=1)
+    span = np.diff(position, axis=1)
     law: Elastic = still.elastic(np.sqrt((span * span).sum(axis=0)))
     direction = span / np.sqrt((span * span).sum(axis=0))
     mean = direction.copy()
@@ -117,13 +117,13 @@ def bring_to_rest(scene: Scene) -> AtRest:
     tangent = mean / np.sqrt((mean * mean).sum(axis=0))
     mass = forces.mass[SYMMETRIC]
     if body is not None:
-        mass = StillRope(without_body(rope), line.length_m).forces(place).mass[SYMMETRIC]
-    still.rest_at(place)
+        mass = StillRope(without_body(rope), line.length_m).forces(position).mass[SYMMETRIC]
+    still.rest_at(position)
     couplings = still.couplings() if still.reach > 1 else None
-    of_nodes = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
+    node_masses = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
     return AtRest(
-        line.name, place, _from_top(still), forces.tension, law.stiffness, of_nodes, couplings,
-        scene, first, tangent[:, first:], still.rest, body,
+        line.name, position, _from_top(still), forces.tension, law.stiffness, node_masses,
+        couplings, scene, first, tangent[:, first:], still.rest, body,
     )  # fmt: skip
 
 
@@ -159,13 +159,13 @@ def water_at(scene: Scene, z: Floats) -> Floats:
     return water
 
 
-def speed_across(scene: Scene, place: Floats) -> Floats:
+def speed_across(scene: Scene, position: Floats) -> Floats:
     """Return the speed of the current normal to a line at its nodes (3, nodes) [m/s].
 
     At both ends as well: the half of an element there sheds vortices too.
     """
-    water = water_at(scene, place[2])
-    direction = np.gradient(place, axis=1)
+    water = water_at(scene, position[2])
+    direction = np.gradient(position, axis=1)
     direction /= np.sqrt((direction * direction).sum(axis=0))
     across = water - (water * direction).sum(axis=0) * direction
     return np.asarray(np.sqrt((across * across).sum(axis=0)))
@@ -175,15 +175,15 @@ def per_metre(rest: AtRest) -> Floats:
     """Return mass [kg] and volume [m³] per unstretched metre of each element, (2, elements)."""
     sections = build(rest.scene).sections
     middle = np.cumsum(rest.rest) - 0.5 * rest.rest
-    which = np.searchsorted(sections[END], middle, side="right")
-    return np.asarray(sections[PER_METRE : PER_METRE + 2, which])
+    index = np.searchsorted(sections[END], middle, side="right")
+    return np.asarray(sections[PER_METRE : PER_METRE + 2, index])
 
 
 def node_diameters(rest: AtRest) -> Floats:
     """Return the hydrodynamic diameter at each node, the mean of its elements [m]."""
-    own = np.sqrt(4.0 * per_metre(rest)[1] / np.pi)
-    both = np.concatenate([own[:1], own, own[-1:]])
-    return np.asarray(0.5 * (both[1:] + both[:-1]))
+    diameter = np.sqrt(4.0 * per_metre(rest)[1] / np.pi)
+    padded = np.concatenate([diameter[:1], diameter, diameter[-1:]])
+    return np.asarray(0.5 * (padded[1:] + padded[:-1]))
 
 
 @dataclass(frozen=True)
@@ -206,21 +206,21 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     Raises:
         SceneError: they cannot rest, are slack somewhere, or a rigid body does not hang clear.
     """
-    built = build_joined(scene)
-    system = built.system
+    model = build_joined(scene)
+    system = model.system
     held = np.zeros((len(scene.ropes), MOTIONS))
-    held[:, :LINE] = np.nan_to_num(built.hang_off_m)
+    held[:, :LINE] = np.nan_to_num(model.hang_off_m)
     held[:, LINE] = [line.length_m for line in scene.ropes]
     if not solve_reeved_statics(system, held).found:
         remedy = "check what holds the ropes"
         raise SceneError(f"{scene.path}: ropes", "no static equilibrium", remedy)
-    found = [_body_of(scene, rope) for rope in system.ropes]
+    bodies = [_body_of(scene, rope) for rope in system.ropes]
     weigh(system._replace(ropes=tuple(without_body(rope) for rope in system.ropes)), held)
     lines = tuple(
         _line(scene, number, rope, held[number, LINE]) for number, rope in enumerate(system.ropes)
     )
     still = StillSystem(scene, lines, *_unknowns(system, lines), system)
-    for r, body in enumerate(found):
+    for r, body in enumerate(bodies):
         if body is not None:
             return _with_body(still, r, body)
     return still
@@ -232,8 +232,8 @@ def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
 
     joints, count = still.system.joints, still.follow.shape[1]
     wheels = 0 if still.system.sheaves is None else still.system.sheaves.figures.shape[1]
-    at, _ = _numbers(still.system, still.lines, joints.nodes.shape[1] - wheels)
-    hook = 3 * int(at[r][0])
+    line_numbers, _ = _numbers(still.system, still.lines, joints.nodes.shape[1] - wheels)
+    hook = 3 * int(line_numbers[r][0])
     return replace(
         still,
         follow=hstack([still.follow, csr_array((still.follow.shape[0], 6))]).tocsr(),
@@ -244,7 +244,7 @@ def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
     )
 
 
-def with_body(ropes: Any, own: Floats, hook: int) -> Any:
+def with_body(ropes: Any, stiffness: Floats, hook: int) -> Any:
     """Return a sparse matrix of ropes with that of a body, (9, 9), whose rotation and centre are
     six more unknowns.
 
@@ -253,10 +253,10 @@ def with_body(ropes: Any, own: Floats, hook: int) -> Any:
     from scipy.sparse import block_diag, coo_array, csr_array
 
     count = ropes.shape[0]
-    at = np.concatenate([hook + np.arange(3), count + np.arange(6)])
-    row, column = np.meshgrid(at, at, indexing="ij")
+    indices = np.concatenate([hook + np.arange(3), count + np.arange(6)])
+    row, column = np.meshgrid(indices, indices, indexing="ij")
     size = (count + 6, count + 6)
-    added = coo_array((own.ravel(), (row.ravel(), column.ravel())), shape=size)
+    added = coo_array((stiffness.ravel(), (row.ravel(), column.ravel())), shape=size)
     return block_diag([ropes, csr_array((6, 6))]).tocsr() + added.tocsr()
 
 
@@ -266,28 +266,28 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     tension, name = rope.work[TENSION, :n].copy(), scene.ropes[number].name
     _check_taut(scene, number, tension)
     still = StillRope(rope, length_m)
-    place: Floats = still.place.copy()
+    position: Floats = still.place.copy()
     mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
     couplings = still.couplings() if still.reach > 1 else None
     stiffness = rope.work[STIFFNESS, :n].copy()
-    return StillLine(name, place, _from_top(still), tension, stiffness, mass, couplings)
+    return StillLine(name, position, _from_top(still), tension, stiffness, mass, couplings)
 
 
 def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:
     """Return each node's index among connections and free nodes, or LOOSE; and their number."""
-    joints, at, count = system.joints, [], points
+    joints, line_numbers, count = system.joints, [], points
     for r, rope in enumerate(system.ropes):
         n = lines[r].place.shape[1] - 1
-        own = np.full(n + 1, LOOSE)
+        numbers = np.full(n + 1, LOOSE)
         free = range(int(rope.model.first_free), n)
-        own[free.start : n] = count + np.arange(len(free))
+        numbers[free.start : n] = count + np.arange(len(free))
         count += len(free)
         if joints.lower[r] != LOOSE:
-            own[0] = joints.lower[r]
+            numbers[0] = joints.lower[r]
         if joints.upper[r] != LOOSE:
-            own[n] = joints.upper[r]
-        at.append(own)
-    return at, count
+            numbers[n] = joints.upper[r]
+        line_numbers.append(numbers)
+    return line_numbers, count
 
 
 def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
@@ -300,16 +300,16 @@ def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats
 
     joints, sheaves = system.joints, system.sheaves
     wheels = 0 if sheaves is None else sheaves.figures.shape[1]
-    at, count = _numbers(system, lines, joints.nodes.shape[1] - wheels)
-    of = np.concatenate(at)
-    node = np.flatnonzero(of != LOOSE)
+    line_numbers, count = _numbers(system, lines, joints.nodes.shape[1] - wheels)
+    node_numbers = np.concatenate(line_numbers)
+    node = np.flatnonzero(node_numbers != LOOSE)
     axes = np.arange(3)
     rows = (3 * node[:, None] + axes).ravel()
-    columns = (3 * of[node][:, None] + axes).ravel()
+    columns = (3 * node_numbers[node][:, None] + axes).ravel()
     values = np.ones(len(rows))
     mass = np.zeros(3 * count + wheels)
     if sheaves is not None:
-        ends = np.cumsum([len(own) for own in at]) - 1
+        ends = np.cumsum([len(numbers) for numbers in line_numbers]) - 1
         for k in range(wheels):
             more = _over(sheaves, k, lines, ends)
             rows, values = np.append(rows, more[0]), np.append(values, more[1])
@@ -318,7 +318,7 @@ def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats
             mass[3 * point : 3 * point + 3] += sheaves.figures[SHEAVE_MASS, k]
             mass[3 * count + k] += sheaves.figures[WHEEL, k]
     size = 3 * count + wheels
-    follow = coo_array((values, (rows, columns)), shape=(3 * len(of), size)).tocsr()
+    follow = coo_array((values, (rows, columns)), shape=(3 * len(node_numbers), size)).tocsr()
     return follow, mass, _tied(joints.ties, joints.nodes[POSITION : POSITION + 3], size)
 
 
@@ -329,15 +329,15 @@ def _over(
 
     Rope that comes over goes down the one line and up the other, stretched as it is.
     """
-    into, out = (int(sheaves.figures[row, k]) for row in (INTO, FROM))
-    one, other = lines[into], lines[out]
-    (t, t_length), (u, u_length) = one.directions, other.directions
-    mean = 0.5 * (t_length[-1] / one.s[-2] + u_length[-1] / other.s[-2])
-    rows = np.concatenate([3 * ends[into] + np.arange(3), 3 * ends[out] + np.arange(3)])
+    into_line, from_line = (int(sheaves.figures[row, k]) for row in (INTO, FROM))
+    first, second = lines[into_line], lines[from_line]
+    (t, t_length), (u, u_length) = first.directions, second.directions
+    mean = 0.5 * (t_length[-1] / first.s[-2] + u_length[-1] / second.s[-2])
+    rows = np.concatenate([3 * ends[into_line] + np.arange(3), 3 * ends[from_line] + np.arange(3)])
     return rows, np.concatenate([-mean * t[:, -1], mean * u[:, -1]])
 
 
-def _tied(held: Floats, place: Floats, size: int) -> Any:
+def _tied(held: Floats, position: Floats, size: int) -> Any:
     """Return the axial and geometric stiffness of struts and tensioners."""
     from scipy.sparse import coo_array
 
@@ -345,14 +345,14 @@ def _tied(held: Floats, place: Floats, size: int) -> Any:
     for tie in held.T:
         first, second = int(tie[ties.FIRST]), int(tie[ties.SECOND])
         anchored = second == ties.ANCHORED
-        end = tie[ties.AT : ties.AT + 3] if anchored else place[:, second]
-        span = end - place[:, first]
+        end = tie[ties.AT : ties.AT + 3] if anchored else position[:, second]
+        span = end - position[:, first]
         length = float(np.sqrt(span @ span))
         d = span / length
-        pull = max(tie[ties.FORCE] + tie[ties.STIFFNESS] * (length - tie[ties.LENGTH]),
-                   tie[ties.LEAST])  # fmt: skip
-        along = tie[ties.STIFFNESS] if pull > tie[ties.LEAST] else 0.0
-        block = (along - pull / length) * np.outer(d, d) + pull / length * np.eye(3)
+        force = max(tie[ties.FORCE] + tie[ties.STIFFNESS] * (length - tie[ties.LENGTH]),
+                    tie[ties.LEAST])  # fmt: skip
+        axial = tie[ties.STIFFNESS] if force > tie[ties.LEAST] else 0.0
+        block = (axial - force / length) * np.outer(d, d) + force / length * np.eye(3)
         spots = [(first, first, 1.0)]
         if not anchored:
             spots += [(second, second, 1.0), (first, second, -1.0), (second, first, -1.0)]
@@ -407,19 +407,19 @@ class HungMotion(NamedTuple):
         """Return the motion of the body, whose unknowns are the last six; at rest without one."""
         if body is None:
             return cls(np.zeros(3), np.zeros((3, 3)), 0.0, 0.0)
-        own = vector[-6:]
-        largest = np.linalg.norm(own[:3]) + body.reach * np.linalg.norm(own[3:])
+        body_motion = vector[-6:]
+        largest = np.linalg.norm(body_motion[:3]) + body.reach * np.linalg.norm(body_motion[3:])
         return cls(
-            centre=own[:3],
+            centre=body_motion[:3],
             mass=body.mass[CENTRE, CENTRE],
-            energy=float(own @ body.mass[3:, 3:] @ own),
+            energy=float(body_motion @ body.mass[3:, 3:] @ body_motion),
             largest=float(largest),
         )
 
     def along(self, direction: Floats) -> float:
         """Return the energy of the translation along a direction."""
-        moved = (self.centre @ direction) * direction
-        return float(moved @ self.mass @ moved)
+        component = (self.centre @ direction) * direction
+        return float(component @ self.mass @ component)
 
     @property
     def turning(self) -> float:
@@ -457,8 +457,8 @@ def _sling(leg: Floats, d: Floats) -> tuple[Floats, Floats]:
     T, n = k * (length - leg[LENGTH]), d / length
     if T <= 0.0:
         return np.zeros(3), np.zeros((3, 3))
-    along = np.outer(n, n)
-    return T * n, k * along + T / length * (np.eye(3) - along)
+    axial = np.outer(n, n)
+    return T * n, k * axial + T / length * (np.eye(3) - axial)
 
 
 def _turned(arm: Floats, force: Floats) -> Floats:
@@ -469,16 +469,16 @@ def _turned(arm: Floats, force: Floats) -> Floats:
 def _mass(body: RigidBody, pose: Pose) -> Floats:
     """Return the mass of hook and body with added mass, (9, 9)."""
     added, h = np.diag(body.added[:3]), _cross(body.watered)
-    own = np.zeros((6, 6))
-    own[:3, :3] = body.m * np.eye(3) + added
-    own[:3, 3:] = -added @ h
-    own[3:, :3] = own[:3, 3:].T
-    own[3:, 3:] = body.inertia + np.diag(body.added[3:]) + h.T @ added @ h
+    inertia = np.zeros((6, 6))
+    inertia[:3, :3] = body.m * np.eye(3) + added
+    inertia[:3, 3:] = -added @ h
+    inertia[3:, :3] = inertia[:3, 3:].T
+    inertia[3:, 3:] = body.inertia + np.diag(body.added[3:]) + h.T @ added @ h
     axes = np.kron(np.eye(2), pose.turn)
-    whole = np.zeros((9, 9))
-    whole[HOOK, HOOK] = body.hook * np.eye(3)
-    whole[3:, 3:] = axes @ own @ axes.T
-    return whole
+    mass = np.zeros((9, 9))
+    mass[HOOK, HOOK] = body.hook * np.eye(3)
+    mass[3:, 3:] = axes @ inertia @ axes.T
+    return mass
 
 
 def _cross(a: Floats) -> Floats:

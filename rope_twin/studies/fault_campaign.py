@@ -123,12 +123,12 @@ def commands(scene: Scene, until_s: float) -> list[Message]:
     if scene.winch is None:
         return []
     stamps = range(0, round(until_s * SECOND_NS), COMMAND_NS)
-    found = []
+    messages = []
     for stamp_ns in stamps:
         turn = int(stamp_ns * 1e-9 / SPEED_FOR_S) % len(SPEEDS_M_PER_S)
         order = WinchCommand(SPEED, SPEEDS_M_PER_S[turn])
-        found.append(Message(WINCH, stamp_ns + LATENCY_NS, stamp_ns, order, "console"))
-    return found
+        messages.append(Message(WINCH, stamp_ns + LATENCY_NS, stamp_ns, order, "console"))
+    return messages
 
 
 def profiles(scene: Scene, until_s: float) -> list[Message]:
@@ -275,14 +275,14 @@ def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MO
             twin.deliver(following)
             following = next(waiting, None)
         try:
-            shot = twin.advance_slot()
+            snapshot = twin.advance_slot()
         except Exception as error:  # whatever ends a run is what the campaign is to find
             course.ended = f"{type(error).__name__}: {error}"
             break
-        course.time_s.append(shot.time_s)
-        course.tension_n.append(shot.tension_top_n)
-        course.truths.append(truth_of(shot))
-        lowest = min(shot.quality, key=lambda one: one.index)
+        course.time_s.append(snapshot.time_s)
+        course.tension_n.append(snapshot.tension_top_n)
+        course.truths.append(truth_of(snapshot))
+        lowest = min(snapshot.quality, key=lambda element: element.index)
         course.quality.append((lowest.index, f"{lowest.cause}: {lowest.reason}"))
         course.rows.append({row.name: (row.level, row.message) for row in twin.rows()
                             if row.name not in _NOT_OF_INPUTS})  # fmt: skip
@@ -298,50 +298,50 @@ def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
     deviation_n = float(np.std(np.array(sound.tension_n)[np.array(sound.time_s) > FROM_S]))
     error_pct = np.where(after, 100.0 * np.abs(seen_n - true_n) / deviation_n, 0.0)
     raised = list(_raised(sound, faulted, count))
-    quiet = np.array([not rows for rows in raised]) & after
+    is_quiet = np.array([not rows for rows in raised]) & after
     first = next((k for k in range(count) if after[k] and raised[k]), None)
     name, (level, message) = "", (Level.OK, "")
     if first is not None:
         name, (level, message) = next(iter(raised[first].items()))
-    worst = max((row[0] for rows in raised for row in rows.values()), default=level)
+    raised_level = max((row[0] for rows in raised for row in rows.values()), default=level)
     finite = bool(np.isfinite(seen_n).all())
-    fell = _fall(sound, faulted)
+    fall = _fall(sound, faulted)
     return Finding(
         input=topic,
         fault=fault.name,
         flagged_after_s=None if first is None else round(float(time_s[first]) - FROM_S, 3),
-        level=worst.name,
+        level=raised_level.name,
         row=f"{name}: {message}" if name else "",
         worst_error_pct=float(error_pct.max()) if finite else float("inf"),
-        worst_error_pct_while_ok=float(error_pct[quiet].max()) if quiet.any() else 0.0,
-        off_while_ok_s=_longest_s(time_s, quiet & (error_pct > OFF_PCT)),
+        worst_error_pct_while_ok=float(error_pct[is_quiet].max()) if is_quiet.any() else 0.0,
+        off_while_ok_s=_longest_s(time_s, is_quiet & (error_pct > OFF_PCT)),
         survived=finite and not faulted.ended,
         hidden=fault.hidden,
-        quality_after_s=None if fell is None else round(fell[0] - FROM_S, 3),
-        quality_reason="" if fell is None else fell[1],
+        quality_after_s=None if fall is None else round(fall[0] - FROM_S, 3),
+        quality_reason="" if fall is None else fall[1],
     )
 
 
 def _fall(sound: Course, faulted: Course) -> tuple[float, str] | None:
     """Return time [s] and reason of the first drop of the quality index; None: it never fell."""
-    both = zip(sound.time_s, sound.quality, faulted.quality, strict=False)
-    fell = ((time_s, seen[1]) for time_s, true, seen in both
-            if time_s > FROM_S and seen[0] < true[0] - DROP)  # fmt: skip
-    return next(fell, None)
+    samples = zip(sound.time_s, sound.quality, faulted.quality, strict=False)
+    falls = ((time_s, observed[1]) for time_s, true, observed in samples
+             if time_s > FROM_S and observed[0] < true[0] - DROP)  # fmt: skip
+    return next(falls, None)
 
 
 def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tuple[Level, str]]]:
     """Yield the rows of each slot that are worse than those of the sound run."""
-    for true, seen in zip(sound.rows[:count], faulted.rows[:count], strict=True):
-        yield {name: one for name, one in seen.items()
-               if one[0] > true.get(name, (Level.OK, ""))[0]}  # fmt: skip
+    for true, observed in zip(sound.rows[:count], faulted.rows[:count], strict=True):
+        yield {name: row for name, row in observed.items()
+               if row[0] > true.get(name, (Level.OK, ""))[0]}  # fmt: skip
 
 
 def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
     """Return the longest uninterrupted time for which a condition holds [s]."""
     longest = begun = 0.0
-    for k, hold in enumerate(holds):
-        if not hold:
+    for k, is_held in enumerate(holds):
+        if not is_held:
             begun = 0.0
             continue
         begun = begun or float(time_s[k])
@@ -352,8 +352,8 @@ def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
 def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[str, Fault]]:
     """Return each run's input and fault; inputs that the scene has no use for are left out."""
     traffic = {WINCH: commands(scene, 0.1), CURRENT: profiles(scene, 0.1)}
-    used = [topic for topic in inputs if topic not in traffic or traffic[topic]]
-    return [(topic, fault) for topic in used for fault in faults_of(topic)
+    topics = [topic for topic in inputs if topic not in traffic or traffic[topic]]
+    return [(topic, fault) for topic in topics for fault in faults_of(topic)
             if pairs or PAIR not in fault.name]  # fmt: skip
 
 
@@ -384,7 +384,7 @@ class Bench:
             self._scene = instrumented(scene)
             read = readings(self._scene, self._sound.truths, LATENCY_NS, SEED)
             self._traffic |= {
-                topic: [one for one in read if one.topic == topic] for topic in JUDGING
+                topic: [row for row in read if row.topic == topic] for topic in JUDGING
             }
             self._sound = self._follow(self._traffic)
 
@@ -395,7 +395,7 @@ class Bench:
         return judge(topic, fault, self._sound, self._follow(traffic))
 
     def _follow(self, traffic: dict[str, list[Message]]) -> Course:
-        merged = merge(*traffic.values(), key=lambda one: one.received_ns)
+        merged = merge(*traffic.values(), key=lambda message: message.received_ns)
         return follow(self._scene, merged, self._monitors)
 
 
@@ -467,9 +467,9 @@ def sound_run(
         SolverError: the run would end; the twin cannot go on.
     """
     twin = LoneTwin(instrumented(scene), ERROR_INTERVAL)
-    rng, traffic, found = random.Random(SEED), _traffic(scene), []
+    rng, traffic, drops = random.Random(SEED), _traffic(scene), []
     following, look_ns = next(traffic), SNAPSHOT_NS
-    best: dict[str, float] = {}
+    max_index: dict[str, float] = {}
     low: set[str] = set()
     while twin.time_ns < seconds * SECOND_NS:
         while following.received_ns <= twin.now_ns:
@@ -479,23 +479,23 @@ def sound_run(
         if twin.time_ns < look_ns:
             continue
         look_ns += SNAPSHOT_NS
-        shot = twin.look()
+        snapshot = twin.look()
         cell, depth = twin.scene.measured.tension, twin.scene.measured.payload_depth
-        tension_n, depth_m = shot.tension_top_n, -float(shot.payload_position_m[2])
+        tension_n, depth_m = snapshot.tension_top_n, -float(snapshot.payload_position_m[2])
         tension_n += rng.gauss(0.0, cell.uncertainty(tension_n) or 0.0) + cell.bias
         depth_m += rng.gauss(0.0, depth.uncertainty(depth_m) or 0.0) + depth.bias
-        twin.measure(Measurement.of_winch(shot.stamp_ns, tension_n=tension_n))
-        twin.measure(Measurement.of_depth(shot.stamp_ns, depth_m))
-        for one in shot.quality if shot.time_s > SETTLED_S else ():
-            best[one.element] = max(best.get(one.element, 0.0), one.index)
-            if one.index >= best[one.element] - DROP:
-                low.discard(one.element)
-            elif one.element not in low:
-                low.add(one.element)
-                why = f"{one.cause}: {one.reason}"
-                found.append(Drop(one.element, shot.time_s, one.index, why))
-        progress(shot.time_s)
-    return found
+        twin.measure(Measurement.of_winch(snapshot.stamp_ns, tension_n=tension_n))
+        twin.measure(Measurement.of_depth(snapshot.stamp_ns, depth_m))
+        for element in snapshot.quality if snapshot.time_s > SETTLED_S else ():
+            max_index[element.element] = max(max_index.get(element.element, 0.0), element.index)
+            if element.index >= max_index[element.element] - DROP:
+                low.discard(element.element)
+            elif element.element not in low:
+                low.add(element.element)
+                why = f"{element.cause}: {element.reason}"
+                drops.append(Drop(element.element, snapshot.time_s, element.index, why))
+        progress(snapshot.time_s)
+    return drops
 
 
 def _traffic(scene: Scene) -> Iterator[Message]:
@@ -505,10 +505,11 @@ def _traffic(scene: Scene) -> Iterator[Message]:
     for number in count():
         begin_ns = number * PERIOD_NS
         samples = sea.between(begin_ns if number else FIRST_NS, begin_ns + PERIOD_NS)
-        moved = _heaving(samples)
+        heave = _heaving(samples)
         later = (
-            [replace(one, received_ns=one.received_ns + begin_ns, stamp_ns=one.stamp_ns + begin_ns)
-             for one in given]
-            for given in (orders, currents)
+            [replace(message, received_ns=message.received_ns + begin_ns,
+                     stamp_ns=message.stamp_ns + begin_ns)
+             for message in messages]
+            for messages in (orders, currents)
         )  # fmt: skip
-        yield from merge(moved, *later, key=lambda one: one.received_ns)
+        yield from merge(heave, *later, key=lambda message: message.received_ns)

@@ -90,82 +90,89 @@ class Fault:
 
 def faults_of(topic: str) -> list[Fault]:
     """Return every fault of one input, and pairs of faults that can occur together."""
-    single = [replace(one, hidden=_HIDDEN.get((topic, one.name), one.hidden))
-              for one in (*_ANY, *_OF[topic])]  # fmt: skip
+    single = [replace(item, hidden=_HIDDEN.get((topic, item.name), item.hidden))
+              for item in (*_ANY, *_OF[topic])]  # fmt: skip
     if topic in (HEAVE, ODOMETRY):
         paired = [fault for fault in single if fault.name in _PAIRED]
-        single += [_both(one, other) for one, other in combinations(paired, 2)]
+        single += [_both(item, other) for item, other in combinations(paired, 2)]
     return single
 
 
-def _both(one: Fault, other: Fault) -> Fault:
-    hidden = one.hidden if one.hidden and other.hidden else ""
-    return Fault(f"{one.name}{PAIR}{other.name}",
-                 lambda given, rng: other.change(one.change(given, rng), rng), hidden)  # fmt: skip
+def _both(first: Fault, second: Fault) -> Fault:
+    hidden = first.hidden if first.hidden and second.hidden else ""
+    return Fault(f"{first.name}{PAIR}{second.name}",
+                 lambda messages, rng: second.change(first.change(messages, rng), rng),
+                 hidden)  # fmt: skip
 
 
 # -- what becomes of messages, whatever they say ------------------------------------------------
 
 
-def _stuck(given: list[Message], rng: random.Random) -> list[Message]:
-    return [replace(one, content=given[0].content) for one in given]
+def _stuck(messages: list[Message], rng: random.Random) -> list[Message]:
+    return [replace(message, content=messages[0].content) for message in messages]
 
 
-def _random_bytes(given: list[Message], rng: random.Random) -> list[Message]:
-    return [replace(one, garbage=rng.randbytes(rng.randint(1, 400))) for one in given]
+def _random_bytes(messages: list[Message], rng: random.Random) -> list[Message]:
+    return [replace(message, garbage=rng.randbytes(rng.randint(1, 400))) for message in messages]
 
 
-def _cut_short(given: list[Message], rng: random.Random) -> list[Message]:
-    whole = [(one, one.encoded(0)) for one in given]
-    return [replace(one, garbage=data[: len(data) // 2]) for one, data in whole]
+def _cut_short(messages: list[Message], rng: random.Random) -> list[Message]:
+    encoded = [(message, message.encoded(0)) for message in messages]
+    return [replace(message, garbage=data[: len(data) // 2]) for message, data in encoded]
 
 
-def _slow(given: list[Message], rng: random.Random) -> list[Message]:
+def _slow(messages: list[Message], rng: random.Random) -> list[Message]:
     """Pass one message every 0.5 s."""
-    kept: list[Message] = []
-    for one in given:
-        if not kept or one.stamp_ns >= kept[-1].stamp_ns + SECOND_NS // 2:
-            kept.append(one)
-    return kept
+    thinned: list[Message] = []
+    for message in messages:
+        if not thinned or message.stamp_ns >= thinned[-1].stamp_ns + SECOND_NS // 2:
+            thinned.append(message)
+    return thinned
 
 
 def _delayed(delay_s: float) -> Change:
     """Hold messages up; their stamps stay true."""
     late_ns = round(delay_s * SECOND_NS)
-    return lambda given, rng: [replace(one, received_ns=one.received_ns + late_ns) for one in given]
+    return lambda messages, rng: [
+        replace(message, received_ns=message.received_ns + late_ns) for message in messages
+    ]
 
 
 def _delayed_and_stamped_late(delay_s: float) -> Change:
     """Hold messages up and stamp them on arrival, as a relay does."""
     late_ns = round(delay_s * SECOND_NS)
-    return lambda given, rng: [
-        replace(one, received_ns=one.received_ns + late_ns, stamp_ns=one.stamp_ns + late_ns)
-        for one in given
+    return lambda messages, rng: [
+        replace(
+            message, received_ns=message.received_ns + late_ns, stamp_ns=message.stamp_ns + late_ns
+        )
+        for message in messages
     ]
 
 
 def _clock_off(offset_s: float) -> Change:
     off_ns = round(offset_s * SECOND_NS)
-    return lambda given, rng: [replace(one, stamp_ns=one.stamp_ns + off_ns) for one in given]
+    return lambda messages, rng: [
+        replace(message, stamp_ns=message.stamp_ns + off_ns) for message in messages
+    ]
 
 
-def _intermittent(given: list[Message], rng: random.Random) -> list[Message]:
+def _intermittent(messages: list[Message], rng: random.Random) -> list[Message]:
     """Drop all messages of every other second."""
-    return [one for one in given if one.stamp_ns // SECOND_NS % 2]
+    return [message for message in messages if message.stamp_ns // SECOND_NS % 2]
 
 
-def _dropouts(given: list[Message], rng: random.Random) -> list[Message]:
+def _dropouts(messages: list[Message], rng: random.Random) -> list[Message]:
     """Drop half of all messages at random."""
-    return [one for one in given if rng.random() < 0.5]
+    return [message for message in messages if rng.random() < 0.5]
 
 
-def _repeated(given: list[Message], rng: random.Random) -> list[Message]:
-    return [one for one in given for _ in range(2)]
+def _repeated(messages: list[Message], rng: random.Random) -> list[Message]:
+    return [message for message in messages for _ in range(2)]
 
 
-def _out_of_order(given: list[Message], rng: random.Random) -> list[Message]:
+def _out_of_order(messages: list[Message], rng: random.Random) -> list[Message]:
     """Swap contents and stamps of neighbours; times of arrival are unchanged."""
-    swapped = list(given)
+    swapped = list(messages)
     for k in range(0, len(swapped) - 1, 2):
         a, b = swapped[k], swapped[k + 1]
         swapped[k] = replace(b, received_ns=a.received_ns)
@@ -173,17 +180,17 @@ def _out_of_order(given: list[Message], rng: random.Random) -> list[Message]:
     return swapped
 
 
-def _other_sender(given: list[Message], rng: random.Random) -> list[Message]:
+def _other_sender(messages: list[Message], rng: random.Random) -> list[Message]:
     """Add a second sender that sends in turn, with inverted values from five seconds before."""
     turn = _scaled_by(lambda value: -value)
     late_ns = 5 * SECOND_NS
     shift_ns = 20_000_000  # between two of the first one's
     others = [
-        replace(one, sender="stranger", stamp_ns=one.stamp_ns + late_ns + shift_ns,
-                received_ns=one.received_ns + late_ns + shift_ns)
-        for one in turn(given, rng)
+        replace(message, sender="stranger", stamp_ns=message.stamp_ns + late_ns + shift_ns,
+                received_ns=message.received_ns + late_ns + shift_ns)
+        for message in turn(messages, rng)
     ]  # fmt: skip
-    return sorted([*given, *others], key=lambda one: one.received_ns)
+    return sorted([*messages, *others], key=lambda message: message.received_ns)
 
 
 # -- what becomes of their numbers --------------------------------------------------------------
@@ -195,25 +202,27 @@ def _scaled_by(
     """Change positions (or the value of a command or profile) by `value`, rates by `rate`."""
     rate = rate or value
 
-    def content(one: Message) -> Any:
-        if one.topic == HEAVE:
-            z, v = one.content
+    def content(message: Message) -> Any:
+        if message.topic == HEAVE:
+            z, v = message.content
             return value(z), rate(v)
-        if one.topic == ODOMETRY:
-            pose: ShipPose = one.content
+        if message.topic == ODOMETRY:
+            pose: ShipPose = message.content
             (x, y, z), (u, v, w) = pose.position_m, pose.velocity_m_per_s
             return replace(
                 pose,
                 position_m=(value(x), value(y), value(z)),
                 velocity_m_per_s=(rate(u), rate(v), rate(w)),
             )
-        if one.topic in JUDGING:
-            return _with_row(one.content, value, rate, value)
-        if one.topic == CURRENT:
-            return tuple((z, value(east), value(north)) for z, east, north in one.content)
-        return WinchCommand(one.content.kind, value(one.content.value))
+        if message.topic in JUDGING:
+            return _with_row(message.content, value, rate, value)
+        if message.topic == CURRENT:
+            return tuple((z, value(east), value(north)) for z, east, north in message.content)
+        return WinchCommand(message.content.kind, value(message.content.value))
 
-    return lambda given, rng: [replace(one, content=content(one)) for one in given]
+    return lambda messages, rng: [
+        replace(message, content=content(message)) for message in messages
+    ]
 
 
 def _times(factor: float, rate: float | None = None) -> Change:
@@ -227,11 +236,15 @@ def _leap(leap_m: float) -> Change:
 
 
 def _noise(sigma_m: float) -> Change:
-    return lambda given, rng: _scaled_by(lambda z: z + rng.gauss(0.0, sigma_m), _same)(given, rng)
+    return lambda messages, rng: _scaled_by(lambda z: z + rng.gauss(0.0, sigma_m), _same)(
+        messages, rng
+    )
 
 
 def _turned(turn: Callable[[ShipPose], ShipPose]) -> Change:
-    return lambda given, rng: [replace(one, content=turn(one.content)) for one in given]
+    return lambda messages, rng: [
+        replace(message, content=turn(message.content)) for message in messages
+    ]
 
 
 def _rates_of_turn_times(factor: float) -> Change:
@@ -258,29 +271,30 @@ def _with_row(reported: Measurement, place: Value, speed: Value, tension: Value)
     """Return a measurement whose known values are changed."""
     changes = place, speed, tension
     rows = tuple(
-        (name, *(None if one is None else change(one)
-                 for change, one in zip(changes, given, strict=True)))
-        for name, *given in reported.rows
+        (name, *(None if number is None else change(number)
+                 for change, number in zip(changes, numbers, strict=True)))
+        for name, *numbers in reported.rows
     )  # fmt: skip
     return reported._replace(rows=rows)  # type: ignore[arg-type]
 
 
 def _readings(place: Value = _same, speed: Value = _same, tension: Value = _same) -> Change:
     """Change line out or depth [m], line speed [m/s] and tension [N] of each reading."""
-    return lambda given, rng: [
-        replace(one, content=_with_row(one.content, place, speed, tension)) for one in given
+    return lambda messages, rng: [
+        replace(message, content=_with_row(message.content, place, speed, tension))
+        for message in messages
     ]
 
 
 def _stuck_at_first(column: int) -> Change:
     """Keep the first value of a column (1: line out or depth, 2: speed, 3: tension)."""
 
-    def change(given: list[Message], rng: random.Random) -> list[Message]:
-        rows = [list(one.content.rows[0]) for one in given]
+    def change(messages: list[Message], rng: random.Random) -> list[Message]:
+        rows = [list(message.content.rows[0]) for message in messages]
         for row in rows:
             row[column] = rows[0][column] if rows[0] is not row else row[column]
-        return [replace(one, content=one.content._replace(rows=(tuple(row),)))
-                for one, row in zip(given, rows, strict=True)]  # fmt: skip
+        return [replace(message, content=message.content._replace(rows=(tuple(row),)))
+                for message, row in zip(messages, rows, strict=True)]  # fmt: skip
 
     return change
 
@@ -288,14 +302,14 @@ def _stuck_at_first(column: int) -> Change:
 def _spikes(column: int, size: Value) -> Change:
     """Change a value in one of ten readings at random."""
 
-    def change(given: list[Message], rng: random.Random) -> list[Message]:
-        made = []
-        for one in given:
-            row = list(one.content.rows[0])
+    def change(messages: list[Message], rng: random.Random) -> list[Message]:
+        result = []
+        for message in messages:
+            row = list(message.content.rows[0])
             if rng.random() < 0.1:
                 row[column] = size(row[column])
-            made.append(replace(one, content=one.content._replace(rows=(tuple(row),))))
-        return made
+            result.append(replace(message, content=message.content._replace(rows=(tuple(row),))))
+        return result
 
     return change
 
@@ -440,10 +454,10 @@ def laid_over(messages: list[Message], fault: Fault, from_ns: int, seed: int) ->
         from_ns: its beginning.
         seed: of random bytes, noise and losses.
     """
-    sound = [message for message in messages if message.stamp_ns < from_ns]
+    early = [message for message in messages if message.stamp_ns < from_ns]
     later = [message for message in messages if message.stamp_ns >= from_ns]
     faulted = fault.change(later, random.Random(seed))
-    return sorted([*sound, *faulted], key=lambda one: one.received_ns)
+    return sorted([*early, *faulted], key=lambda item: item.received_ns)
 
 
 class Truth(NamedTuple):
@@ -456,20 +470,30 @@ class Truth(NamedTuple):
     depth_m: float
 
 
-def truth_of(shot: Snapshot) -> Truth:
+def truth_of(snapshot: Snapshot) -> Truth:
     """Return what instruments would see of a snapshot, each without an error of its own."""
-    depth_m = -float(shot.payload_position_m[2])
+    depth_m = -float(snapshot.payload_position_m[2])
     return Truth(
-        shot.stamp_ns, shot.line_out_m, shot.payout_speed_m_per_s, shot.tension_top_n, depth_m
+        snapshot.stamp_ns,
+        snapshot.line_out_m,
+        snapshot.payout_speed_m_per_s,
+        snapshot.tension_top_n,
+        depth_m,
     )
 
 
 def instrumented(scene: Scene) -> Scene:
     """Return the scene with uncertainties of its instruments, its own where it gives them."""
-    own = scene.measured
-    tension = own.tension if own.tension.uncertainty(1.0) is not None else CELL
-    line_out = own.line_out if own.line_out.uncertainty(1.0) is not None else COUNTER
-    depth = own.payload_depth if own.payload_depth.uncertainty(1.0) is not None else SOUNDER
+    instruments = scene.measured
+    tension = instruments.tension if instruments.tension.uncertainty(1.0) is not None else CELL
+    line_out = (
+        instruments.line_out if instruments.line_out.uncertainty(1.0) is not None else COUNTER
+    )
+    depth = (
+        instruments.payload_depth
+        if instruments.payload_depth.uncertainty(1.0) is not None
+        else SOUNDER
+    )
     measured = Measured(tension=tension, line_out=line_out, payload_depth=depth)
     return replace(scene, measured=measured)
 
@@ -483,7 +507,7 @@ def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) 
         latency_ns: from a stamp to the arrival of its message.
         seed: of the scatter.
     """
-    rng, found, due_ns = random.Random(seed), list[Message](), 0
+    rng, messages, due_ns = random.Random(seed), list[Message](), 0
     winch = next((rope.from_ for rope in scene.ropes if rope.from_ in places(scene)), "")
     cell, counter = scene.measured.tension, scene.measured.line_out
     sounder = scene.measured.payload_depth
@@ -503,6 +527,6 @@ def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) 
         )
         sounded = Measurement.of_depth(truth.stamp_ns, depth_m + sounder.bias)
         arrival_ns = truth.stamp_ns + latency_ns
-        found.append(Message(SENSORS, arrival_ns, truth.stamp_ns, reported, "winch"))
-        found.append(Message(DEPTH, arrival_ns, truth.stamp_ns, sounded, "sounder"))
-    return found
+        messages.append(Message(SENSORS, arrival_ns, truth.stamp_ns, reported, "winch"))
+        messages.append(Message(DEPTH, arrival_ns, truth.stamp_ns, sounded, "sounder"))
+    return messages

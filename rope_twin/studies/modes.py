@@ -82,44 +82,44 @@ def find_modes(scene: Scene, count: int) -> Modes:
         SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
     """
     rest = bring_to_rest(scene)
-    most = 3 * rest.free_count - NEAR
-    if not 1 <= count <= most:
+    max_count = 3 * rest.free_count - NEAR
+    if not 1 <= count <= max_count:
         problem = f"{count} of a rope with {rest.free_count} free nodes"
-        raise InputError("--count", problem, f"give 1 to {most}")
+        raise InputError("--count", problem, f"give 1 to {max_count}")
     K, M = _matrices(rest)
-    near = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
-    lowest = list(_modes(rest, *solve(K, M, count, near)))
+    shift = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
+    lowest = list(_modes(rest, *solve(K, M, count, shift)))
     axial: list[Mode] = []
     for omega in _axial_guesses(rest):
         above = (1.0 + SAME) * axial[-1].frequency_hz if axial else 0.0
         near_it = _modes(rest, *solve(K, M, NEAR, omega * omega))
         around = [mode for mode in near_it if mode.frequency_hz > above]
         # of a sagging rope several share the stretch about one guess: the lowest comes first
-        own = [mode for mode in around if mode.kind == AXIAL][:1]
-        axial += own or sorted(around, key=lambda mode: -mode.axial_share)[:1]
-    place = np.ascontiguousarray(rest.place[:, ::-1].T)
+        axial_modes = [mode for mode in around if mode.kind == AXIAL][:1]
+        axial += axial_modes or sorted(around, key=lambda mode: -mode.axial_share)[:1]
+    position = np.ascontiguousarray(rest.place[:, ::-1].T)
     fastest = float(_shedding_hz(rest).max())
-    return Modes(tuple(lowest), tuple(axial), place, strouhal_number(scene), fastest)
+    return Modes(tuple(lowest), tuple(axial), position, strouhal_number(scene), fastest)
 
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
     """Return K and M as sparse matrices with 3 unknowns per free node, and a body's 6."""
     free = slice(3 * rest.first, -3)
-    K, M = (whole.tocsr()[free, free] for whole in (_stretch(rest) + _turn(rest), _masses(rest)))
+    K, M = (matrix.tocsr()[free, free] for matrix in (_stretch(rest) + _turn(rest), _masses(rest)))
     if rest.body is not None:
         K, M = with_body(K, rest.body.stiffness, 0), with_body(M, rest.body.mass, 0)
     return K.tocsc(), M.tocsc()
 
 
-def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
-    """Return frequencies ω [rad/s], rising, and M-normal modes with ω² nearest to `near`.
+def solve(K: Any, M: Any, count: int, shift: float) -> tuple[Floats, Floats]:
+    """Return frequencies ω [rad/s], rising, and M-normal modes with ω² nearest to `shift`.
 
     The start vector is fixed, so that the same scene gives the same digits.
     """
     from scipy.sparse.linalg import eigsh
 
     start = np.random.default_rng(1).standard_normal(K.shape[0])
-    squares, modes = eigsh(K, k=count, M=M, sigma=near, which="LM", v0=start)
+    squares, modes = eigsh(K, k=count, M=M, sigma=shift, which="LM", v0=start)
     order = np.argsort(squares)
     return np.sqrt(np.maximum(squares[order], 0.0)), modes[:, order]
 
@@ -153,24 +153,24 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     vectors = _separate(rest, omega, vectors, normal)
     shedding_hz = _shedding_hz(rest)
     for w, vector in zip(omega, vectors.T, strict=True):
-        motion, hung = (
+        motion, body_motion = (
             vector[: 3 * rest.free_count].reshape(-1, 3).T,
             HungMotion.of(rest.body, vector),
         )
-        energy = _energy(rest, motion) + hung.energy
-        along = (motion * rest.tangent).sum(axis=0)
-        out = normal @ motion
-        axial = _energy(rest, along * rest.tangent) + hung.along(rest.tangent[:, 0])
-        sideways = _energy(rest, out * normal[:, None]) + hung.along(normal)
-        axial, sideways, turning = axial / energy, sideways / energy, hung.turning / energy
+        energy = _energy(rest, motion) + body_motion.energy
+        axial_motion = (motion * rest.tangent).sum(axis=0)
+        out_of_plane = normal @ motion
+        axial = _energy(rest, axial_motion * rest.tangent) + body_motion.along(rest.tangent[:, 0])
+        sideways = _energy(rest, out_of_plane * normal[:, None]) + body_motion.along(normal)
+        axial, sideways, turning = axial / energy, sideways / energy, body_motion.turning / energy
         in_plane = 1.0 - axial - sideways - turning
         shares = {AXIAL: axial, "in-plane": in_plane, "out-of-plane": sideways, TURNING: turning}
         size = np.sqrt((motion * motion).sum(axis=0))
-        at = int(size.argmax())
+        largest = int(size.argmax())
         held = w > (0.0 if rest.body is None else FREE)
         period = 2.0 * pi / w if held else float("inf")
         shape = np.zeros((rest.place.shape[1], 3))
-        shape[rest.first : -1] = motion.T / max(float(size[at]), hung.largest)
+        shape[rest.first : -1] = motion.T / max(float(size[largest]), body_motion.largest)
         yield Mode(
             frequency_hz=float(w / (2.0 * pi)) if held else 0.0,
             period_s=float(period),
@@ -179,9 +179,9 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
             in_plane_share=float(max(in_plane, 0.0)),
             out_of_plane_share=float(sideways),
             turning_share=float(turning),
-            largest_at_m=float(rest.s[rest.first + at]),
+            largest_at_m=float(rest.s[rest.first + largest]),
             wave_ratio=near_waves(period),
-            strouhal_hz=float(shedding_hz[rest.first + at]),
+            strouhal_hz=float(shedding_hz[rest.first + largest]),
             shape=shape[::-1].copy(),
         )
 
@@ -214,19 +214,19 @@ def _normal(rest: AtRest) -> Floats:
 
 def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
     """Rotate modes of equal frequency into the in-plane and out-of-plane directions."""
-    turned = vectors.copy()
+    separated = vectors.copy()
     start = 0
     for end in range(1, len(omega) + 1):
         if end < len(omega) and omega[end] - omega[end - 1] <= SAME * omega[end]:
             continue
         group = vectors[:, start:end]
         motion = group.T[:, : 3 * rest.free_count].reshape(end - start, -1, 3)
-        out = motion @ normal
+        out_of_plane = motion @ normal
         mass = np.einsum("k,nkc,c->n", normal, rest.free_mass, normal)
-        _, turn = np.linalg.eigh((out * mass) @ out.T)
-        turned[:, start:end] = group @ turn
+        _, turn = np.linalg.eigh((out_of_plane * mass) @ out_of_plane.T)
+        separated[:, start:end] = group @ turn
         start = end
-    return turned
+    return separated
 
 
 def _shedding_hz(rest: AtRest) -> Floats:
@@ -277,24 +277,26 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
     """
     still = bring_system_to_rest(scene)
     size = still.follow.shape[1]
-    most = size - 2
-    if not 1 <= count <= most:
+    max_count = size - 2
+    if not 1 <= count <= max_count:
         problem = f"{count} of ropes with {size} ways to move"
-        raise InputError("--count", problem, f"give 1 to {most}")
+        raise InputError("--count", problem, f"give 1 to {max_count}")
     from scipy.sparse import diags_array
 
     stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))
     K, M = stretch + turn + still.tied, local_mass + diags_array(still.joint_mass)
     if still.body is not None:
         M = M + still.body_mass
-    found: list[SystemMode] = []
-    for wanted in LOOKED_AT:
-        wanted = min(max(wanted, count), most)
-        found = list(_system_modes(still, stretch, *solve(K.tocsc(), M.tocsc(), wanted, NEAR_FREE)))
-        stretching = [mode for mode in found if mode.kind == STRETCHING]
-        if len(stretching) >= AXIAL_MODES or wanted == most:
+    modes: list[SystemMode] = []
+    for trial_count in LOOKED_AT:
+        trial_count = min(max(trial_count, count), max_count)
+        modes = list(
+            _system_modes(still, stretch, *solve(K.tocsc(), M.tocsc(), trial_count, NEAR_FREE))
+        )
+        stretching = [mode for mode in modes if mode.kind == STRETCHING]
+        if len(stretching) >= AXIAL_MODES or trial_count == max_count:
             break
-    return SystemModes(tuple(found[:count]), tuple(stretching[:AXIAL_MODES]), still)
+    return SystemModes(tuple(modes[:count]), tuple(stretching[:AXIAL_MODES]), still)
 
 
 def _whole(still: StillSystem, part: Any) -> Any:
@@ -325,10 +327,10 @@ def _chain(blocks: Floats) -> Any:
 
     n = len(blocks)
     size = (3 * n + 3, 3 * n + 3)
-    own = np.zeros((n + 1, 3, 3))
-    own[:n] += blocks
-    own[1:] += blocks
-    diagonal = bsr_array((own, np.arange(n + 1), np.arange(n + 2)), shape=size)
+    diagonal_blocks = np.zeros((n + 1, 3, 3))
+    diagonal_blocks[:n] += blocks
+    diagonal_blocks[1:] += blocks
+    diagonal = bsr_array((diagonal_blocks, np.arange(n + 1), np.arange(n + 2)), shape=size)
     above = bsr_array((blocks, np.arange(1, n + 1), np.append(np.arange(n + 1), n)), shape=size)
     return diagonal.tocsr() - above - above.T
 
@@ -337,13 +339,17 @@ def _bent(line: StillLine) -> Any:
     """Return the bending stiffness of second neighbours; the upper end is clamped or hinged."""
     from scipy.sparse import block_diag, diags_array, eye_array, kron
 
-    bent = line.couplings
-    assert bent is not None
+    couplings = line.couplings
+    assert couplings is not None
     n = len(line.tension)
-    near, far = bent.near[:n], bent.far[: n - 1]
-    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n + 1, n + 1))
-    last = -(near[-1] + far[-1]) * np.eye(3)
-    return kron(between, eye_array(3)) + block_diag([*np.moveaxis(bent.own[SYMMETRIC], 2, 0), last])
+    to_next, to_second = couplings.near[:n], couplings.far[: n - 1]
+    between = diags_array(
+        [to_next, to_next, to_second, to_second], offsets=[1, -1, 2, -2], shape=(n + 1, n + 1)
+    )
+    last = -(to_next[-1] + to_second[-1]) * np.eye(3)
+    return kron(between, eye_array(3)) + block_diag(
+        [*np.moveaxis(couplings.own[SYMMETRIC], 2, 0), last]
+    )
 
 
 def _masses(line: StillLine) -> Any:
@@ -359,8 +365,8 @@ def _system_modes(
     """Return the modes as SystemMode objects."""
     masses = [line.mass for line in still.lines]
     ends = np.cumsum([mass.shape[0] for mass in masses])[:-1]
-    for found, vector in zip(omega, vectors.T, strict=True):
-        w = found if found > FREE else 0.0
+    for omega_k, vector in zip(omega, vectors.T, strict=True):
+        w = omega_k if omega_k > FREE else 0.0
         strain = float(vector @ (stretch @ vector))
         share = min(strain / (w * w), 1.0) if w else 0.0  # M-normal: ω² is all of it
         motions = np.split((still.follow @ vector).reshape(-1, 3), ends)
@@ -368,37 +374,37 @@ def _system_modes(
             np.einsum("nk,nkc,nc->nk", motion, mass, motion)
             for motion, mass in zip(motions, masses, strict=True)
         ]
-        hung = HungMotion.of(still.body, vector)
+        body_motion = HungMotion.of(still.body, vector)
         kinetic = sum(energy.sum(axis=0) for energy in energies)
-        kinetic = kinetic + hung.centre * (hung.mass @ hung.centre)
-        turning = hung.turning / (float(kinetic.sum()) + hung.turning)
+        kinetic = kinetic + body_motion.centre * (body_motion.mass @ body_motion.centre)
+        turning = body_motion.turning / (float(kinetic.sum()) + body_motion.turning)
         sizes = [np.sqrt((motion * motion).sum(axis=1)) for motion in motions]
         r = int(np.argmax([size.max() for size in sizes]))
-        at = int(sizes[r].argmax())
+        node = int(sizes[r].argmax())
         line = still.lines[r]
         period = 2.0 * pi / w if w else float("inf")
         kind = TURNING if turning > 0.5 else STRETCHING if share > 0.5 else SWINGING
-        largest = max(float(sizes[r][at]), hung.largest)
+        largest = max(float(sizes[r][node]), body_motion.largest)
         yield SystemMode(
             frequency_hz=float(w / (2.0 * pi)),
             period_s=float(period),
             kind=kind if w else UNHELD,
             stretching_share=share,
-            vertical_share=float(kinetic[2] / (kinetic.sum() + hung.turning)),
+            vertical_share=float(kinetic[2] / (kinetic.sum() + body_motion.turning)),
             turning_share=float(turning),
             rope=line.name,
-            largest_at_m=float(line.s[at]),
+            largest_at_m=float(line.s[node]),
             wave_ratio=near_waves(period),
-            strouhal_hz=_strouhal(still, r, at),
+            strouhal_hz=_strouhal(still, r, node),
             shapes=tuple(motion[::-1] / largest for motion in motions),
         )
 
 
-def _strouhal(still: StillSystem, r: int, at: int) -> float:
-    """Return the vortex-shedding frequency at node `at` of rope r [Hz]."""
+def _strouhal(still: StillSystem, r: int, node: int) -> float:
+    """Return the vortex-shedding frequency at a node of rope r [Hz]."""
     line = still.lines[r]
-    t = line.directions[0][:, min(at, len(line.tension) - 1)]
-    water = water_at(still.scene, line.place[2, at : at + 1])[:, 0]
+    t = line.directions[0][:, min(node, len(line.tension) - 1)]
+    water = water_at(still.scene, line.place[2, node : node + 1])[:, 0]
     across = water - (water @ t) * t
     speed = float(np.sqrt(across @ across))
     return strouhal_number(still.scene) * speed / still.scene.ropes[r].thinnest_m

@@ -52,7 +52,7 @@ def near_surface(
             water.
     """
     require("capytaine", "coefficients near the surface need it", "hydrodynamics")
-    if wrong := [one for one in periods_s if not one > 0.0]:
+    if wrong := [period_s for period_s in periods_s if not period_s > 0.0]:
         raise InputError("period", f"{wrong[0]:g} s", "give positive ones")
     half = 0.5 * shape.height_m
     if depth_m <= -half:
@@ -112,5 +112,5 @@ def _solved(body: Any, name: str, period_s: float, water: Any) -> tuple[float, f
         free_surface=math.inf if unbounded else 0.0,
         **water,
     )
-    found = capytaine.BEMSolver().solve(problem)
-    return float(found.added_masses[name]), float(found.radiation_dampings[name])
+    result = capytaine.BEMSolver().solve(problem)
+    return float(result.added_masses[name]), float(result.radiation_dampings[name])

@@ -74,8 +74,8 @@ def check_picture(path: Path) -> None:
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         problem = f"'{path.suffix}' is no picture that can be drawn"
         raise InputError(str(path), problem, "end it in .png, .svg or .pdf")
-    place = next(folder for folder in path.absolute().parents if folder.exists())
-    if path.is_dir() or not place.is_dir() or not os.access(place, os.W_OK):
+    parent = next(folder for folder in path.absolute().parents if folder.exists())
+    if path.is_dir() or not parent.is_dir() or not os.access(parent, os.W_OK):
         raise InputError(str(path), "it cannot be written", "give a place that can be written")
     require("matplotlib", "a plot needs it and it is not there", "plot")
 
@@ -120,21 +120,21 @@ def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
     down = ceil(len(panels) / across)
     figure = Figure(figsize=(5.0 * across + 0.6, 3.8 * down), layout="constrained")
     axes = figure.subplots(down, across, squeeze=False).ravel()
-    for panel, own in zip(panels, axes, strict=False):
-        _draw(figure, own, panel)
-    for own in axes[len(panels) :]:
-        own.set_visible(False)
+    for panel, panel_axes in zip(panels, axes, strict=False):
+        _draw(figure, panel_axes, panel)
+    for panel_axes in axes[len(panels) :]:
+        panel_axes.set_visible(False)
     figure.suptitle(title, fontsize=10)
     write_picture(figure, path, 90)
 
 
 def _draw(figure: Any, axes: Any, panel: Panel) -> None:
     if panel.field is not None:
-        most = panel.field.most
-        least = None if most is None else -most
+        high = panel.field.most
+        low = None if high is None else -high
         image = axes.imshow(
             panel.field.values, origin="lower", aspect="auto", cmap="RdBu_r",
-            extent=(*panel.field.x, *panel.field.y), vmin=least, vmax=most,
+            extent=(*panel.field.x, *panel.field.y), vmin=low, vmax=high,
         )  # fmt: skip
         if panel.field.label:
             figure.colorbar(image, ax=axes, label=panel.field.label)
@@ -162,7 +162,7 @@ def own_headings(responses: Responses, wanted_deg: Sequence[float] = ()) -> Vect
         InputError: a heading asked for is more than a turn.
     """
     if wanted_deg:
-        wrong = [one for one in wanted_deg if not abs(one) <= 360.0]
+        wrong = [heading_deg for heading_deg in wanted_deg if not abs(heading_deg) <= 360.0]
         if wrong:
             raise InputError("--heading", f"it is {wrong[0]:g}°", "give degrees within ±360")
         return np.array(wanted_deg, dtype=float)
@@ -178,13 +178,13 @@ def periods_s(responses: Responses) -> Vector:
 def table_rows(responses: Responses, heading_deg: float) -> list[list[str]]:
     """Return a table for one heading: modulus and phase (lead, degrees) of six freedoms."""
     every = periods_s(responses)
-    chosen = np.unique(np.linspace(0, len(every) - 1, min(len(every), MOST_PERIODS)).round())
-    shown = every[chosen.astype(int)]
-    answer = responses.at(1.0 / shown, np.full(len(shown), np.radians(heading_deg)))
+    indices = np.unique(np.linspace(0, len(every) - 1, min(len(every), MOST_PERIODS)).round())
+    table_periods = every[indices.astype(int)]
+    answer = responses.at(1.0 / table_periods, np.full(len(table_periods), np.radians(heading_deg)))
     head = ["T [s]"]
     head += [f"{name} [{'m/m' if name in SHIFTS else '°/m'}]" for name in FREEDOMS]
     rows = [head]
-    for period, values in zip(shown, answer.T, strict=True):
+    for period, values in zip(table_periods, answer.T, strict=True):
         sizes = np.abs(values) * np.where(np.arange(6) < 3, 1.0, 180.0 / np.pi)
         phases = np.degrees(np.angle(values))
         cells = (
@@ -226,7 +226,7 @@ def draw_raos(responses: Responses, headings_deg: Vector, at_m: Point | None, pa
     periods = periods_s(responses)
     few = np.unique(np.linspace(0, len(headings_deg) - 1, min(len(headings_deg), MOST_CURVES)))
     panels = list[Panel]()
-    found = {
+    answers = {
         float(headings_deg[k]): responses.at(
             1.0 / periods, np.full(len(periods), np.radians(headings_deg[k]))
         )
@@ -236,22 +236,22 @@ def draw_raos(responses: Responses, headings_deg: Vector, at_m: Point | None, pa
         for number, name in list(enumerate(FREEDOMS))[part]:
             unit, scale = ("m/m", 1.0) if name in SHIFTS else ("°/m", 180.0 / np.pi)
             lines = tuple(
-                Line(periods, scale * np.abs(own[number]), f"{heading:g}°")
-                for heading, own in found.items()
+                Line(periods, scale * np.abs(answer[number]), f"{heading:g}°")
+                for heading, answer in answers.items()
             )
             panels.append(Panel(name, "wave period [s]", f"modulus [{unit}]", lines))
         for number, name in list(enumerate(FREEDOMS))[part]:
-            most = max(float(np.abs(own[number]).max()) for own in found.values())
+            largest = max(float(np.abs(answer[number]).max()) for answer in answers.values())
             lines = tuple(
-                Line(periods, _phase(own[number], most), f"{heading:g}°", ".")
-                for heading, own in found.items()
+                Line(periods, _phase(answer[number], largest), f"{heading:g}°", ".")
+                for heading, answer in answers.items()
             )
             panels.append(Panel(f"{name}, phase", "wave period [s]", "lead of crest [°]", lines))
     where = "" if at_m is None else f", at [{at_m[0]:g}, {at_m[1]:g}, {at_m[2]:g}] m"
     draw_panels(f"RAOs of {Path(responses.source.split(', ')[0]).name}{where}", panels, path)
 
 
-def _phase(values: Any, most: float) -> Vector:
+def _phase(values: Any, largest: float) -> Vector:
     """Return phases in degrees; none where a freedom barely moves."""
     phase = np.degrees(np.angle(values))
-    return np.asarray(np.where(np.abs(values) > LEAST_RATIO * max(most, 1e-30), phase, np.nan))
+    return np.asarray(np.where(np.abs(values) > LEAST_RATIO * max(largest, 1e-30), phase, np.nan))

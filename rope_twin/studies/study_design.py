@@ -83,7 +83,7 @@ class Variable:
     def changes(self, value: Value) -> list[Change]:
         """Return the changes that give a run one of its numbers, or a case by its name."""
         if self.cases:
-            case = next(one for one in self.cases if one.name == value)
+            case = next(named_case for named_case in self.cases if named_case.name == value)
             return [Change(path, number, self.multiply) for path, number in case.set_.items()]
         return [Change(self.path, float(value), self.multiply)]
 
@@ -165,15 +165,18 @@ class Study:
 
     def check(self) -> str | None:
         """Check that the variables are consistent."""
-        columns = [one.column for one in self.vary]
+        columns = [variable.column for variable in self.vary]
         twice = next((name for name in columns if columns.count(name) > 1), "")
         if not self.vary:
             return "nothing varies; add variables to `vary`"
         if twice:
             return f"two variables are called '{twice}'; give one of them a `name`"
-        bare = next((one for one in self.vary if one.ranges and one.count is None), None)
-        if bare is not None and self.latin_hypercube is None:
-            return f"on a grid '{bare.column}' needs its numbers; add `count`, or `latin_hypercube`"
+        uncounted = next(
+            (variable for variable in self.vary if variable.ranges and variable.count is None), None
+        )
+        if uncounted is not None and self.latin_hypercube is None:
+            remedy = "add `count`, or `latin_hypercube`"
+            return f"on a grid '{uncounted.column}' needs its numbers; {remedy}"
         return None
 
 
@@ -187,8 +190,8 @@ def read_study(path: Path) -> tuple[Study, Scene]:
     digest = hashlib.sha256(data).hexdigest()
     place = Place(path)
     study: Study = read_object(Study, tree, place, name=path.stem, path=path, digest=digest)
-    beside = path.parent / study.scene
-    return study, load_scene(beside if beside.suffix in (".yaml", ".yml") else study.scene)
+    scene_path = path.parent / study.scene
+    return study, load_scene(scene_path if scene_path.suffix in (".yaml", ".yml") else study.scene)
 
 
 @dataclass(frozen=True)
@@ -206,7 +209,7 @@ def design_runs(study: Study) -> list[StudyRun]:
         InputError: there are too many.
     """
     if study.latin_hypercube is None:
-        sizes = [_choices(one) for one in study.vary]
+        sizes = [_choices(variable) for variable in study.vary]
         count = math.prod(len(size) for size in sizes)
         if count > RUNS_MOST:
             remedy = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
@@ -215,11 +218,13 @@ def design_runs(study: Study) -> list[StudyRun]:
     else:
         from scipy.stats import qmc  # a second to load, and only studies want it
 
-        wish = study.latin_hypercube
-        cube = qmc.LatinHypercube(d=len(study.vary), rng=np.random.default_rng(wish.seed))
+        cube_wish = study.latin_hypercube
+        cube = qmc.LatinHypercube(d=len(study.vary), rng=np.random.default_rng(cube_wish.seed))
         rows = (
-            tuple(_drawn(one, share) for one, share in zip(study.vary, point, strict=True))
-            for point in cube.random(wish.runs).tolist()
+            tuple(
+                _drawn(variable, share) for variable, share in zip(study.vary, point, strict=True)
+            )
+            for point in cube.random(cube_wish.runs).tolist()
         )
     return [StudyRun(number, row) for number, row in enumerate(rows)]
 
@@ -231,8 +236,8 @@ def _choices(variable: Variable) -> Sequence[Value]:
         assert low is not None
         assert high is not None
         assert count is not None
-        found: list[float] = np.linspace(low, high, count).tolist()
-        return found
+        values: list[float] = np.linspace(low, high, count).tolist()
+        return values
     return variable.values or variable.names or tuple(case.name for case in variable.cases)
 
 
@@ -271,15 +276,15 @@ def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
         else:
             changes += variable.changes(value)
     shared = [change for change in changes if change.path.startswith("time.")]
-    own = tuple(change for change in changes if change not in shared)
+    run_changes = tuple(change for change in changes if change not in shared)
     try:
         scene = change_scene(scene, shared)
-        change_scene(scene, own)
+        change_scene(scene, run_changes)
     except RopeTwinError:
         _judge_each(study, scene, run)
         with _at(f"{study.path}: run {run.number}"):
             raise
-    return Made(scene, own, offset_s)
+    return Made(scene, run_changes, offset_s)
 
 
 def _offset_s(scene: Scene, value: float) -> float:
@@ -326,16 +331,16 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
     if path in ropes:
         lines = list(scene.ropes)
         lines[ropes[path]] = replace(lines[ropes[path]], rope=_preset(name), sections=())
-        made = replace(scene, ropes=tuple(lines))
+        variant = replace(scene, ropes=tuple(lines))
     elif path == "sea_state.bag":
-        made = replace(scene, sea_state=replace(scene.sea_state, bag=name))
+        variant = replace(scene, sea_state=replace(scene.sea_state, bag=name))
     else:
         remedy = f"names serve {', '.join(ropes)} and sea_state.bag"
         raise InputError(path, "it takes no name", remedy)
-    for where, what, remedy in faults(made):
-        raise InputError(where, what, remedy)
+    for where, problem, remedy in faults(variant):
+        raise InputError(where, problem, remedy)
     key = f"{scene.digest}\n{path}={name}"
-    return dataclasses.replace(made, digest=hashlib.sha256(key.encode()).hexdigest())
+    return dataclasses.replace(variant, digest=hashlib.sha256(key.encode()).hexdigest())
 
 
 def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
@@ -344,10 +349,10 @@ def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
     Raises:
         InputError: the curve does not fit a rope.
     """
-    found = (
+    counts = (
         (r, damage_of(scene, r, wish.curve, piece_m=wish.piece_m)) for r in range(len(scene.ropes))
     )
-    return {r: count for r, count in found if count is not None}
+    return {r: count for r, count in counts if count is not None}
 
 
 def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: FatigueWish | None
@@ -357,36 +362,36 @@ def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: Fa
     Raises:
         RopeTwinError: the sea cannot be opened, or the curve does not fit a rope.
     """
-    own = change_scene(scene, made.changes)
-    sea = replace(own.sea_state, start_s=own.sea_state.start_s + made.sea_offset_s)
-    own = replace(own, sea_state=sea)
-    counts = new_counts(own, wish) if wish is not None else {}
-    checks = Monitors(slack_steps=whole_steps("look_s", look_s, own.time.step_s))
+    run_scene = change_scene(scene, made.changes)
+    sea = replace(run_scene.sea_state, start_s=run_scene.sea_state.start_s + made.sea_offset_s)
+    run_scene = replace(run_scene, sea_state=sea)
+    counts = new_counts(run_scene, wish) if wish is not None else {}
+    checks = Monitors(slack_steps=whole_steps("look_s", look_s, run_scene.time.step_s))
     try:
-        twin = Twin(own, checks)
+        twin = Twin(run_scene, checks)
     except SceneError as error:
-        return _row(own, None, str(error), counts)
+        return _row(run_scene, None, str(error), counts)
     failure = ""
     try:
         _step(twin, seconds, counts, wish)
     except SolverError as error:
         failure = str(error)
-    return _row(own, twin, failure, counts)
+    return _row(run_scene, twin, failure, counts)
 
 
 def stepped(ensemble: Ensemble, seconds: float, every: int = BATCH_STEPS) -> Iterator[None]:
     """Advance all members by this time [s]; yield after each `every` steps, and at the end."""
     left = whole_steps("seconds", seconds, ensemble.step_s)
     while left:
-        some = min(left, every)
-        ensemble.advance(some * ensemble.step_s)
-        left -= some
+        count = min(left, every)
+        ensemble.advance(count * ensemble.step_s)
+        left -= count
         yield
 
 
 def run_together(
     scene: Scene,
-    own: Sequence[Variation],
+    variations: Sequence[Variation],
     seconds: float,
     look_s: float,
     wish: FatigueWish | None,
@@ -400,9 +405,9 @@ def run_together(
     """
     joined, step_s = is_joined(scene), scene.time.step_s
     checks = Monitors(slack_steps=whole_steps("look_s", look_s, step_s)) if joined else NO_MONITORS
-    ensemble = Ensemble(scene, own, look_s, threads=1, monitors=checks)
-    scenes = [ensemble.scene_of(number) for number in range(len(own))]
-    counts = [new_counts(one, wish) if wish is not None else {} for one in scenes]
+    ensemble = Ensemble(scene, variations, look_s, threads=1, monitors=checks)
+    scenes = [ensemble.scene_of(number) for number in range(len(variations))]
+    counts = [new_counts(member_scene, wish) if wish is not None else {} for member_scene in scenes]
     every = round(wish.sample_s / step_s) if wish is not None else BATCH_STEPS
     for _ in stepped(ensemble, seconds, every):
         for number, member in enumerate(ensemble.figures()):
@@ -411,52 +416,54 @@ def run_together(
             if joined:
                 _sample(ensemble.twin_of(number), counts[number])
             else:
-                seen = ensemble.snapshot(number)
-                from_lower_m = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
-                tension_n = seen.element_tension_n[::-1]
-                counts[number][0].take_tensions(from_lower_m, tension_n, seen.tension_top_n)
+                snapshot = ensemble.snapshot(number)
+                from_lower_m = (snapshot.arc_length_m[-1] - snapshot.arc_length_m)[::-1]
+                tension_n = snapshot.element_tension_n[::-1]
+                counts[number][0].take_tensions(from_lower_m, tension_n, snapshot.tension_top_n)
     return [
-        _row(one, ensemble.twin_of(number), member.failure, counts[number])
+        _row(member_scene, ensemble.twin_of(number), member.failure, counts[number])
         if joined
-        else _rope_row(one, member, counts[number])
-        for number, (one, member) in enumerate(zip(scenes, ensemble.figures(), strict=True))
+        else _rope_row(member_scene, member, counts[number])
+        for number, (member_scene, member) in enumerate(
+            zip(scenes, ensemble.figures(), strict=True)
+        )
     ]
 
 
-def _rope_row(own: Scene, member: MemberResults, counts: Counts) -> Row:
+def _rope_row(scene: Scene, member: MemberResults, counts: Counts) -> Row:
     """Return the results of a run of a single-line scene."""
-    least = min(bar.rope.breaking_load_n for bar in lift_figures(own).bars)
-    found = _top(member)
-    most = found["tension_top_max_n"]
+    breaking_load_n = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
+    tensions = _top(member)
+    max_n = tensions["tension_top_max_n"]
     return {
-        "seconds": member.steps * own.time.step_s,
-        "elements": own.ropes[0].elements,
-        "step_s": own.time.step_s,
-        **found,
-        "highest_over_breaking_load": None if most is None else most / least,
-        **_damage(own, counts),
+        "seconds": member.steps * scene.time.step_s,
+        "elements": scene.ropes[0].elements,
+        "step_s": scene.time.step_s,
+        **tensions,
+        "highest_over_breaking_load": None if max_n is None else max_n / breaking_load_n,
+        **_damage(scene, counts),
     }
 
 
-def _row(own: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
+def _row(scene: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
     """Return the results of a run; twin: None if it never started."""
     fixed = {
         "seconds": 0.0,
-        "elements": sum(line.elements for line in own.ropes),
-        "step_s": own.time.step_s,
+        "elements": sum(line.elements for line in scene.ropes),
+        "step_s": scene.time.step_s,
     }
     if twin is None:
         unknown = MemberResults(0, math.nan, math.nan, math.nan, 0.0, 0, failure)
-        return {**fixed, **_top(unknown), **_by_rope(own, None), **_damage(own, counts)}
-    seen = twin.monitor(TensionMonitor)
-    assert seen is not None
-    top = seen.upper_n[0]
+        return {**fixed, **_top(unknown), **_by_rope(scene, None), **_damage(scene, counts)}
+    tension = twin.monitor(TensionMonitor)
+    assert tension is not None
+    top = tension.upper_n[0]
     unconverged = int(twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED])
     results = MemberResults(
-        twin.steps, top.high, top.mean, top.low, seen.slack_share, unconverged, failure
+        twin.steps, top.high, top.mean, top.low, tension.slack_share, unconverged, failure
     )
     fixed["seconds"] = twin.steps * twin.step_s
-    return {**fixed, **_top(results), **_by_rope(own, seen), **_damage(own, counts)}
+    return {**fixed, **_top(results), **_by_rope(scene, tension), **_damage(scene, counts)}
 
 
 def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) -> None:
@@ -473,7 +480,7 @@ def _sample(twin: Twin | None, counts: Counts) -> None:
     system = twin.joined
     assert system is not None
     ropes, beyond = system.system(twin.rope).ropes, dict(over_sheaves(twin.scene))
-    pulls = [float(pull[rows.PULL]) for pull in system.pull]
+    pulls = [float(tension[rows.PULL]) for tension in system.pull]
     for r, count in counts.items():
         if (other := beyond.get(r)) is not None:
             count.take_over_sheave(ropes[r], ropes[other], (pulls[r], pulls[other]))
@@ -485,20 +492,20 @@ def _top(results: MemberResults) -> Row:
     return dict(json_value(vars(results)))
 
 
-def _by_rope(scene: Scene, seen: TensionMonitor | None) -> Row:
+def _by_rope(scene: Scene, tension: TensionMonitor | None) -> Row:
     """Return the tensions of each rope, and the largest of them over the breaking load.
 
     seen: None if the run never started.
     """
-    found: Row = {}
+    row: Row = {}
     shares = []
     for number, line in enumerate(scene.ropes):
-        upper = None if seen is None else seen.upper_n[number]
-        found[f"{line.name}.tension_max_n"] = None if upper is None else json_value(upper.high)
-        found[f"{line.name}.tension_mean_n"] = None if upper is None else json_value(upper.mean)
-        found[f"{line.name}.tension_min_n"] = None if upper is None else json_value(upper.low)
+        upper = None if tension is None else tension.upper_n[number]
+        row[f"{line.name}.tension_max_n"] = None if upper is None else json_value(upper.high)
+        row[f"{line.name}.tension_mean_n"] = None if upper is None else json_value(upper.mean)
+        row[f"{line.name}.tension_min_n"] = None if upper is None else json_value(upper.low)
         shares.append(math.nan if upper is None else upper.high / line.breaking_load_n)
-    return {"highest_over_breaking_load": json_value(float(np.max(shares))), **found}
+    return {"highest_over_breaking_load": json_value(float(np.max(shares))), **row}
 
 
 def _damage(scene: Scene, counts: Counts) -> Row:
@@ -506,30 +513,30 @@ def _damage(scene: Scene, counts: Counts) -> Row:
     if not counts:
         return {}
     all_found = {r: count.shot(0.0, 0.0) for r, count in counts.items()}
-    worst = max(all_found, key=lambda r: float(all_found[r].used.max()))
-    there = all_found[worst]
+    worst_number = max(all_found, key=lambda r: float(all_found[r].used.max()))
+    worst_rope = all_found[worst_number]
     joined = is_joined(scene)
     row: Row = {
-        "damage_worst": float(there.used[there.worst]),
-        **({"damage_worst_rope": scene.ropes[worst].name} if joined else {}),
-        "damage_worst_from_lower_end_m": float(there.from_lower_end_m[there.worst]),
+        "damage_worst": float(worst_rope.used[worst_rope.worst]),
+        **({"damage_worst_rope": scene.ropes[worst_number].name} if joined else {}),
+        "damage_worst_from_lower_end_m": float(worst_rope.from_lower_end_m[worst_rope.worst]),
     }
-    for r, found in all_found.items():
-        of = f"{scene.ropes[r].name}." if joined else ""
-        row[f"{of}damage"] = found.used.tolist()
-        row[f"{of}damage_from_lower_end_m"] = found.from_lower_end_m.tolist()
-        row |= {f"{of}{key}": value for key, value in _most_bent(found).items()}
+    for r, damage in all_found.items():
+        prefix = f"{scene.ropes[r].name}." if joined else ""
+        row[f"{prefix}damage"] = damage.used.tolist()
+        row[f"{prefix}damage_from_lower_end_m"] = damage.from_lower_end_m.tolist()
+        row |= {f"{prefix}{key}": value for key, value in _most_bent(damage).items()}
     return row
 
 
-def _most_bent(found: MaterialFatigue) -> Row:
+def _most_bent(damage: MaterialFatigue) -> Row:
     """Return what the most bent metre of a rope has had; empty: it runs over nothing."""
-    if found.bent is None:
+    if damage.bent is None:
         return {}
-    at = found.most_bent
+    node = damage.most_bent
     return {
-        "bends": float(found.bent.bends[at]),
-        "bends_from_lower_end_m": float(found.from_lower_end_m[at]),
-        "bend_damage": json_value(float(found.bent.damage[at])),
-        "discard_fraction": json_value(float(found.bent.discard[at])),
+        "bends": float(damage.bent.bends[node]),
+        "bends_from_lower_end_m": float(damage.from_lower_end_m[node]),
+        "bend_damage": json_value(float(damage.bent.damage[node])),
+        "discard_fraction": json_value(float(damage.bent.discard[node])),
     }

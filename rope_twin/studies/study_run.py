@@ -61,13 +61,13 @@ def cut_into_batches(
 ) -> list[Batch]:
     """Group runs of the same scene into batches of limited size."""
     groups: dict[str, list[tuple[StudyRun, Made]]] = {}
-    for run, one in runs:
-        groups.setdefault(one.scene.digest, []).append((run, one))
-    columns = tuple(one.column for one in study.vary)
+    for run, member in runs:
+        groups.setdefault(member.scene.digest, []).append((run, member))
+    columns = tuple(variable.column for variable in study.vary)
     batches = []
-    for alike in groups.values():
-        for first in range(0, len(alike), at_once):
-            runs_here, made = zip(*alike[first : first + at_once], strict=True)
+    for runs_of_scene in groups.values():
+        for first in range(0, len(runs_of_scene), at_once):
+            runs_here, made = zip(*runs_of_scene[first : first + at_once], strict=True)
             batches.append(
                 Batch(made[0].scene, runs_here, made, columns, study.seconds, study.look_s,
                       study.fatigue)
@@ -81,31 +81,34 @@ def run_batch(batch: Batch) -> list[Row]:
     Raises:
         RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
     """
-    began = time.perf_counter()
+    start_s = time.perf_counter()
     results = list(_results(batch))
     error = known_error(batch.scene)
-    took_s = (time.perf_counter() - began) / len(batch.runs)
+    took_s = (time.perf_counter() - start_s) / len(batch.runs)
     return [
         {
             "run": run.number,
             **dict(zip(batch.columns, run.values, strict=True)),
-            **found,
+            **result,
             # of the scene's convergence study; indicative for a run with other values
             "study_error_rms_pct": or_none(error.rms_pct),
             "study_error_peak_pct": or_none(error.peak_pct),
             "study_error_words": error.words + (CHANGED if made.changes else ""),
             "took_s": took_s,
         }
-        for run, made, found in zip(batch.runs, batch.made, results, strict=True)
+        for run, made, result in zip(batch.runs, batch.made, results, strict=True)
     ]
 
 
 def _results(batch: Batch) -> Iterator[Row]:
     """Yield the results of each run, stepped together unless poses move a multi-line scene."""
-    own = list(_variations(batch))  # rejects a sea that does not reach
-    posed = any(one.heave is not None and one.heave.aside is not None for one in own)
+    variations = list(_variations(batch))  # rejects a sea that does not reach
+    posed = any(
+        variation.heave is not None and variation.heave.aside is not None
+        for variation in variations
+    )
     if not (posed and is_joined(batch.scene)):
-        yield from run_together(batch.scene, own, batch.seconds, batch.look_s, batch.fatigue)
+        yield from run_together(batch.scene, variations, batch.seconds, batch.look_s, batch.fatigue)
         return
     for made in batch.made:
         yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
@@ -178,8 +181,8 @@ class RowFolder:
             write_whole(mark, json.dumps(content, ensure_ascii=False).encode())
             return
         try:
-            found = json.loads(mark.read_text(encoding="utf-8"))
-            stamp, study = found["stamp"], found["study"]
+            claim = json.loads(mark.read_text(encoding="utf-8"))
+            stamp, study = claim["stamp"], claim["study"]
         except (OSError, ValueError, TypeError, LookupError):
             stamp = study = ""
         if stamp != content["stamp"]:
@@ -208,26 +211,26 @@ class RowFolder:
         import pyarrow
         import pyarrow.parquet as parquet
 
-        found: dict[int, Row] = {}
+        row_of_run: dict[int, Row] = {}
         for path in self._files():
             try:
                 for row in parquet.read_table(path, columns=columns).to_pylist():
-                    found[int(row["run"])] = row
+                    row_of_run[int(row["run"])] = row
             except (pyarrow.ArrowException, OSError, LookupError, TypeError, ValueError) as error:
-                what = f"it holds no rows of a {self.title}: damaged, or edited by hand"
-                right = "remove the file, and its runs are made again"
-                raise InputError(str(path), what, right) from error
-        return [found[number] for number in sorted(found)]
+                problem = f"it holds no rows of a {self.title}: damaged, or edited by hand"
+                remedy = "remove the file, and its runs are made again"
+                raise InputError(str(path), problem, remedy) from error
+        return [row_of_run[number] for number in sorted(row_of_run)]
 
     def close_rows(self) -> Path:
         """Make one file of all rows; the path of it."""
         parts = [path for path in self._files() if path.name != WHOLE]
-        whole = self._folder / WHOLE
+        table = self._folder / WHOLE
         if parts:
-            self._write(whole, self.rows())
+            self._write(table, self.rows())
         for path in parts:
             path.unlink()
-        return whole
+        return table
 
     def _files(self) -> list[Path]:
         return sorted([*self._folder.glob("part-*.parquet"), *self._folder.glob(WHOLE)])
@@ -265,8 +268,10 @@ class StudyFolder(RowFolder):
     def __init__(self, folder: Path, study: Study, stamp: str) -> None:
         """Open the folder, as any of rows."""
         super().__init__(folder, study.name, study.scene, stamp)
-        named = (one.column for one in study.vary if one.names or one.cases)
-        self.words = {"study_error_words", "damage_worst_rope", "failure", *named}
+        text_columns = (
+            variable.column for variable in study.vary if variable.names or variable.cases
+        )
+        self.words = {"study_error_words", "damage_worst_rope", "failure", *text_columns}
 
 
 Report = Callable[[int, int], None]  # runs done, runs in all
@@ -309,19 +314,19 @@ def run_parameter_study(
     with StudyFolder(into, study, study_stamp(study, scene)) as folder:
         done = folder.done()
         report(len(done), len(runs))
-        alone = is_joined(scene) and why_joined_alone(build_joined(scene).system)
+        is_alone = is_joined(scene) and why_joined_alone(build_joined(scene).system)
         batches = cut_into_batches(
             study,
             [(run, made) for run, made in runs if run.number not in done],
-            1 if alone else at_once,
+            1 if is_alone else at_once,
         )
         count = len(done)
         for rows in spread(run_batch, batches, scheduler):
             folder.add(rows)
             count += len(rows)
             report(count, len(runs))
-        whole = folder.close_rows()
-        return folder.rows(), whole
+        table = folder.close_rows()
+        return folder.rows(), table
 
 
 def _check_times(study: Study, steps_s: set[float]) -> None:
@@ -354,7 +359,7 @@ def on_cores(
     yield work(items[0])
     with ThreadPoolExecutor(threads or cores()) as pool:
         try:
-            for future in as_completed([pool.submit(work, one) for one in items[1:]]):
+            for future in as_completed([pool.submit(work, item) for item in items[1:]]):
                 yield future.result()
         except BaseException:
             stop()
@@ -414,18 +419,18 @@ def _knock(address: str) -> None:
     from distributed.comm import get_address_host_port
 
     try:
-        place = get_address_host_port(address)
+        host_port = get_address_host_port(address)
     except (ValueError, KeyError, NotImplementedError) as error:
         remedy = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
         raise InputError(f"--scheduler {address}", "it is no address", remedy) from error
-    socket.create_connection(place, CONNECT_S).close()
+    socket.create_connection(host_port, CONNECT_S).close()
 
 
 def _result(future: Any, address: str) -> Any:
     from distributed import CancelledError
 
     try:
-        found = future.result()
+        result = future.result()
     except RopeTwinError:
         raise
     except CancelledError as error:  # nobody here cancels: the client does, without a connection
@@ -438,4 +443,4 @@ def _result(future: Any, address: str) -> Any:
         raise InputError(
             f"--scheduler {address}", f"a worker could not go on ({error!r})", remedy
         ) from error
-    return found
+    return result

@@ -52,14 +52,14 @@ class LineRun:
 
     def figures(self) -> dict[str, Any]:
         """Return the results for a JSON file."""
-        nearest = min(self.nearest, key=lambda one: one.distance_m)
+        nearest = min(self.nearest, key=lambda approach: approach.distance_m)
         return {
             "sea": self.sea,
             "tension_n": {
                 name: {"mean": float(row.mean()), "min": float(row.min()), "max": float(row.max())}
                 for name, row in zip(("main", "haulback"), self.tension_n, strict=True)
             },
-            "noise": None if self.noise is None else [asdict(one) for one in self.noise],
+            "noise": None if self.noise is None else [asdict(noise) for noise in self.noise],
             "nearest": asdict(nearest),
             "crossings": [asdict(event) for event in self.events],
             "crossing_depths_at_the_end_m": self.crossing_m[-1],
@@ -89,21 +89,21 @@ def run_lines(
     """Run a twin of a loop by its winches' schedules; calm without a sea."""
     watch = ClearanceMonitor(twin.scene)
     tops = [line[0] for line in watch.lines]
-    seen, events = list[_Sample](), list[LineEvent]()
+    samples, events = list[_Sample](), list[LineEvent]()
     for second in range(seconds):
         _offer(twin, second, sea)
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
-            shot = twin.snapshot()
-            near, happened = watch.look(shot)
-            tensions = [shot.ropes[number].tension_top_n for number in tops]
+            snapshot = twin.snapshot()
+            clearance, new_events = watch.look(snapshot)
+            tensions = [snapshot.ropes[number].tension_top_n for number in tops]
             crossings = [crossing.depth_m for crossing in watch.crossings]
-            seen.append(_Sample(shot.time_s, tensions, near, crossings))
-            events += happened
-            for event in happened:
+            samples.append(_Sample(snapshot.time_s, tensions, clearance, crossings))
+            events += new_events
+            for event in new_events:
                 tell(event)
     factor = twin.statistics().real_time_factor
-    times, tensions_n, nearest, crossing_m = zip(*seen, strict=True)
+    times, tensions_n, nearest, crossing_m = zip(*samples, strict=True)
     return LineRun(
         sea="calm" if sea is None else sea.source,
         time_s=np.array(times),
@@ -113,19 +113,19 @@ def run_lines(
         crossing_m=list(crossing_m),
         turned_up=watch.turned_up,
         noise=_listen(twin, seconds, tops) if sea is None else None,
-        lines_m=_flat(shot, watch),
+        lines_m=_flat(snapshot, watch),
         real_time_factor=factor,
     )
 
 
-def _flat(shot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
+def _flat(snapshot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
     """Return both lines in their vertical plane, (nodes, 2)."""
-    places = (
-        np.concatenate([shot.ropes[number].node_position_m for number in line])
+    positions = (
+        np.concatenate([snapshot.ropes[number].node_position_m for number in line])
         for line in watch.lines
     )
-    one, other = (np.stack([x[:, :2] @ watch.plane, -x[:, 2]], axis=1) for x in places)
-    return one, other
+    first, second = (np.stack([x[:, :2] @ watch.plane, -x[:, 2]], axis=1) for x in positions)
+    return first, second
 
 
 def _offer(twin: Twin, second: int, sea: SeaRecord | None) -> None:
@@ -149,9 +149,9 @@ def _listen(twin: Twin, second: int, tops: list[int]) -> tuple[Noise, Noise]:
         _offer(twin, second + more, None)
         for _ in range(round(1.0 / twin.step_s)):
             twin.advance(1)
-            shot = twin.snapshot()
-            pulls.append([shot.ropes[number].tension_top_n for number in tops])
-    events = shot.solver.splits + shot.solver.merges - before.splits - before.merges
+            snapshot = twin.snapshot()
+            pulls.append([snapshot.ropes[number].tension_top_n for number in tops])
+    events = snapshot.solver.splits + snapshot.solver.merges - before.splits - before.merges
     rows = np.array(pulls).T
     jumps = [100.0 * float(np.abs(np.diff(row, 2)).max() / row.mean()) for row in rows]
     return Noise(jumps[0], events), Noise(jumps[1], events)
@@ -172,25 +172,25 @@ def draw_lines(name: str, calm: LineRun, rough: LineRun, label: str, path: Path)
     figure = Figure(figsize=(12.0, 4.6), layout="constrained")
     left, middle, right = figure.subplots(1, 3, width_ratios=(2.0, 1.0, 1.2))
     for k, (line, colour) in enumerate(COLOURS.items()):
-        for run, style, words in ((rough, "-", label), (calm, "--", "calm")):
+        for run, style, legend in ((rough, "-", label), (calm, "--", "calm")):
             left.plot(
                 run.time_s, 1e-3 * run.tension_n[k], style, color=colour, linewidth=1.0,
-                label=f"{line}, {words}",
+                label=f"{line}, {legend}",
             )  # fmt: skip
     _name(left, "tension at the ship", "time [s]", "[kN]")
     left.legend(fontsize=7)
-    for own, (line, colour) in zip(calm.lines_m, COLOURS.items(), strict=True):
-        middle.plot(own[:, 0], own[:, 1], color=colour, linewidth=1.0, label=line)
+    for line_m, (line, colour) in zip(calm.lines_m, COLOURS.items(), strict=True):
+        middle.plot(line_m[:, 0], line_m[:, 1], color=colour, linewidth=1.0, label=line)
     low, high = middle.get_xlim()
     for depth in calm.crossing_m[-1]:
         middle.axhline(depth, color="black", linewidth=0.6, linestyle=":")
         middle.text(low + 0.02 * (high - low), depth, f"{depth:.0f} m", fontsize=7, va="bottom")
     middle.invert_yaxis()
     _name(middle, "both lines at the end, calm", "along the hang-offs' plane [m]", "depth [m]")
-    for run, style, words in ((rough, "-", label), (calm, "--", "calm")):
+    for run, style, legend in ((rough, "-", label), (calm, "--", "calm")):
         times = [t for t, depths in zip(run.time_s, run.crossing_m, strict=True) for _ in depths]
-        depths = [depth for some in run.crossing_m for depth in some]
-        right.plot(times, depths, "." if style == "-" else "k.", markersize=2, label=words)
+        depths = [depth for crossings in run.crossing_m for depth in crossings]
+        right.plot(times, depths, "." if style == "-" else "k.", markersize=2, label=legend)
     right.invert_yaxis()
     _name(right, "where the lines cross", "time [s]", "depth [m]")
     right.legend(fontsize=7)

@@ -74,16 +74,16 @@ class FrequencyDomainRun:
         """
         shape, diameter = self.response.modes.shape, self.response.span.diameter
         if places is not None:
-            some = places.astype(int)
-            shape, diameter = shape[some], diameter[some]
+            nodes = places.astype(int)
+            shape, diameter = shape[nodes], diameter[nodes]
         return np.asarray(self.coordinate[self.first :] @ shape.T / diameter)
 
     @property
     def covariance(self) -> Floats:
         """Return the covariance of the steady modal coordinates [m²], (modes, modes)."""
-        late = self.coordinate[self.first :]
-        late = late - late.mean(axis=0)
-        return np.asarray(late.T @ late / len(late))
+        steady = self.coordinate[self.first :]
+        steady = steady - steady.mean(axis=0)
+        return np.asarray(steady.T @ steady / len(steady))
 
     def rms(self) -> Floats:
         """Return the RMS of the motion over the diameter, (places,)."""
@@ -111,8 +111,8 @@ class FrequencyDomainRun:
         motion = self.motion(places)
         step = float(self.time_s[1] - self.time_s[0])
         length = max(16, min(len(motion), len(motion) // 2))
-        found: tuple[Floats, Floats] = welch(motion, fs=1.0 / step, nperseg=length, axis=0)
-        return found
+        spectra: tuple[Floats, Floats] = welch(motion, fs=1.0 / step, nperseg=length, axis=0)
+        return spectra
 
     @property
     def modal_rms(self) -> Floats:
@@ -132,10 +132,10 @@ class Fatigue:
 
 
 def run_frequency_domain(
-    lying: SceneSpan, shedding: Shedding, duration_s: float
+    scene_span: SceneSpan, shedding: Shedding, duration_s: float
 ) -> FrequencyDomainRun:
     """Compute the VIV response of a line from rest for a given time."""
-    response = ModalResponse(lying.span, shedding)
+    response = ModalResponse(scene_span.span, shedding)
     step = min(response.step_s / RECORDED, duration_s / 16.0)
     count = int(np.ceil(duration_s / step))
     coordinate = np.zeros((count, len(response.frequency)))
@@ -143,15 +143,15 @@ def run_frequency_domain(
         response.advance(step)
         coordinate[row] = response.coordinate
     time_s: Floats = np.asarray(step * np.arange(1.0, count + 1.0), dtype=np.float64)
-    from_top = np.interp(response.span.s, lying.span.s, lying.unstretched)
-    return FrequencyDomainRun(lying, response, time_s, coordinate, from_top)
+    from_top = np.interp(response.span.s, scene_span.span.s, scene_span.unstretched)
+    return FrequencyDomainRun(scene_span, response, time_s, coordinate, from_top)
 
 
 def most_moved(run: FrequencyDomainRun, count: int) -> Floats:
     """Return the numbers of the modes with the largest motion, at most `count`, in rising order."""
     rms = run.modal_rms
-    most = np.argsort(-rms, kind="stable")[:count]
-    return np.sort(most[rms[most] > HARDLY * rms.max(initial=0.0)])
+    largest = np.argsort(-rms, kind="stable")[:count]
+    return np.sort(largest[rms[largest] > HARDLY * rms.max(initial=0.0)])
 
 
 def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
@@ -169,23 +169,23 @@ def chosen_places(run: FrequencyDomainRun, most: int = PLACES) -> Floats:
 def count_fatigue(run: FrequencyDomainRun, scene: Scene, curve: StressCurve) -> Fatigue:
     """Return bending strain and stress of the steady part of the run, and the damage per year."""
     places = chosen_places(run)
-    some = places.astype(int)
+    nodes = places.astype(int)
     s = run.response.span.s
-    bent = np.gradient(np.gradient(run.response.modes.shape, s, axis=0), s, axis=0)
-    radius, per_curvature = _per_curvature(run, scene, some)
-    curvature = run.coordinate[run.first :] @ bent[some].T
+    mode_curvature = np.gradient(np.gradient(run.response.modes.shape, s, axis=0), s, axis=0)
+    radius, per_curvature = _per_curvature(run, scene, nodes)
+    curvature = run.coordinate[run.first :] @ mode_curvature[nodes].T
     stress = curvature * per_curvature
     known = np.isfinite(per_curvature)
-    damage = np.full(len(some), np.nan)
+    damage = np.full(len(nodes), np.nan)
     damage[known] = damage_of_series(stress[:, known], curve.used)
     lasted = float(run.time_s[-1] - run.time_s[run.first])
     rms = np.where(known, stress.std(axis=0), np.nan)
     strain = radius * curvature.std(axis=0)
-    return Fatigue(run.from_top_m[some], strain, rms, damage * YEAR_S / lasted)
+    return Fatigue(run.from_top_m[nodes], strain, rms, damage * YEAR_S / lasted)
 
 
 def _per_curvature(
-    run: FrequencyDomainRun, scene: Scene, some: np.ndarray
+    run: FrequencyDomainRun, scene: Scene, nodes: np.ndarray
 ) -> tuple[Floats, Floats]:
     """Return d/2 [m] and E·d/2 [Pa·m] at places, the latter NaN where it is not solid steel."""
     figures: list[tuple[float, float]] = []
@@ -200,9 +200,9 @@ def _per_curvature(
             figures.append((radius, rope.tangent_n(0.0) / area * radius))
             ends.append(low_m + min(end_m, length_m))
         low_m += length_m
-    below = run.from_top_m[0] - run.from_top_m[some]
-    which = np.searchsorted(ends, below, side="left")
-    at_places = np.array(figures)[np.minimum(which, len(figures) - 1)]
+    below = run.from_top_m[0] - run.from_top_m[nodes]
+    index = np.searchsorted(ends, below, side="left")
+    at_places = np.array(figures)[np.minimum(index, len(figures) - 1)]
     return at_places[:, 0], at_places[:, 1]
 
 
@@ -237,15 +237,15 @@ def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpa
     rope = one_rope(ropes)
     n = int(rope.state.counts[rows.ELEMENTS])
     s = rope.state.s[: n + 1]
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
-    span = line_model(rope)._replace(speed=speed_across(scene, place))
+    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
+    span = line_model(rope)._replace(speed=speed_across(scene, position))
     if span.end_mass is not None:
-        x, y, _ = _across(scene, place) ** 2
+        x, y, _ = _across(scene, position) ** 2
         loads = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
-        whole = sum(x * load.Mx + y * load.My for load in loads) / (x + y)
-        span = span._replace(end_mass=float(whole))
-    lengths_m = tuple(float(one.state.s[one.state.counts[rows.ELEMENTS]]) for one in ropes)
-    return SceneSpan(span, place, s[-1] - s, numbers, lengths_m)
+        end_mass = sum(x * load.Mx + y * load.My for load in loads) / (x + y)
+        span = span._replace(end_mass=float(end_mass))
+    lengths_m = tuple(float(item.state.s[item.state.counts[rows.ELEMENTS]]) for item in ropes)
+    return SceneSpan(span, position, s[-1] - s, numbers, lengths_m)
 
 
 def span_of(scene: Scene) -> SceneSpan:
@@ -273,8 +273,8 @@ def span_of(scene: Scene) -> SceneSpan:
     )
     if rest.first == 0:
         normal = _across(scene, rest.place)
-        whole = float(normal @ rest.mass[0] @ normal)
-        span = span._replace(end_mass=max(whole - float(span.node_mass[0]), 0.0))
+        end_mass = float(normal @ rest.mass[0] @ normal)
+        span = span._replace(end_mass=max(end_mass - float(span.node_mass[0]), 0.0))
     length_m = float(unstretched[-1])
     return SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))
 
@@ -285,9 +285,9 @@ def _check_current(scene: Scene) -> None:
         raise SceneError(f"{scene.path}: effects", problem, "add the effect 'current'")
 
 
-def _across(scene: Scene, place: Floats) -> Floats:
-    """Return the unit vector normal to line and current at the lower end; place: (3, nodes)."""
-    water = water_at(scene, place[2]).sum(axis=1)
-    normal = np.cross(water, place[:, 1] - place[:, 0])
+def _across(scene: Scene, position: Floats) -> Floats:
+    """Return the unit vector normal to line and current at the lower end; position: (3, nodes)."""
+    water = water_at(scene, position[2]).sum(axis=1)
+    normal = np.cross(water, position[:, 1] - position[:, 0])
     size = float(np.linalg.norm(normal))
     return normal / size if size > 0.0 else np.array([0.0, 1.0, 0.0])

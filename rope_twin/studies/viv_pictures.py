@@ -42,8 +42,8 @@ def check_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        what = str(error.strerror)
-        raise InputError(str(folder), what, "give a place that can be written") from error
+        problem = str(error.strerror)
+        raise InputError(str(folder), problem, "give a place that can be written") from error
     check_picture(folder / "motion.png")
     try:
         import pyarrow.parquet  # noqa: F401
@@ -54,17 +54,17 @@ def check_folder(folder: Path) -> None:
 
 def write_all(name: str, run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:
     """Write all pictures and tables; return their paths."""
-    drawn = [
+    pictures = [
         _figure(folder / "current.png", f"{name}: what the current can drive", _current, run),
         _figure(folder / "modes.png", f"{name}: modes that move most", _shapes, run),
         _figure(
             folder / "along.png", f"{name}: response along the rope ({SCATTER})",
-            lambda figure, own: _along(figure, own, fatigue), run,
+            lambda figure, data: _along(figure, data, fatigue), run,
         ),
         _figure(folder / "motion.png", f"{name}: motion of the last periods", _motion, run),
         _figure(folder / "spectra.png", f"{name}: spectra along the rope", _spectra, run),
     ]  # fmt: skip
-    return [*drawn, *_tables(run, fatigue, folder)]
+    return [*pictures, *_tables(run, fatigue, folder)]
 
 
 def _figure(path: Path, title: str, draw: Any, run: FrequencyDomainRun) -> Path:
@@ -82,8 +82,8 @@ def _panels(figure: Any, count: int) -> Any:
     axes = np.atleast_1d(figure.subplots(1, count, sharey=True))
     axes[0].set_ylabel("rope below the hang-off [m]")
     axes[0].invert_yaxis()
-    for own in axes:
-        own.grid(True, linewidth=0.3)
+    for panel in axes:
+        panel.grid(True, linewidth=0.3)
     return axes
 
 
@@ -101,13 +101,13 @@ def _current(figure: Any, run: FrequencyDomainRun) -> None:
 
 
 def _shapes(figure: Any, run: FrequencyDomainRun) -> None:
-    most = most_moved(run, SHAPES)
-    axes = _panels(figure, max(len(most), 1))
-    for own, mode in zip(axes, most, strict=False):
-        own.plot(run.response.modes.shape[:, mode], run.from_top_m, linewidth=0.9)
+    largest = most_moved(run, SHAPES)
+    axes = _panels(figure, max(len(largest), 1))
+    for panel, mode in zip(axes, largest, strict=False):
+        panel.plot(run.response.modes.shape[:, mode], run.from_top_m, linewidth=0.9)
         frequency, rms = run.response.frequency[mode], run.modal_rms[mode]
-        own.set_title(f"{mode + 1}: {frequency:.3g} Hz\nrms {rms:.2g} d", fontsize=8)
-        own.set_xticks([])
+        panel.set_title(f"{mode + 1}: {frequency:.3g} Hz\nrms {rms:.2g} d", fontsize=8)
+        panel.set_xticks([])
 
 
 def _along(figure: Any, run: FrequencyDomainRun, fatigue: Fatigue) -> None:
@@ -119,34 +119,34 @@ def _along(figure: Any, run: FrequencyDomainRun, fatigue: Fatigue) -> None:
         (1e-6 * fatigue.stress_rms_pa, fatigue.from_top_m, "bending stress, rms [MPa]"),
         (fatigue.damage_per_year, fatigue.from_top_m, "damage per year"),
     )
-    for own, (values, at, label) in zip(axes, rows, strict=True):
-        own.plot(values, at, linewidth=0.9)
-        own.set_xlabel(label)
+    for panel, (values, depth_m, label) in zip(axes, rows, strict=True):
+        panel.plot(values, depth_m, linewidth=0.9)
+        panel.set_xlabel(label)
     if np.nanmax(fatigue.damage_per_year, initial=0.0) > 0.0:
         axes[-1].set_xscale("log")
 
 
 def _motion(figure: Any, run: FrequencyDomainRun) -> None:
-    places = chosen_places(run, 600)
+    nodes = chosen_places(run, 600)
     frequency = run.frequency_hz().max(initial=0.0)
     step = float(run.time_s[1] - run.time_s[0])
-    shown = run.motion(places)
+    motion = run.motion(nodes)
     if frequency > 0.0:
-        shown = shown[-max(8, int(PERIODS / frequency / step)) :]
-    last, largest = run.time_s[-1], float(np.abs(shown).max(initial=1e-9))
+        motion = motion[-max(8, int(PERIODS / frequency / step)) :]
+    last, largest = run.time_s[-1], float(np.abs(motion).max(initial=1e-9))
     colours = {"cmap": "RdBu_r", "vmin": -largest, "vmax": largest}
-    ends = last - step * len(shown), last
-    _map(figure, shown, ends, run.from_top_m[places.astype(int)], "time [s]", "y/d", **colours)
+    ends = last - step * len(motion), last
+    _map(figure, motion, ends, run.from_top_m[nodes.astype(int)], "time [s]", "y/d", **colours)
 
 
 def _spectra(figure: Any, run: FrequencyDomainRun) -> None:
-    places = chosen_places(run)
-    frequency, power = run.spectra(places)
+    nodes = chosen_places(run)
+    frequency, power = run.spectra(nodes)
     if (mean_hz := float(run.frequency_hz().max(initial=0.0))) > 0.0:
-        some = frequency < ABOVE * mean_hz
-        frequency, power = frequency[some], power[some]
+        is_shown = frequency < ABOVE * mean_hz
+        frequency, power = frequency[is_shown], power[is_shown]
     level = np.log10(np.maximum(power, 1e-6 * float(power.max(initial=1e-30))))
-    ends, top = (float(frequency[0]), float(frequency[-1])), run.from_top_m[places.astype(int)]
+    ends, top = (float(frequency[0]), float(frequency[-1])), run.from_top_m[nodes.astype(int)]
     _map(figure, level, ends, top, "frequency [Hz]", "log10 of power [d²/Hz]")
 
 
@@ -166,7 +166,7 @@ def _map(
 def _tables(run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Path]:
     """Return the results along the rope, of the modes, and the motion over time at some places."""
     span, water = run.response.span, run.response.shedding
-    along = {
+    profile = {
         "from_hang_off_m": run.from_top_m,
         "speed_across_m_per_s": span.speed,
         "strouhal_hz": water.strouhal * span.speed / span.diameter,
@@ -185,13 +185,13 @@ def _tables(run: FrequencyDomainRun, fatigue: Fatigue, folder: Path) -> list[Pat
         "driven_m": run.response.zones.T @ span.node_length,
         "rms_diameters": run.modal_rms,
     }
-    places = chosen_places(run, 60)
+    nodes = chosen_places(run, 60)
     motion = {"time_s": run.time_s[run.first :]}
-    for number, column in zip(places.astype(int), run.motion(places).T, strict=True):
+    for number, column in zip(nodes.astype(int), run.motion(nodes).T, strict=True):
         motion[f"y_over_d_at_{run.from_top_m[number]:.2f}_m"] = column
     return [
         write_table(folder / f"{name}.parquet", columns)
-        for name, columns in (("along", along), ("modes", modes), ("motion", motion))
+        for name, columns in (("along", profile), ("modes", modes), ("motion", motion))
     ]
 
 
@@ -220,8 +220,8 @@ def _driven_hz(run: FrequencyDomainRun) -> Any:
     zones = run.response.zones
     if not zones.size:
         return np.zeros(len(zones))
-    most = run.response.frequency[zones.argmax(axis=1)]
-    return np.where(zones.any(axis=1), most, 0.0)
+    driven_hz = run.response.frequency[zones.argmax(axis=1)]
+    return np.where(zones.any(axis=1), driven_hz, 0.0)
 
 
 def write_time_domain(run: TimeDomainRun, folder: Path) -> list[Path]:
@@ -242,16 +242,16 @@ def write_time_domain(run: TimeDomainRun, folder: Path) -> list[Path]:
 def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
     """Return the results as numbers by name."""
     across, with_flow = run.rms
-    at = int(across.argmax())
+    largest = int(across.argmax())
     known, spectrum = run.fatigue is not None, run.spectrum
     return {
         "model": run.model,
         "steady_s": float(len(run.time_s) * run.every_s),
         "vortices_hz": run.vortices_hz,
-        "rms_max_diameters": float(across[at]),
-        "rms_max_at_m": float(run.from_hang_off_m[at]),
+        "rms_max_diameters": float(across[largest]),
+        "rms_max_at_m": float(run.from_hang_off_m[largest]),
         "rms_mean_diameters": float(across.mean()),
-        "frequency_there_hz": float(run.frequency_hz[0, at]),
+        "frequency_there_hz": float(run.frequency_hz[0, largest]),
         "spectrum_centre_hz": spectrum.centre_hz,
         "spectrum_bandwidth_hz": spectrum.bandwidth_hz,
         "modulation": run.modulation,
@@ -271,35 +271,36 @@ def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
 
 def time_domain_words(run: TimeDomainRun) -> str:
     """Return the results as text."""
-    one = time_domain_figures(run)
+    figures = time_domain_figures(run)
     in_line = "not in the model"
     if run.in_line:
-        in_line = f"{one['in_line_rms_max_diameters']:.3g}"
+        in_line = f"{figures['in_line_rms_max_diameters']:.3g}"
     cause = "relative velocity" if run.in_line else "drag amplification"
-    words = (
-        f"{run.model}, last {one['steady_s']:.4g} s: maximum rms A/D "
-        f"{one['rms_max_diameters']:.3g} at {one['rms_max_at_m']:.4g} m below the hang-off, "
-        f"{one['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
-        f"mean rms A/D {one['rms_mean_diameters']:.3g}; spectrum about "
-        f"{one['spectrum_centre_hz']:.3g} Hz, bandwidth {one['spectrum_bandwidth_hz']:.2g} Hz; "
-        f"modulation {one['modulation']:.0%}\n"
+    text = (
+        f"{run.model}, last {figures['steady_s']:.4g} s: maximum rms A/D "
+        f"{figures['rms_max_diameters']:.3g} at {figures['rms_max_at_m']:.4g} m below the "
+        f"hang-off, {figures['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
+        f"mean rms A/D {figures['rms_mean_diameters']:.3g}; spectrum about "
+        f"{figures['spectrum_centre_hz']:.3g} Hz, bandwidth "
+        f"{figures['spectrum_bandwidth_hz']:.2g} Hz; modulation {figures['modulation']:.0%}\n"
         f"{_unsettled(run.growth)}"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
-        f"top tension {1e-3 * one['tension_top_min_n']:.4g} to "
-        f"{1e-3 * one['tension_top_max_n']:.4g} kN, mean {1e-3 * one['tension_top_mean_n']:.4g}\n"
-        f"drag amplification at most {one['drag_amplification_max']:.3g}, mean "
-        f"{one['drag_amplification_mean']:.3g}, by the model's {cause} "
-        f"(Vandiver 1983 for this motion: {one['drag_amplification_vandiver_max']:.3g})\n"
-        f"{strain_words(one['strain_rms_max'])}"
+        f"top tension {1e-3 * figures['tension_top_min_n']:.4g} to "
+        f"{1e-3 * figures['tension_top_max_n']:.4g} kN, "
+        f"mean {1e-3 * figures['tension_top_mean_n']:.4g}\n"
+        f"drag amplification at most {figures['drag_amplification_max']:.3g}, mean "
+        f"{figures['drag_amplification_mean']:.3g}, by the model's {cause} "
+        f"(Vandiver 1983 for this motion: {figures['drag_amplification_vandiver_max']:.3g})\n"
+        f"{strain_words(figures['strain_rms_max'])}"
     )
     if run.fatigue is None:
         return (
-            f"{words}\nno bending stress: that needs steel rope or a pipe, with `bending` in the "
+            f"{text}\nno bending stress: that needs steel rope or a pipe, with `bending` in the "
             "scene"
         )
     return (
-        f"{words}\nbending stress at most {1e-6 * one['stress_rms_max_pa']:.3g} MPa rms, Miner "
-        f"damage of tension and bending {one['damage_per_year_max']:.3g} per year; a stranded "
+        f"{text}\nbending stress at most {1e-6 * figures['stress_rms_max_pa']:.3g} MPa rms, Miner "
+        f"damage of tension and bending {figures['damage_per_year_max']:.3g} per year; a stranded "
         "rope counts as solid: an upper bound"
     )
 
@@ -327,7 +328,7 @@ def _panels_along(run: TimeDomainRun) -> list[Panel]:
         return Panel(title, x, BELOW, tuple(Line(values, depth, label) for values, label in lines))
 
     sides = ("across the flow", "in line") if run.in_line else ("across the flow",)
-    moving_hz = [where_it_moves(*own) for own in zip(run.frequency_hz, run.rms, strict=True)]
+    moving_hz = [where_it_moves(*pair) for pair in zip(run.frequency_hz, run.rms, strict=True)]
     damaged = run.damage_per_year > 0.0
     damage = np.log10(run.damage_per_year, out=np.full(len(damaged), np.nan), where=damaged)
     return [
@@ -347,8 +348,8 @@ def _panels_in_time(run: TimeDomainRun) -> list[Panel]:
     shown = slice(-min(max(8, round(PERIODS * samples)), len(run.time_s)), None)
     times = (float(run.time_s[shown][0]), float(run.time_s[shown][-1]))
     frequency, power = run.spectra()
-    some = frequency < ABOVE * mean_hz
-    level = np.log10(np.maximum(power[some], 1e-6 * power.max()))
+    is_shown = frequency < ABOVE * mean_hz
+    level = np.log10(np.maximum(power[is_shown], 1e-6 * power.max()))
     with_flow = Panel("in line with it", "time [s]", BELOW,
                       field=Field(run.motion[1, shown].T[::-1], times, depth, "x/d"))  # fmt: skip
     return [
@@ -356,7 +357,7 @@ def _panels_in_time(run: TimeDomainRun) -> list[Panel]:
               field=Field(run.motion[0, shown].T[::-1], times, depth, "y/d")),
         *([with_flow] if run.in_line else []),
         Panel("spectra across the flow", "[Hz]", BELOW,
-              field=Field(level.T[::-1], (0.0, float(frequency[some][-1])), depth,
+              field=Field(level.T[::-1], (0.0, float(frequency[is_shown][-1])), depth,
                           "log10 of power [d²/Hz]")),
         Panel(f"rms over {WINDOW_S:g} s, all places", "time [s]", "rms/d", (Line(*run.size),)),
         Panel("top tension", "time [s]", "[kN]",
@@ -381,24 +382,24 @@ def _along_table(run: TimeDomainRun) -> dict[str, Any]:
 
 def _motion_table(run: TimeDomainRun) -> dict[str, Any]:
     columns: dict[str, Any] = {"time_s": run.time_s, "tension_top_n": run.tension_top_n}
-    places = np.unique(np.linspace(0, len(run.from_hang_off_m) - 1, COLUMNS).round()).astype(int)
-    for place in places:
-        at = f"{run.from_hang_off_m[place]:.2f}_m"
-        columns[f"y_over_d_at_{at}"] = run.motion[0, :, place]
+    nodes = np.unique(np.linspace(0, len(run.from_hang_off_m) - 1, COLUMNS).round()).astype(int)
+    for node in nodes:
+        label = f"{run.from_hang_off_m[node]:.2f}_m"
+        columns[f"y_over_d_at_{label}"] = run.motion[0, :, node]
         if run.in_line:
-            columns[f"x_over_d_at_{at}"] = run.motion[1, :, place]
+            columns[f"x_over_d_at_{label}"] = run.motion[1, :, node]
     return columns
 
 
-def _mode_panels(count: int, wide: float) -> tuple[Any, Any]:
+def _mode_panels(count: int, panel_width: float) -> tuple[Any, Any]:
     """Return a figure and its panels side by side, so many inches wide each."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(wide * count + 1.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(panel_width * count + 1.0, 5.0), layout="constrained")
     return figure, np.atleast_1d(figure.subplots(1, count, sharey=True))
 
 
-def draw_modes(scene: str, found: Modes | SystemModes, path: Path) -> None:
+def draw_modes(scene: str, result: Modes | SystemModes, path: Path) -> None:
     """Draw a panel per mode: amplitude along the rope, signed by its main direction.
 
     Of a multi-line system the ropes at rest in side view, and displaced by the mode.
@@ -407,59 +408,59 @@ def draw_modes(scene: str, found: Modes | SystemModes, path: Path) -> None:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    figure = _system_figure(found) if isinstance(found, SystemModes) else _rope_figure(found)
-    drawn = " (grey), motion drawn large" if isinstance(found, SystemModes) else ""
-    figure.suptitle(f"{scene}: natural modes about rest{drawn}")
+    figure = _system_figure(result) if isinstance(result, SystemModes) else _rope_figure(result)
+    remark = " (grey), motion drawn large" if isinstance(result, SystemModes) else ""
+    figure.suptitle(f"{scene}: natural modes about rest{remark}")
     write_picture(figure, path, 110)
 
 
-def _rope_figure(found: Modes) -> Any:
-    modes = [*found.lowest, *found.axial]
+def _rope_figure(result: Modes) -> Any:
+    modes = [*result.lowest, *result.axial]
     figure, panels = _mode_panels(len(modes), 1.2)
-    span = np.linalg.norm(np.diff(found.place, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(span)])
+    span = np.linalg.norm(np.diff(result.place, axis=0), axis=1)
+    arc_length = np.concatenate([[0.0], np.cumsum(span)])
     for axes, mode in zip(panels, modes, strict=True):
-        _draw(axes, mode, along)
+        _draw(axes, mode, arc_length)
     panels[0].set_ylabel("along the rope from the hang-off [m]")
     panels[0].invert_yaxis()
     return figure
 
 
-def _draw(axes: Any, mode: Mode, along: Any) -> None:
+def _draw(axes: Any, mode: Mode, arc_length: Any) -> None:
     axis = mode.shape[np.abs(mode.shape).max(axis=1).argmax()]
     sign = np.sign(mode.shape @ axis)
     motion = sign * np.linalg.norm(mode.shape, axis=1)
-    axes.plot(motion, along, color=_COLOURS[mode.kind], linewidth=1.2)
+    axes.plot(motion, arc_length, color=_COLOURS[mode.kind], linewidth=1.2)
     axes.axvline(0.0, color="0.7", linewidth=0.6)
     axes.set_title(f"{mode.kind}\n{mode.period_s:.3g} s", fontsize=8)
     axes.set_xlim(-1.1, 1.1)
     axes.set_xticks([])
 
 
-def _system_figure(found: SystemModes) -> Any:
-    modes = [*found.lowest, *found.stretching]
+def _system_figure(result: SystemModes) -> Any:
+    modes = [*result.lowest, *result.stretching]
     figure, panels = _mode_panels(len(modes), 1.5)
-    places = [line.place[:, ::-1].T for line in found.still.lines]
-    corners = np.concatenate(places)
+    positions = [line.place[:, ::-1].T for line in result.still.lines]
+    corners = np.concatenate(positions)
     size = float(np.ptp(corners, axis=0).max())
     for axes, mode in zip(panels, modes, strict=True):
-        _draw_system(axes, mode, places, size)
+        _draw_system(axes, mode, positions, size)
     panels[0].set_ylabel("z [m]")
-    names = [line.name for line in found.still.lines]
+    names = [line.name for line in result.still.lines]
     panels[-1].legend(names, fontsize=6, loc="lower right")
     return figure
 
 
-def _draw_system(axes: Any, mode: SystemMode, places: list[Floats], size: float) -> None:
+def _draw_system(axes: Any, mode: SystemMode, positions: list[Floats], size: float) -> None:
     """Draw a system along x or y, whichever shows more of the motion."""
     motion = np.concatenate(mode.shapes)
     side = int((motion[:, :2] ** 2).sum(axis=0).argmax())
-    for k, (place, shape) in enumerate(zip(places, mode.shapes, strict=True)):
-        moved = place + 0.08 * size * shape
-        axes.plot(moved[:, side], moved[:, 2], color=_ROPES[k % len(_ROPES)], linewidth=1.2)
-    for place in places:
-        axes.plot(place[:, side], place[:, 2], color="0.75", linewidth=0.6, zorder=0)
-    at_rest = np.concatenate(places)[:, side]
+    for k, (position, shape) in enumerate(zip(positions, mode.shapes, strict=True)):
+        displaced = position + 0.08 * size * shape
+        axes.plot(displaced[:, side], displaced[:, 2], color=_ROPES[k % len(_ROPES)], linewidth=1.2)
+    for position in positions:
+        axes.plot(position[:, side], position[:, 2], color="0.75", linewidth=0.6, zorder=0)
+    at_rest = np.concatenate(positions)[:, side]
     middle, reach = 0.5 * (at_rest.min() + at_rest.max()), 0.5 * np.ptp(at_rest) + 0.1 * size
     axes.set_xlim(middle - reach, middle + reach)
     period = f"{mode.period_s:.3g} s" if mode.kind != UNHELD else "no period"

@@ -69,8 +69,8 @@ class SampledRope(NamedTuple):
         The upper end is the core's last node, except where a rope ends at a sheave.
         """
         marks, scene = self.marks, self.twin.scene
-        at = np.linspace(marks[-1], marks[0], PLACES)
-        return at[::-1] if runs_over_sheave(scene, scene.ropes[self.number]) else at
+        places = np.linspace(marks[-1], marks[0], PLACES)
+        return places[::-1] if runs_over_sheave(scene, scene.ropes[self.number]) else places
 
 
 def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
@@ -140,18 +140,18 @@ class _NodeSampler:
 
     def sample(self) -> Sample:
         """Take a sample."""
-        rope, s, at = self.rope.now, self.rope.marks, self.rope.places
-        place = _at(at, s, rope.state.nodes[_PLACE, : len(s)])
+        rope, s, places = self.rope.now, self.rope.marks, self.rope.places
+        position = _at(places, s, rope.state.nodes[_PLACE, : len(s)])
         if self._split is None:
             self._split = _sides(self.rope)
-        moved = np.einsum("skp,kp->sp", self._split, place)
-        bent = _at(at, s, curvature(rope)[1])
-        return Sample(moved, _at(at, s, _across(rope, s)), np.ones(PLACES), bent)
+        motion = np.einsum("skp,kp->sp", self._split, position)
+        bending = _at(places, s, curvature(rope)[1])
+        return Sample(motion, _at(places, s, _across(rope, s)), np.ones(PLACES), bending)
 
     def bent(self, middles: Floats) -> Floats:
         """Return the curvature at material coordinates [1/m], (2, places)."""
-        s, own = curvature(self.rope.now)
-        return _at(middles, s, own)
+        s, curvatures = curvature(self.rope.now)
+        return _at(middles, s, curvatures)
 
 
 class _ModelSampler:
@@ -166,21 +166,21 @@ class _ModelSampler:
         return self._viv_drag.steps_to_sampling(self.rope.twin.steps)
 
     def sample(self) -> Sample:
-        rope, s, at = self.rope.now, self.rope.marks, self.rope.places
+        rope, s, places = self.rope.now, self.rope.marks, self.rope.places
         tracker = self._viv_drag.trackers[self.rope.number]
-        moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
+        motion = np.stack([tracker.moved(rope, places), np.full(PLACES, np.nan)])
         amplified = self._viv_drag.drag_amplification(rope, self.rope.number)
-        across = _at(at, s, _across(rope, s))
-        return Sample(moved, across, np.interp(at, s, amplified), self.bent(at))
+        across = _at(places, s, _across(rope, s))
+        return Sample(motion, across, np.interp(places, s, amplified), self.bent(places))
 
     def bent(self, middles: Floats) -> Floats:
         """Return the curvature of the model, and of the rope if the scene lists its bending."""
         rope = self.rope.now
-        bent = self._viv_drag.trackers[self.rope.number].bent(rope, middles)
+        total = self._viv_drag.trackers[self.rope.number].bent(rope, middles)
         if bending_stiffness(rope.effects) > 0.0:
-            s, own = curvature(rope)
-            bent = bent + _at(middles, s, own)
-        return bent
+            s, curvatures = curvature(rope)
+            total = total + _at(middles, s, curvatures)
+        return total
 
 
 Sampler = _NodeSampler | _ModelSampler
@@ -188,8 +188,8 @@ Sampler = _NodeSampler | _ModelSampler
 
 def _across(rope: Rope, marks: Floats) -> Floats:
     """Return the water's velocity relative to the rope, normal to it, at its nodes, (3, nodes)."""
-    along, flow = tangents(rope.state.nodes[_PLACE, : len(marks)]), relative_flow(rope)
-    return np.asarray(flow - (flow * along).sum(axis=0) * along)
+    tangent, flow = tangents(rope.state.nodes[_PLACE, : len(marks)]), relative_flow(rope)
+    return np.asarray(flow - (flow * tangent).sum(axis=0) * tangent)
 
 
 def _at(places: Floats, s: Floats, values: Floats) -> Floats:
@@ -199,8 +199,8 @@ def _at(places: Floats, s: Floats, values: Floats) -> Floats:
 
 def _sides(rope: SampledRope) -> Floats:
     """Return unit vectors normal to the rope, across and along the flow, (2, 3, places)."""
-    s, now = rope.marks, rope.now
-    water = now.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
+    s, stepped = rope.marks, rope.now
+    water = stepped.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
     water[:, -1] = water[:, -2]
-    both = flow_directions(now.state.nodes[_PLACE, : len(s)], water)
-    return np.stack([_at(rope.places, s, own) for own in both])
+    directions = flow_directions(stepped.state.nodes[_PLACE, : len(s)], water)
+    return np.stack([_at(rope.places, s, direction) for direction in directions])

@@ -101,11 +101,11 @@ class TimeDomainRun:
         1: settled; else it still builds up or fades, or swells slowly. NaN: nothing moved at first.
         """
         middle = len(self.time_s) // 2
-        early, late = (
+        early_rms, late_rms = (
             float(np.sqrt(part.var(axis=0).mean()))
             for part in (self.motion[0, :middle], self.motion[0, middle:])
         )
-        return late / early if early > 0.0 else float("nan")
+        return late_rms / early_rms if early_rms > 0.0 else float("nan")
 
     @property
     def in_line(self) -> bool:
@@ -126,8 +126,8 @@ class TimeDomainRun:
         """Return Miner's sum per year of such a run; NaN where no stress is known, (places,)."""
         if self.fatigue is None:
             return np.full(len(self.from_hang_off_m), np.nan)
-        own, used = self.fatigue.from_hang_off_m[::-1], self.fatigue.used[::-1]
-        return np.interp(self.from_hang_off_m, own, used) * YEAR_S / self.fatigue.counted_s
+        distance_m, damage = self.fatigue.from_hang_off_m[::-1], self.fatigue.used[::-1]
+        return np.interp(self.from_hang_off_m, distance_m, damage) * YEAR_S / self.fatigue.counted_s
 
     @property
     def vandiver(self) -> Floats:
@@ -139,10 +139,10 @@ class TimeDomainRun:
         from scipy.signal import welch
 
         length = max(16, len(self.time_s) // 2)
-        found: tuple[Floats, Floats] = welch(
+        spectra: tuple[Floats, Floats] = welch(
             self.motion[0], fs=1.0 / self.every_s, nperseg=length, axis=0
         )
-        return found
+        return spectra
 
     @property
     def spectrum(self) -> Spectrum:
@@ -152,9 +152,9 @@ class TimeDomainRun:
         length = min(len(self.time_s), round(SPECTRUM_S / self.every_s))
         frequency, power = welch(self.motion[0], fs=1.0 / self.every_s, nperseg=length, axis=0)
         frequency, power = frequency[1:], power[1:].mean(axis=1)
-        whole = power.sum() or 1.0
-        centre = float((power * frequency).sum() / whole)
-        width = float(np.sqrt((power * (frequency - centre) ** 2).sum() / whole))
+        total = power.sum() or 1.0
+        centre = float((power * frequency).sum() / total)
+        width = float(np.sqrt((power * (frequency - centre) ** 2).sum() / total))
         return Spectrum(centre, width)
 
     @property
@@ -182,20 +182,20 @@ def with_model(scene: Scene, strouhal: float | None = None, damping: float | Non
     Raises:
         InputError: a value is given, and the scene lists another model.
     """
-    given = strouhal is not None or damping is not None
-    own, model = scene.listed(ModalVibrationParams), shedding_model(scene)
-    if model and own is None and given:
+    is_adjusted = strouhal is not None or damping is not None
+    listed, model = scene.listed(ModalVibrationParams), shedding_model(scene)
+    if model and listed is None and is_adjusted:
         problem = f"the scene's own {model} is not the modal model"
         raise InputError("--strouhal, --damping", problem, "leave them out")
-    if model and not given:
+    if model and not is_adjusted:
         return scene
-    params = own or ModalVibrationParams()
+    params = listed or ModalVibrationParams()
     params = replace(
         params,
         strouhal=params.strouhal if strouhal is None else strouhal,
         damping_fraction=params.damping_fraction if damping is None else damping,
     )
-    others = tuple(effect for effect in scene.effects if effect is not own)
+    others = tuple(effect for effect in scene.effects if effect is not listed)
     return with_effect(replace(scene, effects=others), params)
 
 
@@ -210,11 +210,13 @@ class _SampledLine:
     seen: list[tuple[float, float, Sample]]  # time, top tension
     marks: tuple[float, float] = (0.0, 0.0)  # material coordinates of its ends, upper one first
 
-    def take(self, shot: Snapshot, counts: bool) -> None:
+    def take(self, snapshot: Snapshot, counts: bool) -> None:
         """Take an instant; counts: whether it belongs to the steady part."""
         rope = self.sampler.rope
-        pull_n = shot.ropes[rope.number].tension_top_n if shot.ropes else shot.tension_top_n
-        self.seen.append((shot.time_s, pull_n, self.sampler.sample()))
+        pull_n = (
+            snapshot.ropes[rope.number].tension_top_n if snapshot.ropes else snapshot.tension_top_n
+        )
+        self.seen.append((snapshot.time_s, pull_n, self.sampler.sample()))
         if not counts:
             return
         places = rope.places
@@ -226,17 +228,17 @@ class _SampledLine:
         """Return what was seen between two times."""
         top, low = self.marks
         length_m = abs(top - low)
-        from_top, at = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
+        from_top, marks = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
         EI = bending_stiffness(self.sampler.rope.now.effects)
-        diameter, radius, stiff = _figures(self.line, at, EI)
-        times, pulls, moved, *others = _even(self.seen)
+        diameter, radius, stiff = _figures(self.line, marks, EI)
+        times, pulls, displacement, *others = _even(self.seen)
         every_s = float(times[-1] - times[0]) / (len(times) - 1)
-        motion = moved.transpose(1, 0, 2) / diameter
+        motion = displacement.transpose(1, 0, 2) / diameter
         if self.sampler.has_slow_parts:
             motion = _fast(motion, self.hz, every_s)
         steady = (from_s <= times) & (times <= until_s)
-        across, amplified, bent = (part[steady] for part in others)
-        worst = _worst_rms(bent)
+        across, amplified, curvature = (part[steady] for part in others)
+        curvature_rms = _worst_rms(curvature)
         fatigue = None
         if self.damage is not None:
             fatigue = self.damage.shot(length_m, float(steady.sum() * every_s))
@@ -245,7 +247,7 @@ class _SampledLine:
         return TimeDomainRun(
             scene.name, self.line.name, shedding_model(scene), self.hz, every_s, from_top,
             times[steady], motion[:, steady], pulls[steady], _amplification(across, amplified),
-            radius * worst, stiff * worst, fatigue,
+            radius * curvature_rms, stiff * curvature_rms, fatigue,
         )  # fmt: skip
 
 
@@ -282,17 +284,17 @@ def run_time_domain(scene: Scene, duration_s: float, curve: str) -> list[TimeDom
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     lines = [
-        _SampledLine(line, own or hz, sampler, _new_damage(scene, line, sampler, curve), [])
-        for line, own, sampler in zip(scene.ropes, own_hz, samplers_of(twin, hz), strict=True)
+        _SampledLine(line, line_hz or hz, sampler, _new_damage(scene, line, sampler, curve), [])
+        for line, line_hz, sampler in zip(scene.ropes, own_hz, samplers_of(twin, hz), strict=True)
     ]
     first = lines[0].sampler
     around_s = AROUND_PERIODS / hz if first.has_slow_parts else 0.0
     from_s = STEADY * duration_s
-    for shot in advance_by(twin, heave, duration_s + around_s, speeds, first.steps):
-        if shot.time_s >= from_s - around_s:
-            for one in lines:
-                one.take(shot, from_s <= shot.time_s <= duration_s)
-    return [one.result(scene, from_s, duration_s) for one in lines]
+    for snapshot in advance_by(twin, heave, duration_s + around_s, speeds, first.steps):
+        if snapshot.time_s >= from_s - around_s:
+            for sampled_line in lines:
+                sampled_line.take(snapshot, from_s <= snapshot.time_s <= duration_s)
+    return [sampled_line.result(scene, from_s, duration_s) for sampled_line in lines]
 
 
 def refuse_short(duration_s: float, vortices_hz: float) -> None:
@@ -301,15 +303,15 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
     Raises:
         InputError: the run is too short.
     """
-    least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
-    if duration_s < least:
+    min_s = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
+    if duration_s < min_s:
         problem = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
-        raise InputError("--duration", problem, f"give {math.ceil(least)} or more")
+        raise InputError("--duration", problem, f"give {math.ceil(min_s)} or more")
 
 
-def _even(seen: list[tuple[float, float, Sample]]) -> list[Floats]:
+def _even(observations: list[tuple[float, float, Sample]]) -> list[Floats]:
     """Return times, top tensions and the fields of the samples at equal intervals, time first."""
-    times, pulls, samples = zip(*seen, strict=True)
+    times, pulls, samples = zip(*observations, strict=True)
     parts = zip(*samples, strict=True)
     return resampled(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
@@ -327,7 +329,7 @@ def expected_hz(scene: Scene) -> list[float]:
             _from_place(alone(scene, number), tops[line.from_])
             for number, line in enumerate(scene.ropes)
         ]
-    paces = [expected_pace(one, lift_figures(one)) for one in scenes]
+    paces = [expected_pace(line_scene, lift_figures(line_scene)) for line_scene in scenes]
     if not any(paces):
         problem = "nothing flows, so no vortices"
         raise SceneError(f"{scene.path}: effects", problem, "give 'current' a speed")
@@ -345,12 +347,12 @@ def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats, 
 
     A coating makes the hydrodynamic diameter larger than d.
     """
-    made = [section.rope for section in line.made_of]
-    which = np.minimum(np.searchsorted(ends_m(line), marks, side="right"), len(made) - 1)
-    diameter = np.array([rope.hydrodynamic_diameter_m for rope in made])
-    radius = np.array([0.5 * rope.diameter_m for rope in made])
-    stiff = radius * [rope.tangent_n(0.0) / metal_area(rope, EI) for rope in made]
-    return diameter[which], radius[which], stiff[which]
+    ropes = [section.rope for section in line.made_of]
+    index = np.minimum(np.searchsorted(ends_m(line), marks, side="right"), len(ropes) - 1)
+    diameter = np.array([rope.hydrodynamic_diameter_m for rope in ropes])
+    radius = np.array([0.5 * rope.diameter_m for rope in ropes])
+    stiff = radius * [rope.tangent_n(0.0) / metal_area(rope, EI) for rope in ropes]
+    return diameter[index], radius[index], stiff[index]
 
 
 def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> RopeDamage | None:
@@ -359,8 +361,8 @@ def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> R
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
     winch = winch_of(scene, line)
-    most = winch.most_line_out_m if winch else line.length_m
-    return RopeDamage(line, ends_m(line), most, DamageSettings(curve, True), EI)
+    max_line_m = winch.most_line_out_m if winch else line.length_m
+    return RopeDamage(line, ends_m(line), max_line_m, DamageSettings(curve, True), EI)
 
 
 def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
@@ -381,19 +383,19 @@ def _amplification(across: Floats, amplified: Floats) -> Floats:
     """
     speed = np.sqrt((across * across).sum(axis=1, keepdims=True))
     drag, mean = (amplified[:, None] * speed * across).mean(axis=0), across.mean(axis=0)
-    still = (mean * mean).sum(axis=0)
-    flows = still > 1e-12
-    vibrating = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
-    return np.where(flows, vibrating / np.where(flows, still, 1.0), 1.0)
+    speed_squared = (mean * mean).sum(axis=0)
+    flows = speed_squared > 1e-12
+    vibrating = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, speed_squared, 1.0))
+    return np.where(flows, vibrating / np.where(flows, speed_squared, 1.0), 1.0)
 
 
-def _worst_rms(bent: Floats) -> Floats:
+def _worst_rms(curvature: Floats) -> Floats:
     """Return the largest standard deviation of vectors (times, 2, places) over direction,
     (places,).
     """
-    off = bent - bent.mean(axis=0)
-    xx, yy = (off * off).mean(axis=0)
-    xy = (off[:, 0] * off[:, 1]).mean(axis=0)
+    deviation = curvature - curvature.mean(axis=0)
+    xx, yy = (deviation * deviation).mean(axis=0)
+    xy = (deviation[:, 0] * deviation[:, 1]).mean(axis=0)
     return np.asarray(np.sqrt(0.5 * (xx + yy + np.sqrt((xx - yy) ** 2 + 4.0 * xy * xy))))
 
 
