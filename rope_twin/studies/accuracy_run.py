@@ -144,7 +144,7 @@ def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
 
 
 class Trial:
-    """The rope or ropes of a course at one setting, at rest, ready to be run again and again.
+    """Rope or ropes of a course at one setting, at rest; can be run repeatedly.
 
     Raises:
         SceneError: the scene cannot be built so, or there is no equilibrium.
@@ -161,7 +161,7 @@ class Trial:
         self._tension = np.zeros(self._steps)
 
     def look(self) -> Series:
-        """Run it, with a look along the rope now and then.
+        """Run the course; sample depth and slack every `look_s`.
 
         Raises:
             SolverError: a step that is not finite.

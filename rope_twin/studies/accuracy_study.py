@@ -180,7 +180,7 @@ class Doubt:
 
 @dataclass(frozen=True)
 class Reference:
-    """The finest run, what it found, and how far to trust it."""
+    """Finest run, its results and their uncertainty."""
 
     setting: Setting
     series: Series

@@ -435,7 +435,7 @@ def without_body(rope: Rope) -> Rope:
 
 
 def _held_otherwise(body: RigidBody, pose: Pose) -> str:
-    """Return what else but slings and water carries the body; or ""."""
+    """Return what carries the body besides slings and water; or ""."""
     if body.stage[at.WET] < 1.0:
         return "the body is not fully submerged, and a floating one has other modes"
     deck, bed = part_of(body, Deck), part_of(body, PlaneBed, GridBed)

@@ -152,7 +152,7 @@ _NOT_OF_INPUTS = ("simulation: pacing", "simulation: start-up")
 
 
 class LoneTwin:
-    """A twin behind its border on a clock that nobody waits for: as paced, and faster."""
+    """A twin behind its border on a simulated clock: as in a paced run, but faster."""
 
     def __init__(self, scene: Scene, monitors: Monitors = NO_MONITORS) -> None:
         """Make the twin of a run.
@@ -205,7 +205,7 @@ class LoneTwin:
         return self.look()
 
     def look(self) -> Snapshot:
-        """Return a snapshot of the present."""
+        """Return the current snapshot."""
         self._last = self._inputs.snapshot()
         return self._last
 
@@ -350,7 +350,7 @@ def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
 
 
 def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[str, Fault]]:
-    """Return each run's input and fault; inputs that the scene has no use for are left out."""
+    """Return each run's input and fault, without inputs that the scene does not use."""
     traffic = {WINCH: commands(scene, 0.1), CURRENT: profiles(scene, 0.1)}
     topics = [topic for topic in inputs if topic not in traffic or traffic[topic]]
     return [(topic, fault) for topic in topics for fault in faults_of(topic)

@@ -1,4 +1,4 @@
-"""The runs of a study: what each variable is in each, and what that makes of the scene.
+"""Runs of a study: the value of each variable in each run, and the scene that results.
 
 A run of a multi-line scene is a twin of its own, with results by rope. The tension of a rope is
 that at its upper end, or at its sheave. Figures of the top tension without the name of a rope are
@@ -467,7 +467,7 @@ def _row(scene: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
 
 
 def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) -> None:
-    """Step the twin to the end; its ropes are sampled for fatigue at the intervals wished for."""
+    """Step the twin to the end; its ropes are sampled for fatigue at the requested intervals."""
     slot = steps_in_slot(twin.step_s)
     every = round(wish.sample_s / twin.step_s) if wish is not None else slot
     for _ in feed(twin, seconds, math.gcd(every, slot)):
@@ -530,7 +530,7 @@ def _damage(scene: Scene, counts: Counts) -> Row:
 
 
 def _most_bent(damage: MaterialFatigue) -> Row:
-    """Return what the most bent metre of a rope has had; empty: it runs over nothing."""
+    """Return bends and damage of the most bent metre of a rope; empty: it runs over no sheave."""
     if damage.bent is None:
         return {}
     node = damage.most_bent

@@ -45,7 +45,7 @@ CHANGED = "; the convergence study is of the scene before its numbers were varie
 
 @dataclass(frozen=True)
 class Batch:
-    """Runs of one scene; all that a worker needs to know."""
+    """Runs of one scene; the complete input of a worker."""
 
     scene: Scene
     runs: tuple[StudyRun, ...]
@@ -223,7 +223,7 @@ class RowFolder:
         return [row_of_run[number] for number in sorted(row_of_run)]
 
     def close_rows(self) -> Path:
-        """Make one file of all rows; the path of it."""
+        """Write all rows to one file; return its path."""
         parts = [path for path in self._files() if path.name != WHOLE]
         table = self._folder / WHOLE
         if parts:

@@ -161,7 +161,7 @@ COLOURS = {"main": "tab:blue", "haulback": "tab:red"}
 
 
 def draw_lines(name: str, calm: LineRun, rough: LineRun, label: str, path: Path) -> None:
-    """Write it; label: of the rough run.
+    """Write the picture; label: of the rough run.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.

@@ -34,7 +34,7 @@ _COLOURS = {"axial": "#d55e00", "in-plane": "#0072b2", "out-of-plane": "#009e73"
 
 
 def check_folder(folder: Path) -> None:
-    """Make it, and see that pictures and tables can be made at all.
+    """Make the folder, and check that pictures and tables can be written.
 
     Raises:
         InputError: it cannot be made, or matplotlib or pyarrow is not there.

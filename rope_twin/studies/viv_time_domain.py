@@ -225,7 +225,7 @@ class _SampledLine:
             self.damage.take(rope.now, pull_n, self.sampler.bent(self.damage.middles))
 
     def result(self, scene: Scene, from_s: float, until_s: float) -> TimeDomainRun:
-        """Return what was seen between two times."""
+        """Return the results between two times."""
         top, low = self.marks
         length_m = abs(top - low)
         from_top, marks = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
