@@ -41,8 +41,8 @@ def solver_version(scene: Scene) -> str:
     several ropes it includes the version of connections beyond 1.
     """
     listed = {type(params) for params in scene.effects}
-    changed = [f"{one.name} {one.version}" for one in EFFECTS
-               if one.params in listed and one.version > 1]  # fmt: skip
+    changed = [f"{effect.name} {effect.version}" for effect in EFFECTS
+               if effect.params in listed and effect.version > 1]  # fmt: skip
     if len(scene.ropes) > 1 and CONNECTIONS_VERSION > 1:
         changed = [f"connections {CONNECTIONS_VERSION}", *changed]
     return ", ".join([str(SOLVER_VERSION), *changed])
@@ -79,8 +79,8 @@ class ConvergenceStudy:
     @property
     def own_levels(self) -> tuple[StudyLevel, ...]:
         """Return the settings with the scene's own tolerance, by elements and then by step."""
-        own = (level for level in self.levels if level.newton_tolerance_n is None)
-        return tuple(sorted(own, key=lambda level: (level.elements, level.step_s)))
+        levels = (level for level in self.levels if level.newton_tolerance_n is None)
+        return tuple(sorted(levels, key=lambda level: (level.elements, level.step_s)))
 
     @property
     def finest(self) -> Setting:
@@ -135,18 +135,18 @@ def read_study(scene: Scene) -> ConvergenceStudy | None:
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(str(path), f"it cannot be read ({error})", _REMAKE) from error
     try:
-        found = json.loads(text)
-        if found["format"] != FORMAT:
-            problem = f"a study of format {found['format']}, this version reads {FORMAT}"
+        study = json.loads(text)
+        if study["format"] != FORMAT:
+            problem = f"a study of format {study['format']}, this version reads {FORMAT}"
             raise SceneError(str(path), problem, _REMAKE)
         return ConvergenceStudy(
-            scene=str(found["scene"]),
-            seconds=float(found["seconds"]),
-            scene_digest=str(found["scene_digest"]),
-            solver=str(found["solver"]),
-            machine=str(found["machine"]),
-            levels=tuple(_level_of(row) for row in found["rows"]),
-            rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),
+            scene=str(study["scene"]),
+            seconds=float(study["seconds"]),
+            scene_digest=str(study["scene_digest"]),
+            solver=str(study["solver"]),
+            machine=str(study["machine"]),
+            levels=tuple(_level_of(row) for row in study["rows"]),
+            rope_elements=tuple(int(count) for count in study.get("rope_elements", ())),
         )
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(
@@ -167,15 +167,15 @@ def known_error(scene: Scene) -> KnownError:
         return KnownError(words=f"unknown: {error}")
     if study is None:
         return KnownError(words="unknown: no study")
-    why = study.age(scene)
-    around = () if why else study.at(scene.ropes[0].elements, scene.time.step_s)
-    rms = max((level.bound(RMS) for level in around), default=math.nan)
-    peak = max((level.bound(PEAK) for level in around), default=math.nan)
-    if why or not around:
+    problem = study.age(scene)
+    neighbours = () if problem else study.at(scene.ropes[0].elements, scene.time.step_s)
+    rms = max((level.bound(RMS) for level in neighbours), default=math.nan)
+    peak = max((level.bound(PEAK) for level in neighbours), default=math.nan)
+    if problem or not neighbours:
         return KnownError(
-            words=f"unknown: {why or 'this setting is not one of the convergence study'}"
+            words=f"unknown: {problem or 'this setting is not one of the convergence study'}"
         )
-    if any(math.isnan(level.bound(RMS)) for level in around):
+    if any(math.isnan(level.bound(RMS)) for level in neighbours):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its study)")
     words = f"at most, in the study's run of {study.seconds:g} s"
     finest = study.finest

@@ -105,9 +105,9 @@ def _held_ends(scene: Scene) -> Iterator[Fault]:
 def _spectrum(scene: Scene) -> Iterator[Fault]:
     """A measured spectrum has no gap, which would be interpolated linearly."""
     waves = scene.listed(WavesParams)
-    for where, own in {} if waves is None else waves.systems.items():
-        if own.measured is not None:
-            yield from _gap(where, own.measured.spectrum())
+    for where, system in {} if waves is None else waves.systems.items():
+        if system.measured is not None:
+            yield from _gap(where, system.measured.spectrum())
 
 
 def _gap(where: str, spectrum: WaveSpectrum) -> Iterator[Fault]:
@@ -115,12 +115,12 @@ def _gap(where: str, spectrum: WaveSpectrum) -> Iterator[Fault]:
     frequency = spectrum.frequency_hz.tolist()
     steps = [high - low for low, high in pairwise(frequency)]
     for k, step in enumerate(steps):
-        beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
-        most = GAP if len(beside) == 2 else GAP_AT_AN_END
-        if beside and step > most * max(beside):
+        neighbours = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
+        limit = GAP if len(neighbours) == 2 else GAP_AT_AN_END
+        if neighbours and step > limit * max(neighbours):
             problem = (
                 f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
-                f"among steps of {max(beside):.3g} Hz"
+                f"among steps of {max(neighbours):.3g} Hz"
             )
             remedy = "add the rows in between, with 0 where there is no energy"
             yield f"effects.{where}", problem, remedy
@@ -180,10 +180,10 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
         "max_hang_off_speed_m_per_s": fastest,
         "max_hang_off_acceleration_m_per_s2": omega * fastest,
     }
-    for key, least in needed.items():
+    for key, smallest in needed.items():
         limit = getattr(scene.ship, key)
-        if least > limit:
-            problem = f"it is {limit:g}, and `sea_state.heave` needs {least:.2f}"
+        if smallest > limit:
+            problem = f"it is {limit:g}, and `sea_state.heave` needs {smallest:.2f}"
             yield f"ship.{key}", problem, "raise it, or lower the heave"
 
 
@@ -221,8 +221,8 @@ def spectrum_of(waves: WaveSystem) -> WaveSpectrum | None:
 
 def _breaking_sea(scene: Scene) -> Iterator[Fault]:
     waves = scene.listed(WavesParams)
-    for where, own in {} if waves is None else waves.systems.items():
-        spectrum = spectrum_of(own)
+    for where, system in {} if waves is None else waves.systems.items():
+        spectrum = spectrum_of(system)
         if spectrum is None:
             continue
         fault = breaking_fault(spectrum, scene.environment.gravity_m_per_s2)
@@ -322,14 +322,14 @@ def reference_point_m(scene: Scene) -> Triple:
     Raises:
         InputError: the RAO file is invalid.
     """
-    riding, at = scene.sea_state.on_waves, scene.ship.hang_off_m
+    riding, hang_off_m = scene.sea_state.on_waves, scene.ship.hang_off_m
     if riding is None or riding.crane_tip_m is None:
-        return scene.ship.reference_m or at
+        return scene.ship.reference_m or hang_off_m
     origin = _table_of(scene, riding).origin_m
     assert origin is not None, "checked when the scene was read"
-    x, y, z = (tip - own for tip, own in zip(riding.crane_tip_m, origin, strict=True))
+    x, y, z = (tip - origin_m for tip, origin_m in zip(riding.crane_tip_m, origin, strict=True))
     c, s = cos(radians(riding.heading_deg)), sin(radians(riding.heading_deg))
-    return at[0] - (c * x - s * y), at[1] - (s * x + c * y), at[2] - z
+    return hang_off_m[0] - (c * x - s * y), hang_off_m[1] - (s * x + c * y), hang_off_m[2] - z
 
 
 def _halves(error: InputError) -> tuple[str, str]:

@@ -52,18 +52,18 @@ def is_compensated(scene: Scene) -> bool:
     return scene.listed(CompensatorParams) is not None
 
 
-def elements_with(own: Sequence[int], first: int) -> list[int]:
+def elements_with(counts: Sequence[int], first: int) -> list[int]:
     """Return the elements of all ropes in proportion, given the number of the first."""
-    others = (max(FEWEST_ELEMENTS, round(count * first / own[0])) for count in own[1:])
-    return [first, *others]
+    further = (max(FEWEST_ELEMENTS, round(count * first / counts[0])) for count in counts[1:])
+    return [first, *further]
 
 
-def halvings(least: float, length: float) -> list[float]:
-    """Return nodes between elements of least/2, least, 2·least ... up to a length."""
-    nodes, rest = [0.5 * least], 0.5 * least
-    while nodes[-1] + 3.0 * rest <= length:
-        rest *= 2.0
-        nodes.append(nodes[-1] + rest)
+def halvings(shortest: float, length: float) -> list[float]:
+    """Return nodes between elements of shortest/2, shortest, 2·shortest ... up to a length."""
+    nodes, size = [0.5 * shortest], 0.5 * shortest
+    while nodes[-1] + 3.0 * size <= length:
+        size *= 2.0
+        nodes.append(nodes[-1] + size)
     return nodes
 
 
@@ -76,8 +76,8 @@ def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]
     """Yield the faults of a mesh grading, each with a remedy."""
     length, count = line.length_m, line.elements
     if (grading.lowest_m is None) == (grading.nodes_m is None):
-        given = "neither" if grading.lowest_m is None else "both"
-        yield f"{given} of lowest_m and nodes_m are given", "give one of them"
+        which = "neither" if grading.lowest_m is None else "both"
+        yield f"{which} of lowest_m and nodes_m are given", "give one of them"
     elif grading.lowest_m is not None:
         lowest, growth = grading.lowest_m, grading.growth
         if lowest > length / count:
@@ -183,11 +183,11 @@ def weight_n_per_m(rope: Rope, water: Environment) -> float:
 
 
 def bars_of(
-    line: RopeLine, line_out_m: float, load_n: float, water: Environment, along: float = 0.0
+    line: RopeLine, line_out_m: float, load_n: float, water: Environment, tangential: float = 0.0
 ) -> list[Bar]:
     """Return the sections of a rope that hangs straight down with a weight below it.
 
-    along: added mass coefficient along the rope.
+    tangential: added mass coefficient along the rope.
 
     Sections that are not paid out have length 0 and the tension of the hang-off.
     """
@@ -195,7 +195,7 @@ def bars_of(
     for section, length in zip(line.made_of, line.lengths_m(line_out_m), strict=True):
         weight = weight_n_per_m(section.rope, water)
         area = 0.25 * pi * section.rope.hydrodynamic_diameter_m**2
-        moved = along * water.water_density_kg_per_m3 * area
+        moved = tangential * water.water_density_kg_per_m3 * area
         below = bars[-1].high_n if bars else load_n
         bars.append(Bar(section.rope, length, weight, below, moved))
     return bars
@@ -313,7 +313,7 @@ def hanging_bars(
     if figures is not None:
         submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
         load = submerged * water.gravity_m_per_s2
-    along = sum(
+    tangential = sum(
         effect.tangential for effect in scene.effects if isinstance(effect, AddedMassParams)
     )
-    return bars_of(line, line_out_m, load, water, along)
+    return bars_of(line, line_out_m, load, water, tangential)

@@ -52,8 +52,8 @@ def first_places(scene: Scene) -> dict[str, Floats]:
         for number, line in enumerate(scene.ropes)
     ]
     bars: list[Link] = [(*strut.between, strut.length_m) for strut in scene.struts]
-    found = guess_positions({**places(scene), **feet}, meeting_points(scene), ropes, bars)
-    return {str(name): place for name, place in found.items()}
+    positions = guess_positions({**places(scene), **feet}, meeting_points(scene), ropes, bars)
+    return {str(name): place for name, place in positions.items()}
 
 
 def ends_of(scene: Scene, line: RopeLine) -> tuple[str, str]:
@@ -65,7 +65,7 @@ def ends_of(scene: Scene, line: RopeLine) -> tuple[str, str]:
 def with_both_stretches(scene: Scene, number: int) -> Scene:
     """Return the scene with one rope as long as both stretches on its sheave together."""
     line = scene.ropes[number]
-    both = [other for other in scene.ropes if other.to == line.to]
+    both = [candidate for candidate in scene.ropes if candidate.to == line.to]
     length, elements = sum(o.length_m for o in both), sum(o.elements for o in both)
     ropes = list(scene.ropes)
     ropes[number] = replace(line, length_m=length, elements=elements)
@@ -83,11 +83,11 @@ def over_sheaves(scene: Scene) -> list[tuple[int, int]]:
 
 def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
     """Return the sheaves as wheels; a positive flow enters the first rope listed."""
-    made = []
+    wheels = []
     water = scene.environment
     for sheave, (into, out) in zip(scene.sheaves, over_sheaves(scene), strict=True):
         sunk = sheave.mass_kg * (1.0 - water.water_density_kg_per_m3 / STEEL_KG_PER_M3)
-        made.append(
+        wheels.append(
             Wheel(
                 point=joint_of[sheave.name],
                 into=into,
@@ -98,14 +98,14 @@ def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
                 friction=sheave.friction,
             )
         )
-    return made
+    return wheels
 
 
 def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
     """Return the tethers of the sheaves as links, (TIE_ROWS, tethers)."""
-    held = [sheave for sheave in scene.sheaves if sheave.tether is not None]
-    made = np.zeros((ties.TIE_ROWS, len(held)))
-    for column, sheave in zip(made.T, held, strict=True):
+    tethered = [sheave for sheave in scene.sheaves if sheave.tether is not None]
+    columns = np.zeros((ties.TIE_ROWS, len(tethered)))
+    for column, sheave in zip(columns.T, tethered, strict=True):
         tether = sheave.tether
         assert tether is not None
         column[ties.FIRST], column[ties.SECOND] = joint_of[sheave.name], ties.ANCHORED
@@ -113,7 +113,7 @@ def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
         column[ties.FORCE], column[ties.LENGTH] = tether.force_n, tether.length_m
         column[ties.STIFFNESS] = tether.stiffness_n_per_m
         column[ties.DAMPING] = tether.damping_newton_seconds_per_m
-    return made
+    return columns
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,11 @@ def build_joined(scene: Scene) -> BuiltSystem:
     if body is not None:  # its bars are at the hook
         figures[body.name] = payload_figures(body, scene.environment.water_density_kg_per_m3)
     joint_of = {name: number for number, name in enumerate(_meetings(scene))}
-    tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
+    tables = any(section.rope.axial_stiffness for line in scene.ropes for section in line.made_of)
     ropes: list[Rope] = []
     for number, line in enumerate(scene.ropes):
-        own = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
-        rope = _rope(scene, number, own, joint_of)
+        figures_below = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
+        rope = _rope(scene, number, figures_below, joint_of)
         first, last = ends_of(scene, line)
         low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
         n = int(rope.state.counts[ELEMENTS])
@@ -162,15 +162,17 @@ def build_joined(scene: Scene) -> BuiltSystem:
     unknown = (np.nan,) * 3
     ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
     lower, upper = (list(some) for some in zip(*ends, strict=True))
-    held = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
+    links = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
     return BuiltSystem(
-        reeve(new_system(tuple(ropes), lower, upper, held), wheels(scene, joint_of)),
+        reeve(new_system(tuple(ropes), lower, upper, links), wheels(scene, joint_of)),
         owners,
         np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
     )
 
 
-def _rope(scene: Scene, number: int, own: PayloadFigures, joint_of: Mapping[str, int]) -> Rope:
+def _rope(
+    scene: Scene, number: int, payload_values: PayloadFigures, joint_of: Mapping[str, int]
+) -> Rope:
     """Return a rope's arrays, with effects that act on what is at its lower end.
 
     joint_of: numbers of the connections by name. Without a payload there is no slamming.
@@ -180,15 +182,17 @@ def _rope(scene: Scene, number: int, own: PayloadFigures, joint_of: Mapping[str,
     if runs_over_sheave(scene, line):  # both sides have the damping of one rope
         both = build(alone(with_both_stretches(scene, number), number))
         rope.sections[C] = both.sections[C]
-    effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
-    carries = own is not NOTHING and line.to == body_payload(scene)
+    effects = tuple(_own_params(scene, number, payload_values, params) for params in scene.effects)
+    carries = payload_values is not NOTHING and line.to == body_payload(scene)
     two_way = any(figures.differs_rising for figures in point_figures(scene).values())
-    relaxes = any(one.rope.is_fibre for line in scene.ropes for one in line.made_of)
-    built = build_effects(replace(single, effects=effects), own, carries, two_way, relaxes)
+    relaxes = any(section.rope.is_fibre for line in scene.ropes for section in line.made_of)
+    built = build_effects(
+        replace(single, effects=effects), payload_values, carries, two_way, relaxes
+    )
     net = scene.listed(NetCurtainParams)
     if net is not None and net.between:
-        beside = _neighbours(scene, net, line.name)
-        built = tuple(facing(e, beside) if isinstance(e, NetCurtain) else e for e in built)
+        neighbours = _neighbours(scene, net, line.name)
+        built = tuple(facing(e, neighbours) if isinstance(e, NetCurtain) else e for e in built)
     touching = scene.listed(PayloadContactParams)
     if touching is not None:
         built = tuple(
@@ -204,11 +208,11 @@ def _neighbours(scene: Scene, net: NetCurtainParams, name: str) -> list[int]:
     return [numbers[pair[pair[0] == name]] for pair in pairs]
 
 
-def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
+def _own_params(scene: Scene, number: int, figures: PayloadFigures, params: Any) -> Any:
     """Return an effect's parameters for one rope."""
     line = scene.ropes[number]
-    payload = next((one for one in scene.payloads if one.name == line.to), None)
-    carried = None if own is NOTHING else payload
+    payload = next((candidate for candidate in scene.payloads if candidate.name == line.to), None)
+    carried = None if figures is NOTHING else payload
     if isinstance(params, SplashZoneParams):
         params = (payload.splash_zone if payload else None) or params
         return params if carried else replace(params, bottom_area_m2=0.0)
@@ -235,17 +239,17 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
     return params
 
 
-def _of_payload(params: Any, own: Any, payload: Payload | None) -> Any:
+def _of_payload(params: Any, of_payload: Any, payload: Payload | None) -> Any:
     """Return the net or fairing of a payload: its own, or the effect's, or None."""
-    if own is not None:
-        return replace(params, **vars(own))
+    if of_payload is not None:
+        return replace(params, **vars(of_payload))
     return params if payload and params.payload in ("", payload.name) else None
 
 
 def _floats(scene: Scene, line: RopeLine) -> bool:
     """Return whether the rope as a whole is lighter than water."""
     lengths = line.lengths_m(line.length_m)
-    weights = (weight_n_per_m(one.rope, scene.environment) for one in line.made_of)
+    weights = (weight_n_per_m(section.rope, scene.environment) for section in line.made_of)
     return sum(w * length for w, length in zip(weights, lengths, strict=True)) < 0.0
 
 
@@ -262,11 +266,11 @@ def _meetings(scene: Scene) -> list[str]:
 
 def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
     """Return the bars as links that take compression, (TIE_ROWS, struts)."""
-    made = np.zeros((ties.TIE_ROWS, len(scene.struts)))
-    for column, strut in zip(made.T, scene.struts, strict=True):
+    columns = np.zeros((ties.TIE_ROWS, len(scene.struts)))
+    for column, strut in zip(columns.T, scene.struts, strict=True):
         column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
         column[ties.LENGTH] = strut.length_m
         column[ties.STIFFNESS] = strut.stiffness_n_per_m
         column[ties.DAMPING] = strut.damping_newton_seconds_per_m
         column[ties.LEAST] = -np.inf
-    return made
+    return columns

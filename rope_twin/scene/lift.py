@@ -128,7 +128,7 @@ def hung_together(scene: Scene) -> HungTogether | None:
     weight = sum((load.mass_kg - density * load.volume_m3) * g for load in loads)
     for line in scene.ropes:
         lengths = zip(line.made_of, line.lengths_m(line.length_m), strict=True)
-        weight += sum(weight_n_per_m(one.rope, water) * length for one, length in lengths)
+        weight += sum(weight_n_per_m(section.rope, water) * length for section, length in lengths)
     tips = places(scene)
     from_ship = tuple(line for line in scene.ropes if line.from_ in tips)
     tops = tuple(line.made_of[-1].rope for line in from_ship)
@@ -232,7 +232,7 @@ def lift_figures(scene: Scene) -> LiftFigures:
         damping_fraction=damping_fraction(bars, damping, mass),
         chord_m=dist(line.fixed_at_m, scene.ship.hang_off_m) if line.fixed_at_m else 0.0,
         dry_m=_dry_m(scene, scene.ship.hang_off_m),
-        lifts_n_per_m=tuple(_lift_n_per_m(one.rope, water) for one in line.made_of),
+        lifts_n_per_m=tuple(_lift_n_per_m(section.rope, water) for section in line.made_of),
     )
 
 
@@ -289,7 +289,7 @@ def schedule_meets_limit(winch: Winch, length_m: float) -> tuple[float, float] |
 
 def room_for(scene: Scene, line: RopeLine) -> Winch:
     """Return the range of a stretch's length, as limits of a winch at its end."""
-    both = sum(other.length_m for other in scene.ropes if other.to == line.to)
+    both = sum(candidate.length_m for candidate in scene.ropes if candidate.to == line.to)
     return Winch(
         speed_limit_m_per_s=1.0,
         acceleration_limit_m_per_s2=1.0,
@@ -334,29 +334,29 @@ def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
     Those of a rigid body include its hook.
     """
     density = scene.environment.water_density_kg_per_m3
-    found = {payload.name: payload_figures(payload, density) for payload in scene.payloads}
-    found |= {joint.name: _steel(joint.mass_kg) for joint in scene.joints}
+    figures = {payload.name: payload_figures(payload, density) for payload in scene.payloads}
+    figures |= {joint.name: _steel(joint.mass_kg) for joint in scene.joints}
     for strut in scene.struts:
         for name in strut.between:
-            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+            figures[name] = _sum(figures[name], _steel(0.5 * strut.mass_kg))
     body, carried = scene.listed(RigidBodyParams), body_payload(scene)
     if body is not None and carried is not None:
-        found[carried] = _sum(found[carried], _steel(body.hook_mass_kg))
-    return found
+        figures[carried] = _sum(figures[carried], _steel(body.hook_mass_kg))
+    return figures
 
 
 def _steel(mass_kg: float) -> PayloadFigures:
     return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
 
 
-def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
-    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
-    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
+def _sum(first: PayloadFigures, second: PayloadFigures) -> PayloadFigures:
+    x, y, z = (a + b for a, b in zip(first.added_mass_kg, second.added_mass_kg, strict=True))
+    u, v, w = (a + b for a, b in zip(first.drag_area_m2, second.drag_area_m2, strict=True))
     return PayloadFigures(
-        mass_kg=one.mass_kg + other.mass_kg,
-        volume_m3=one.volume_m3 + other.volume_m3,
+        mass_kg=first.mass_kg + second.mass_kg,
+        volume_m3=first.volume_m3 + second.volume_m3,
         added_mass_kg=(x, y, z),
         drag_area_m2=(u, v, w),
-        added_mass_rising_kg=one.rising_added_mass_kg + other.rising_added_mass_kg,
-        drag_area_rising_m2=one.rising_drag_area_m2 + other.rising_drag_area_m2,
+        added_mass_rising_kg=first.rising_added_mass_kg + second.rising_added_mass_kg,
+        drag_area_rising_m2=first.rising_drag_area_m2 + second.rising_drag_area_m2,
     )

@@ -151,10 +151,10 @@ def rope_preset(name: str) -> Rope:
     Raises:
         SceneError: if there is none of this name.
     """
-    found = _rope_named(name)
-    if isinstance(found, Rope):
-        return found
-    raise SceneError(f"rope '{name}'", *found)
+    preset = _rope_named(name)
+    if isinstance(preset, Rope):
+        return preset
+    raise SceneError(f"rope '{name}'", *preset)
 
 
 def _rope_named(name: str) -> Rope | tuple[str, str]:
@@ -205,12 +205,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
             digest=hashlib.sha256(data).hexdigest(),
         )
     errors.raise_any()
-    for where, what, remedy in net_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(what, remedy))
+    for where, problem, remedy in net_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(problem, remedy))
     errors.raise_any()
     scene = with_nets(scene) if scene.nets else scene
-    for where, what, remedy in independent_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(what, remedy))
+    for where, problem, remedy in independent_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(problem, remedy))
     errors.raise_any()
     return _with_files_found(scene)
 
@@ -246,16 +246,16 @@ def _read_rope(item: Item, place: Place) -> Rope:
     if not isinstance(item.value, str):
         remedy = "give a preset's name or the rope's properties as a mapping"
         raise place.refuse(f"{kind(item)} is not a rope", remedy)
-    found = _rope_named(item.value)
-    if isinstance(found, Rope):
-        return found
-    raise place.refuse(*found)
+    preset = _rope_named(item.value)
+    if isinstance(preset, Rope):
+        return preset
+    raise place.refuse(*preset)
 
 
 def _read_shape(item: Item, place: Place) -> Any:
     """Read one of SHAPES, given as `box: {...}`."""
-    name, child, at = read_choice(item, place, SHAPES)
-    return read_object(SHAPES[name], child, at)
+    name, child, below = read_choice(item, place, SHAPES)
+    return read_object(SHAPES[name], child, below)
 
 
 def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
@@ -263,32 +263,35 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
     if not isinstance(item.value, list):
         raise place.refuse(f"{kind(item)} instead of a list", "give a list like `- weight: {}`")
     classes = {effect.name: effect.params for effect in EFFECTS}
-    found: dict[str, Any] = {}
+    effects: dict[str, Any] = {}
     errors, listed = SceneErrors(), set()
     for number, entry in enumerate(item.value):
         with errors:
-            name, child, at = read_choice(entry, place.index(number, entry.line), classes)
+            name, child, below = read_choice(entry, place.index(number, entry.line), classes)
             _find_tables(child, place.file)
             if name in listed:
-                raise at.refuse("this effect is listed a second time", "keep one of them")
+                raise below.refuse("this effect is listed a second time", "keep one of them")
             listed.add(name)
-            found[name] = read_object(classes[name], child, at)
+            effects[name] = read_object(classes[name], child, below)
     errors.raise_any()
-    return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
+    return tuple(effects[effect.name] for effect in EFFECTS if effect.name in effects)
 
 
 def _find_tables(effect: Item, scene_file: Path) -> None:
     """Resolve the paths of an effect's tables (spectra, forces) relative to the scene's file."""
     keys = _mapping(effect)
     also = keys["also"].value if "also" in keys else None
-    systems = [keys, *(_mapping(one) for one in (also if isinstance(also, list) else ()))]
+    systems = [
+        keys,
+        *(_mapping(component) for component in (also if isinstance(also, list) else ())),
+    ]
     named = [(system, "measured", "file") for system in systems] + [(keys, "table", "path")]
-    for one, part, key in named:
-        section = _mapping(one[part]) if part in one else {}
+    for component, part, key in named:
+        section = _mapping(component[part]) if part in component else {}
         item = section.get(key)
         if item is not None and isinstance(item.value, str) and is_path(item.value):
-            found = str((scene_file.parent / item.value).resolve())
-            section[key] = dataclasses.replace(item, value=found)
+            file = str((scene_file.parent / item.value).resolve())
+            section[key] = dataclasses.replace(item, value=file)
 
 
 def _mapping(item: Item) -> dict[str, Item]:
@@ -335,8 +338,8 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
     if not changes:
         return scene
     scene = change_part(scene, changes, scene.path)
-    for where, what, right in faults(scene):
-        raise Place(scene.path, where).refuse(what, right)
+    for where, problem, right in faults(scene):
+        raise Place(scene.path, where).refuse(problem, right)
     content = "\n".join([scene.digest, *(repr(change) for change in changes)])
     return dataclasses.replace(scene, digest=hashlib.sha256(content.encode()).hexdigest())
 
@@ -364,12 +367,12 @@ def at_setting(scene: Scene, elements: int | None = None, step_s: float | None =
     Raises:
         SceneError: they are out of range.
     """
-    own = [line.elements for line in scene.ropes]
-    counts = [None] if elements is None else elements_with(own, elements)
-    given: dict[str, float | None] = {f"ropes[{r}].elements": n for r, n in enumerate(counts)}
-    given["time.step_s"] = step_s
+    scene_counts = [line.elements for line in scene.ropes]
+    counts = [None] if elements is None else elements_with(scene_counts, elements)
+    values: dict[str, float | None] = {f"ropes[{r}].elements": n for r, n in enumerate(counts)}
+    values["time.step_s"] = step_s
     return change_scene(
-        scene, [Change(path, value) for path, value in given.items() if value is not None]
+        scene, [Change(path, value) for path, value in values.items() if value is not None]
     )
 
 
@@ -391,20 +394,20 @@ def following_measured(scene: Scene) -> Scene:
         place = Place(scene.path, "winch")
         raise place.refuse("there is no winch that could follow a measured line out", "add one")
     scene = dataclasses.replace(scene, winch=winch, hang_offs=hang_offs)
-    for where, what, right in faults(scene):
-        raise Place(scene.path, where).refuse(what, right)
+    for where, problem, right in faults(scene):
+        raise Place(scene.path, where).refuse(problem, right)
     return scene
 
 
 def _steps(change: Change, place: Place) -> list[str | int | None]:
     """Return the steps of a path: names, indices, None for every entry of a list."""
     steps: list[str | int | None] = []
-    at = 0
-    while found := _STEP.match(change.path, at):
-        name, index = found.groups()
+    position = 0
+    while match := _STEP.match(change.path, position):
+        name, index = match.groups()
         steps.append(name or (None if index == "*" else int(index)))
-        at = found.end()
-    if at < len(change.path) or not steps or change.path.startswith("."):
+        position = match.end()
+    if position < len(change.path) or not steps or change.path.startswith("."):
         remedy = "write it like payloads[0].mass_kg or effects.drag.normal"
         raise place.refuse(f"'{change.path}' is not a path", remedy)
     return steps
@@ -425,8 +428,8 @@ def _changed(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
     if _has_parts(part):
         return dataclasses.replace(value, **{name: _changed(part, rest, change, at)})
     number = _number(part, rest, change, at)
-    others = {key: getattr(value, key) for key in _names(value) if key != name}
-    return read_object(type(value), _item({name: number}), place, **others)
+    kept = {key: getattr(value, key) for key in _names(value) if key != name}
+    return read_object(type(value), _item({name: number}), place, **kept)
 
 
 def _in_parts(
@@ -434,14 +437,14 @@ def _in_parts(
 ) -> tuple[Any, ...]:
     """Apply the change to one entry of a tuple of dataclasses, or to every one."""
     if parts and type(parts[0]) in _KINDS:
-        at, rest, where = _enter_kind(list(parts), [step, *rest], place)
-        chosen = [at]
+        index, rest, where = _enter_kind(list(parts), [step, *rest], place)
+        chosen = [index]
     else:
         chosen, where = _indices(parts, step, place), None
-    made = list(parts)
-    for at in chosen:
-        made[at] = _changed(parts[at], rest, change, where or place.index(at, 0))
-    return tuple(made)
+    changed = list(parts)
+    for index in chosen:
+        changed[index] = _changed(parts[index], rest, change, where or place.index(index, 0))
+    return tuple(changed)
 
 
 def _enter_kind(parts: list[Any], steps: list[Any], place: Place) -> tuple[int, list[Any], Place]:
@@ -462,7 +465,7 @@ def _key(value: Any, step: Any, place: Place) -> str:
         raise place.refuse("it is not a list", f"name one of {', '.join(names)}")
     if step not in names:
         raise place.key(step, 0).refuse("unknown key", did_you_mean(step, names))
-    field = next(own for own in dataclasses.fields(value) if own.name == step)
+    field = next(candidate for candidate in dataclasses.fields(value) if candidate.name == step)
     if getattr(value, step) is None and "quantity" not in field.metadata:
         raise place.key(step, 0).refuse(f"the scene has no {step}", "add it to the scene first")
     return step
@@ -473,9 +476,9 @@ def _indices(values: tuple[Any, ...], step: Any, place: Place) -> list[int]:
     if step is None:
         return list(range(len(values)))
     if isinstance(step, str) or step >= len(values):
-        held = f"[0] to [{len(values) - 1}], or [*] for all" if values else "nothing: it is empty"
+        extent = f"[0] to [{len(values) - 1}], or [*] for all" if values else "nothing: it is empty"
         problem = f"'{step}' is not a list index" if isinstance(step, str) else f"no entry [{step}]"
-        raise place.refuse(problem, f"the list has {held}")
+        raise place.refuse(problem, f"the list has {extent}")
     return [step]
 
 
@@ -484,10 +487,10 @@ def _number(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
     if isinstance(value, tuple):
         if not steps:
             raise place.refuse("it is a list", "name one entry like [0], or [*] for all")
-        made = list(value)
-        for at in _indices(value, steps[0], place):
-            made[at] = _number(value[at], steps[1:], change, place.index(at, 0))
-        return made
+        numbers = list(value)
+        for index in _indices(value, steps[0], place):
+            numbers[index] = _number(value[index], steps[1:], change, place.index(index, 0))
+        return numbers
     if steps:
         raise place.refuse("it has no parts", "end the path here")
     if isinstance(value, bool | str):

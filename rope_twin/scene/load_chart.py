@@ -62,8 +62,8 @@ class LoadChart:
         rows = _neighbours(self.tp_s, period_s)
         sides = (heading_deg, -heading_deg) if self.symmetric else (heading_deg,)
         turns = [side % 360.0 - turn for side in sides for turn in (0.0, 360.0)]
-        found = (_neighbours(self.heading_deg, one) for one in turns)
-        columns = next((own for own in found if own), [])
+        candidates = (_neighbours(self.heading_deg, turned_deg) for turned_deg in turns)
+        columns = next((neighbours for neighbours in candidates if neighbours), [])
         return min((table[j][k] for j in rows for k in columns), default=0.0)
 
 
@@ -83,27 +83,27 @@ def read_load_chart(path: str | Path) -> LoadChart:
     """
     where = str(path)
     try:
-        found = json.loads(Path(path).read_text(encoding="utf-8"))
+        chart = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(where, f"it cannot be read ({error})", REMAKE) from error
     except ValueError as error:
         raise InputError(where, f"it is not JSON ({error})", REMAKE) from error
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
-        held = found.get("format") if isinstance(found, dict) else None
-        problem = f"a load chart of format {held}, this version reads {FORMAT}"
+    if not isinstance(chart, dict) or chart.get("format") != FORMAT:
+        version = chart.get("format") if isinstance(chart, dict) else None
+        problem = f"a load chart of format {version}, this version reads {FORMAT}"
         raise InputError(where, problem, REMAKE)
     try:
-        periods, headings = _axis(found["tp_s"]), _axis(found["heading_deg"])
-        phases = {str(name): _phase(own, len(periods), len(headings))
-                  for name, own in found["phases"].items()}  # fmt: skip
+        periods, headings = _axis(chart["tp_s"]), _axis(chart["heading_deg"])
+        phases = {str(name): _phase(phase, len(periods), len(headings))
+                  for name, phase in chart["phases"].items()}  # fmt: skip
         return LoadChart(
-            plan=str(found["plan"]),
-            scene=str(found["scene"]),
-            scene_digest=str(found["scene_digest"]),
-            percentile=float(found["percentile"]),
+            plan=str(chart["plan"]),
+            scene=str(chart["scene"]),
+            scene_digest=str(chart["scene_digest"]),
+            percentile=float(chart["percentile"]),
             tp_s=periods,
             heading_deg=headings,
-            symmetric=found.get("symmetric") is True,
+            symmetric=chart.get("symmetric") is True,
             phases=phases,
         )
     except KeyError as error:
@@ -119,25 +119,25 @@ def _axis(values: Any) -> tuple[float, ...]:
     return axis
 
 
-def _phase(found: Any, rows: int, columns: int) -> PhaseChart:
-    first, last = (float(depth) for depth in found["depth_m"])
-    heights = _table(found["limiting_hs_m"], rows, columns)
+def _phase(phase: Any, rows: int, columns: int) -> PhaseChart:
+    first, last = (float(depth) for depth in phase["depth_m"])
+    heights = _table(phase["limiting_hs_m"], rows, columns)
     limits = tuple(tuple(0.0 if v is None else float(v) for v in row) for row in heights)
     if not all(math.isfinite(v) and v >= 0.0 for row in limits for v in row):
         raise ValueError("a limiting height is negative or not finite")
-    hooks = _table(found["hook_load_n"], rows, columns)
+    hooks = _table(phase["hook_load_n"], rows, columns)
     return PhaseChart(
-        kind=str(found["kind"]),
+        kind=str(phase["kind"]),
         depth_m=(first, last),
         limiting_hs_m=limits,
         governing=tuple(
-            tuple(str(v) for v in row) for row in _table(found["governing"], rows, columns)
+            tuple(str(v) for v in row) for row in _table(phase["governing"], rows, columns)
         ),
         hook_load_n=tuple(tuple(None if v is None else float(v) for v in row) for row in hooks),
     )
 
 
-def _table(found: Any, rows: int, columns: int) -> list[list[Any]]:
-    if len(found) != rows or any(len(row) != columns for row in found):
+def _table(table: Any, rows: int, columns: int) -> list[list[Any]]:
+    if len(table) != rows or any(len(row) != columns for row in table):
         raise ValueError(f"a table has not {rows} rows of {columns}")
-    return [list(row) for row in found]
+    return [list(row) for row in table]

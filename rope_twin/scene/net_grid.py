@@ -117,20 +117,20 @@ def _meeting_faults(net: FlexibleNet, before: Sequence[FlexibleNet]) -> Iterator
     """Check a net against those before it: on shared ropes they meet or keep apart."""
     for other in before:
         shared = [name for name in net.between if name in other.between]
-        beside = {frozenset(pair) for pair in pairwise(net.between)}
-        over = net.from_m < other.to_m - SAME_M and other.from_m < net.to_m - SAME_M
-        if over and beside & {frozenset(pair) for pair in pairwise(other.between)}:
+        sides = {frozenset(pair) for pair in pairwise(net.between)}
+        overlap = net.from_m < other.to_m - SAME_M and other.from_m < net.to_m - SAME_M
+        if overlap and sides & {frozenset(pair) for pair in pairwise(other.between)}:
             problem = f"it and '{other.name}' hang between the same ropes at the same height"
             yield "between", problem, "give them different heights, or one net"
             continue
-        for at in _heights(net) if shared else ():
-            off = min((abs(at - height), height) for height in _heights(other))
-            if SAME_M < off[0] < APART_M:
+        for level in _heights(net) if shared else ():
+            nearest = min((abs(level - height), height) for height in _heights(other))
+            if SAME_M < nearest[0] < APART_M:
                 problem = (
-                    f"on '{shared[0]}' a level at {at:g} m is close to one of '{other.name}' at "
+                    f"on '{shared[0]}' a level at {level:g} m is close to one of '{other.name}' at "
                 )
                 remedy = f"let them meet there, or keep {APART_M:g} m apart"
-                yield "from_m", f"{problem}{off[1]:g} m", remedy
+                yield "from_m", f"{problem}{nearest[1]:g} m", remedy
                 break
 
 
@@ -168,7 +168,7 @@ def with_nets(scene: Scene) -> Scene:
     ropes = (*(grid.tops.get(line.name, line) for line in scene.ropes), *grid.made.ropes)
     panels = replace(all_panels[0], between=tuple(grid.made.pairs))
     order = [effect.params for effect in EFFECTS]
-    effects = sorted((*scene.effects, panels), key=lambda own: order.index(type(own)))
+    effects = sorted((*scene.effects, panels), key=lambda params: order.index(type(params)))
     wound = _shortened(scene)
     joints = (*scene.joints, *grid.made.joints)
     return replace(wound, ropes=ropes, joints=joints, effects=tuple(effects), nets=())
@@ -186,8 +186,8 @@ def _shortened(scene: Scene) -> Scene:
     """Return the scene with the limits of its winches for the rope above the highest net."""
 
     def above(name: str, winch: Winch | None) -> Winch | None:
-        held = [line.name for line in scene.ropes if line.from_ == name]
-        reach_m = max((n.to_m for n in scene.nets if {*held} & {*n.between}), default=0.0)
+        lines = [line.name for line in scene.ropes if line.from_ == name]
+        reach_m = max((n.to_m for n in scene.nets if {*lines} & {*n.between}), default=0.0)
         if winch is None or not reach_m:
             return winch
         return replace(
@@ -217,28 +217,32 @@ def _heights(net: FlexibleNet) -> list[float]:
 
 def _hang(grid: _Grid, net: FlexibleNet, panels: NetCurtainParams | None) -> None:
     """Add a net to a scene; panels: None if those of the first net."""
-    scene, made = grid.scene, grid.made
+    scene, parts = grid.scene, grid.made
     lines = {line.name: line for line in scene.ropes}
     posts = []  # of each upright border: connections from the net's lower edge up
     for number, name in enumerate(net.between):
         if number > 0:
             for column in range(1, net.columns):
-                posts.append(_inner(scene, net, f"{net.name}_{number}_{column}", made))
+                posts.append(_inner(scene, net, f"{net.name}_{number}_{column}", parts))
         if name not in grid.tops:
-            nets = [one for one in scene.nets if name in one.between]
-            grid.tops[name], grid.levels[name] = _divided(lines[name], nets, made)
+            nets = [candidate for candidate in scene.nets if name in candidate.between]
+            grid.tops[name], grid.levels[name] = _divided(lines[name], nets, parts)
         levels = grid.levels[name]
-        posts.append([joint for at in _heights(net) for joint in [_joint_at(levels, at)] if joint])
-    for at, (left, right) in enumerate(pairwise(posts)):
-        names = [f"{net.name}_level_{row}_{at}" for row in range(net.rows + 1)]
+        posts.append(
+            [joint for level in _heights(net) for joint in [_joint_at(levels, level)] if joint]
+        )
+    for level, (left, right) in enumerate(pairwise(posts)):
+        names = [f"{net.name}_level_{row}_{level}" for row in range(net.rows + 1)]
         pairs = list(pairwise(names))
-        own = None if panels is None else replace(panels, between=tuple(pairs))
-        made.pairs.extend(pairs)
+        panels_of_net = None if panels is None else replace(panels, between=tuple(pairs))
+        parts.pairs.extend(pairs)
         for row, name in enumerate(names):
             share = 1.0 if 0 < row < net.rows else 0.5
             twines = share * (net.to_m - net.from_m) / net.rows / net.bar_m
             border = _border(scene, net, name, net.width_m / net.columns, twines)
-            made.ropes.append(replace(border, from_=left[row], to=right[row], panels=own))
+            parts.ropes.append(
+                replace(border, from_=left[row], to=right[row], panels=panels_of_net)
+            )
 
 
 def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
@@ -247,17 +251,19 @@ def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
 
 
 def _divided(
-    line: RopeLine, nets: Sequence[FlexibleNet], made: _Made
+    line: RopeLine, nets: Sequence[FlexibleNet], parts: _Made
 ) -> tuple[RopeLine, list[_Level]]:
     """Divide a rope that holds nets; return its part above, and its levels from the lowest up."""
     levels: list[_Level] = []
     for net in nets:
-        for row, at in enumerate(_heights(net)):
-            if not _joint_at(levels, at):
-                low_end = at == 0.0 and line.to
-                levels.append(_Level(at, line.to if low_end else f"{net.name}_{line.name}_{row}"))
+        for row, level in enumerate(_heights(net)):
+            if not _joint_at(levels, level):
+                low_end = level == 0.0 and line.to
+                levels.append(
+                    _Level(level, line.to if low_end else f"{net.name}_{line.name}_{row}")
+                )
     levels.sort()
-    made.joints.extend(Joint(name=joint) for _, joint in levels if joint != line.to)
+    parts.joints.extend(Joint(name=joint) for _, joint in levels if joint != line.to)
 
     def part(name: str, length_m: float, from_: str, to: str) -> NetPart:
         return NetPart(
@@ -270,11 +276,11 @@ def _divided(
 
     for row, (low, high) in enumerate(pairwise(levels)):
         length_m = high.height_m - low.height_m
-        made.ropes.append(part(f"{line.name}_{row}", length_m, high.joint, low.joint))
+        parts.ropes.append(part(f"{line.name}_{row}", length_m, high.joint, low.joint))
     lowest, highest = levels[0], levels[-1]
     if lowest.height_m > 0.0:
         below = part(f"{line.name}_below", lowest.height_m, lowest.joint, line.to)
-        made.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
+        parts.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
     left_m = line.length_m - highest.height_m
     above = replace(
         line, length_m=left_m, elements=elements(left_m), to=highest.joint, fixed_at_m=None
@@ -282,14 +288,14 @@ def _divided(
     return above, levels
 
 
-def _inner(scene: Scene, net: FlexibleNet, name: str, made: _Made) -> list[str]:
+def _inner(scene: Scene, net: FlexibleNet, name: str, parts: _Made) -> list[str]:
     """Add an upright border between two ropes; return its connections."""
     places = [f"{name}_{level}" for level in range(net.rows + 1)]
-    made.joints.extend(Joint(name=place) for place in places)
+    parts.joints.extend(Joint(name=place) for place in places)
     height, twines = (net.to_m - net.from_m) / net.rows, net.width_m / net.columns / net.bar_m
     for row, (low, high) in enumerate(pairwise(places)):
         border = _border(scene, net, f"{name}_row_{row}", height, twines)
-        made.ropes.append(replace(border, from_=high, to=low))
+        parts.ropes.append(replace(border, from_=high, to=low))
     return places
 
 

@@ -60,8 +60,8 @@ class Item:
             elif index and isinstance(item.value, list) and int(index) < len(item.value):
                 item = item.value[int(index)]
             elif name and isinstance(item.value, list):
-                named = (one.value for one in item.value if isinstance(one.value, dict))
-                item = next((one[name] for one in named if name in one), item)
+                named = (entry.value for entry in item.value if isinstance(entry.value, dict))
+                item = next((entry[name] for entry in named if name in entry), item)
             else:
                 break
         return item
@@ -133,10 +133,10 @@ def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, 
     node = _compose(text, place)
     if node is None:
         raise place.refuse("the file is empty", "give a mapping, as in config/scenes")
-    found = SceneErrors() if errors is None else errors
-    tree = _convert(node, place, found)
+    all_errors = SceneErrors() if errors is None else errors
+    tree = _convert(node, place, all_errors)
     if errors is None:
-        found.raise_any()
+        all_errors.raise_any()
     if not isinstance(tree.value, dict):
         raise place.refuse(
             f"its top is {kind(tree)}, not a mapping", "start with keys such as `about: ...`"
@@ -192,9 +192,9 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
         raise Place(place.file, "", refusal.line).refuse(refusal.problem, refusal.remedy) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
-        at = Place(place.file, "", mark.line + 1 if mark else 0)
+        at_mark = Place(place.file, "", mark.line + 1 if mark else 0)
         reason = ", ".join(words for words in (error.context, error.problem) if words)
-        raise at.refuse(f"it is not YAML ({reason})", remedy) from error
+        raise at_mark.refuse(f"it is not YAML ({reason})", remedy) from error
     except yaml.YAMLError as error:
         reason = getattr(error, "reason", "unreadable characters")
         raise place.refuse(f"it is not YAML ({reason})", "give a YAML text file") from error
@@ -238,17 +238,17 @@ def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterato
     for key_node, value_node in node.value:
         line = _line(key_node)
         if not isinstance(key_node, yaml.ScalarNode):
-            at = Place(place.file, place.path, line)
-            errors.add(at.refuse("a key is itself a list or mapping", "give a word as key"))
+            below = Place(place.file, place.path, line)
+            errors.add(below.refuse("a key is itself a list or mapping", "give a word as key"))
             continue
         name = key_node.value
-        at = place.key(name, line)
+        below = place.key(name, line)
         if name in lines:
             problem = f"the key {shown(name)} is given a second time (first in line {lines[name]})"
-            errors.add(at.refuse(problem, "keep one of them"))
+            errors.add(below.refuse(problem, "keep one of them"))
             continue
         lines[name] = line
-        yield name, _convert(value_node, at, errors, line)
+        yield name, _convert(value_node, below, errors, line)
 
 
 def _scalar(node: yaml.ScalarNode, line: int) -> Item:
@@ -262,8 +262,8 @@ def _scalar(node: yaml.ScalarNode, line: int) -> Item:
         return Item(_TRUTH[written.lower()], line)
     if _NUMBER.fullmatch(written):
         # beyond 15 digits an integer is read as a float: int() rejects very long ones
-        whole = written.lstrip("+-").isdigit() and len(written) <= 15
-        return Item(int(written) if whole else float(written), line)
+        is_integer = written.lstrip("+-").isdigit() and len(written) <= 15
+        return Item(int(written) if is_integer else float(written), line)
     if _NOT_FINITE.fullmatch(written):
         return Item(float(written.replace(".", "", 1)), line)
     return Item(written, line, _doubt(written, node.tag.removeprefix(_YAML)))
@@ -318,20 +318,22 @@ def read_object(
     for name, child in mapping.items():
         if name not in fields:
             continue
-        at = place.key(name, child.line)
-        own = readers.get(f"{cls.__name__}.{name}")
+        below = place.key(name, child.line)
+        reader = readers.get(f"{cls.__name__}.{name}")
         field = fields[name]
         with errors:
             values[field.name] = (
-                own(child, at) if own else _read(hints[field.name], child, at, field, readers)
+                reader(child, below)
+                if reader
+                else _read(hints[field.name], child, below, field, readers)
             )
     errors.raise_any()
-    made = cls(**values)
-    complaint = made.check() if hasattr(made, "check") else None
+    result = cls(**values)
+    complaint = result.check() if hasattr(result, "check") else None
     if complaint:
         problem, _, remedy = complaint.partition("; ")
         raise place.refuse(problem, remedy.rstrip(".") or "see the scenes in config/scenes")
-    return made
+    return result
 
 
 _hints_of = cache(get_type_hints)  # evaluating annotations takes longer than reading their values
@@ -353,7 +355,7 @@ def _refuse_unknown(
     errors: SceneErrors,
 ) -> set[str]:
     """Collect an error for each unknown key; return the remedies suggested."""
-    said = set()
+    remedies = set()
     for name, child in mapping.items():
         if name not in known:
             remedy = did_you_mean(name, known) if known else "remove it, no keys are allowed here"
@@ -361,14 +363,14 @@ def _refuse_unknown(
             if homes:
                 remedy = f"it belongs to `{homes[0]}`, as `{homes[0]}: {{{name}: ...}}`"
             errors.add(place.key(name, child.line).refuse("unknown key", remedy))
-            said.add(remedy)
-    return said
+            remedies.add(remedy)
+    return remedies
 
 
 def _keys_of(hint: Any) -> set[str]:
     """Return the keys of a part that is one mapping; none of other types."""
     kinds = get_args(hint) if get_origin(hint) in (Union, types.UnionType) else (hint,)
-    parts = (one for one in kinds if dataclasses.is_dataclass(one))
+    parts = (kind for kind in kinds if dataclasses.is_dataclass(kind))
     return {key_of(field) for part in parts for field in dataclasses.fields(part)}
 
 
@@ -384,10 +386,10 @@ def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[s
             f"{problem} instead of one key", f"give one of {names}, as `name: {{...}}`"
         )
     (name, child), *_ = mapping.items()
-    at = place.key(name, child.line)
+    below = place.key(name, child.line)
     if name not in choices:
-        raise at.refuse("unknown", did_you_mean(name, choices))
-    return name, child, at
+        raise below.refuse("unknown", did_you_mean(name, choices))
+    return name, child, below
 
 
 def key_of(field: dataclasses.Field[Any]) -> str:
@@ -449,12 +451,12 @@ def _read_list(
     if len(item.value) != len(hints):
         problem = f"{len(item.value)} values in the list"
         raise place.refuse(problem, f"give {len(hints)} ({meaning})")
-    errors, found = SceneErrors(), []
+    errors, values = SceneErrors(), []
     for number, (hint, child) in enumerate(zip(hints, item.value, strict=True)):
         with errors:
-            found.append(_read(hint, child, place.index(number, child.line), field, readers))
+            values.append(_read(hint, child, place.index(number, child.line), field, readers))
     errors.raise_any()
-    return tuple(found)
+    return tuple(values)
 
 
 def _read_named(
@@ -463,12 +465,12 @@ def _read_named(
     """Return a mapping from names chosen in the file."""
     if not isinstance(item.value, dict):
         raise place.refuse(f"{kind(item)} instead of a mapping", f"give names ({_meaning(field)})")
-    errors, found = SceneErrors(), {}
+    errors, values = SceneErrors(), {}
     for name, child in item.value.items():
         with errors:
-            found[name] = _read(hint, child, place.key(name, child.line), field, readers)
+            values[name] = _read(hint, child, place.key(name, child.line), field, readers)
     errors.raise_any()
-    return found
+    return values
 
 
 def _read_truth(item: Item, place: Place, meaning: str) -> bool:

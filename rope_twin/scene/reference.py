@@ -100,7 +100,7 @@ def _default(field: dataclasses.Field[Any]) -> str | None:
     if value is None or value in ("", ()) or dataclasses.is_dataclass(value):
         return "absent"
     if isinstance(value, tuple):
-        return f"[{', '.join(f'{one:g}' for one in value)}]"
+        return f"[{', '.join(f'{number:g}' for number in value)}]"
     if isinstance(value, bool | str):
         return str(value).lower()
     return f"{value:g}"
@@ -121,14 +121,14 @@ def _wanted(hint: Any) -> str:
         return "mapping of names"
     if get_origin(hint) is not tuple:
         return _WORDS.get(hint, "mapping")
-    of = get_args(hint)
-    each = _wanted(of[0])
-    if of[-1] is not Ellipsis:
-        kinds = {_wanted(one) for one in of}
-        return f"{len(of)} {each}s" if len(kinds) == 1 else f"{len(of)} values"
-    if get_origin(of[0]) is not tuple:
-        return f"list of {each}s"
-    return f"rows of {each.removeprefix('list of ')}"
+    arguments = get_args(hint)
+    member = _wanted(arguments[0])
+    if arguments[-1] is not Ellipsis:
+        kinds = {_wanted(argument) for argument in arguments}
+        return f"{len(arguments)} {member}s" if len(kinds) == 1 else f"{len(arguments)} values"
+    if get_origin(arguments[0]) is not tuple:
+        return f"list of {member}s"
+    return f"rows of {member.removeprefix('list of ')}"
 
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -148,8 +148,10 @@ def scene_schema() -> Schema:
 def _object_schema(cls: type, definitions: Schema) -> Schema:
     """Return the schema of a mapping that is read into a dataclass."""
     fields = list(_fields_of(cls))
-    properties = {key_of(one): _key_schema(cls, one, hint, definitions) for one, hint in fields}
-    required = [key_of(one) for one, _ in fields if one.default is dataclasses.MISSING]
+    properties = {
+        key_of(field): _key_schema(cls, field, hint, definitions) for field, hint in fields
+    }
+    required = [key_of(field) for field, _ in fields if field.default is dataclasses.MISSING]
     schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
     return schema | ({"required": required} if required else {})
 
@@ -163,7 +165,7 @@ def _key_schema(cls: type, field: dataclasses.Field[Any], hint: Any, definitions
     if isinstance(field.default, bool | int | float | str) and field.default != "":
         schema["default"] = field.default
     if cls is Scene and field.name == "effects":
-        named = {one.name: one.params for one in EFFECTS}
+        named = {effect.name: effect.params for effect in EFFECTS}
         return schema | {"type": "array", "items": _choice(named, definitions)}
     if field.name == "shape":
         return schema | _choice(SHAPES, definitions)

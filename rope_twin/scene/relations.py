@@ -56,15 +56,15 @@ def faults(scene: Scene) -> Iterator[Fault]:
 
 def independent_faults(scene: Scene) -> list[Fault]:
     """Return every fault once; a rule made inapplicable by another fault is skipped."""
-    found: dict[Fault, None] = {}
+    faults: dict[Fault, None] = {}
     for rule in RULES:
         try:
             for fault in rule(scene):
-                found[fault] = None
+                faults[fault] = None
         except _CONSEQUENCES:
-            if not found:
+            if not faults:
                 raise
-    return list(found)
+    return list(faults)
 
 
 def _names(scene: Scene) -> Iterator[Fault]:
@@ -82,12 +82,12 @@ def _names(scene: Scene) -> Iterator[Fault]:
 
 def _payload_figures(scene: Scene) -> Iterator[Fault]:
     for number, payload in enumerate(scene.payloads):
-        given = {
+        figures = {
             "displaced_volume_m3": payload.displaced_volume_m3,
             "added_mass_kg": payload.added_mass_kg,
             "drag_area_m2": payload.drag_area_m2,
         }
-        missing = [name for name, value in given.items() if value is None]
+        missing = [name for name, value in figures.items() if value is None]
         if payload.shape is None and missing:
             problem = f"without a shape {', '.join(missing)} cannot be known"
             yield f"payloads[{number}]", problem, "add a shape, or these keys"
@@ -121,10 +121,10 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
                 problem = f"the sections are {total:g} m long in total, for {needed:g} m of rope"
                 remedy = "lengthen one, or remove length_m of the topmost one: it is then unlimited"
                 yield path, problem, remedy
-        out = sum(end < line.length_m for end in ends_m(line)) + 1
-        if out > line.elements:
-            problem = f"{line.elements} elements for {out} sections that are out"
-            yield f"ropes[{number}].elements", problem, f"give at least {out}"
+        sections = sum(end < line.length_m for end in ends_m(line)) + 1
+        if sections > line.elements:
+            problem = f"{line.elements} elements for {sections} sections that are out"
+            yield f"ropes[{number}].elements", problem, f"give at least {sections}"
 
 
 def _own_drag(scene: Scene) -> Iterator[Fault]:
@@ -132,10 +132,11 @@ def _own_drag(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         for section in line.made_of if drag is not None else ():
             for name in ("normal", "tangential"):
-                own = getattr(section.rope, f"drag_{name}", None)
-                if own is not None and getattr(drag, name) == 0.0:
+                coefficient = getattr(section.rope, f"drag_{name}", None)
+                if coefficient is not None and getattr(drag, name) == 0.0:
                     problem = (
-                        f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
+                        f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own "
+                        f"{coefficient:g}"
                     )
                     remedy = "give the scene's coefficient a value, or remove the rope's own"
                     yield f"ropes[{number}]", problem, remedy
@@ -145,22 +146,24 @@ def _grading(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         if line.grading is not None:
             winch = winch_of(scene, line)
-            least = winch.least_line_out_m if winch else None
+            shortest_m = winch.least_line_out_m if winch else None
             path = f"ropes[{number}].grading"
-            yield from ((path, *words) for words in grading_faults(line, line.grading))
+            yield from ((path, *fault) for fault in grading_faults(line, line.grading))
             lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
-            if least is not None and lowest >= least:
-                problem = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
+            if shortest_m is not None and lowest >= shortest_m:
+                problem = (
+                    f"the lowest element is {lowest:g} m, the winch hauls in to {shortest_m:g} m"
+                )
                 yield path, problem, "shorten it, or raise least_line_out_m"
 
 
 def _damping(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
-        given = [value for value in dataclasses.astuple(line.damping) if value is not None]
-        if len(given) != 1:
-            what = ("no damping is", "", "two dampings are", "three dampings are")[len(given)]
+        dampings = [value for value in dataclasses.astuple(line.damping) if value is not None]
+        if len(dampings) != 1:
+            count = ("no damping is", "", "two dampings are", "three dampings are")[len(dampings)]
             remedy = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
-            yield f"ropes[{number}].damping", f"{what} given", remedy
+            yield f"ropes[{number}].damping", f"{count} given", remedy
 
 
 _NEEDED = (  # effect, another that it cannot be without, why, and how to list that
@@ -186,10 +189,11 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield from _ramped(scene, ramp, listed)
     drag = scene.listed(DragParams)
     if drag is not None and drag.over_keulegan_carpenter:
-        beside = [name for name in ("wetting", "depth_profiles") if name in listed] + shedding
-        if beside:
+        conflicts = [name for name in ("wetting", "depth_profiles") if name in listed] + shedding
+        if conflicts:
             problem = (
-                f"over_keulegan_carpenter of `drag` and `{beside[0]}` both change the rope's drag"
+                f"over_keulegan_carpenter of `drag` and `{conflicts[0]}` both change the "
+                "rope's drag"
             )
             yield "effects", problem, "keep one of them"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
@@ -203,9 +207,9 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
     if params is None:
         return
     names = {effect.params: effect.name for effect in EFFECTS}
-    listed = [names[type(own)] for own in scene.effects]
+    listed = [names[type(params)] for params in scene.effects]
     where, drag, rho = "effects", scene.listed(DragParams), params.density_kg_per_m3
-    own = scene.environment.water_density_kg_per_m3
+    density = scene.environment.water_density_kg_per_m3
     if shedding_model(scene):
         problem = (
             f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
@@ -226,18 +230,20 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
         if name in listed:
             problem = f"the water of `{name}` has one density, and `depth_profiles` another"
             yield where, problem, f"remove density_kg_per_m3 or `{name}`"
-    if own <= 0.0:
+    if density <= 0.0:
         problem = "a density over depth is relative to the scene's water, and there is none"
         yield where, problem, "give environment.water_density_kg_per_m3 above 0"
-    elif "splash_zone" in listed and abs(rho[0][1] - own) > SAME_WATER_KG_PER_M3:
-        problem = f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {own:g} in `splash_zone`"
+    elif "splash_zone" in listed and abs(rho[0][1] - density) > SAME_WATER_KG_PER_M3:
+        problem = (
+            f"{rho[0][1]:g} kg/m³ at the top of `depth_profiles`, {density:g} in `splash_zone`"
+        )
         yield where, problem, f"give environment.water_density_kg_per_m3: {rho[0][1]:g}"
 
 
 def _ramped(scene: Scene, ramp: FluidRampParams, listed: list[str]) -> Iterator[Fault]:
     """Check that a fluid ramp finds all that it scales, and nothing that it cannot scale."""
-    beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
-    for name in (*beside, *({"rigid_body", "payload_oscillation"} & set(listed))):
+    effects = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
+    for name in (*effects, *({"rigid_body", "payload_oscillation"} & set(listed))):
         problem = f"`fluid_ramp` does not scale the forces of `{name}`"
         yield "effects", problem, "remove one of them, or use `over_time` of `current`"
     if ramp.vortices and not shedding_model(scene) and "payload_shedding" not in listed:
@@ -280,12 +286,12 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
             f"give at least twice its length, {2.0 * unit_m:g} m",
         )
     names = {effect.params: effect for effect in EFFECTS}
-    for own in (names[type(params)] for params in scene.effects):
-        if own.sheds or own.name == "bending":
+    for kind in (names[type(params)] for params in scene.effects):
+        if kind.sheds or kind.name == "bending":
             problem = (
-                f"`{own.name}` acts on the whole rope, and its lowest section is a compensator"
+                f"`{kind.name}` acts on the whole rope, and its lowest section is a compensator"
             )
-            yield "effects", problem, f"remove `{own.name}` or `compensator`"
+            yield "effects", problem, f"remove `{kind.name}` or `compensator`"
 
 
 def _hull_contact(scene: Scene) -> Iterator[Fault]:
@@ -306,15 +312,15 @@ def _line_contact(scene: Scene) -> Iterator[Fault]:
 
 def _payload_contact(scene: Scene) -> Iterator[Fault]:
     """Check that bodies that touch are payloads or joints of a system, and points."""
-    own = scene.listed(PayloadContactParams)
-    if own is None:
+    contact = scene.listed(PayloadContactParams)
+    if contact is None:
         return
     if not is_joined(scene):
         problem = "`payload_contact` acts between payloads and joints, and this scene has one"
         yield "effects", problem, "remove it, or add payloads on ropes of their own"
         return
     names = [*(payload.name for payload in scene.payloads), *(joint.name for joint in scene.joints)]
-    for number, body in enumerate(own.bodies):
+    for number, body in enumerate(contact.bodies):
         path = f"effects.payload_contact.bodies[{number}].name"
         if body.name not in names:
             remedy = did_you_mean(body.name, names)
@@ -347,9 +353,9 @@ def _payload_oscillation(scene: Scene) -> Iterator[Fault]:
 
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
     """A decoupled VIV model amplifies one drag coefficient."""
-    own, model = model_beside(scene), shedding_model(scene)
+    vortex, model = model_beside(scene), shedding_model(scene)
     drag = scene.listed(DragParams)
-    if own is None or own.drag is not None or drag is None:
+    if vortex is None or vortex.drag is not None or drag is None:
         return
     if drag.over_reynolds or not drag.relative:
         problem = f"`{model}` amplifies one drag coefficient, and `drag` has no constant one"
@@ -379,10 +385,10 @@ def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
     """Either all fairings have a tow speed or none has."""
     listed = scene.listed(FairingParams)
     for number, payload in enumerate(scene.payloads):
-        own = payload.fairing
-        if listed is None or own is None:
+        fairing = payload.fairing
+        if listed is None or fairing is None:
             continue
-        speeds = own.tow_speed_m_per_s, listed.tow_speed_m_per_s
+        speeds = fairing.tow_speed_m_per_s, listed.tow_speed_m_per_s
         if speeds.count(None) == 1:
             problem = "of this fairing and the effect's one has a tow speed and one has not"
             remedy = "give both a tow_speed_m_per_s, or neither"
@@ -410,16 +416,16 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
 
 def _shedding_payload(scene: Scene) -> Iterator[Fault]:
     """A point needs the area of the payload that sheds, a rigid body has its own."""
-    own = scene.listed(PayloadSheddingParams)
-    if own is None:
+    shedding = scene.listed(PayloadSheddingParams)
+    if shedding is None:
         return
     path, body = "effects.payload_shedding.area_m2", body_payload(scene)
-    if body is None and own.area_m2 is None:
+    if body is None and shedding.area_m2 is None:
         yield path, "it is missing", "give the projected area of the payload across the flow"
-    elif body is not None and own.area_m2 is not None:
+    elif body is not None and shedding.area_m2 is not None:
         problem = "the projected area of a rigid body follows from its size"
         yield path, problem, "remove it, or use `payload` instead of `rigid_body`"
-    elif body is not None and own.payload not in ("", body):
+    elif body is not None and shedding.payload not in ("", body):
         problem = f"beside a rigid body only that sheds vortices, '{body}'"
         yield "effects.payload_shedding.payload", problem, "remove it"
 

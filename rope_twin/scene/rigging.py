@@ -159,16 +159,16 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
 
 def _held(scene: Scene) -> Iterator[Fault]:
     """Every payload and joint is at the lower end of a rope, and no joint is a free end."""
-    held = Counter(line.to for line in scene.ropes)
-    ends = held + Counter(line.from_ for line in scene.ropes)
+    lower_ends = Counter(line.to for line in scene.ropes)
+    ends = lower_ends + Counter(line.from_ for line in scene.ropes)
     ends += Counter(name for strut in scene.struts for name in strut.between)
     for number, payload in enumerate(scene.payloads):
-        if not held[payload.name]:
+        if not lower_ends[payload.name]:
             remedy = f"give `to: {payload.name}` to a rope, or remove the payload"
             yield f"payloads[{number}]", f"no rope holds '{payload.name}'", remedy
     for number, joint in enumerate(scene.joints):
         path = f"joints[{number}]"
-        if not held[joint.name]:
+        if not lower_ends[joint.name]:
             remedy = f"give `to: {joint.name}` to the rope that holds it"
             yield path, f"no rope holds '{joint.name}' from above", remedy
         elif ends[joint.name] == 1 and joint.mass_kg == 0.0:
@@ -183,9 +183,9 @@ def _hanging(scene: Scene) -> Iterator[Fault]:
     links += [strut.between for strut in scene.struts]
     grown = True
     while grown:
-        found = {n for link in links if reached.intersection(link) for n in link} - reached
-        grown = bool(found)
-        reached |= found
+        neighbours = {n for link in links if reached.intersection(link) for n in link} - reached
+        grown = bool(neighbours)
+        reached |= neighbours
     for number, line in enumerate(scene.ropes):
         if line.from_ not in reached:
             problem = f"'{line.name}' is part of a loop or chain without a hang-off"
@@ -195,9 +195,9 @@ def _hanging(scene: Scene) -> Iterator[Fault]:
 def _struts(scene: Scene) -> Iterator[Fault]:
     names = meeting_points(scene)
     for number, strut in enumerate(scene.struts):
-        path, (one, other) = f"struts[{number}].between", strut.between
-        if one == other:
-            yield path, f"both ends are at '{one}'", "name two payloads or joints"
+        path, (first, second) = f"struts[{number}].between", strut.between
+        if first == second:
+            yield path, f"both ends are at '{first}'", "name two payloads or joints"
         for k, name in enumerate(strut.between):
             if name not in names:
                 remedy = did_you_mean(name, names) if names else "add it under `joints`"
@@ -265,7 +265,7 @@ def sheaves_hold(scene: Scene) -> Iterator[Fault]:
 
 def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
     """Check the two ropes that run as one over a sheave."""
-    one, other = (scene.ropes[number] for number in ends)
+    upper, lower = (scene.ropes[number] for number in ends)
     for number in ends:
         path, line = f"ropes[{number}]", scene.ropes[number]
         if line.from_ in places(scene):
@@ -278,13 +278,13 @@ def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
         if line.grading is not None:
             remedy = "remove `grading`: elements are added and removed at its end"
             yield path, f"'{line.name}' runs over a sheave and is graded", remedy
-    pairs = zip(one.made_of, other.made_of, strict=False)
-    if one.damping != other.damping or any(a.rope != b.rope for a, b in pairs):
-        problem = f"'{one.name}' and '{other.name}' are one rope and differ in material"
+    pairs = zip(upper.made_of, lower.made_of, strict=False)
+    if upper.damping != lower.damping or any(a.rope != b.rope for a, b in pairs):
+        problem = f"'{upper.name}' and '{lower.name}' are one rope and differ in material"
         yield f"ropes[{ends[1]}]", problem, "give both the same `rope` and `damping`"
-    if one.fatigue is not None and other.fatigue not in (None, one.fatigue):
-        problem = f"'{one.name}' and '{other.name}' are one rope with different fatigue data"
-        yield f"ropes[{ends[1]}].fatigue", problem, f"give them once, at '{one.name}'"
+    if upper.fatigue is not None and lower.fatigue not in (None, upper.fatigue):
+        problem = f"'{upper.name}' and '{lower.name}' are one rope with different fatigue data"
+        yield f"ropes[{ends[1]}].fatigue", problem, f"give them once, at '{upper.name}'"
 
 
 # Effects that treat a payload as a point at the rope's end.
@@ -306,10 +306,10 @@ def refuse_body(scene: Scene, problem: str) -> None:
 
 def body_payload(scene: Scene) -> str | None:
     """Return the name of the payload that is a rigid body; None if none is."""
-    own = scene.listed(RigidBodyParams)
-    if own is None or not scene.payloads:
+    body = scene.listed(RigidBodyParams)
+    if body is None or not scene.payloads:
         return None
-    return own.payload or scene.payloads[0].name
+    return body.payload or scene.payloads[0].name
 
 
 def payload_rope(scene: Scene) -> int:
@@ -325,32 +325,32 @@ def payload_rope(scene: Scene) -> int:
 
 def body_holds(scene: Scene) -> Iterator[Fault]:
     """Check that a rigid body has a payload, and that no effect treats it as a point."""
-    own = scene.listed(RigidBodyParams)
-    if own is None:
+    body = scene.listed(RigidBodyParams)
+    if body is None:
         return
     names = [payload.name for payload in scene.payloads]
     if not names or not any(line.to for line in scene.ropes):
         problem = "`rigid_body` is listed but no payload is"
         yield "effects", problem, "add it under `payloads` and to the rope's `to`, or remove it"
         return
-    if own.payload and own.payload not in names:
-        remedy = did_you_mean(own.payload, names)
-        yield "effects.rigid_body.payload", f"there is no payload '{own.payload}'", remedy
+    if body.payload and body.payload not in names:
+        remedy = did_you_mean(body.payload, names)
+        yield "effects.rigid_body.payload", f"there is no payload '{body.payload}'", remedy
         return
-    if not own.payload and len(names) > 1:
+    if not body.payload and len(names) > 1:
         problem = f"it does not say which of {len(names)} payloads is the body"
         yield "effects.rigid_body.payload", problem, f"name it, for instance {names[0]}"
     number = names.index(body_payload(scene) or names[0])
-    yield from _only_body(scene, own, scene.payloads[number].name)
+    yield from _only_body(scene, body, scene.payloads[number].name)
     if scene.payloads[number].mass_kg == 0.0:
         remedy = "give the body a mass"
         yield f"payloads[{number}].mass_kg", "a rigid body without mass cannot move", remedy
 
 
-def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]:
+def _only_body(scene: Scene, body: RigidBodyParams, name: str) -> Iterator[Fault]:
     """Check the effects beside a rigid body of this name, and the rope that it hangs on."""
-    others = [payload.name for payload in scene.payloads if payload.name != name]
-    points = others + [joint.name for joint in scene.joints if joint.mass_kg > 0.0]
+    further = [payload.name for payload in scene.payloads if payload.name != name]
+    points = further + [joint.name for joint in scene.joints if joint.mass_kg > 0.0]
     for params in scene.effects:
         at_point = OF_A_POINT.get(type(params), "")
         if at_point and not (points and isinstance(params, PayloadParams)):
@@ -358,17 +358,17 @@ def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]
             yield "effects", problem, f"remove `{at_point}`, or use `payload` for the body"
         if not isinstance(params, SplashZoneParams):
             continue
-        if params.height_m != own.size_m[2]:
-            problem = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
+        if params.height_m != body.size_m[2]:
+            problem = f"{params.height_m:g} m is not the height of the body, {body.size_m[2]:g} m"
             yield "effects.splash_zone.height_m", problem, "give the third value of size_m"
-        if others:
-            problem = f"`splash_zone` beside `rigid_body` is for the body alone, not '{others[0]}'"
+        if further:
+            problem = f"`splash_zone` beside `rigid_body` is for the body alone, not '{further[0]}'"
             yield "effects", problem, "remove it, or give the scene one payload"
     if points and scene.listed(PayloadParams) is None:
         problem = f"`payload` is not listed: '{points[0]}' has no weight"
         yield "effects", problem, "add `- payload: {}`"
     holding = next((line for line in scene.ropes if line.to == name), None)
-    if own.deck is None or not own.deck.with_ship or holding is None:
+    if body.deck is None or not body.deck.with_ship or holding is None:
         return
     if holding.from_ not in places(scene):
         problem = f"it heaves with the ship, and '{holding.name}' does not come from there"
@@ -377,37 +377,41 @@ def _only_body(scene: Scene, own: RigidBodyParams, name: str) -> Iterator[Fault]
 
 def panels_beside(line: RopeLine, usual: NetCurtainParams) -> NetCurtainParams:
     """Return the panels beside a rope: those of its own net, or the effect's."""
-    own = line.panels if isinstance(line, NetPart) else None
-    return own or usual
+    panels = line.panels if isinstance(line, NetPart) else None
+    return panels or usual
 
 
 def curtain_hangs(scene: Scene) -> Iterator[Fault]:
     """Check that each rope with a net along it is long enough, at the least line out too."""
-    own = scene.listed(NetCurtainParams)
-    if own is None:
+    curtain = scene.listed(NetCurtainParams)
+    if curtain is None:
         return
     names = [line.name for line in scene.ropes]
-    if own.rope and own.rope not in names:
-        remedy = did_you_mean(own.rope, names)
-        yield "effects.net_curtain.rope", f"there is no rope '{own.rope}'", remedy
+    if curtain.rope and curtain.rope not in names:
+        remedy = did_you_mean(curtain.rope, names)
+        yield "effects.net_curtain.rope", f"there is no rope '{curtain.rope}'", remedy
         return
-    yield from _curtain_between(own.between, names)
-    among = {own.rope or name for name in names} if not own.between else {*sum(own.between, ())}
+    yield from _curtain_between(curtain.between, names)
+    between = (
+        {curtain.rope or name for name in names}
+        if not curtain.between
+        else {*sum(curtain.between, ())}
+    )
     for line in scene.ropes:
-        if line.name not in among:
+        if line.name not in between:
             continue
         if any(line.to == sheave.name for sheave in scene.sheaves):
             problem = f"'{line.name}' runs over a sheave, which no net passes"
             yield "effects.net_curtain.rope", problem, "name another rope"
         winch = winch_of(scene, line)
         least_m = winch.least_line_out_m if winch is not None else line.length_m
-        to_m = panels_beside(line, own).to_m
+        to_m = panels_beside(line, curtain).to_m
         if to_m > least_m:
             problem = f"the net would reach {to_m:g} m up '{line.name}', of which {least_m:g} m"
             remedy = "give a smaller one, or raise the winch's least_line_out_m"
             yield "effects.net_curtain.to_m", f"{problem} may be all that is out", remedy
     unit_m = scene.ropes[0].made_of[0].length_m or 0.0
-    if scene.listed(CompensatorParams) is not None and own.from_m < unit_m:
+    if scene.listed(CompensatorParams) is not None and curtain.from_m < unit_m:
         problem = f"the lowest {unit_m:g} m of the rope are the compensator"
         yield "effects.net_curtain.from_m", problem, f"give at least {unit_m:g} m"
 
@@ -424,7 +428,7 @@ def _curtain_between(pairs: tuple[tuple[str, str], ...], names: list[str]) -> It
             yield path, problem, "give each rope in two pairs at most"
     if len({frozenset(pair) for pair in pairs}) < len(pairs):
         yield path, "a pair of ropes is listed twice", "list each pair once"
-    if any(one == other for one, other in pairs):
+    if any(first == second for first, second in pairs):
         yield path, "a rope is paired with itself", "give two different ropes"
 
 

@@ -143,14 +143,14 @@ class StiffnessTable(SparingRepr):
     @cached_property
     def _working(self) -> _Working | None:
         """Return the working curve at the start, if there is one."""
-        own = self.working_curve
-        if own is None or own.highest_mean_tension_n == 0.0:
+        working = self.working_curve
+        if working is None or working.highest_mean_tension_n == 0.0:
             return None
-        highest, m = own.highest_mean_tension_n, own.curvature
+        highest, m = working.highest_mean_tension_n, working.curvature
         top = self._original_strain(highest)
-        span = (1.0 - own.permanent) * top
+        span = (1.0 - working.permanent) * top
         return _Working(
-            highest, top, own.permanent * top, highest * (1.0 - m) / span, highest * m / span**2
+            highest, top, working.permanent * top, highest * (1.0 - m) / span, highest * m / span**2
         )
 
     def _original_strain(self, tension_n: float) -> float:
@@ -263,8 +263,8 @@ class FatigueData:
         """Return the curve of tension, or None."""
         if self.tension is None:
             return None
-        own = self.tension
-        return TensionCurve(own.log10_k, own.per_mean_load, own.exponent)
+        tension = self.tension
+        return TensionCurve(tension.log10_k, tension.per_mean_load, tension.exponent)
 
 
 def _data(line: RopeLine) -> list[FatigueData | None]:
@@ -274,18 +274,18 @@ def _data(line: RopeLine) -> list[FatigueData | None]:
 
 def endurance(line: RopeLine) -> tuple[Endurance, ...]:
     """Return the life in bending of each section, from the lower end up."""
-    found = []
+    sections = []
     for section, data in zip(line.made_of, _data(line), strict=True):
-        own = Endurance(section.rope.diameter_m, section.rope.breaking_load_n)
+        figures = Endurance(section.rope.diameter_m, section.rope.breaking_load_n)
         if data is not None:
-            own = own._replace(discard_bends=data.discard_bends, source=data.source)
+            figures = figures._replace(discard_bends=data.discard_bends, source=data.source)
             if (life := data.bending) is not None:
-                own = own._replace(
+                figures = figures._replace(
                     log10_a=life.log10_a, exponent=life.exponent, d_ratio=life.d_ratio,
                     d_ratio_exponent=life.d_ratio_exponent,
                 )  # fmt: skip
-        found.append(own)
-    return tuple(found)
+        sections.append(figures)
+    return tuple(sections)
 
 
 def own_curve(line: RopeLine) -> TensionCurve:

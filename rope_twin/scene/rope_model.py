@@ -66,28 +66,28 @@ LEAST_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body
 
 def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
     """Return the kernel data of a scene's effects, one of which is a rigid body."""
-    (body,) = (own for own in built if isinstance(own, RigidBody))
+    (body,) = (built_effect for built_effect in built if isinstance(built_effect, RigidBody))
     parts, others = list(body.parts), []
-    for own in built:
-        if isinstance(own, SplashZone):
+    for built_effect in built:
+        if isinstance(built_effect, SplashZone):
             (zone,) = (effect for effect in scene.effects if isinstance(effect, SplashZoneParams))
             parts[0] = _afloat(zone, body, scene.environment.water_density_kg_per_m3)
             continue
-        if isinstance(own, Plane | Grid):
+        if isinstance(built_effect, Plane | Grid):
             (params,) = (effect for effect in scene.effects if isinstance(effect, SeabedParams))
-            parts.append(_bed(own, params, body))
+            parts.append(_bed(built_effect, params, body))
             if body.here:  # the rope's end carries only the hook
                 k = max(body.hook_weight, 0.0) / params.payload_penetration_m
-                own = own._replace(soil=own.soil._replace(k_payload=k))
-        if isinstance(own, PayloadShedding):
+                built_effect = built_effect._replace(soil=built_effect.soil._replace(k_payload=k))
+        if isinstance(built_effect, PayloadShedding):
             a, b, c = (float(side) for side in body.size)
-            parts.append(Shedding(own.k, own.turns, b * c, a * c, a * b))
+            parts.append(Shedding(built_effect.k, built_effect.turns, b * c, a * c, a * b))
             continue
-        others.append(own)
-    whole = with_parts(body, tuple(parts))
+        others.append(built_effect)
+    joined = with_parts(body, tuple(parts))
     if body.here and isinstance(parts[0], Afloat):  # it may begin in the air
-        whole = whole._replace(W=body.m * body.g + body.hook_weight)
-    return tuple(whole if own is body else own for own in others)
+        joined = joined._replace(W=body.m * body.g + body.hook_weight)
+    return tuple(joined if built_effect is body else built_effect for built_effect in others)
 
 
 def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat:
@@ -111,12 +111,12 @@ def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat
     )
 
 
-def _bed(own: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
+def _bed(shape: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
     """Return the seabed below the corners."""
     weight = (body.m - body.displaced) * body.g
     k = max(weight, LEAST_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
-    kind: Any = GridBed if isinstance(own, Grid) else PlaneBed
-    return kind(shape=own, k=float(k), chi=own.soil.chi, mu=own.soil.mu)
+    kind: Any = GridBed if isinstance(shape, Grid) else PlaneBed
+    return kind(shape=shape, k=float(k), chi=shape.soil.chi, mu=shape.soil.mu)
 
 
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
@@ -158,14 +158,14 @@ def build(scene: Scene) -> CoreRope:
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
     work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
-    law = tables_of(line) if any(one.rope.axial_stiffness for one in line.made_of) else None
+    law = tables_of(line) if any(section.rope.axial_stiffness for section in line.made_of) else None
     return CoreRope(model, state, work, sections, effects, law)
 
 
 def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
     """Return the node capacity of the arrays of a rope with nodes at these coordinates."""
-    most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
+    longest_m = scene.winch.most_line_out_m if scene.winch else line.length_m
+    to_come = ceil((longest_m - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
     return len(s) - 1 + to_come + SPARE_NODES + TRIALS
 
 
@@ -183,43 +183,45 @@ def build_effects(
     relaxes: whether another rope of the scene has a dynamic stiffness.
     """
     water = scene.environment
-    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
-    along = sum(own.tangential for own in scene.effects if isinstance(own, AddedMassParams))
-    Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
+    Ca = sum(params.normal for params in scene.effects if isinstance(params, AddedMassParams))
+    tangential = sum(
+        params.tangential for params in scene.effects if isinstance(params, AddedMassParams)
+    )
+    Cd = sum(params.normal for params in scene.effects if isinstance(params, DragParams))
     line = scene.ropes[0]
     room = _room(
         scene, line, node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
     )
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
-    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    EI = sum(params.stiffness_n_m2 for params in scene.effects if isinstance(params, BendingParams))
     bed = scene.listed(SeabedParams)
-    around = Surroundings(
+    surroundings = Surroundings(
         density, gravity, Ca, room, Cd, EI, two_way=two_way,
         friction=0.0 if bed is None else bed.friction,
         sticks=scene.listed(BedFrictionParams) is not None,
-        added_mass_along=along,
+        added_mass_along=tangential,
         carries=scene.listed(PayloadParams) is not None,
         wets=scene.listed(WettingParams) is not None,
         diameter=max(part.rope.diameter_m for rope in scene.ropes for part in rope.made_of),
     )  # fmt: skip
-    apart = scene.listed(RigidBodyParams) is not None
+    has_body = scene.listed(RigidBodyParams) is not None
     built = []
     for effect in EFFECTS:
         for params in scene.effects:
             if type(params) is effect.params:
                 # a body hangs below the rope's end: for other effects that end is unloaded
                 of_body = isinstance(params, RigidBodyParams)
-                own = NOTHING if apart and of_body != carries_body else figures
-                built.append(effect.build(params, own, around))
+                effect_figures = NOTHING if has_body and of_body != carries_body else figures
+                built.append(effect.build(params, effect_figures, surroundings))
                 if params is bed:
-                    around = around._replace(bed=built[-1])
+                    surroundings = surroundings._replace(bed=built[-1])
                 if not hooks_of(type(built[-1])):
                     raise SceneError(f"effect '{effect.name}'", "it has no kernel", "register one")
-    if relaxes or any(one.rope.is_fibre for one in line.made_of):
+    if relaxes or any(section.rope.is_fibre for section in line.made_of):
         built.append(new_fibre(room))
     if line.end_motion is not None:
         built.append(_moved_end(line, line.end_motion))
-    return meet(built, scene) if apart else tuple(built)
+    return meet(built, scene) if has_body else tuple(built)
 
 
 def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | LedEnd:
@@ -257,9 +259,14 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
 
 def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
     """Return the rows RELAXATION to HIGHEST of a fibre rope's section."""
-    own, works = stiffness.dynamic, stiffness.working_curve
-    assert own is not None, "asked of fibre ropes only"
-    law = [1.0 / own.relaxation_s, own.constant_n, own.per_mean_tension, own.per_tension_amplitude]
+    dynamic, works = stiffness.dynamic, stiffness.working_curve
+    assert dynamic is not None, "asked of fibre ropes only"
+    law = [
+        1.0 / dynamic.relaxation_s,
+        dynamic.constant_n,
+        dynamic.per_mean_tension,
+        dynamic.per_tension_amplitude,
+    ]
     if works is None:
         return [*law, 0.0, 0.0, 0.0]
     return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
@@ -298,13 +305,13 @@ def _tolerance(tension: Floats, effects: tuple[Any, ...]) -> float:
 
     tension: of the straight hanging rope at its nodes, so it grows by the weight of each element.
     """
-    own = min(TOLERANCE_SHARE * abs(float(tension[-1])), TOLERANCE_MOST_N)
+    tolerance = min(TOLERANCE_SHARE * abs(float(tension[-1])), TOLERANCE_MOST_N)
     for effect in effects:
         if isinstance(effect, PlaneFriction | GridFriction):
             weight = float(np.median(np.diff(tension)))
-            held = min(effect.axial, effect.lateral) * effect.slip * weight
-            own = min(own, TOLERANCE_STUCK_SHARE * held)
-    return max(own, TOLERANCE_LEAST_N)
+            stuck = min(effect.axial, effect.lateral) * effect.slip * weight
+            tolerance = min(tolerance, TOLERANCE_STUCK_SHARE * stuck)
+    return max(tolerance, TOLERANCE_LEAST_N)
 
 
 def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:

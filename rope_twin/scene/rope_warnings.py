@@ -52,10 +52,13 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
     lengths = {"ropes[0]": (line.length_m, "")}
     if scene.winch:
-        least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
-        if figures.hung.dry_share(least) > 0.0:
-            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, above the water,")
-        lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
+        shortest_m, longest_m = scene.winch.least_line_out_m, scene.winch.most_line_out_m
+        if figures.hung.dry_share(shortest_m) > 0.0:
+            lengths["winch.least_line_out_m"] = (
+                shortest_m,
+                f" with {shortest_m:g} m out, above the water,",
+            )
+        lengths["winch.most_line_out_m"] = (longest_m, f" with {longest_m:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)
         if line.fixed_at_m or tension <= rope.breaking_load_n / SAFETY_FACTOR:
@@ -69,21 +72,21 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def load_together(scene: Scene) -> Iterator[str]:
     """Check what the ropes from the ship carry together; the actual distribution is less even."""
-    held = hung_together(scene)
-    if held is None:
+    load = hung_together(scene)
+    if load is None:
         return
-    path, when, tension = "ropes[0]", "", held.weight_n
-    if len(held.lines) > 1:
-        path, words = "ropes", f"{len(held.lines)} ropes from the ship together carry"
+    path, when, tension = "ropes[0]", "", load.weight_n
+    if len(load.lines) > 1:
+        path, words = "ropes", f"{len(load.lines)} ropes from the ship together carry"
     else:
         words = "static top tension"
-        if scene.winch and tension <= held.breaking_load_n / SAFETY_FACTOR:
-            most = scene.winch.most_line_out_m
-            tension, when = held.weight_at(most), f" with {most:g} m out"
+        if scene.winch and tension <= load.breaking_load_n / SAFETY_FACTOR:
+            longest_m = scene.winch.most_line_out_m
+            tension, when = load.weight_at(longest_m), f" with {longest_m:g} m out"
             path = "winch.most_line_out_m"
-    if tension > held.breaking_load_n / SAFETY_FACTOR:
+    if tension > load.breaking_load_n / SAFETY_FACTOR:
         words = f"{words} {tension / 1e3:.0f} kN{when}"
-        yield _weak(path, words, tension / held.breaking_load_n, held.breaking_load_n)
+        yield _weak(path, words, tension / load.breaking_load_n, load.breaking_load_n)
 
 
 def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
@@ -122,7 +125,7 @@ def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
         return
     box = (shape.length_m, shape.width_m, shape.height_m)
     if any(abs(a - b) > ANOTHER_SIZE * max(a, b) for a, b in zip(box, body.size_m, strict=True)):
-        sides = [" × ".join(f"{side:g}" for side in one) for one in (body.size_m, box)]
+        sides = [" × ".join(f"{side:g}" for side in size) for size in (body.size_m, box)]
         problem = f"{sides[0]} m, and the payload's shape is a box of {sides[1]} m"
         remedy = "give one size: inertia and contact use the first, drag and added mass this one"
         yield phrase("effects.rigid_body.size_m", problem, remedy)
@@ -130,20 +133,23 @@ def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
 
 def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str]:
     """Check one sling, with the hook above the middle of the attachment points."""
-    middle = [sum(one.to_m[axis] for one in body.slings) / len(body.slings) for axis in (0, 1)]
-    aside = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
+    middle = [
+        sum(sling_of_body.to_m[axis] for sling_of_body in body.slings) / len(body.slings)
+        for axis in (0, 1)
+    ]
+    offset_m = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
     length = sling.length_m
-    if aside >= length:
-        problem = f"{length:g} m does not reach the hook at a lateral offset of {aside:.2f} m"
-        yield phrase(".length_m", problem, f"give more than {aside:.2f} m")
+    if offset_m >= length:
+        problem = f"{length:g} m does not reach the hook at a lateral offset of {offset_m:.2f} m"
+        yield phrase(".length_m", problem, f"give more than {offset_m:.2f} m")
         return
-    angle = degrees(asin(aside / length))
+    angle = degrees(asin(offset_m / length))
     if angle > FLATTEST_DEG:
         problem = (
             f"{length:g} m is {angle:.0f}° from the vertical: more than twice its share of the load"
         )
-        yield phrase(".length_m", problem, f"give {aside / sqrt(0.75):.1f} m or more")
-    pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - aside**2)
+        yield phrase(".length_m", problem, f"give {offset_m / sqrt(0.75):.1f} m or more")
+    pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - offset_m**2)
     stretch = pull / sling.stiffness_n_per_m
     if stretch > LONGEST_STRETCH * length:
         problem = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
@@ -202,9 +208,9 @@ def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
     """
     warnings, accepted, idle = _warnings(scene), [], []
     for number, entry in enumerate(scene.accept):
-        found = [words for words in warnings if entry.matches(words)]
-        accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in found]
-        if not found:
+        matching = [words for words in warnings if entry.matches(words)]
+        accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in matching]
+        if not matching:
             problem = f"the scene has no warning at '{entry.key}' with the words '{entry.says}'"
             idle.append(phrase(f"accept[{number}]", problem, "remove it, or name another"))
     return accepted, idle
@@ -226,22 +232,22 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
     first, clamps = alone(scene, 0), list[str]()
     for check in checks:
         if check is not check_load:
-            seen = scene if check is check_slamming else first
-            found = list(check(seen, lift_figures(first)))
-            clamps += found if check is _bending else []
-            yield from found
+            checked = scene if check is check_slamming else first
+            warnings = list(check(checked, lift_figures(first)))
+            clamps += warnings if check is _bending else []
+            yield from warnings
     for number in range(1, len(scene.ropes)):
         if isinstance(scene.ropes[number], NetPart):
             continue
-        own = alone(scene, number)
-        figures = lift_figures(own)
+        single = alone(scene, number)
+        figures = lift_figures(single)
         for check in filter(
             checks.__contains__, (_elements, _bend_radius, _rope_figures, _damping)
         ):
-            for warning in check(own, figures):
+            for warning in check(single, figures):
                 yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
         if _bending in checks and scene.ropes[number].from_ in places(scene):  # else a hinge
-            for warning in _bending(own, figures):
+            for warning in _bending(single, figures):
                 words = warning.replace("ropes[0]", f"ropes[{number}]", 1)
                 if words not in clamps:  # one that is of the effect is of all ropes from a winch
                     clamps.append(words)
@@ -286,18 +292,18 @@ def _hull_edges(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     h = figures.longest_element_m
     if h > 4.0 * SMEARED_SHARE * z:
         problem = f"elements of {h:.1f} m spread the bend at an edge {z:g} m below the hang-off"
-        least = ceil(scene.ropes[0].length_m / (4.0 * SMEARED_SHARE * z))
-        remedy = f"expect a side force up to {25.0 * h / z:.0f} % too large, or give {least}"
+        fewest = ceil(scene.ropes[0].length_m / (4.0 * SMEARED_SHARE * z))
+        remedy = f"expect a side force up to {25.0 * h / z:.0f} % too large, or give {fewest}"
         yield phrase("ropes[0].elements", problem, remedy)
 
 
 def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check the mesh for the minimum bend radius: a shorter arc is not resolved."""
     line, length = scene.ropes[0], figures.longest_element_m
-    least = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
-    if length > least * (1.0 + 1e-9):
-        problem = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {least:g} m"
-        remedy = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
+    radius = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
+    if length > radius * (1.0 + 1e-9):
+        problem = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {radius:g} m"
+        remedy = f"give at least {ceil(line.length_m / radius)}, or shorter ones where it bends"
         yield phrase("ropes[0].elements", problem, remedy)
 
 
@@ -481,9 +487,9 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _limits(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    most = scene.limits.utilisation
-    if most > 1.0:
-        problem = f"{most:g} allows {most:g} times the MBL of a rope"
+    utilisation = scene.limits.utilisation
+    if utilisation > 1.0:
+        problem = f"{utilisation:g} allows {utilisation:g} times the MBL of a rope"
         yield phrase("limits.utilisation", problem, "give a fraction of the MBL, as 0.3 for 30 %")
 
 

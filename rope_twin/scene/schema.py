@@ -203,9 +203,9 @@ class Rope:
         """Return a fault unless exactly one stiffness is given, or None."""
         if (self.axial_stiffness_n is None) != (self.axial_stiffness is None):
             return None
-        given = "no" if self.axial_stiffness is None else "a second"
+        count = "no" if self.axial_stiffness is None else "a second"
         return (
-            f"{given} axial stiffness is given; "
+            f"{count} axial stiffness is given; "
             "give axial_stiffness_n (EA) or axial_stiffness (a table), not both"
         )
 
@@ -302,8 +302,8 @@ class EndMotion:
         """Return a fault unless exactly one is given, or None."""
         if self.from_outside == (not self.harmonics):
             return None
-        given = "harmonics and from_outside" if self.harmonics else "neither of both"
-        return f"{given}; give harmonics, or from_outside: true"
+        problem = "harmonics and from_outside" if self.harmonics else "neither of both"
+        return f"{problem}; give harmonics, or from_outside: true"
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -357,11 +357,11 @@ class RopeLine(SparingRepr):
 
     def lengths_m(self, line_out_m: float) -> list[float]:
         """Return the paid-out length of each section; the topmost one is unlimited."""
-        lengths, left = [], line_out_m
+        lengths, remaining = [], line_out_m
         for number, section in enumerate(self.made_of, start=1):
             last = number == len(self.made_of) or section.length_m is None
-            lengths.append(left if last else min(section.length_m or 0.0, left))
-            left -= lengths[-1]
+            lengths.append(remaining if last else min(section.length_m or 0.0, remaining))
+            remaining -= lengths[-1]
         return lengths
 
 

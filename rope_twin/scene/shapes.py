@@ -93,19 +93,19 @@ class Cylinder:
         """Return lateral: table A-2; axial: a disc (2/π on 4/3·π·a³) with the depth factor [m³]."""
         ratio = self.diameter_m / self.height_m
         last = _CYLINDER_DIAMETER_OVER_LENGTH[-1]
-        across = float(np.interp(ratio, _CYLINDER_DIAMETER_OVER_LENGTH, _CYLINDER_ADDED))
-        across *= min(1.0, last / ratio) * self.volume_m3()
+        lateral = float(np.interp(ratio, _CYLINDER_DIAMETER_OVER_LENGTH, _CYLINDER_ADDED))
+        lateral *= min(1.0, last / ratio) * self.volume_m3()
         disc = 8.0 / 3.0 * (0.5 * self.diameter_m) ** 3
-        along = disc * depth_factor(0.25 * pi * self.diameter_m**2, self.height_m)
-        return (across, across, along)
+        axial = disc * depth_factor(0.25 * pi * self.diameter_m**2, self.height_m)
+        return (lateral, lateral, axial)
 
     def drag_area_m2(self) -> Triple:
         """Return lateral: 1.2·κ(H/D) on D·H; axial: C_D(H/D) on the end [m²]."""
         ratio = self.height_m / self.diameter_m
         kappa = float(np.interp(ratio, _FINITE_LENGTH_OVER_DIAMETER, _FINITE_REDUCTION))
-        across = _CYLINDER_DRAG * kappa * self.diameter_m * self.height_m
+        lateral = _CYLINDER_DRAG * kappa * self.diameter_m * self.height_m
         end = float(np.interp(ratio, _DISC_LENGTH_OVER_DIAMETER, _DISC_DRAG))
-        return (across, across, end * 0.25 * pi * self.diameter_m**2)
+        return (lateral, lateral, end * 0.25 * pi * self.diameter_m**2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -268,9 +268,9 @@ class Template:
 
     def added_mass_m3(self) -> Triple:
         """Return that of the closed box, reduced by the perforation along every axis [m³]."""
-        left = perforation_factor(self.open_percent)
+        factor = perforation_factor(self.open_percent)
         x, y, z = self._outline().added_mass_m3()
-        return (left * x, left * y, left * z)
+        return (factor * x, factor * y, factor * z)
 
     def drag_area_m2(self) -> Triple:
         """Return the closed box's coefficient times the solid area [m²]."""
@@ -360,14 +360,14 @@ class PayloadFigures:
     @property
     def rising_added_mass_kg(self) -> float:
         """Return the added mass along z in ascent [kg]."""
-        own = self.added_mass_rising_kg
-        return self.added_mass_kg[2] if own is None else own
+        rising_kg = self.added_mass_rising_kg
+        return self.added_mass_kg[2] if rising_kg is None else rising_kg
 
     @property
     def rising_drag_area_m2(self) -> float:
         """Return the drag area along z in ascent [m²]."""
-        own = self.drag_area_rising_m2
-        return self.drag_area_m2[2] if own is None else own
+        rising_m2 = self.drag_area_rising_m2
+        return self.drag_area_m2[2] if rising_m2 is None else rising_m2
 
     @property
     def differs_rising(self) -> bool:
@@ -387,8 +387,8 @@ def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> Payload
     """
     shape, volume = payload.shape, payload.displaced_volume_m3
     added, drag = payload.added_mass_kg, payload.drag_area_m2
-    own = payload.rising or Rising()
-    rising_drag = own.drag_area_m2
+    rising = payload.rising or Rising()
+    rising_drag = rising.drag_area_m2
     if shape is not None:
         volume = shape.volume_m3() if volume is None else volume
         if rising_drag is None and drag is None and isinstance(shape, TwoWayShape):
@@ -401,4 +401,4 @@ def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> Payload
         problem = "without a shape its volume, added mass or drag area cannot be known"
         remedy = "add a shape, or displaced_volume_m3, added_mass_kg and drag_area_m2"
         raise SceneError(f"payload '{payload.name}'", problem, remedy)
-    return PayloadFigures(payload.mass_kg, volume, added, drag, own.added_mass_kg, rising_drag)
+    return PayloadFigures(payload.mass_kg, volume, added, drag, rising.added_mass_kg, rising_drag)

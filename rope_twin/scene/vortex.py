@@ -73,32 +73,34 @@ def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
 def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[float], list[Bar]]:
     """Return elevation [m], tension [N] and section of sampling points from the lower end up."""
     line, top = scene.ropes[0], scene.ship.hang_off_m
-    held = tension_at_length(figures.bars, figures.chord_m) if line.fixed_at_m else 0.0
+    end_tension = tension_at_length(figures.bars, figures.chord_m) if line.fixed_at_m else 0.0
     low = line.fixed_at_m[2] if line.fixed_at_m else top[2] - line.length_m
     weight = sum(bar.weight_n_per_m * bar.length_m for bar in figures.bars)
     rise = (top[2] - low) / line.length_m  # of a straight rope
     z, tension, bars = [], [], []
     for s in (np.arange(PLACES) + 0.5) / PLACES * line.length_m:
-        below, at = 0.0, 0.0
+        below, length_m = 0.0, 0.0
         for bar in figures.bars:
-            inside = min(max(float(s) - at, 0.0), bar.length_m)
+            inside = min(max(float(s) - length_m, 0.0), bar.length_m)
             below += bar.weight_n_per_m * inside
-            at += bar.length_m
+            length_m += bar.length_m
             if inside < bar.length_m or bar is figures.bars[-1]:
                 break
         z.append(low + rise * float(s))
         bars.append(bar)
-        tension.append((held - 0.5 * weight if held else figures.payload_weight_n) + below)
+        tension.append(
+            (end_tension - 0.5 * weight if end_tension else figures.payload_weight_n) + below
+        )
     return z, tension, bars
 
 
 def _current(scene: Scene, z: list[float]) -> list[float]:
     """Return the speed of the current at these elevations [m/s]."""
-    own = scene.listed(CurrentParams)
-    if own is None:
+    current = scene.listed(CurrentParams)
+    if current is None:
         return [0.0] * len(z)
-    heights = [row[0] for row in reversed(own.points)]
-    parts = [np.interp(z, heights, [row[1][k] for row in reversed(own.points)]) for k in (0, 1)]
+    heights = [row[0] for row in reversed(current.points)]
+    parts = [np.interp(z, heights, [row[1][k] for row in reversed(current.points)]) for k in (0, 1)]
     return [hypot(east, north) for east, north in zip(*parts, strict=True)]
 
 
@@ -162,14 +164,18 @@ def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if CurrentParams not in listed and WavesParams not in listed and not moved:
         problem = "nothing flows past the rope, so no vortices are shed"
         yield phrase(f"effects {model}", problem, "add `current`")
-    own = listed.get(StrouhalForcingParams)
-    if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
+    forcing = listed.get(StrouhalForcingParams)
+    if (
+        isinstance(forcing, StrouhalForcingParams)
+        and forcing.drag is None
+        and DragParams not in listed
+    ):
         problem = "its forces are fractions of `drag`, which is not listed: they are zero"
         yield phrase(
             f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
         )
-    beside = model_beside(scene)
-    if beside is not None and beside.drag is None and DragParams not in listed:
+    model_params = model_beside(scene)
+    if model_params is not None and model_params.drag is None and DragParams not in listed:
         problem = "the drag that it amplifies is not listed, so it has no effect on the rope"
         yield phrase(
             f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
@@ -193,7 +199,7 @@ def shedding_model(scene: Scene) -> str:
 def model_beside(scene: Scene) -> Any:
     """Return the parameters of the scene's decoupled VIV model, or None."""
     kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
-    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+    return next((params for params in scene.effects if isinstance(params, kinds)), None)
 
 
 def coupled_settings(scene: Scene) -> CoupledSettings:

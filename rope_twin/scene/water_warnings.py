@@ -51,7 +51,7 @@ def moored_up(scene: Scene, figures: LiftFigures) -> bool:
     return figures.rises and scene.ship.hang_off_m[2] < -figures.line.length_m / SAGGING_UP
 
 
-def _ends(scene: Scene, up: bool) -> Iterator[str]:
+def _ends(scene: Scene, at_top: bool) -> Iterator[str]:
     bed = scene.listed(SeabedParams)
     line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
     if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
@@ -60,7 +60,7 @@ def _ends(scene: Scene, up: bool) -> Iterator[str]:
     if bed is None:
         return
     height = z - bed_at(bed, x, y)
-    if line.fixed_at_m is None and not up and line.length_m > SAGGING * height:
+    if line.fixed_at_m is None and not at_top and line.length_m > SAGGING * height:
         problem = (
             f"{line.length_m:g} m of rope is out above a seabed {height:g} m below the hang-off"
         )
@@ -77,10 +77,12 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
             if row.payload_depth_m is None:
                 continue
             where = f"schedule of winch '{name}', row {number}"
-            most = winch.most_line_out_m - z
-            if row.payload_depth_m > most:
+            deepest_m = winch.most_line_out_m - z
+            if row.payload_depth_m > deepest_m:
                 problem = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
-                yield phrase(where, problem, f"give at most {most:g} m, or raise most_line_out_m")
+                yield phrase(
+                    where, problem, f"give at most {deepest_m:g} m, or raise most_line_out_m"
+                )
             elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
                 problem = f"a depth of {row.payload_depth_m:g} m is below the seabed"
                 yield phrase(where, problem, f"the seabed is at {-bed_at(bed, x, y):g} m there")
@@ -114,9 +116,9 @@ def _steepness_of(
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
     waves = scene.listed(WavesParams)
-    for name, own in {} if waves is None else waves.systems.items():
-        spectrum = spectrum_of(own)
-        where = f"effects {name}.{'measured' if own.jonswap is None else 'jonswap'}"
+    for name, system in {} if waves is None else waves.systems.items():
+        spectrum = spectrum_of(system)
+        where = f"effects {name}.{'measured' if system.jonswap is None else 'jonswap'}"
         gravity = scene.environment.gravity_m_per_s2
         if spectrum is not None and (warning := steepness_warning(where, spectrum, gravity)):
             yield warning
@@ -144,7 +146,7 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
     sea = components_of(waves, scene.environment.gravity_m_per_s2)
     table = vessel_raos(scene)
     assert table is not None, "its file is named"
-    lowest, highest = (float(one) for one in table.frequency_hz[[0, -1]])
+    lowest, highest = (float(frequency_hz) for frequency_hz in table.frequency_hz[[0, -1]])
     x, y, z = scene.ship.hang_off_m
     a, b, c = reference_point_m(scene)
     where, frequency = "sea_state.on_waves.responses", sea.omega / (2.0 * pi)
@@ -157,11 +159,11 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
         )
         yield phrase(where, problem, "give a table to higher frequencies")
     variance = sea.amplitude_m**2
-    long = float(variance[frequency < lowest].sum() / variance.sum())
-    if long > LEFT_OUT:
+    left_out = float(variance[frequency < lowest].sum() / variance.sum())
+    if left_out > LEFT_OUT:
         problem = (
-            f"the table begins at {lowest:.3g} Hz, and {100.0 * long:.2g} % of the waves' variance "
-            f"is below, where its first RAOs are used (from {frequency.min():.3g} Hz)"
+            f"the table begins at {lowest:.3g} Hz, and {100.0 * left_out:.2g} % of the waves' "
+            f"variance is below, where its first RAOs are used (from {frequency.min():.3g} Hz)"
         )
         yield phrase(where, problem, "give a table from lower frequencies")
     yield from (f"{where}: {doubt}" for doubt in long_wave_doubts(table))
@@ -264,13 +266,13 @@ def _through(scene: Scene, current: CurrentParams, part: str, factor: float) -> 
     """Check for a vertical current through the surface, or through the seabed below the ship."""
     if not current.rises:
         return
-    heights, up = current.table[::-1, 0], factor * current.table[::-1, 3]
+    heights, upward = current.table[::-1, 0], factor * current.table[::-1, 3]
     sides = {"surface": 0.0}
     bed = scene.listed(SeabedParams)
     if bed is not None:
         sides["seabed"] = bed_at(bed, *scene.ship.hang_off_m[:2])
     for side, z in sides.items():
-        speed = float(np.interp(z, heights, up))
+        speed = float(np.interp(z, heights, upward))
         if abs(speed) > THROUGH_M_PER_S:
             problem = f"{speed:g} m/s of vertical current pass through the {side} at z = {z:g} m"
             remedy = f"let it end there: a row at z = {z:g} m with 0 up"
@@ -286,9 +288,9 @@ def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     fixed, top = scene.ropes[0].fixed_at_m, scene.ship.hang_off_m[2]
     bottom = fixed[2] if fixed else top - length
     for name in ("density_kg_per_m3", "drag_factor"):
-        given = getattr(params, name)
-        if len(given) > 1 and given[-1][0] > bottom:
-            z, value = given[-1]
+        rows = getattr(params, name)
+        if len(rows) > 1 and rows[-1][0] > bottom:
+            z, value = rows[-1]
             problem = (
                 f"below its row at z = {z:g} m the value there ({value:g}) is used, as far as "
             )
@@ -341,7 +343,7 @@ def check_slamming(scene: Scene, _figures: LiftFigures) -> Iterator[str]:
         moved = 0.5 * density * zone.slamming * zone.bottom_area_m2 * zone.height_m
         if moved == 0.0 or added == 0.0 or 1.0 / OTHER_MASS <= moved / added <= OTHER_MASS:
             continue
-        own = f"payloads[{number}].splash_zone" if payload.splash_zone else "effects.splash_zone"
+        key = f"payloads[{number}].splash_zone" if payload.splash_zone else "effects.splash_zone"
         problem = (
             f"slamming over the whole height moves {moved / 1e3:.3g} t of water, "
             f"{moved / added:.2g} times the vertical added mass of '{payload.name}', "
@@ -352,7 +354,7 @@ def check_slamming(scene: Scene, _figures: LiftFigures) -> Iterator[str]:
             f"C_s = 2·A33/(ρ·A·H) is {zone.slamming * added / moved:.2g}; {side} "
             f"(DNV-RP-N103, 4.3.8)"
         )
-        yield phrase(f"{own}.slamming", problem, remedy)
+        yield phrase(f"{key}.slamming", problem, remedy)
 
 
 ON, OFF = "compensate", "stop_compensating"
@@ -412,10 +414,10 @@ def check_compensator(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     depth = max(line.length_m - scene.ship.hang_off_m[2], 0.0)
     water = scene.environment.water_density_kg_per_m3 * scene.environment.gravity_m_per_s2
     load = 0.5 * (bar.low_n + bar.high_n) - (unit.rod_area_m2 or 0.0) * water * depth
-    least, most = unit.tension_n(0.0), unit.tension_n(unit.stroke_m)
-    if least < load < most:
+    smallest_n, largest_n = unit.tension_n(0.0), unit.tension_n(unit.stroke_m)
+    if smallest_n < load < largest_n:
         return
-    side, force = ("retracted", least) if load <= least else ("extended", most)
+    side, force = ("retracted", smallest_n) if load <= smallest_n else ("extended", largest_n)
     problem = (
         f"{load / 1e3:.0f} kN of static load leave it {side}, where the gas holds "
         f"{force / 1e3:.0f} kN"

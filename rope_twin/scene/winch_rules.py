@@ -30,9 +30,12 @@ def line_out_faults(scene: Scene) -> Iterator[Fault]:
             yield f"{path}.least_line_out_m", problem, "give a smaller one"
             return
     for number, line in enumerate(scene.ropes):
-        own = winch_of(scene, line)
-        if own and not own.least_line_out_m <= line.length_m <= own.most_line_out_m:
-            reach = f"{own.least_line_out_m:g} to {own.most_line_out_m:g} m"
+        own_winch = winch_of(scene, line)
+        if (
+            own_winch
+            and not own_winch.least_line_out_m <= line.length_m <= own_winch.most_line_out_m
+        ):
+            reach = f"{own_winch.least_line_out_m:g} to {own_winch.most_line_out_m:g} m"
             problem = f"{line.length_m:g} m is outside the winch's {reach}"
             remedy = "change it, or least_line_out_m or most_line_out_m of the winch"
             yield f"ropes[{number}].length_m", problem, remedy
@@ -50,8 +53,8 @@ def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
             remedy = "slow it down, or raise speed_limit_m_per_s"
             yield f"{path}.schedule[{number}].speed_m_per_s", problem, remedy
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
-        beside = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
-        if after.at_s <= before.at_s and not beside:
+        is_switch = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
+        if after.at_s <= before.at_s and not is_switch:
             problem = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
             yield (
                 f"{path}.schedule[{number}].at_s",
@@ -123,7 +126,7 @@ def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]
     winch = winch_of(scene, line)
     if winch is None:
         return
-    path = next(path for path, own in winches(scene) if own is winch)
+    path = next(path for path, candidate in winches(scene) if candidate is winch)
     if winch.sheave is not None:
         yield f"{path}.sheave", winch.sheave
     for number, sheave in enumerate(winch.inboard_sheaves):
@@ -133,12 +136,12 @@ def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]
 def _commander(scene: Scene) -> Iterator[Fault]:
     """A winch supports its action for a lost commander."""
     for path, winch in winches(scene):
-        key, wanted = f"{path}.when_commander_lost", winch.when_commander_lost
-        if wanted not in WHEN_COMMANDER_LOST:
-            yield key, f"'{wanted}' is unknown", did_you_mean(wanted, WHEN_COMMANDER_LOST)
-        elif wanted == SET_THE_BRAKE and winch.brake is None:
+        key, action = f"{path}.when_commander_lost", winch.when_commander_lost
+        if action not in WHEN_COMMANDER_LOST:
+            yield key, f"'{action}' is unknown", did_you_mean(action, WHEN_COMMANDER_LOST)
+        elif action == SET_THE_BRAKE and winch.brake is None:
             remedy = f"add `brake` to it, or use {RAMP_TO_ZERO}"
-            yield key, f"'{wanted}' but this winch has no brake", remedy
+            yield key, f"'{action}' but this winch has no brake", remedy
 
 
 def _follows(scene: Scene) -> Iterator[Fault]:
@@ -155,8 +158,8 @@ def _follows(scene: Scene) -> Iterator[Fault]:
 def _rows(scene: Scene) -> Iterator[Fault]:
     for path, winch in winches(scene):
         for number, row in enumerate(winch.schedule):
-            for key, what, right in _row(winch, row):
-                yield f"{path}.schedule[{number}].{key}", what, right
+            for key, problem, right in _row(winch, row):
+                yield f"{path}.schedule[{number}].{key}", problem, right
 
 
 def _row(winch: Winch, row: ScheduleRow) -> Iterator[Fault]:
