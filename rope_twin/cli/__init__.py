@@ -132,10 +132,10 @@ class CaseProgress:
     def __init__(self, stream: TextIO | None = None) -> None:
         self._line = FigureProgress(stream)
 
-    def show(self, done: int, total: int, what: str) -> None:
-        """Show that `done` of `total` cases are done and `what` is next."""
+    def show(self, done: int, total: int, label: str) -> None:
+        """Show that `done` of `total` cases are done and `label` is next."""
         bar = "#" * round(20 * done / total)
-        self._line.show(f"[{bar:<20}] {done}/{total} {what}")
+        self._line.show(f"[{bar:<20}] {done}/{total} {label}")
         if done == total:
             self._line.finish()
 
@@ -145,22 +145,22 @@ class CommandLine(argparse.ArgumentParser):
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse as argparse does, but let each command itself reject unknown words."""
-        found, left = super().parse_known_args(args, namespace)
-        if left:
+        parsed, unknown = super().parse_known_args(args, namespace)
+        if unknown:
             known = re.findall(r"--[a-z-]+", self.format_usage())
-            hint = f"; {did_you_mean(left[0], known)}" if left[0].startswith("--") else ""
-            self.error(f"unknown argument {' '.join(left)}{hint}")
-        return found, left
+            hint = f"; {did_you_mean(unknown[0], known)}" if unknown[0].startswith("--") else ""
+            self.error(f"unknown argument {' '.join(unknown)}{hint}")
+        return parsed, unknown
 
     def error(self, message: str) -> NoReturn:
         """End the program."""
-        if found := _CHOICE.fullmatch(message):
-            where = f"{found[1]}: " if found[1].startswith("-") else ""
-            asked, *known = (word.strip("'") for word in (found[2], *found[3].split(", ")))
-            message = f"{where}there is no '{asked}'; {did_you_mean(asked, known)}"
-        elif found := _NUMBER.fullmatch(message):
-            wanted = "whole number" if found[2] == "int" else "number"
-            message = f"{found[1]}: {found[3]} is not a {wanted}"
+        if match := _CHOICE.fullmatch(message):
+            where = f"{match[1]}: " if match[1].startswith("-") else ""
+            choice, *known = (word.strip("'") for word in (match[2], *match[3].split(", ")))
+            message = f"{where}there is no '{choice}'; {did_you_mean(choice, known)}"
+        elif match := _NUMBER.fullmatch(message):
+            expected = "whole number" if match[2] == "int" else "number"
+            message = f"{match[1]}: {match[3]} is not a {expected}"
         elif message.endswith("expected one argument"):
             message = f"{message} {_MINUS}"
         message = message.removeprefix("argument ").rstrip("?")
@@ -178,8 +178,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _command(words: list[str]) -> int:
-    asked = next((word for word in words if not word.startswith("-")), "")
-    modules = {asked: _module(asked)} if asked in COMMANDS else {}
+    name = next((word for word in words if not word.startswith("-")), "")
+    modules = {name: _module(name)} if name in COMMANDS else {}
     args = _parser(modules).parse_args(words)
     return int(modules[args.command].run(args))
 
@@ -203,8 +203,10 @@ def exit_code(work: Callable[[], int]) -> int:
     except OSError as error:
         # Commands report on the files that they know; this is about the rest: a full disk or the
         # output itself.
-        where, why = error.filename or "output", error.strerror or str(error)
-        sys.stderr.write(f"{phrase(str(where), why, 'free space there, or name another place')}\n")
+        where, reason = error.filename or "output", error.strerror or str(error)
+        sys.stderr.write(
+            f"{phrase(str(where), reason, 'free space there, or name another place')}\n"
+        )
         return _silenced(ExitCode.ERROR)
 
 
@@ -238,10 +240,10 @@ def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, module in modules.items():
-        own = add_command(
+        command_parser = add_command(
             subparsers, name, COMMANDS[name], module.EXAMPLES, getattr(module, "MORE", "")
         )
-        module.add_arguments(own)
+        module.add_arguments(command_parser)
     for name, about in () if modules else COMMANDS.items():
         subparsers.add_parser(name, help=about)
     return parser

@@ -39,10 +39,10 @@ and NAME.png in the folder `convergence`. `rope_twin run --within` and `--budget
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    which = parser.add_mutually_exclusive_group(required=True)
-    add_scene(which, nargs="?")
-    which.add_argument("--all", action="store_true", help="every shipped scene")
-    which.add_argument(
+    selection = parser.add_mutually_exclusive_group(required=True)
+    add_scene(selection, nargs="?")
+    selection.add_argument("--all", action="store_true", help="every shipped scene")
+    selection.add_argument(
         "--status", action="store_true", help="report which convergence studies are out of date"
     )
     add = parser.add_argument
@@ -89,25 +89,25 @@ def _check(args: argparse.Namespace) -> int:
     if args.out is not None:
         raise InputError("--out", "--within writes no files", "leave one of them out")
     quantity = find_quantity(args.quantity)
-    within = read_amount("--within", args.within, quantity.name, quantity.unit)
+    limit = read_amount("--within", args.within, quantity.name, quantity.unit)
     names = scene_names() if args.all else [args.scene]
     scenes = [load_scene(name) for name in names]
     progress = CaseProgress()
-    wanted = accuracy_within.Wanted(quantity, within, args.duration)
-    rows = list(accuracy_within.check_scenes(scenes, wanted, progress.show))
+    target = accuracy_within.Wanted(quantity, limit, args.duration)
+    rows = list(accuracy_within.check_scenes(scenes, target, progress.show))
     if args.json:
         figures = [{**asdict(row), "ok": row.ok} for row in rows]
         print_json({"rows": figures})
     else:
-        print(f"{quantity.name} within {within:g} {quantity.unit}\n")
+        print(f"{quantity.name} within {limit:g} {quantity.unit}\n")
         print_table(accuracy_within.selected_table(rows, quantity.unit))
     return ExitCode.OK if all(row.ok for row in rows) else ExitCode.NEGATIVE
 
 
 def _make(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     """Make the study of one scene and write it as the options say."""
-    own = study_path(scene)
-    path = own if args.out is None else Path(args.out) / own.name
+    shipped_path = study_path(scene)
+    path = shipped_path if args.out is None else Path(args.out) / shipped_path.name
     if not args.no_write:
         _check_place(path)
     plan = make_plan(scene, args.duration)
@@ -186,13 +186,13 @@ def _status(as_json: bool) -> int:
         scene = load_scene(name)
         try:
             study = read_study(scene)
-            said = "none" if study is None else study.age(scene) or "current"
+            state = "none" if study is None else study.age(scene) or "current"
         except SceneError as error:
-            said = str(error)
-        fine = fine and said == "current"
+            state = str(error)
+        fine = fine and state == "current"
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
-        rows.append({"scene": name, "study": said, "error_rms_pct": error_pct if known else None})
+        rows.append({"scene": name, "study": state, "error_rms_pct": error_pct if known else None})
     if as_json:
         print_json({"rows": rows})
     else:
@@ -213,5 +213,5 @@ def _short(value: Any) -> Any:
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
-        return {key: _short(one) for key, one in value.items()}
-    return [_short(one) for one in value] if isinstance(value, list | tuple) else value
+        return {key: _short(item) for key, item in value.items()}
+    return [_short(item) for item in value] if isinstance(value, list | tuple) else value

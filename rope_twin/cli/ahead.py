@@ -71,12 +71,12 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     if args.picture is not None:
         check_picture(args.picture)
-    asked = [read_order(word) for word in args.what_if]
+    what_if = [read_order(word) for word in args.what_if]
     error = MotionError(coloured_m=ERROR_MARGIN * args.motion_error)
     settings = ForecastSettings(members=args.members, motion_error=error)
     lift = read_lift(args.bag, args.scene)
-    for words in lift.problems:
-        print(f"warning: {words}", file=sys.stderr)
+    for text in lift.problems:
+        print(f"warning: {text}", file=sys.stderr)
     if doubt := tension_unit_warning(lift):
         print(doubt, file=sys.stderr)
     limit_n, others_n = tension_limits(lift.scene, args.limit)
@@ -87,14 +87,14 @@ def run(args: argparse.Namespace) -> int:
         _tell_score(args, lift, scored)
         return ExitCode.OK
     sample = forecaster.sample_of(args.at)
-    orders = [read_order("hold"), *asked] if asked else [read_order("continue")]
-    made = forecaster.at(sample, orders)
+    orders = [read_order("hold"), *what_if] if what_if else [read_order("continue")]
+    forecasts = forecaster.at(sample, orders)
     if args.picture is not None:
-        _draw(args.picture, lift, sample, made)
+        _draw(args.picture, lift, sample, forecasts)
     if args.json:
-        print_json(_figures(args, lift, forecaster, made, limits))
+        print_json(_figures(args, lift, forecaster, forecasts, limits))
         return ExitCode.OK
-    _tell(lift, forecaster, made, limits)
+    _tell(lift, forecaster, forecasts, limits)
     return ExitCode.OK
 
 
@@ -116,10 +116,10 @@ def _check(args: argparse.Namespace) -> None:
         remedy = f"give {SAMPLE_S:g} s or more"
         raise InputError("--every", f"the origins are {args.every:g} s apart", remedy)
     of_one = {"--at": args.at, "--what-if": args.what_if or None, "--picture": args.picture}
-    given = next((option for option, value in of_one.items() if value is not None), "")
-    if args.score and given:
+    option_given = next((option for option, value in of_one.items() if value is not None), "")
+    if args.score and option_given:
         remedy = "leave one of the two out"
-        raise InputError(given, "it is for one origin, and --score has many", remedy)
+        raise InputError(option_given, "it is for one origin, and --score has many", remedy)
 
 
 def _risks(
@@ -133,30 +133,30 @@ def _risks(
 def _tell(
     lift: RecordedLift,
     forecaster: RecordingForecaster,
-    made: list[TensionForecast],
+    forecasts: list[TensionForecast],
     limits: Limits,
 ) -> None:
     """Print band, risks and quiet windows, and the orders beside `hold`."""
-    first = made[0]
+    first = forecasts[0]
     heave, line, tension = lift.sources
     print(
         f"origin {first.origin_s:g} s; heave of {heave}, line out of {line}, tension of {tension}"
     )
     print(f"{first.members} ropes; heave is known to {first.horizon_s:g} s ahead, beyond that the "
           "band is the climatology of this sea for this rope\n")  # fmt: skip
-    at = [round(s / (first.lead_s[1] - first.lead_s[0])) - 1 for s in SHOWN_S]
+    columns = [round(s / (first.lead_s[1] - first.lead_s[0])) - 1 for s in SHOWN_S]
     bands = {lift.scene.ropes[0].name: first.band()}
-    bands |= {name: own.band() for name, own in first.others.items()}
+    bands |= {name: further.band() for name, further in first.others.items()}
     for rope, band in bands.items():
-        whose = f" of {rope}" if first.others else ""
-        rows = [[f"top tension{whose} [kN] in", *(f"{s:g} s" for s in SHOWN_S)]]
+        of_rope = f" of {rope}" if first.others else ""
+        rows = [[f"top tension{of_rope} [kN] in", *(f"{s:g} s" for s in SHOWN_S)]]
         for name, values in zip(("5 %", "50 %", "95 %"), band * 1e-3, strict=True):
-            rows.append([name, *(f"{values[k]:.1f}" for k in at)])
+            rows.append([name, *(f"{values[k]:.1f}" for k in columns)])
         print_table(rows)
-    for forecast in made:
+    for forecast in forecasts:
         risk, quiet = _risks(forecaster, forecast, limits)
         print(f"\n{forecast.order}{': ' + forecast.note if forecast.note else ''}")
-        rows = [["within", *(f"{one.span_s:g} s" for one in risk)]]
+        rows = [["within", *(f"{window.span_s:g} s" for window in risk)]]
         name = f"P(T > {limits.tension_n / 1e3:.0f} kN)"
         if forecast.others:
             name = "P(any rope's T > its limit)"
@@ -167,24 +167,24 @@ def _tell(
             name = f"P(lands faster than {limits.contact_m_per_s:g} m/s)"
             rows.append([name, *(f"{r.contact:.2f}" for r in risk)])
         print_table(rows)
-        words = ", ".join(f"in {one.begin_s:g} s: {one.probability:.2f}" for one in quiet)
-        print(f"P({limits.quiet_s:g} s below {limits.quiet_m_per_s:g} m/s) {words}")
-    if len(made) > 1:
-        _tell_differences(made)
+        text = ", ".join(f"in {window.begin_s:g} s: {window.probability:.2f}" for window in quiet)
+        print(f"P({limits.quiet_s:g} s below {limits.quiet_m_per_s:g} m/s) {text}")
+    if len(forecasts) > 1:
+        _tell_differences(forecasts)
 
 
-def _tell_differences(made: list[TensionForecast]) -> None:
+def _tell_differences(forecasts: list[TensionForecast]) -> None:
     """Print each order against the first, member by member."""
     from rope_twin.forecast.risk import compare
 
     print()
     rows = [["peak of 30 s against hold [kN]", "5 %", "50 %", "95 %", "lower in"]]
-    for other in made[1:]:
-        for rope in other.hung:
-            found = compare(other, made[0], rope=rope)
-            words = [f"{value * 1e-3:+.1f}" for value in found.peak_n]
-            whose = f" in {rope}" if other.others else ""
-            rows.append([f"{other.order}{whose}", *words, f"{100.0 * found.lower:.0f} %"])
+    for forecast in forecasts[1:]:
+        for rope in forecast.hung:
+            difference = compare(forecast, forecasts[0], rope=rope)
+            peaks = [f"{value * 1e-3:+.1f}" for value in difference.peak_n]
+            in_rope = f" in {rope}" if forecast.others else ""
+            rows.append([f"{forecast.order}{in_rope}", *peaks, f"{100.0 * difference.lower:.0f} %"])
     print_table(rows)
 
 
@@ -192,17 +192,17 @@ def _figures(
     args: argparse.Namespace,
     lift: RecordedLift,
     forecaster: RecordingForecaster,
-    made: list[TensionForecast],
+    forecasts: list[TensionForecast],
     limits: Limits,
 ) -> dict[str, Any]:
     """Return the forecasts as one JSON object."""
     from rope_twin.forecast.risk import compare
     from rope_twin.forecast.tension_forecast import QUANTITIES
 
-    found = []
-    for forecast in made:
+    rows = []
+    for forecast in forecasts:
         risk, quiet = _risks(forecaster, forecast, limits)
-        found.append({
+        rows.append({
             "order": forecast.order,
             "note": forecast.note,
             "horizon_s": forecast.horizon_s,
@@ -210,29 +210,29 @@ def _figures(
             "bands": {name: forecast.band(name).tolist() for name in QUANTITIES},
             "others": {
                 name: {
-                    "band": own.band().tolist(),
-                    "against_first": asdict(compare(forecast, made[0], rope=name)),
+                    "band": further.band().tolist(),
+                    "against_first": asdict(compare(forecast, forecasts[0], rope=name)),
                 }
-                for name, own in forecast.others.items()
+                for name, further in forecast.others.items()
             },
-            "risks": [asdict(one) for one in risk],
-            "quiet": [asdict(one) for one in quiet],
-            "against_first": asdict(compare(forecast, made[0])),
+            "risks": [asdict(window) for window in risk],
+            "quiet": [asdict(window) for window in quiet],
+            "against_first": asdict(compare(forecast, forecasts[0])),
         })  # fmt: skip
     return {
-        "bag": args.bag, "origin_s": made[0].origin_s, "sources": lift.sources,
-        "limits": asdict(limits), "members": made[0].members, "forecasts": found,
+        "bag": args.bag, "origin_s": forecasts[0].origin_s, "sources": lift.sources,
+        "limits": asdict(limits), "members": forecasts[0].members, "forecasts": rows,
         "problems": list(lift.problems),
     }  # fmt: skip
 
 
 def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingScore) -> None:
     if args.json:
-        events = [{"span_s": one.span_s, **asdict(one.score)} for one in scored.events]
+        events = [{"span_s": event.span_s, **asdict(event.score)} for event in scored.events]
         print_json({
             "bag": args.bag, "sources": lift.sources, "origins": scored.origins,
             "limit_n": scored.limit_n, "coverage": scored.coverage,
-            "leads": [asdict(one) for one in scored.leads], "events": events,
+            "leads": [asdict(lead) for lead in scored.leads], "events": events,
             "factor": scored.factor, "problems": list(lift.problems),
         })  # fmt: skip
         return
@@ -250,17 +250,17 @@ def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingS
     rows = [[f"P(T > {scored.limit_n / 1e3:.0f} kN) within", "base rate", "Brier score",
              "gain %", "probability: came (n)"]]  # fmt: skip
     for event in scored.events:
-        own = event.score
+        scores = event.score
         classes = ", ".join(
-            f"{c.probability:.2f}: {c.frequency:.2f} ({c.count})" for c in own.classes
+            f"{c.probability:.2f}: {c.frequency:.2f} ({c.count})" for c in scores.classes
         )
-        gain = "certain" if math.isnan(own.gain) else f"{100.0 * own.gain:.0f}"
-        rows.append([f"{event.span_s:g} s", f"{own.base_rate:.2f}", f"{own.score:.3f}", gain,
+        gain = "certain" if math.isnan(scores.gain) else f"{100.0 * scores.gain:.0f}"
+        rows.append([f"{event.span_s:g} s", f"{scores.base_rate:.2f}", f"{scores.score:.3f}", gain,
                      classes])  # fmt: skip
     print_table(rows, words_last=True)
 
 
-def _draw(path: Path, lift: RecordedLift, sample: int, made: list[TensionForecast]) -> None:
+def _draw(path: Path, lift: RecordedLift, sample: int, forecasts: list[TensionForecast]) -> None:
     """Draw two minutes of the recording, the band ahead, and what the recording has after it."""
     import numpy as np
     from numpy.typing import NDArray
@@ -269,7 +269,7 @@ def _draw(path: Path, lift: RecordedLift, sample: int, made: list[TensionForecas
     from rope_twin.studies.picture import Line, Panel, draw_panels
 
     panels = []
-    for forecast in made:
+    for forecast in forecasts:
         first, last = max(sample - 240, 0), min(sample + 120, len(lift.tension_n) - 1)
         number = np.arange(first, last + 1)
         time: NDArray[np.float64] = np.asarray(lift.begin_s + number * SAMPLE_S - forecast.origin_s)
@@ -286,4 +286,4 @@ def _draw(path: Path, lift: RecordedLift, sample: int, made: list[TensionForecas
                 ),
             )
         )  # fmt: skip
-    draw_panels(f"Forecast at {made[0].origin_s:g} s", panels, path)
+    draw_panels(f"Forecast at {forecasts[0].origin_s:g} s", panels, path)

@@ -59,24 +59,24 @@ def run(args: argparse.Namespace) -> int:
 
         keep_to_loopback()
         return run_output(host, port, args.replies)
-    found = read_rates(args.bag)
+    measured = read_rates(args.bag)
     if args.json:
-        print_json(_figures(args.bag, found))
+        print_json(_figures(args.bag, measured))
     else:
-        _report(args.bag, found)
-    sound = found.per_window <= STEADY and not found.flood and not found.standing
+        _report(args.bag, measured)
+    sound = measured.per_window <= STEADY and not measured.flood and not measured.standing
     return ExitCode.OK if sound else ExitCode.NEGATIVE
 
 
-def address_of(words: str) -> tuple[str, int]:
+def address_of(address: str) -> tuple[str, int]:
     """Return host and port of HOST:PORT.
 
     Raises:
         InputError: it is no address.
     """
-    host, colon, port = words.rpartition(":")
+    host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) in PORTS):
-        raise InputError("--udp", f"'{words}'", "give HOST:PORT, such as 127.0.0.1:60001")
+        raise InputError("--udp", f"'{address}'", "give HOST:PORT, such as 127.0.0.1:60001")
     return host, int(port)
 
 
@@ -97,30 +97,32 @@ def read_rates(bag: Path) -> AlertRates:
         except InputError as error:
             raise BagError(str(bag), str(error), "record it again") from error
         span_ns = reader.duration_ns
-    end_ns = max([span_ns, *(one.now_ns for one in lists)])
-    return rates([(one.now_ns, one.alerts) for one in lists], end_ns)
+    end_ns = max([span_ns, *(alert_list.now_ns for alert_list in lists)])
+    return rates([(alert_list.now_ns, alert_list.alerts) for alert_list in lists], end_ns)
 
 
-def _figures(bag: Path, found: AlertRates) -> dict[str, Any]:
-    rows = [asdict(coming) | {"priority": coming.priority.name.lower()} for coming in found.comings]
+def _figures(bag: Path, measured: AlertRates) -> dict[str, Any]:
+    rows = [
+        asdict(coming) | {"priority": coming.priority.name.lower()} for coming in measured.comings
+    ]
     return {
         "bag": bag,
-        "duration_s": found.duration_s,
-        "alarms_and_warnings": len(found.comings),
-        "cautions": found.cautions,
-        "per_10_min": found.per_window,
-        "most_in_10_min": found.most_in_window,
-        "flood": found.flood,
-        "standing": found.standing,
-        "chattering": found.chattering,
-        "by_name": found.by_name,
+        "duration_s": measured.duration_s,
+        "alarms_and_warnings": len(measured.comings),
+        "cautions": measured.cautions,
+        "per_10_min": measured.per_window,
+        "most_in_10_min": measured.most_in_window,
+        "flood": measured.flood,
+        "standing": measured.standing,
+        "chattering": measured.chattering,
+        "by_name": measured.by_name,
         "alerts": rows,
     }
 
 
-def _report(bag: Path, found: AlertRates) -> None:
-    print(f"{bag}: {found.duration_s:.0f} s")
-    for coming in found.comings:
+def _report(bag: Path, measured: AlertRates) -> None:
+    print(f"{bag}: {measured.duration_s:.0f} s")
+    for coming in measured.comings:
         waited = coming.acknowledged_after_s
         after = "" if waited is None else f"; acknowledged after {waited:.0f} s"
         print(
@@ -128,11 +130,11 @@ def _report(bag: Path, found: AlertRates) -> None:
             f"{coming.text}{after}"
         )
     print(
-        f"{len(found.comings)} alarms and warnings, {found.per_window:.1f} in 10 min "
-        f"(EEMUA 191: {STEADY:g}); most within 10 min: {found.most_in_window} "
-        f"(a flood is above {FLOOD}); {found.cautions} cautions"
+        f"{len(measured.comings)} alarms and warnings, {measured.per_window:.1f} in 10 min "
+        f"(EEMUA 191: {STEADY:g}); most within 10 min: {measured.most_in_window} "
+        f"(a flood is above {FLOOD}); {measured.cautions} cautions"
     )
-    if found.standing:
-        print(f"standing for a day: {', '.join(found.standing)}")
-    if found.chattering:
-        print(f"chattering, {CHATTER} times within a minute: {', '.join(found.chattering)}")
+    if measured.standing:
+        print(f"standing for a day: {', '.join(measured.standing)}")
+    if measured.chattering:
+        print(f"chattering, {CHATTER} times within a minute: {', '.join(measured.chattering)}")

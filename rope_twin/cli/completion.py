@@ -57,7 +57,7 @@ def _commands(
                 nested += _commands(child, (*path, name), abouts[name])
         if action.option_strings:
             continue
-        words += [str(one) for one in action.choices or ()]
+        words += [str(value) for value in action.choices or ()]
         words += scene_names() if action.dest == "scene" else []
     yield Command(path, about, options, tuple(words))
     yield from nested
@@ -110,18 +110,26 @@ def _zsh(commands: list[Command]) -> str:
 def _fish(commands: list[Command]) -> str:
     lines = ["# completion of rope_twin for fish"]
     for command in commands:
-        within = [f"__fish_seen_subcommand_from {word}" for word in command.path]
-        here = "; and ".join(within) or "__fish_use_subcommand"
-        nested = [other for other in commands if other.path[:-1] == command.path and other.path]
-        names = " ".join(other.path[-1] for other in nested)
-        first = f"{here}; and not __fish_seen_subcommand_from {names}" if within else here
-        for other in nested:
-            about = _quoted(other.about)
-            lines.append(f"complete -c rope_twin -n '{first}' -fa {other.path[-1]} -d {about}")
+        conditions = [f"__fish_seen_subcommand_from {word}" for word in command.path]
+        condition = "; and ".join(conditions) or "__fish_use_subcommand"
+        nested = [
+            subcommand
+            for subcommand in commands
+            if subcommand.path[:-1] == command.path and subcommand.path
+        ]
+        names = " ".join(subcommand.path[-1] for subcommand in nested)
+        first = (
+            f"{condition}; and not __fish_seen_subcommand_from {names}" if conditions else condition
+        )
+        for subcommand in nested:
+            about = _quoted(subcommand.about)
+            lines.append(f"complete -c rope_twin -n '{first}' -fa {subcommand.path[-1]} -d {about}")
         if command.words and not nested:
-            lines.append(f"complete -c rope_twin -n '{here}' -a {_quoted(' '.join(command.words))}")
+            lines.append(
+                f"complete -c rope_twin -n '{condition}' -a {_quoted(' '.join(command.words))}"
+            )
         lines += [
-            f"complete -c rope_twin -n '{here}' {_fish_option(option)}"
+            f"complete -c rope_twin -n '{condition}' {_fish_option(option)}"
             for option in command.options
         ]
     return "\n".join(lines)
@@ -134,13 +142,13 @@ def _fish_option(option: argparse.Action) -> str:
     )
     value = "" if option.nargs == 0 else " -r"
     if option.choices:
-        value += f" -fa {_quoted(' '.join(str(one) for one in option.choices))}"
+        value += f" -fa {_quoted(' '.join(str(choice) for choice in option.choices))}"
     about = (option.help or "").replace("%%", "%").partition(" (default: %(")[0]
     return f"{names}{value} -d {_quoted(about)}"
 
 
-def _quoted(words: str) -> str:
-    escaped = words.replace("\\", "\\\\").replace("'", "\\'")
+def _quoted(text: str) -> str:
+    escaped = text.replace("\\", "\\\\").replace("'", "\\'")
     return f"'{escaped}'"
 
 

@@ -52,10 +52,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="find a suite on other machines too (default: this machine only)",
     )
-    words = (
+    help_text = (
         "load_chart.json of `rope_twin plan`: pages show what it allows in the sea entered there"
     )
-    add("--load-chart", default="", metavar="FILE", help=words)
+    add("--load-chart", default="", metavar="FILE", help=help_text)
     add_json(parser)
 
 
@@ -91,11 +91,11 @@ def _live(args: argparse.Namespace) -> int:
 
     if not args.network:
         keep_to_loopback()
-    given = overrides(
+    parameters = overrides(
         {"address": args.address, "control": args.control, "load_chart": args.load_chart}
     )
     tell = _announce(args)
-    return run_node(lambda: ConsoleNode(tell, parameter_overrides=given), ["rope_twin"])
+    return run_node(lambda: ConsoleNode(tell, parameter_overrides=parameters), ["rope_twin"])
 
 
 def _terminal(args: argparse.Namespace) -> int:
@@ -104,9 +104,9 @@ def _terminal(args: argparse.Namespace) -> int:
         "--control": args.control, "--json": args.json, "--load-chart": args.load_chart,
         "--address": args.address != CONSOLE,
     }  # fmt: skip
-    if given := next((name for name, there in named.items() if there), ""):
+    if option := next((name for name, present in named.items() if present), ""):
         problem = "the terminal console only shows, and serves no page"
-        raise InputError(f"--terminal {given}", problem, f"leave {given} out")
+        raise InputError(f"--terminal {option}", problem, f"leave {option} out")
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         problem = "standard input and output are no terminal"
         raise InputError("--terminal", problem, "run it in one, over SSH with `ssh -t`")

@@ -94,8 +94,8 @@ class Check:
     remedy: str = ""
 
 
-def _judged(name: str, good: bool, found: str, remedy: str, level: str = WARN) -> Check:
-    return Check(name, OK, found) if good else Check(name, level, found, remedy)
+def _judged(name: str, good: bool, finding: str, remedy: str, level: str = WARN) -> Check:
+    return Check(name, OK, finding) if good else Check(name, level, finding, remedy)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -133,20 +133,20 @@ def check_all() -> Iterator[Check]:
 
 def check_python() -> Check:
     """Check the version of Python."""
-    found = f"{platform.python_version()} ({sys.executable})"
+    finding = f"{platform.python_version()} ({sys.executable})"
     new = sys.version_info[:2] >= OLDEST_PYTHON
-    return _judged("Python", new, found, "install Python 3.11 or newer", ERROR)
+    return _judged("Python", new, finding, "install Python 3.11 or newer", ERROR)
 
 
 def check_packages() -> Check:
     """Check that the required packages are installed, and report the optional ones."""
-    found = {name: version_of(name) for name in (*REQUIRED, *OPTIONAL)}
-    words = ", ".join(f"{name} {version or 'missing'}" for name, version in found.items())
-    if missing := [name for name in REQUIRED if not found[name]]:
-        return Check("packages", ERROR, words, f"pip install {' '.join(missing)}")
-    extras = sorted({extra for name, extra in OPTIONAL.items() if not found[name]})
+    versions = {name: version_of(name) for name in (*REQUIRED, *OPTIONAL)}
+    finding = ", ".join(f"{name} {version or 'missing'}" for name, version in versions.items())
+    if missing := [name for name in REQUIRED if not versions[name]]:
+        return Check("packages", ERROR, finding, f"pip install {' '.join(missing)}")
+    extras = sorted({extra for name, extra in OPTIONAL.items() if not versions[name]})
     remedy = f"for the optional ones: pip install 'rope_twin[{','.join(extras)}]'"
-    return Check("packages", WARN, words, remedy) if extras else Check("packages", OK, words)
+    return Check("packages", WARN, finding, remedy) if extras else Check("packages", OK, finding)
 
 
 def check_middleware(load: Callable[[], Any]) -> Check:
@@ -160,26 +160,26 @@ def check_middleware(load: Callable[[], Any]) -> Check:
     try:
         trip = ros.round_trip(TIMEOUT_S)
     except RopeTwinError as error:
-        found, _, remedy = str(error).rpartition("; ")
-        return Check("ROS", ERROR, f"{name}: {found}", remedy.rstrip("."))
-    found = f"{name}: discovery {trip.discovery_s:.2g} s, message {1e3 * trip.latency_s:.2g} ms"
+        finding, _, remedy = str(error).rpartition("; ")
+        return Check("ROS", ERROR, f"{name}: {finding}", remedy.rstrip("."))
+    finding = f"{name}: discovery {trip.discovery_s:.2g} s, message {1e3 * trip.latency_s:.2g} ms"
     remedy = "close programs that use the CPU, and check the governor"
-    return _judged("ROS", trip.latency_s <= LATENCY_S, found, remedy)
+    return _judged("ROS", trip.latency_s <= LATENCY_S, finding, remedy)
 
 
 def check_discovery() -> Check:
     """Report which machines nodes of a run reach."""
-    given = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    discovery_range = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
     domain = f"ROS_DOMAIN_ID {os.environ.get('ROS_DOMAIN_ID', '0')}"
-    if given in ("", "SYSTEM_DEFAULT"):
+    if discovery_range in ("", "SYSTEM_DEFAULT"):
         return Check("discovery", OK, f"this machine only, unless run --network; {domain}")
-    found = f"ROS_AUTOMATIC_DISCOVERY_RANGE={given}; {domain}"
-    if given == "OFF":
-        return Check("discovery", ERROR, found, "unset it, or set LOCALHOST or SUBNET")
-    if given == "SUBNET":
+    finding = f"ROS_AUTOMATIC_DISCOVERY_RANGE={discovery_range}; {domain}"
+    if discovery_range == "OFF":
+        return Check("discovery", ERROR, finding, "unset it, or set LOCALHOST or SUBNET")
+    if discovery_range == "SUBNET":
         remedy = "unset it unless other machines take part: they can command the winch"
-        return Check("discovery", WARN, found, remedy)
-    return Check("discovery", OK, found)
+        return Check("discovery", WARN, finding, remedy)
+    return Check("discovery", OK, finding)
 
 
 def check_viewer() -> Iterator[Check]:
@@ -189,24 +189,24 @@ def check_viewer() -> Iterator[Check]:
     try:
         sinks.load_rerun()
     except InputError as error:
-        found, _, remedy = str(error).partition("; ")
-        yield Check("viewer", WARN, found, remedy.rstrip("."))
+        finding, _, remedy = str(error).partition("; ")
+        yield Check("viewer", WARN, finding, remedy.rstrip("."))
         return
     for name, missing in (
         ("viewer window", sinks.what_a_window_lacks()),
         ("viewer picture", sinks.what_a_picture_lacks()),
     ):
-        found, _, remedy = missing.removeprefix("view: ").partition("; ")
+        finding, _, remedy = missing.removeprefix("view: ").partition("; ")
         level = WARN if missing else OK
-        yield Check(name, level, found or "can be drawn", remedy.rstrip("."))
+        yield Check(name, level, finding or "can be drawn", remedy.rstrip("."))
 
 
 def check_monotonic_clock() -> Check:
     """Check the resolution of the clock that paces a run."""
     clock = time.get_clock_info("monotonic")
-    found = f"{clock.implementation}, resolution {clock.resolution:g} s"
+    finding = f"{clock.implementation}, resolution {clock.resolution:g} s"
     fine, remedy = clock.resolution <= RESOLUTION_S, "use a kernel with high-resolution timers"
-    return _judged("steady clock", fine, found, remedy, ERROR)
+    return _judged("steady clock", fine, finding, remedy, ERROR)
 
 
 def check_synchronisation() -> Check:
@@ -226,9 +226,9 @@ def check_synchronisation() -> Check:
 def check_cores() -> Check:
     """Check how many cores this process may use."""
     count = len(os.sched_getaffinity(0))
-    found = f"{count} of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
+    finding = f"{count} of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
     remedy = f"allow at least {CORES}: other threads delay the solver"
-    return _judged("CPU cores", count >= CORES, found, remedy)
+    return _judged("CPU cores", count >= CORES, finding, remedy)
 
 
 def check_governor() -> Check:
@@ -248,18 +248,18 @@ def check_cache() -> Check:
     if not folder.exists():
         above = next(parent for parent in folder.parents if parent.exists())
         free = os.access(above, os.W_OK)
-        found = f"{folder}, created by the first run" if free else f"{above} is not writable"
-        return _judged("compile cache", free, found, _CACHE_REMEDY)
+        finding = f"{folder}, created by the first run" if free else f"{above} is not writable"
+        return _judged("compile cache", free, finding, _CACHE_REMEDY)
     about = folder.stat()
-    files = [one.stat().st_size for one in folder.rglob("*") if one.is_file()]
-    found = (
+    files = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
+    finding = (
         f"{folder}, owner {about.st_uid}, mode {stat.S_IMODE(about.st_mode):04o}, "
         f"{1e-6 * sum(files):.0f} MB in {len(files)} files"
     )
     private = about.st_uid == os.geteuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
     if private and os.access(folder, os.W_OK):
-        return Check("compile cache", OK, found)
-    return Check("compile cache", WARN, f"{found}: not this user's alone", _CACHE_REMEDY)
+        return Check("compile cache", OK, finding)
+    return Check("compile cache", WARN, f"{finding}: not this user's alone", _CACHE_REMEDY)
 
 
 _CACHE_REMEDY = "name a private folder in ROPE_TWIN_CACHE; else every start compiles again"
@@ -268,7 +268,7 @@ _CACHE_REMEDY = "name a private folder in ROPE_TWIN_CACHE; else every start comp
 def check_space(folder: Path) -> Check:
     """Check the free disk space for recordings."""
     free = shutil.disk_usage(folder).free
-    found = f"{1e-9 * free:.1f} GB free in {folder}"
+    finding = f"{1e-9 * free:.1f} GB free in {folder}"
     level = WARN if free >= SPACE_ERROR_B else ERROR
     remedy = "free space, or record elsewhere with --out"
-    return _judged("disk", free >= SPACE_WARN_B, found, remedy, level)
+    return _judged("disk", free >= SPACE_WARN_B, finding, remedy, level)

@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError("--time-step", problem, "give 1e-05 to 0.2 s")
         scene = variant(scene, step_s=args.time_step)
     _check(args)
-    axes = [read_axis("--vary", words) for words in args.vary]
+    axes = [read_axis("--vary", option) for option in args.vary]
     if args.sea_offset is not None:
         axes.append(read_range("--sea-offset", SEA_OFFSET_S, _seconds(args.sea_offset)))
     plan = make_plan(axes, args.members, args.seed)
@@ -131,8 +131,8 @@ def _progress(members: int, time_s: float, duration_s: float, real_s: float) -> 
 
 def _seconds(numbers: str) -> str:
     """Return LOW..HIGH, LOW..HIGH:COUNT or A,B,C without units; `read_range` judges the rest."""
-    words, colon, count = numbers.partition(":")
-    parts = re.split(r"(\.\.|,)", words)
+    values, colon, count = numbers.partition(":")
+    parts = re.split(r"(\.\.|,)", values)
     for number, part in enumerate(parts):
         with suppress(ValueError):
             parts[number] = f"{read_quantity(part, 's'):.15g}"
@@ -159,8 +159,10 @@ def _rows(result: StudyResult) -> list[dict[str, Any]]:
     """Return a row for each member: its number, its own parameters and its results."""
     rows = []
     for number, (values, figures) in enumerate(zip(result.plan.rows, result.figures, strict=True)):
-        own = {axis.column: value for axis, value in zip(result.plan.axes, values, strict=True)}
-        rows.append({"member": number, **own, **json_value(asdict(figures))})
+        member_values = {
+            axis.column: value for axis, value in zip(result.plan.axes, values, strict=True)
+        }
+        rows.append({"member": number, **member_values, **json_value(asdict(figures))})
     return rows
 
 
@@ -248,17 +250,18 @@ def _grid(result: StudyResult) -> list[str]:
     heads = [f"{path:>{width}}" for path, width in zip(paths, widths, strict=True)]
     heads += ["maximum [kN]", "95 % [kN]", "minimum [kN]", "5 % [kN]", "slack [%]"]
     lines = ["", "  ".join(heads) + "   (median and quantile over the members of a point)"]
-    each = result.plan.per_point
-    for first in range(0, len(result.figures), each):
+    per_point = result.plan.per_point
+    for first in range(0, len(result.figures), per_point):
         values = [result.plan.rows[first][k] for k in grid]
         cells = [f"{value:{width}g}" for value, width in zip(values, widths, strict=True)]
-        found = result.quantiles(first, each)
-        if found:
-            most, least = found["tension_top_max_n"], found["tension_top_min_n"]
+        quantiles = result.quantiles(first, per_point)
+        if quantiles:
+            largest, smallest = quantiles["tension_top_max_n"], quantiles["tension_top_min_n"]
             numbers = [
-                1e-3 * value for value in (most[middle], most[high], least[middle], least[low])
+                1e-3 * value
+                for value in (largest[middle], largest[high], smallest[middle], smallest[low])
             ]
-            numbers.append(100.0 * found["slack_share"][middle])
+            numbers.append(100.0 * quantiles["slack_share"][middle])
             widest = [len(head) for head in heads[len(grid) :]]
             cells += [f"{n:{width}.1f}" for n, width in zip(numbers, widest, strict=True)]
         lines.append("  ".join(cells))
@@ -267,8 +270,10 @@ def _grid(result: StudyResult) -> list[str]:
 
 def _failures(result: StudyResult) -> list[str]:
     """Return the first few members that stopped early, and how many more."""
-    said = [
+    sentences = [
         f"member {k}: {figure.failure}" for k, figure in enumerate(result.figures) if figure.failure
     ]
-    more = len(said) - FAILURES_SHOWN
-    return said[:FAILURES_SHOWN] + ([f"and {more} more members, see --out"] if more > 0 else [])
+    more = len(sentences) - FAILURES_SHOWN
+    return sentences[:FAILURES_SHOWN] + (
+        [f"and {more} more members, see --out"] if more > 0 else []
+    )

@@ -22,8 +22,8 @@ xarray.open_dataset read them. Numbers that a topic does not have at a stamp are
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
     add_out(parser, "FILE", "table to write: .csv, .parquet or .nc", required=True)
-    words = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"
-    parser.add_argument("--topics", nargs="+", default=(), metavar="TOPIC", help=words)
+    help_text = f"topics to export, of {', '.join(SERIES)} (default: all that are there)"
+    parser.add_argument("--topics", nargs="+", default=(), metavar="TOPIC", help=help_text)
     add_json(parser)
 
 
@@ -32,12 +32,12 @@ def run(args: argparse.Namespace) -> int:
     check_ending(args.out)
     table = read_series(args.bag, args.topics)
     write_series(table, args.out)
-    for words in table.problems:
-        sys.stderr.write(f"warning: {words}\n")
+    for problem in table.problems:
+        sys.stderr.write(f"warning: {problem}\n")
     rows, end = len(table.time_s), float(table.time_s[-1])
     if args.json:
-        found = {"file": args.out, "rows": rows, "end_s": end, "columns": list(table.columns)}
-        print_json(found | {"problems": list(table.problems)})
+        summary = {"file": args.out, "rows": rows, "end_s": end, "columns": list(table.columns)}
+        print_json(summary | {"problems": list(table.problems)})
     else:
         print(f"{args.out}: {rows} rows to {end:.3f} s, {len(table.columns)} columns")
     return ExitCode.OK

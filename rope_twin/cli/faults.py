@@ -80,13 +80,15 @@ def run(args: argparse.Namespace) -> int:
                 raise InputError(f"--fault {name}", problem, did_you_mean(name, known))
         runs = [(topic, fault) for topic, fault in runs if fault.name in args.fault]
     progress = FigureProgress()
-    found: list[Finding] = []
+    findings_so_far: list[Finding] = []
 
     def report(finding: Finding) -> None:
-        found.append(finding)
+        findings_so_far.append(finding)
         if progress.due:
-            missed = sum(not one.met for one in found)
-            progress.show(f"{len(found)} of {len(runs)} runs, {missed} not flagged in time")
+            missed = sum(not finding.met for finding in findings_so_far)
+            progress.show(
+                f"{len(findings_so_far)} of {len(runs)} runs, {missed} not flagged in time"
+            )
 
     findings = run_campaign(scene, runs, report, args.jobs)
     progress.finish()
@@ -94,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
         print_json(_figures(scene.name, findings))
     else:
         print(_as_text(findings))
-    return ExitCode.OK if all(one.met for one in findings) else ExitCode.NEGATIVE
+    return ExitCode.OK if all(finding.met for finding in findings) else ExitCode.NEGATIVE
 
 
 def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
@@ -125,15 +127,20 @@ def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:
         {**asdict(finding), "met": finding.met, "dropped": finding.dropped} for finding in findings
     ]
     missed = sum(not finding.met for finding in findings)
-    seen, dropped = _drops(findings)
-    counts = {"runs": len(rows), "missed": missed, "detectable": seen, "quality_dropped": dropped}
+    detectable, dropped = _drops(findings)
+    counts = {
+        "runs": len(rows),
+        "missed": missed,
+        "detectable": detectable,
+        "quality_dropped": dropped,
+    }
     return {"scene": scene, **counts, "findings": rows}
 
 
 def _drops(findings: list[Finding]) -> tuple[int, int]:
     """Return how many faults can be detected, and for how many of them the index fell in time."""
-    seen = [finding for finding in findings if not finding.hidden]
-    return len(seen), sum(one.dropped for one in seen)
+    detectable = [finding for finding in findings if not finding.hidden]
+    return len(detectable), sum(finding.dropped for finding in detectable)
 
 
 def _as_text(findings: list[Finding]) -> str:
@@ -159,9 +166,9 @@ def _as_text(findings: list[Finding]) -> str:
         f"deviation for longer than {PATIENCE_S:g} s without a flag, or aborted; {hidden} "
         "undetectable faults listed with the error that they cause"
     )
-    seen, dropped = _drops(findings)
+    detectable, dropped = _drops(findings)
     lines.append(
-        f"quality index: lower by {DROP:g} within {DROP_WITHIN_S:g} s in {dropped} of {seen} "
+        f"quality index: lower by {DROP:g} within {DROP_WITHIN_S:g} s in {dropped} of {detectable} "
         "detectable faults"
     )
     return "\n".join(lines)

@@ -88,7 +88,7 @@ def _run_node(args: argparse.Namespace) -> int:
     from rope_twin.ros.params import overrides
 
     keep_to_loopback()
-    given = {
+    parameters = {
         "settings": args.settings,
         "feed": args.feed,
         "source": args.source,
@@ -96,19 +96,19 @@ def _run_node(args: argparse.Namespace) -> int:
         "faults": args.faults,
         "stop_after_s": args.duration or 0.0,
     }
-    made: list[Any] = []
+    nodes: list[Any] = []
 
     def make() -> Any:
         kind = FeedSimulator if args.simulate else FeedNode
-        made.append(kind(parameter_overrides=overrides(given)))
-        return made[0]
+        nodes.append(kind(parameter_overrides=overrides(parameters)))
+        return nodes[0]
 
     code = run_node(make, ["feed"])
-    figures = made[0].figures() if made else {}
-    if args.json and made:
+    figures = nodes[0].figures() if nodes else {}
+    if args.json and nodes:
         print_json(figures)
-    heard = all(one["accepted"] for one in figures.get("feeds", {}).values())
-    return code if heard else ExitCode.ERROR
+    accepted = all(feed["accepted"] for feed in figures.get("feeds", {}).values())
+    return code if accepted else ExitCode.ERROR
 
 
 def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: LineFaults) -> int:
@@ -121,11 +121,11 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: Lin
             raise InputError(f"feed '{name}'", "it has no source", "name one")
         instruments[name] = Instrument(settings)
 
-        def take(data: bytes, arrival_ns: int, whole: bool, name: str = name) -> None:
-            hand_over(pieces, (name, data, arrival_ns, whole), sources[name])
+        def take(data: bytes, arrival_ns: int, complete: bool, name: str = name) -> None:
+            hand_over(pieces, (name, data, arrival_ns, complete), sources[name])
 
-        heard = replay_with_faults(take, faults, settings, number)
-        sources[name] = open_source(settings, heard, args.speed)
+        replayed = replay_with_faults(take, faults, settings, number)
+        sources[name] = open_source(settings, replayed, args.speed)
     last: dict[str, Sample] = {}
     stop = StopSignal()
     end_s = math.inf if args.duration is None else time.monotonic() + args.duration
@@ -135,12 +135,12 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: Lin
         while not stop.requested and time.monotonic() < end_s:
             ended = all(source.ended for source in sources.values())
             try:
-                name, data, arrival_ns, whole = pieces.get(not ended, _POLL_S)
+                name, data, arrival_ns, complete = pieces.get(not ended, _POLL_S)
             except queue.Empty:
                 if ended:
                     break
                 continue
-            for sample in instruments[name].take(data, arrival_ns, whole):
+            for sample in instruments[name].take(data, arrival_ns, complete):
                 last[name] = sample
                 if not args.json:
                     print(f"{clock_of(sample.stamp_ns):%H:%M:%S.%f}  {name}  {_words(sample)}")
@@ -183,8 +183,8 @@ def _words(sample: Sample) -> str:
             ("heading", sample.heading_deg, "°", ".2f"),
         )
     return "  ".join(
-        f"{what} {value + 0.0:{form}} {unit}"
-        for what, value, unit, form in parts
+        f"{quantity} {value + 0.0:{form}} {unit}"
+        for quantity, value, unit, form in parts
         if not math.isnan(value)
     )
 

@@ -54,9 +54,9 @@ def run(args: argparse.Namespace) -> int:
         from rope_twin.studies.picture import check_picture
 
         check_picture(args.out)
-    given = load_scene(args.scene) if args.scene else None
-    recorded = read_lift(args.bag, args.winch, given)
-    scene = given or recorded.scene()
+    stated_scene = load_scene(args.scene) if args.scene else None
+    recorded = read_lift(args.bag, args.winch, stated_scene)
+    scene = stated_scene or recorded.scene()
     estimator = begin_at_rest(scene, recorded.lift, tared=args.tared)
     until_s = np.inf if args.until is None else args.until
     progress = FigureProgress()
@@ -73,16 +73,16 @@ def run(args: argparse.Namespace) -> int:
     progress.finish()
     alarm = watch.alarm
     if not estimator.results and alarm is not None:
-        what = f"before anything is learned, {alarm.words}"
+        fault = f"before anything is learned, {alarm.words}"
         raise InputError(
-            f"bag {args.bag}", what, "check the sensors, and give a bag behind the fault"
+            f"bag {args.bag}", fault, "check the sensors, and give a bag behind the fault"
         )
     if not estimator.results:
-        what = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
+        fault = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
         remedy = f"give at least {LEAST_S:g} s with tension, heave and line out"
-        raise InputError(f"bag {args.bag}", what, remedy)
-    if words := report.disagreement(estimator):
-        raise InputError(f"bag {args.bag}", words, "check its unit (N), its sign and the scene")
+        raise InputError(f"bag {args.bag}", fault, remedy)
+    if remark := report.disagreement(estimator):
+        raise InputError(f"bag {args.bag}", remark, "check its unit (N), its sign and the scene")
     posterior = estimator.results[-1].posterior
     actions = report.expected_after(estimator, scene)
     if not args.tared:
@@ -90,8 +90,8 @@ def run(args: argparse.Namespace) -> int:
     base = report.base_values(scene)
     advice = report.best_actions(posterior, actions, estimator.prior.names)
     at_limit = estimator.results[-1].at_limit
-    found = report.estimates(base, estimator.prior, posterior, advice, at_limit)
-    found = report.score_applied(found, base, recorded.applied)
+    figures = report.estimates(base, estimator.prior, posterior, advice, at_limit)
+    figures = report.score_applied(figures, base, recorded.applied)
     derived = report.derived_mass_kg(base, posterior, scene)
     if args.out is not None:
         _draw(args.bag, estimator.results, base, args.out)
@@ -100,14 +100,14 @@ def run(args: argparse.Namespace) -> int:
         noise_n = estimator.noise.nominal_white_n
         remarks += report.counter_words(estimator.model.bars, recorded.lift, noise_n)
     if args.json:
-        learned = report.as_json(found, estimator.results, derived, estimator.model.winches)
+        learned = report.as_json(figures, estimator.results, derived, estimator.model.winches)
         learned["remarks"] = remarks
         learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
     for problem in recorded.problems:
         print(f"warning: {problem}", file=sys.stderr)
-    print_table(report.table(found))
+    print_table(report.table(figures))
     if derived:
         print(
             f"with the scene's volume: mass in air {derived['mass_in_air_kg']:.4g} kg, "
@@ -116,8 +116,8 @@ def run(args: argparse.Namespace) -> int:
     last = estimator.results[-1]
     minutes = len(estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
-    for words in (*report.left_out_words(last), *remarks):
-        print(words)
+    for remark in (*report.left_out_words(last), *remarks):
+        print(remark)
     if at_limit:
         print(report.limit_words(at_limit), file=sys.stderr)
     if alarm is not None:
@@ -125,7 +125,7 @@ def run(args: argparse.Namespace) -> int:
     return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
 
 
-def _draw(bag: str, results: Any, base: dict[str, float], out: Path) -> None:
+def _draw(bag: str, results: Any, base: dict[str, float], picture: Path) -> None:
     """Draw the rope's figures with their 90 % intervals over time."""
     from rope_twin.estimation import report
     from rope_twin.estimation.figures import ROPE_FIGURES
@@ -149,4 +149,4 @@ def _draw(bag: str, results: Any, base: dict[str, float], out: Path) -> None:
                 ),
             )
         )
-    draw_panels(f"Learned from {bag}", panels, out)
+    draw_panels(f"Learned from {bag}", panels, picture)

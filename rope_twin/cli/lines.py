@@ -58,16 +58,16 @@ def run(args: argparse.Namespace) -> int:
     calm = run_lines(twin.branch(), seconds, None, _reporter("calm"))
     record = record_of(args.sea_state, SEED)
     rough = run_lines(twin, seconds, record, _reporter(state))
-    found = {"scene": scene.name, "duration_s": args.duration, "calm": calm.figures()}
-    found |= {"sea_state": args.sea_state, "in_sea_state": rough.figures()}
+    summary = {"scene": scene.name, "duration_s": args.duration, "calm": calm.figures()}
+    summary |= {"sea_state": args.sea_state, "in_sea_state": rough.figures()}
     if args.json:
-        print_json(found)
+        print_json(summary)
     else:
         _show(calm, rough, state)
     if args.out is not None:
         name = f"{scene.name}, calm and in {state}"
         draw_lines(name, calm, rough, state, args.out / "two_lines.png")
-        (args.out / "two_lines.json").write_text(json.dumps(found, indent=1) + "\n")
+        (args.out / "two_lines.json").write_text(json.dumps(summary, indent=1) + "\n")
     return ExitCode.OK
 
 
@@ -84,18 +84,18 @@ def _show(calm: LineRun, rough: LineRun, state: str) -> None:
     rows: list[tuple[str, ...]] = [HEAD]
     for k, line in enumerate(("main", "haulback")):
         mean = calm.tension_n[k].mean()
-        for sea, own in (("calm", calm), (state, rough)):
-            row = own.tension_n[k]
-            jump = f"{own.noise[k].jump_pct:.2g}" if own.noise is not None else ""
+        for sea, motion in (("calm", calm), (state, rough)):
+            row = motion.tension_n[k]
+            jump = f"{motion.noise[k].jump_pct:.2g}" if motion.noise is not None else ""
             figures = [f"{1e-3 * value:.1f}" for value in (row.mean(), row.min(), row.max())]
             rows.append((line, sea, *figures, f"{row.max() / mean:.3f}", jump))
     print_table(rows)
-    for sea, own in (("calm", calm), (state, rough)):
-        near = min(own.nearest, key=lambda one: one.distance_m)
-        depths = ", ".join(f"{depth:.0f} m" for depth in own.crossing_m[-1]) or "none"
+    for sea, motion in (("calm", calm), (state, rough)):
+        closest = min(motion.nearest, key=lambda approach: approach.distance_m)
+        depths = ", ".join(f"{depth:.0f} m" for depth in motion.crossing_m[-1]) or "none"
         print(
-            f"{sea}: clearance {near.distance_m:.2f} m at {near.depth_m:.0f} m depth and "
-            f"{near.time_s:.1f} s; crossings at the end: {depths}; "
-            f"real-time factor {own.real_time_factor:.1f}"
+            f"{sea}: clearance {closest.distance_m:.2f} m at {closest.depth_m:.0f} m depth and "
+            f"{closest.time_s:.1f} s; crossings at the end: {depths}; "
+            f"real-time factor {motion.real_time_factor:.1f}"
         )
     print("jump: largest second difference of tension between time steps, calm, over the mean")

@@ -52,21 +52,21 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         check_picture(args.out)
     scene = load_scene(args.scene)
-    found: Modes | SystemModes
+    modes: Modes | SystemModes
     groups: dict[str, Sequence[Mode | SystemMode]]
     if is_joined(scene):
-        found = find_system_modes(scene, args.count)
-        groups, more = {"lowest": found.lowest, "stretching": found.stretching}, {}
+        modes = find_system_modes(scene, args.count)
+        groups, more = {"lowest": modes.lowest, "stretching": modes.stretching}, {}
     else:
-        found = find_modes(scene, args.count)
-        groups = {"lowest": found.lowest, "axial": found.axial}
-        more = {"strouhal_max_hz": found.strouhal_max_hz}
+        modes = find_modes(scene, args.count)
+        groups = {"lowest": modes.lowest, "axial": modes.axial}
+        more = {"strouhal_max_hz": modes.strouhal_max_hz}
     if args.out is not None:
-        draw_modes(scene.name, found, args.out)
+        draw_modes(scene.name, modes, args.out)
     if args.json:
         print_json({"scene": scene.name, **more, "rows": list(_figures(groups))})
     else:
-        _show(found, groups)
+        _show(modes, groups)
     return ExitCode.OK
 
 
@@ -74,40 +74,40 @@ def _figures(groups: Mapping[str, Sequence[Mode | SystemMode]]) -> Iterator[dict
     """Yield the modes without their shapes."""
     for group, modes in groups.items():
         for number, mode in enumerate(modes, 1):
-            kept = {k: v for k, v in asdict(mode).items() if k not in ("shape", "shapes")}
-            yield {"group": group, "number": number, **kept}
+            figures = {k: v for k, v in asdict(mode).items() if k not in ("shape", "shapes")}
+            yield {"group": group, "number": number, **figures}
 
 
-def _show(found: Modes | SystemModes, groups: Mapping[str, Sequence[Mode | SystemMode]]) -> None:
+def _show(result: Modes | SystemModes, groups: Mapping[str, Sequence[Mode | SystemMode]]) -> None:
     rows = [
         _row(str(number) if group == "lowest" else f"{group} {number}", mode)
         for group, modes in groups.items()
         for number, mode in enumerate(modes, 1)
     ]
     low, high = WAVE_PERIODS_S
-    print_table([SYSTEM_HEAD if isinstance(found, SystemModes) else HEAD, *rows])
+    print_table([SYSTEM_HEAD if isinstance(result, SystemModes) else HEAD, *rows])
     print(f"\nwaves: period over the nearest wave period of {low:g} to {high:g} s; 1: it is one")
-    if isinstance(found, SystemModes):
+    if isinstance(result, SystemModes):
         print("stretch: fraction of the strain energy in elements that stretch; the rest is in the")
         print("rotation of tension. A free mode has no restoring force and no period")
     else:
         print(
-            f"Strouhal: shedding frequency {found.strouhal:g}·U/D where the mode has its maximum; "
-            f"along the line at most {found.strouhal_max_hz:.3g} Hz"
+            f"Strouhal: shedding frequency {result.strouhal:g}·U/D where the mode has its maximum; "
+            f"along the line at most {result.strouhal_max_hz:.3g} Hz"
         )
 
 
 def _row(name: str, mode: Mode | SystemMode) -> tuple[str, ...]:
     period, waves = f"{mode.period_s:.4g}", f"{mode.wave_ratio:.3g}"
-    at = f"{mode.largest_at_m:.0f}"
+    largest_at = f"{mode.largest_at_m:.0f}"
     parts: tuple[str, ...]
     shares: tuple[float, ...]
     if isinstance(mode, SystemMode):
         period, waves = (period, waves) if mode.period_s < inf else ("-", "-")
         shares = (mode.stretching_share, mode.vertical_share)
-        parts = (*(f"{100.0 * share:.0f}" for share in shares), at, mode.rope)
+        parts = (*(f"{100.0 * share:.0f}" for share in shares), largest_at, mode.rope)
     else:
         shares = (mode.axial_share, mode.in_plane_share, mode.out_of_plane_share)
-        parts = (" / ".join(f"{100.0 * share:.0f}" for share in shares), at)
+        parts = (" / ".join(f"{100.0 * share:.0f}" for share in shares), largest_at)
     hz, shed = f"{mode.frequency_hz:.4g}", f"{mode.strouhal_hz:.3g}"
     return name, hz, period, mode.kind, *parts, shed, waves

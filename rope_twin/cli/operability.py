@@ -43,20 +43,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("limits", metavar="LIMITS", type=Path, help="limiting Hs over Tp, CSV or JSON")
     add("hindcast", metavar="HINDCAST", type=Path, help="time series of sea states, CSV")
-    words = "read HINDCAST as spectra with this reader of wavespectra, such as era5, ww3 or ndbc"
-    add("--reader", metavar="NAME", help=words)
-    words = "planned operation period T_POP"
-    add("--planned-period", type=measure("s"), required=True, metavar="TIME", help=words)
+    help_text = (
+        "read HINDCAST as spectra with this reader of wavespectra, such as era5, ww3 or ndbc"
+    )
+    add("--reader", metavar="NAME", help=help_text)
+    help_text = "planned operation period T_POP"
+    add("--planned-period", type=measure("s"), required=True, metavar="TIME", help=help_text)
     add_time(parser, "--contingency", "contingency time (default: as long as the planned period)")
-    words = "alpha factors with their source, CSV (default: 1, no uncertainty of the forecast)"
-    add("--alpha", type=Path, metavar="CSV", help=words)
-    words = "phases that must be within their limits (default: all)"
-    add("--phase", nargs="+", default=(), metavar="NAME", help=words)
+    help_text = "alpha factors with their source, CSV (default: 1, no uncertainty of the forecast)"
+    add("--alpha", type=Path, metavar="CSV", help=help_text)
+    help_text = "phases that must be within their limits (default: all)"
+    add("--phase", nargs="+", default=(), metavar="NAME", help=help_text)
     heading = parser.add_mutually_exclusive_group()
-    words = "compass heading of the bow, clockwise from north"
-    heading.add_argument("--bow", type=float, metavar="DEG", help=words)
-    words = "heading of the waves that the vessel keeps: 0 following seas, 180 head seas"
-    heading.add_argument("--relative", type=float, metavar="DEG", help=words)
+    help_text = "compass heading of the bow, clockwise from north"
+    heading.add_argument("--bow", type=float, metavar="DEG", help=help_text)
+    help_text = "heading of the waves that the vessel keeps: 0 following seas, 180 head seas"
+    heading.add_argument("--relative", type=float, metavar="DEG", help=help_text)
     add("--picture", type=Path, metavar="PNG", help="draw shares and waiting by month")
     add_json(parser)
 
@@ -75,47 +77,48 @@ def run(args: argparse.Namespace) -> int:
         hindcast = read_hindcast(args.hindcast)
     else:
         hindcast = read_spectra(args.hindcast, args.reader)
-    found = operability(hindcast, limits, operation, alpha)
+    result = operability(hindcast, limits, operation, alpha)
     if args.picture is not None:
-        draw_panels(f"{args.hindcast.name}, limits of {args.limits.name}", panels(found),
+        draw_panels(f"{args.hindcast.name}, limits of {args.limits.name}", panels(result),
                     args.picture)  # fmt: skip
     if args.json:
         source = None if alpha is None else alpha.source
-        print_json(figures(found) | {"alpha_source": source, "phases": list(limits.phases)})
+        print_json(figures(result) | {"alpha_source": source, "phases": list(limits.phases)})
     else:
-        _show(found, alpha)
+        _show(result, alpha)
     return ExitCode.OK
 
 
-def _show(found: Operability, alpha: AlphaTable | None) -> None:
-    own = found.operation
+def _show(result: Operability, alpha: AlphaTable | None) -> None:
+    operation = result.operation
     print(
-        f"T_R               {hours_text(own.reference_s)} h: planned {hours_text(own.planned_s)} h "
-        f"and contingency {hours_text(own.contingency_s)} h"
+        f"T_R               {hours_text(operation.reference_s)} h: "
+        f"planned {hours_text(operation.planned_s)} h "
+        f"and contingency {hours_text(operation.contingency_s)} h"
     )
     if alpha is None:
         print("alpha             1, no uncertainty of the forecast")
     else:
-        low, high = found.alpha
+        low, high = result.alpha
         print(f"alpha             {low:.3g} to {high:.3g}, {alpha.source}")
-    print(f"hindcast          {found.years:.3g} years, every {hours_text(found.step_s)} h")
-    for share, words in ((found.missing, "of the time has no row, and counts as above the limit"),
-                         (found.aside, "of the rows has a heading that the limits do not cover, "
+    print(f"hindcast          {result.years:.3g} years, every {hours_text(result.step_s)} h")
+    for share, remark in ((result.missing, "of the time has no row, and counts as above the limit"),
+                         (result.aside, "of the rows has a heading that the limits do not cover, "
                           "and counts as above them"),
-                         (found.not_covered, "of the rows has a Tp that the limits do not cover, "
+                         (result.not_covered, "of the rows has a Tp that the limits do not cover, "
                           "and counts as above them")):  # fmt: skip
         if share > 0.0:
-            print(f"warning: {100.0 * share:.2g} % {words}")
-    for name, share in found.phases.items():
+            print(f"warning: {100.0 * share:.2g} % {remark}")
+    for name, share in result.phases.items():
         print(f"within limit      {100.0 * share:.1f} % of the time, phase {name}")
-    print(f"calm spells       {_words(found.calm)}")
-    print(f"storms            {_words(found.storm)}\n")
-    print_table(table_rows(found))
+    print(f"calm spells       {_words(result.calm)}")
+    print(f"storms            {_words(result.storm)}\n")
+    print_table(table_rows(result))
 
 
 def _words(spread: Spread) -> str:
     parts = (
-        f"P{p:.0f} {hours_text(one)} h"
-        for p, one in zip(PERCENTILES, spread.percentiles_s, strict=True)
+        f"P{p:.0f} {hours_text(percentile_s)} h"
+        for p, percentile_s in zip(PERCENTILES, spread.percentiles_s, strict=True)
     )
     return f"mean {hours_text(spread.mean_s)} h, {', '.join(parts)}"

@@ -69,8 +69,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add("--netcdf", action="store_true",
         help="write plan.nc: limits with named axes and a row for each run")  # fmt: skip
-    words = "discretisation error of each cell, over its loads, such as 1%% (default: the plan's)"
-    add("--within", metavar="ERROR", help=words)
+    help_text = (
+        "discretisation error of each cell, over its loads, such as 1%% (default: the plan's)"
+    )
+    add("--within", metavar="ERROR", help=help_text)
     add("--threads", type=int, metavar="N", help="cells at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
     add("--cell", default="", metavar="PHASE,TP,HEADING",
@@ -94,9 +96,9 @@ def run(args: argparse.Namespace) -> int:
     plan, scene = read_plan(args.plan)
     if args.within is not None:
         plan = with_error(plan, 0.01 * read_amount("--within", args.within, "the error", "%"))
-    out = args.out or Path(f"plan_{plan.name}")
+    folder_path = args.out or Path(f"plan_{plan.name}")
     check_parquet()
-    check_picture(out / PICTURE)
+    check_picture(folder_path / PICTURE)
     if args.netcdf:
         check_netcdf()
     if args.report:
@@ -105,26 +107,26 @@ def run(args: argparse.Namespace) -> int:
 
         check_report()
     if args.cell:
-        return _show(args, plan, scene, out)
+        return _show(args, plan, scene, folder_path)
     reports: list[Path] = []
     progress, began = FigureProgress(), time.monotonic()
 
     def report(done: int, total: int, runs: int) -> None:
         if progress.due or done == total:
             took = time.monotonic() - began
-            left = f", {took * (total - done) / done:.0f} s to go" if done else ""
-            progress.show(f"{done} of {total} cells, {runs} runs{left}")
+            remaining = f", {took * (total - done) / done:.0f} s to go" if done else ""
+            progress.show(f"{done} of {total} cells, {runs} runs{remaining}")
 
-    with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
+    with PlanFolder(folder_path, plan, plan_stamp(plan, scene)) as folder:
         result = run_plan(plan, scene, folder.store, report, args.threads, args.scheduler)
         rows = folder.close_rows()
         if args.report:
-            reports = write_report(result, out)
+            reports = write_report(result, folder_path)
     progress.finish()
-    write_results(result, out)
-    write_picture(limits_figure(result), out / PICTURE, 110)
+    write_results(result, folder_path)
+    write_picture(limits_figure(result), folder_path / PICTURE, 110)
     if args.netcdf:
-        write_netcdf(result, out / NETCDF)
+        write_netcdf(result, folder_path / NETCDF)
     if args.json:
         print_json(result_object(result))
     else:
@@ -134,22 +136,22 @@ def run(args: argparse.Namespace) -> int:
             print_table(table.rows)
             print(table.about)
         print("\n" + "\n".join([*summary_lines(result), *notes(result)]))
-        files = [rows, out / "load_chart.json", out / PICTURE, *reports]
-        files += [out / NETCDF] if args.netcdf else []
+        files = [rows, folder_path / "load_chart.json", folder_path / PICTURE, *reports]
+        files += [folder_path / NETCDF] if args.netcdf else []
         print("\n".join(f"wrote {path}" for path in files), file=sys.stderr)
     none = any(cell.height_m is None for cell in result.cells)
     return ExitCode.NEGATIVE if none else ExitCode.OK
 
 
-def _show(args: argparse.Namespace, plan: Plan, scene: Scene, out: Path) -> int:
+def _show(args: argparse.Namespace, plan: Plan, scene: Scene, folder_path: Path) -> int:
     """Run the governing run of a cell again, and draw it."""
     cell = cell_named(plan, args.cell)
-    with PlanFolder(out, plan, plan_stamp(plan, scene)) as folder:
+    with PlanFolder(folder_path, plan, plan_stamp(plan, scene)) as folder:
         work = prepare(plan, scene, folder.store)[cell[0]]
-        found = show_cell(*find_within(Cell(plan, work, cell, folder.store)), out)
+        cell_figures = show_cell(*find_within(Cell(plan, work, cell, folder.store)), folder_path)
     if args.json:
-        print_json(found)
+        print_json(cell_figures)
     else:
-        for name, value in found.items():
+        for name, value in cell_figures.items():
             print(f"{name}: {value}")
     return ExitCode.OK

@@ -35,12 +35,12 @@ def run(args: argparse.Namespace) -> int:
         return _describe(args)
     from rope_twin.recording.exact_replay import verify
 
-    found = verify(args.bag)
+    verification = verify(args.bag)
     if args.json:
-        print_json(_figures(args.bag, found))
+        print_json(_figures(args.bag, verification))
     else:
-        print("\n".join(_sentences(args.bag, found)))
-    return found.outcome
+        print("\n".join(_sentences(args.bag, verification)))
+    return verification.outcome
 
 
 def _describe(args: argparse.Namespace) -> int:
@@ -57,8 +57,8 @@ def _describe(args: argparse.Namespace) -> int:
         return ExitCode.OK
     print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
     for session in content.sessions:
-        for name, words in _session_rows(session.session):
-            print(f"  {name:12} {words}")
+        for name, text in _session_rows(session.session):
+            print(f"  {name:12} {text}")
         print(f"  {'inputs':12} in {len(session.entries)} slots")
     for note in content.notes:
         print(f"  note: {note}")
@@ -68,13 +68,13 @@ def _describe(args: argparse.Namespace) -> int:
 def _session_rows(session: Session) -> list[tuple[str, str]]:
     content = session.content
     setup = dataclasses.asdict(session.setup)
-    given = ", ".join(f"{name} {value}" for name, value in setup.items() if value)
+    parameters = ", ".join(f"{name} {value}" for name, value in setup.items() if value)
     start = "a saved state" if content.get("state") else "static equilibrium"
     return [
         ("session", f"{session.number} of run {session.run}"),
         ("scene", f"{content['scene']['name']} ({', '.join(content['scene']['files'])})"),
         ("from", f"{session.time_ns * 1e-9:.9g} s simulated time, from {start}"),
-        ("parameters", given or "as the scene says"),
+        ("parameters", parameters or "as the scene says"),
         ("seeds", ", ".join(f"{k} {v}" for k, v in content["seeds"].items()) or "none"),
         ("program", ", ".join(f"{k} {v}" for k, v in content["program"].items() if v)),
         ("machine", ", ".join(f"{k} {v}" for k, v in content["machine"].items())),
@@ -83,55 +83,57 @@ def _session_rows(session: Session) -> list[tuple[str, str]]:
 
 def _session_figures(session: Session) -> dict[str, Any]:
     """Return the description of a session without its long parts."""
-    left = {name: value for name, value in session.content.items() if name != "state"}
-    left["scene"] = {**left["scene"], "files": list(left["scene"]["files"])}
-    return left | {"from_state": session.content.get("state") is not None}
+    content = {name: value for name, value in session.content.items() if name != "state"}
+    content["scene"] = {**content["scene"], "files": list(content["scene"]["files"])}
+    return content | {"from_state": session.content.get("state") is not None}
 
 
-def _sentences(bag: Path, found: Verification) -> list[str]:
+def _sentences(bag: Path, verification: Verification) -> list[str]:
     """Return the verdict, then its basis."""
     from rope_twin.recording.exact_replay import LEFT_OUT
 
-    if found.difference is not None:
-        verdict = f"different: {found.difference}"
-    elif found.fault:
-        verdict = f"not fully verified: {found.fault}"
+    if verification.difference is not None:
+        verdict = f"different: {verification.difference}"
+    elif verification.fault:
+        verdict = f"not fully verified: {verification.fault}"
     else:
         verdict = "bit-identical"
     rows = [
         f"{bag}: {verdict}",
-        f"  compared: {found.total} messages of {len(found.compared)} topics in "
-        f"{len(found.sessions)} sessions, up to {found.until_s:.9g} s",
+        f"  compared: {verification.total} messages of {len(verification.compared)} topics in "
+        f"{len(verification.sessions)} sessions, up to {verification.until_s:.9g} s",
     ]
-    if found.missing:
-        rows.append(f"  missing in the bag: {_counts(found.missing)}")
-    if found.unverified:
-        rows.append(f"  not compared, since their inputs are not known: {found.unverified}")
-    rows.append(f"  inputs applied: {_counts(found.applied) or 'none'}")
-    if found.unrecorded:
-        counts = _counts(found.unrecorded)
+    if verification.missing:
+        rows.append(f"  missing in the bag: {_counts(verification.missing)}")
+    if verification.unverified:
+        rows.append(f"  not compared, since their inputs are not known: {verification.unverified}")
+    rows.append(f"  inputs applied: {_counts(verification.applied) or 'none'}")
+    if verification.unrecorded:
+        counts = _counts(verification.unrecorded)
         rows.append(f"  of these lost on their topic, or given by a service: {counts}")
-    rows += [f"  left out: {topic}, since {why}" for topic, why in LEFT_OUT.items()]
-    machine = found.sessions[0].content["machine"]
+    rows += [f"  left out: {topic}, since {reason}" for topic, reason in LEFT_OUT.items()]
+    machine = verification.sessions[0].content["machine"]
     rows.append(f"  recorded on {machine['processor']}, numba {machine['numba']}")
-    return rows + [f"  note: {note}" for note in found.notes]
+    return rows + [f"  note: {note}" for note in verification.notes]
 
 
-def _figures(bag: Path, found: Verification) -> dict[str, Any]:
-    different = None if found.difference is None else dataclasses.asdict(found.difference)
+def _figures(bag: Path, verification: Verification) -> dict[str, Any]:
+    different = (
+        None if verification.difference is None else dataclasses.asdict(verification.difference)
+    )
     return {
         "bag": str(bag),
-        "outcome": found.outcome.name.lower(),
+        "outcome": verification.outcome.name.lower(),
         "difference": different,
-        "fault": found.fault,
-        "compared": dict(found.compared),
-        "missing": dict(found.missing),
-        "unverified": found.unverified,
-        "until_s": found.until_s,
-        "applied": dict(found.applied),
-        "unrecorded": dict(found.unrecorded),
-        "notes": found.notes,
-        "sessions": [_session_figures(session) for session in found.sessions],
+        "fault": verification.fault,
+        "compared": dict(verification.compared),
+        "missing": dict(verification.missing),
+        "unverified": verification.unverified,
+        "until_s": verification.until_s,
+        "applied": dict(verification.applied),
+        "unrecorded": dict(verification.unrecorded),
+        "notes": verification.notes,
+        "sessions": [_session_figures(session) for session in verification.sessions],
     }
 
 

@@ -48,22 +48,22 @@ def run(args: argparse.Namespace) -> int:
     from rope_twin.scene.load import at_setting, load_scene
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-    for words in (check_against_scene(options, scene), _vortex_words(scene)):
-        if words:
-            progress.say(words)
+    for remark in (check_against_scene(options, scene), _vortex_words(scene)):
+        if remark:
+            progress.say(remark)
     if options.speed == 0.0:
         summary = _unpaced(options, scene, progress)
     else:
         summary = _with_speed_alone(_paced(options, progress), options)
-    kept = summary.bag if summary.bag and Path(summary.bag).exists() else None
-    summary = replace(summary, chosen=options.chosen, bag=kept)
+    bag = summary.bag if summary.bag and Path(summary.bag).exists() else None
+    summary = replace(summary, chosen=options.chosen, bag=bag)
     if summary.core_share is not None:
-        asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
-        summary = replace(summary, core_share=summary.core_share | asked)
+        budget = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
+        summary = replace(summary, core_share=summary.core_share | budget)
     progress.finish()
     mixed = summary.mixed and f"{summary.mixed}; give each twin its own ROS_DOMAIN_ID."
     troubles = [
-        words for words in (summary.error, mixed, summary.not_kept, summary.not_running) if words
+        remark for remark in (summary.error, mixed, summary.not_kept, summary.not_running) if remark
     ]
     for trouble in troubles:
         progress.say(trouble)
@@ -109,8 +109,8 @@ def _unpaced(options: RunOptions, scene: Scene, progress: FigureProgress) -> Run
     broken = BreachWords()
 
     def report(run: UnpacedRun) -> None:
-        for words in broken.of(run.last):
-            progress.say(words)
+        for sentence in broken.of(run.last):
+            progress.say(sentence)
         if progress.due:
             progress.show(run.summary().as_progress())
 

@@ -58,8 +58,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json(shipped)
     keys = add_command(actions, "keys", "list the keys of a scene file with units and ranges",
                        ("scene keys", "scene keys winch.drum"))  # fmt: skip
-    words = "only keys with this in their path, such as winch.drum (default: all)"
-    keys.add_argument("part", metavar="PART", nargs="?", default="", help=words)
+    help_text = "only keys with this in their path, such as winch.drum (default: all)"
+    keys.add_argument("part", metavar="PART", nargs="?", default="", help=help_text)
     add_json(keys)
     show = add_command(actions, "show", "show the contents of a scene and derived values",
                        ("scene show deep_lift", "scene show my_lift.yaml"))  # fmt: skip
@@ -131,9 +131,9 @@ def _list(args: argparse.Namespace) -> int:
     width = max((len(name) for name in names), default=0)
     columns = _columns()
     for name in names:
-        words = f"{name:{width}}  {load_scene(name).about}"
+        line = f"{name:{width}}  {load_scene(name).about}"
         indent = " " * (width + 2)
-        print(textwrap.fill(words, max(columns, width + 20), subsequent_indent=indent))
+        print(textwrap.fill(line, max(columns, width + 20), subsequent_indent=indent))
     return ExitCode.OK
 
 
@@ -150,8 +150,8 @@ def _keys(args: argparse.Namespace) -> int:
         return ExitCode.OK
     for key in shown:
         left_out = {None: "needed", "absent": ""}.get(key.default, f"{key.default} if left out")
-        words = ", ".join(filter(None, (key.wants, key.range, left_out)))
-        line = f"{key.path}: {key.meaning} ({words})"
+        limits = ", ".join(filter(None, (key.wants, key.range, left_out)))
+        line = f"{key.path}: {key.meaning} ({limits})"
         print(textwrap.fill(line, _columns(), subsequent_indent="    ", break_on_hyphens=False))
     return ExitCode.OK
 
@@ -178,8 +178,8 @@ def _check(args: argparse.Namespace) -> int:
     except SceneError as error:  # also that there is no static equilibrium
         sentences, warnings = error.every, _warnings(scene) if scene is not None else []
         if args.json:
-            found = {"scene": args.scene, "valid": False, "errors": sentences}
-            print_json(found | {"warnings": warnings})
+            result = {"scene": args.scene, "valid": False, "errors": sentences}
+            print_json(result | {"warnings": warnings})
             return ExitCode.ERROR
         for warning in warnings:
             print(f"warning: {warning}")
@@ -200,16 +200,16 @@ def _check(args: argparse.Namespace) -> int:
     ]
     warnings, broken = _warnings(scene) + pressed, resting.breaches
     if args.json:
-        found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
-        found |= {"warnings": warnings, "accepted": accepted}
-        print_json(found | {"limits_exceeded": [breach_words(one) for one in broken]})
+        result = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
+        result |= {"warnings": warnings, "accepted": accepted}
+        print_json(result | {"limits_exceeded": [breach_words(breach) for breach in broken]})
         return ExitCode.ERROR if broken else ExitCode.OK
     for warning in warnings:
         print(f"warning: {warning}")
-    for words in accepted:
-        print(f"accepted: {words}")
-    for one in broken:
-        print(f"critical: in static equilibrium, {breach_words(one)}")
+    for sentence in accepted:
+        print(f"accepted: {sentence}")
+    for breach in broken:
+        print(f"critical: in static equilibrium, {breach_words(breach)}")
     counts = [_counted(len(warnings), "warning")]
     counts += [_counted(len(broken), "critical warning")] if broken else []
     counts += [f"{len(accepted)} accepted"] if accepted else []
@@ -232,9 +232,9 @@ def _show(args: argparse.Namespace) -> int:
         print_json(_figures(scene))
         return ExitCode.OK
     print(f"{scene.name}: {scene.about}")
-    for name, words in (("look at", scene.look_at), ("source", scene.source)):
-        if words:
-            print(f"{name}: {words}")
+    for name, text in (("look at", scene.look_at), ("source", scene.source)):
+        if text:
+            print(f"{name}: {text}")
     figures = lift_figures(scene)
     print()
     for name, value in (*_parts(scene, figures), *_derived(scene, figures)):
@@ -314,9 +314,9 @@ def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
         stretches = [line.name for line in scene.ropes if line.to == sheave.name]
         yield "sheave", f"'{sheave.name}', between the lines {' and '.join(stretches)}"
     for strut in scene.struts:
-        one, other = strut.between
-        words = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"
-        yield "strut", f"'{strut.name}', {words}, between '{one}' and '{other}'"
+        first, second = strut.between
+        size = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"
+        yield "strut", f"'{strut.name}', {size}, between '{first}' and '{second}'"
     for place in scene.hang_offs:
         yield "hang-off", f"'{place.name}' at {place.at_m} m, winch {_winch(place.winch)}"
 
@@ -332,16 +332,16 @@ def _made_of(line: RopeLine) -> str:
 def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
     """Yield the properties of each section."""
     for section, bar in zip(line.made_of, figures.bars, strict=True):
-        rope, words = bar.rope, ""
+        rope, extent = bar.rope, ""
         if line.rope is None:
-            words = f"{section.length_m:g} m" if section.length_m else "all above"
-            words += f" {rope.about or f'{1e3 * rope.diameter_m:g} mm'}: "
+            extent = f"{section.length_m:g} m" if section.length_m else "all above"
+            extent += f" {rope.about or f'{1e3 * rope.diameter_m:g} mm'}: "
         law = "dynamic" if rope.is_fibre else "by a table"
         table = f" at its mean load, {law}" if rope.axial_stiffness else ""
-        least = rope.minimum_bend_radius_m
-        bend = f", minimum bend radius {least:g} m" if least else ""
+        bend_radius_m = rope.minimum_bend_radius_m
+        bend = f", minimum bend radius {bend_radius_m:g} m" if bend_radius_m else ""
         yield (
-            f"{words}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
+            f"{extent}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
             f"MBL {rope.breaking_load_n / 1e3:.0f} kN{bend}"
         )
 
@@ -361,8 +361,8 @@ def _sea(sea: SeaState) -> str:
 
 def _words(params: Any) -> str:
     """Return the given parameters of an effect in words."""
-    given = [(key, value) for key, value in asdict(params).items() if value not in (None, ())]
-    return ", ".join(f"{key} {_word(value)}" for key, value in given)
+    stated = [(key, value) for key, value in asdict(params).items() if value not in (None, ())]
+    return ", ".join(f"{key} {_word(value)}" for key, value in stated)
 
 
 def _word(value: Any) -> str:
@@ -384,13 +384,13 @@ def _word(value: Any) -> str:
 def _winch(winch: Winch | None) -> str:
     if winch is None:
         return "none, constant paid-out length"
-    words = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
-    words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
+    limits = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
+    limits += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
-        return f"{words}; no schedule"
+        return f"{limits}; no schedule"
     steps = ", ".join(f"{_order_words(row)} from {row.at_s:g} s" for row in winch.schedule)
     repeat = winch.schedule_repeats_every_s
-    return f"{words}; {steps}" + (f", repeated every {repeat:g} s" if repeat else "")
+    return f"{limits}; {steps}" + (f", repeated every {repeat:g} s" if repeat else "")
 
 
 def _order_words(row: ScheduleRow) -> str:
@@ -407,17 +407,17 @@ def _order_words(row: ScheduleRow) -> str:
 def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """Return the suspended loads of a multi-line system."""
     rows = [("loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
-    held = hung_together(scene)
-    if held is None:
+    load = hung_together(scene)
+    if load is None:
         return rows
-    factor = f"safety factor {held.breaking_load_n / held.weight_n:.2f}"
-    if len(held.lines) == 1:
-        return [*rows, ("static top tension", f"{held.weight_n / 1e3:.1f} kN, {factor}")]
-    words = (
-        f"{held.weight_n / 1e3:.1f} kN, {factor} if shared evenly; `rope_twin run` reports "
+    factor = f"safety factor {load.breaking_load_n / load.weight_n:.2f}"
+    if len(load.lines) == 1:
+        return [*rows, ("static top tension", f"{load.weight_n / 1e3:.1f} kN, {factor}")]
+    text = (
+        f"{load.weight_n / 1e3:.1f} kN, {factor} if shared evenly; `rope_twin run` reports "
         "the tension of each"
     )
-    return [*rows, (f"{len(held.lines)} lines carry", words)]
+    return [*rows, (f"{len(load.lines)} lines carry", text)]
 
 
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
@@ -433,18 +433,18 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         rows.append(("net lift", f"{lift / 1e3:.1f} kN fully submerged: it floats"))
     elif figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
-        rope, most = figures.weakest(line.length_m)
-        factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
+        rope, largest = figures.weakest(line.length_m)
+        factor = f", safety factor {rope.breaking_load_n / largest:.2f}" if largest > 0.0 else ""
         dry = figures.hung.dry_share(line.length_m)
         air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
-        still = ", without current" if scene.listed(CurrentParams) is not None else ""
+        condition = ", without current" if scene.listed(CurrentParams) is not None else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
             ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
             ("terminal velocity", f"{figures.sinking_speed_m_per_s(density):.2f} m/s (slack line)"),
-            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}{still}"),
+            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}{condition}"),
             ("static elongation", f"{stretch_m(figures):.2f} m"),
         ]
     return [

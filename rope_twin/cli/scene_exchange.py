@@ -55,10 +55,19 @@ def add_coefficients(actions: argparse._SubParsersAction[Any]) -> None:
     parser = add_command(actions, "coefficients", about, EXAMPLES, MORE)
     add_scene(parser)
     add = parser.add_argument
-    words = "depths of its middle below the water (default: 0.5, 1 and 2 times its height)"
-    add("--depth", nargs="+", type=measure("m"), metavar="DEPTH", help=words)
-    words = f"periods of the motion (default: {', '.join(f'{one:g}' for one in PERIODS_S)} s)"
-    add("--period", nargs="+", type=measure("s"), metavar="PERIOD", default=PERIODS_S, help=words)
+    help_text = "depths of its middle below the water (default: 0.5, 1 and 2 times its height)"
+    add("--depth", nargs="+", type=measure("m"), metavar="DEPTH", help=help_text)
+    help_text = (
+        f"periods of the motion (default: {', '.join(f'{period_s:g}' for period_s in PERIODS_S)} s)"
+    )
+    add(
+        "--period",
+        nargs="+",
+        type=measure("s"),
+        metavar="PERIOD",
+        default=PERIODS_S,
+        help=help_text,
+    )
     add("--payload", default="", metavar="NAME", help="of several (default: the first)")
     add_json(parser)
 
@@ -69,25 +78,27 @@ def run_coefficients(args: argparse.Namespace) -> int:
     payload, shape = _body(scene, args.payload)
     water = scene.environment
     rho, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
-    deep = [rho * one for one in shape.added_mass_m3()]
-    given = list(payload.added_mass_kg or deep)
-    found = [
-        {"depth_m": depth, **asdict(one)}
+    deep = [rho * volume_m3 for volume_m3 in shape.added_mass_m3()]
+    stated_kg = list(payload.added_mass_kg or deep)
+    coefficients = [
+        {"depth_m": depth, **asdict(row)}
         for depth in args.depth or [part * shape.height_m for part in DEPTHS_M]
-        for one in near_surface(shape, depth, args.period, rho, g)
+        for row in near_surface(shape, depth, args.period, rho, g)
     ]
     if args.json:
-        print_json({"payload": payload.name, "scene_added_mass_kg": given, "rows": found})
+        print_json(
+            {"payload": payload.name, "scene_added_mass_kg": stated_kg, "rows": coefficients}
+        )
         return ExitCode.OK
-    words = ", ".join(f"{1e-3 * one:.2f}" for one in given)
-    print(f"{payload.name}: added mass of the scene along x, y, z {words} t")
+    listed = ", ".join(f"{1e-3 * mass_kg:.2f}" for mass_kg in stated_kg)
+    print(f"{payload.name}: added mass of the scene along x, y, z {listed} t")
     head = ["depth m", "period s", "A11 t", "A33 t", "A33 over the scene's", "B11 kN·s/m",
             "B33 kN·s/m", "panel error %"]  # fmt: skip
     rows = [head]
-    for one in found:
-        (a, c), (b, d) = one["added_mass_kg"], one["damping_kg_per_s"]
-        numbers = (one["depth_m"], one["period_s"], 1e-3 * a, 1e-3 * c, c / given[2], 1e-3 * b,
-                   1e-3 * d, 100.0 * one["error"])  # fmt: skip
+    for row in coefficients:
+        (a, c), (b, d) = row["added_mass_kg"], row["damping_kg_per_s"]
+        numbers = (row["depth_m"], row["period_s"], 1e-3 * a, 1e-3 * c, c / stated_kg[2], 1e-3 * b,
+                   1e-3 * d, 100.0 * row["error"])  # fmt: skip
         rows.append([f"{number:.3g}" if math.isfinite(number) else "∞" for number in numbers])
     print_table(rows)
     return ExitCode.OK
@@ -95,7 +106,7 @@ def run_coefficients(args: argparse.Namespace) -> int:
 
 def _body(scene: Scene, name: str) -> tuple[Payload, Box | Cylinder]:
     """Return a payload and its shape. Raises InputError."""
-    known = {one.name: one for one in scene.payloads}
+    known = {candidate.name: candidate for candidate in scene.payloads}
     if not known:
         raise InputError("scene", f"'{scene.name}' has no payload", "give a scene with one")
     if name and name not in known:
@@ -123,23 +134,25 @@ file does not state is given by options; nothing is assumed."""
 def add_raos(actions: argparse._SubParsersAction[Any]) -> None:
     about = "show the displacement RAOs of a vessel, from a file or of a scene"
     parser = add_command(actions, "raos", about, RAO_EXAMPLES, RAO_MORE)
-    words = "file, name of a table in config/responses/, or scene that names one"
-    parser.add_argument("file", metavar="FILE", help=words)
-    words = "show the motion of this point of the vessel [m], in the axes of the file"
-    _add_point(parser, "--crane-tip", words)
-    words = "directions of the waves relative to the bow (default: those of the file)"
-    parser.add_argument("--heading", nargs="+", type=float, default=(), metavar="DEG", help=words)
+    help_text = "file, name of a table in config/responses/, or scene that names one"
+    parser.add_argument("file", metavar="FILE", help=help_text)
+    help_text = "show the motion of this point of the vessel [m], in the axes of the file"
+    _add_point(parser, "--crane-tip", help_text)
+    help_text = "directions of the waves relative to the bow (default: those of the file)"
+    parser.add_argument(
+        "--heading", nargs="+", type=float, default=(), metavar="DEG", help=help_text
+    )
     stated = parser.add_argument_group("conventions that the file does not state")
     _add_point(stated, "--origin", "point whose motion the RAOs give [m]")
     _add_point(stated, "--phase-origin", "point at which the wave has phase zero [m]")
-    words = "length that rotations are made dimensionless with (ULEN)"
-    stated.add_argument("--scale-length", type=measure("m"), metavar="LENGTH", help=words)
-    words = "planes of symmetry of the vessel"
-    stated.add_argument("--symmetry", choices=SYMMETRIES, default="", help=words)
+    help_text = "length that rotations are made dimensionless with (ULEN)"
+    stated.add_argument("--scale-length", type=measure("m"), metavar="LENGTH", help=help_text)
+    help_text = "planes of symmetry of the vessel"
+    stated.add_argument("--symmetry", choices=SYMMETRIES, default="", help=help_text)
     stated.add_argument("--vessel", default="", metavar="NAME", help="vessel type, of several")
     stated.add_argument("--draught", default="", metavar="NAME", help="draught, of several")
-    words = "draw modulus and phase over period, a curve for each heading"
-    parser.add_argument("--picture", type=Path, metavar="PNG", help=words)
+    help_text = "draw modulus and phase over period, a curve for each heading"
+    parser.add_argument("--picture", type=Path, metavar="PNG", help=help_text)
     add_json(parser)
 
 
@@ -151,26 +164,26 @@ def run_raos(args: argparse.Namespace) -> int:
     """Show the RAOs of a file or scene and return the exit code. Raises RopeTwinError."""
     if args.picture is not None:
         check_picture(args.picture)
-    given = RaoConventions(
+    conventions = RaoConventions(
         origin_m=_point(args.origin), phase_origin_m=_point(args.phase_origin),
         scale_length_m=args.scale_length, symmetry=args.symmetry, vessel=args.vessel,
         draught=args.draught,
     )  # fmt: skip
-    own, tip = _read(args.file, given)
+    raos, tip = _read(args.file, conventions)
     tip = _point(args.crane_tip) or tip
-    shown = own if tip is None else own.moved(tip)
-    headings = own_headings(own, args.heading)
-    doubts = list(long_wave_doubts(own))
+    shown = raos if tip is None else raos.moved(tip)
+    headings = own_headings(raos, args.heading)
+    doubts = list(long_wave_doubts(raos))
     if args.picture is not None:
         draw_raos(shown, headings, tip, args.picture)
     if args.json:
-        print_json(figures(shown, headings) | {"point_m": tip or own.origin_m, "warnings": doubts})
+        print_json(figures(shown, headings) | {"point_m": tip or raos.origin_m, "warnings": doubts})
         return ExitCode.OK
-    periods = periods_s(own)
-    print(f"file            {own.source}")
-    if own.origin_m is not None:
-        print(f"phases          relative to the crest at {_words(own.origin_m)}")
-    point = tip or own.origin_m
+    periods = periods_s(raos)
+    print(f"file            {raos.source}")
+    if raos.origin_m is not None:
+        print(f"phases          relative to the crest at {_words(raos.origin_m)}")
+    point = tip or raos.origin_m
     print(f"motion of       {'the reference point' if point is None else _words(point)}")
     print(f"periods         {len(periods)}, {periods[0]:.3g} to {periods[-1]:.3g} s")
     for heading in headings.tolist():
@@ -181,11 +194,11 @@ def run_raos(args: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-def _read(name: str, given: RaoConventions) -> tuple[Responses, Point | None]:
+def _read(name: str, conventions: RaoConventions) -> tuple[Responses, Point | None]:
     """Return RAOs, and the crane tip of a scene. Raises RopeTwinError."""
     if not _is_scene(name):
-        return read_responses(name, given), None
-    if given != RaoConventions():
+        return read_responses(name, conventions), None
+    if conventions != RaoConventions():
         problem = "a scene states the conventions of its own file"
         raise InputError(name, problem, "leave the options out")
     scene = load_scene(name)
@@ -206,8 +219,8 @@ def _is_scene(name: str) -> bool:
         return False  # the reader says what is wrong
 
 
-def _point(given: list[float] | None) -> Point | None:
-    return None if given is None else (given[0], given[1], given[2])
+def _point(coordinates: list[float] | None) -> Point | None:
+    return None if coordinates is None else (coordinates[0], coordinates[1], coordinates[2])
 
 
 def _words(point: Point) -> str:
@@ -235,18 +248,18 @@ def add_import(actions: argparse._SubParsersAction[Any]) -> None:
     )
     parser = add_command(actions, "import", about, IMPORTS, more)
     parser.add_argument("file", metavar="FILE", help="deck of MoorDyn 2, or .yml of OrcaFlex")
-    words = "minimum breaking load (MBL) of the lines, or of one line type; may be repeated"
+    help_text = "minimum breaking load (MBL) of the lines, or of one line type; may be repeated"
     parser.add_argument(
         "--breaking-load", type=_load, required=True, action="append", metavar="[TYPE=]FORCE",
-        help=words,
+        help=help_text,
     )  # fmt: skip
     add_out(parser, "YAML", "scene file to write", required=True)
     add_json(parser)
 
 
-def _load(words: str) -> tuple[str, float]:
+def _load(option: str) -> tuple[str, float]:
     """Return the line type, "" for all others, and its breaking load [N]."""
-    kind, _, force = words.rpartition("=")
+    kind, _, force = option.rpartition("=")
     return kind, measure("N")(force)
 
 
@@ -284,18 +297,18 @@ def run_import(args: argparse.Namespace) -> int:
         raise InputError("--out", "it is the file to import", "give another name")
     file = Path(args.file)
     if file.suffix.lower() in (".yml", ".yaml"):
-        found = scene_of_model(file, loads, args.out.parent)
+        imported = scene_of_model(file, loads, args.out.parent)
     else:
-        found = scene_of(read_deck(file), file, loads)
-    scene = write_scene(found, args.out)
+        imported = scene_of(read_deck(file), file, loads)
+    scene = write_scene(imported, args.out)
     warnings = sense_checks(scene)
     if args.json:
-        print_json({"scene": args.out, "left_out": list(found.left_out), "warnings": warnings})
+        print_json({"scene": args.out, "left_out": list(imported.left_out), "warnings": warnings})
         return ExitCode.OK
     parts = counted(len(scene.ropes), "rope"), counted(len(scene.payloads), "payload")
     print(f"{args.out}: {', '.join(parts)}")
-    for words in found.left_out:
-        print(f"not imported: {words}")
+    for item in imported.left_out:
+        print(f"not imported: {item}")
     for warning in warnings:
         print(f"warning: {warning}")
     return ExitCode.OK
@@ -303,11 +316,11 @@ def run_import(args: argparse.Namespace) -> int:
 
 def _run_fmu(args: argparse.Namespace) -> int:
     scene = export_fmu(args.scene, args.out)
-    given, found = list(inputs_of(scene)), list(outputs_of(scene))
+    inputs, outputs = list(inputs_of(scene)), list(outputs_of(scene))
     if args.json:
-        print_json({"files": [args.out], "inputs": given, "outputs": found})
+        print_json({"files": [args.out], "inputs": inputs, "outputs": outputs})
         return ExitCode.OK
-    names = f"{len(given)} inputs, {len(found)} outputs"
+    names = f"{len(inputs)} inputs, {len(outputs)} outputs"
     print(f"{args.out}: {names}, communication steps of multiples of {scene.time.step_s:g} s")
     return ExitCode.OK
 
@@ -337,6 +350,6 @@ def run_export(args: argparse.Namespace) -> int:
         return ExitCode.OK
     counts = f"{counted(len(deck.lines), 'line')}, {counted(len(deck.points), 'point')}"
     print(f"{' and '.join(map(str, files))}: {counts}")
-    for words in left_out:
-        print(f"not exported: {words}")
+    for item in left_out:
+        print(f"not exported: {item}")
     return ExitCode.OK

@@ -98,12 +98,14 @@ def _add_make(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     add_out(make, "DIR", "bag directory to create", required=True)
     add_duration(make, "length, after which it repeats", 1200.0)
-    for option, default, what in (
+    for option, default, quantity in (
         ("--rate", 20.0, "sampling rate of the heave"),
         ("--elevation-rate", 4.0, "sampling rate of the wave elevation"),
     ):
-        words = f"{what} (default: {default:g}Hz)"
-        make.add_argument(option, type=measure("Hz"), default=default, metavar="FREQ", help=words)
+        help_text = f"{quantity} (default: {default:g}Hz)"
+        make.add_argument(
+            option, type=measure("Hz"), default=default, metavar="FREQ", help=help_text
+        )
     make.add_argument(
         "--hull", nargs=4, metavar=("LENGTH", "BREADTH", "DRAUGHT", "CB"),
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
@@ -145,14 +147,14 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
     return read_spectrum(args.spectrum, args.column)
 
 
-def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) -> list[float]:
+def _numbers(option: str, values: Sequence[str | float], units: Sequence[str]) -> list[float]:
     """Return the SI values of several quantities; an empty unit is that of a plain number.
 
     Raises:
         InputError: one of them is not such a quantity.
     """
     numbers = []
-    for word, unit in zip(words, units, strict=False):
+    for word, unit in zip(values, units, strict=False):
         try:
             numbers.append(read_quantity(str(word), unit) if unit else float(word))
         except ValueError as error:
@@ -164,9 +166,9 @@ def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) ->
 
 def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
     """Warn about a sea steeper than observed ones. Raises InputError if waves would break."""
-    given = args.jonswap[:2] if args.jonswap is not None else [args.spectrum]
+    option_values = args.jonswap[:2] if args.jonswap is not None else [args.spectrum]
     option = "--spectrum" if args.jonswap is None else "--jonswap"
-    where = " ".join([option, *given])
+    where = " ".join([option, *option_values])
     fault = breaking_fault(spectrum)
     if fault is not None:
         raise InputError(where, *fault)
@@ -192,23 +194,23 @@ def _report(path: Path, figures: dict[str, Any], as_json: bool) -> None:
     if as_json:
         print_json({"bag": path, **figures})
         return
-    what = "poses of the vessel" if figures["motion"] == "poses" else "heave"
-    print(f"{path}: {figures['duration_s']:g} s of {what} at {figures['rate_hz']:g} Hz")
+    content = "poses of the vessel" if figures["motion"] == "poses" else "heave"
+    print(f"{path}: {figures['duration_s']:g} s of {content} at {figures['rate_hz']:g} Hz")
     origin = figures.pop("origin", {})
     rows = {key: _words(value) for key, value in figures.items() if isinstance(value, dict)}
     notes = {"note": figures["note"]} if figures["note"] else {}
-    for key, words in (rows | notes | origin).items():
-        print(f"  {key:<14} {words}")
+    for key, text in (rows | notes | origin).items():
+        print(f"  {key:<14} {text}")
 
 
 def _words(figures: dict[str, float]) -> str:
     """Return figures in words; the unit of each is at the end of its name."""
-    words = []
+    parts = []
     for name, value in figures.items():
         end, unit, form = next(row for row in _UNITS if name.endswith(row[0]))
         word = name.removesuffix(end)
-        words.append(f"{_SYMBOLS.get(word, word)} {value:{form}}{unit}")
-    return ", ".join(words)
+        parts.append(f"{_SYMBOLS.get(word, word)} {value:{form}}{unit}")
+    return ", ".join(parts)
 
 
 def _heave_figures(record: HeaveRecord) -> dict[str, Any]:

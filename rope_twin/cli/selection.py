@@ -82,9 +82,9 @@ def _slot_costs(twin: Twin) -> tuple[float, float]:
             twin.advance(steps)
             twin.snapshot()
             times[slot] = time.thread_time() - began
-    few, many = median(took[FEW]), median(took[MANY])
-    step_s = max(many - few, 0.0) / (MANY - FEW)
-    return max(few - FEW * step_s, 0.0), step_s
+    few_s, many_s = median(took[FEW]), median(took[MANY])
+    step_s = max(many_s - few_s, 0.0) / (MANY - FEW)
+    return max(few_s - FEW * step_s, 0.0), step_s
 
 
 def measure_setting(
@@ -149,10 +149,10 @@ def refine(
     setting, cost = start, measure(start)
     if cost.pct > high:
         return cost
-    best, step_s = (setting, cost), start.step_s
+    selected, step_s = (setting, cost), start.step_s
     known = [(0.0, 0.0), (_work(setting), cost.pct)]
     for number in range(ROUNDS):
-        if best[1].pct >= low or best[0].elements == most_elements:
+        if selected[1].pct >= low or selected[0].elements == most_elements:
             break
         work = _work_for(goal, known)
         if number < BALANCED:
@@ -161,9 +161,9 @@ def refine(
         setting = Setting(min(max(round(work * step_s), start.elements), most_elements), step_s)
         cost = measure(setting)
         known = [known[-1], (_work(setting), cost.pct)]
-        if best[1].pct < cost.pct <= high:
-            best = setting, cost
-    return Selection(*best, *_next(best[0], best[1].pct, most_elements))
+        if selected[1].pct < cost.pct <= high:
+            selected = setting, cost
+    return Selection(*selected, *_next(selected[0], selected[1].pct, most_elements))
 
 
 def _work(setting: Setting) -> float:
@@ -186,11 +186,11 @@ def _nearest_step(step_s: float, times: float) -> float:
     return min(steps, key=lambda step: abs(math.log(step_s / times / step)))
 
 
-def _next(setting: Setting, pct: float, most: int) -> tuple[Setting, float]:
+def _next(setting: Setting, pct: float, most_elements: int) -> tuple[Setting, float]:
     """Return the next finer setting in proportion, and its cost by extrapolation."""
     count = round(SLOT_S / setting.step_s)
-    step_s = SLOT_S / next((one for one in IN_SLOT if one > count), 2 * count)
-    elements = min(round(setting.elements * setting.step_s / step_s), most)
+    step_s = SLOT_S / next((steps for steps in IN_SLOT if steps > count), 2 * count)
+    elements = min(round(setting.elements * setting.step_s / step_s), most_elements)
     work = elements / step_s * setting.step_s / setting.elements
     return Setting(elements, step_s), pct * work
 
@@ -214,9 +214,9 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     quantity = find_quantity(args.quantity)
     of_core = ("a share of one core", "%")
     name, unit = of_core if option == "--budget" else (quantity.name, quantity.unit)
-    wanted = read_amount(option, args.budget or args.within, name, unit)
-    if option == "--budget" and (options.speed == 0.0 or wanted > 100.0):
-        problem = f"{wanted:g} % of one core" if options.speed else "--speed 0 takes a whole core"
+    target = read_amount(option, args.budget or args.within, name, unit)
+    if option == "--budget" and (options.speed == 0.0 or target > 100.0):
+        problem = f"{target:g} % of one core" if options.speed else "--speed 0 takes a whole core"
         raise InputError("--budget", problem, "give up to 100 % and a --speed above 0")
     if options.start_from is not None:
         problem = "a saved state has its elements and its step already"
@@ -226,34 +226,34 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     levels = _known_levels(study, quantity, options.speed > 0.0, option)
     if option == "--within":
         _refuse_other_run(scene, study, options)
-        level, said = _cheapest(levels, quantity, wanted, _of_its_run(study, options))
-        return replace(options, elements=level.elements, step_s=level.step_s, chosen=said)
-    selection = _select(scene, levels, quantity, wanted, options)
+        level, remark = _cheapest(levels, quantity, target, _of_its_run(study, options))
+        return replace(options, elements=level.elements, step_s=level.step_s, chosen=remark)
+    selection = _select(scene, levels, quantity, target, options)
     known = _bound_of(selection.setting, study, levels, quantity, options)
     return replace(
         options,
         elements=selection.setting.elements,
         step_s=selection.setting.step_s,
-        chosen=_budget_words(selection, wanted, known),
-        budget_pct=wanted,
+        chosen=_budget_words(selection, target, known),
+        budget_pct=target,
         calibrated_pct=selection.cost.pct,
     )
 
 
-def read_amount(option: str, words: str, name: str, unit: str) -> float:
+def read_amount(option: str, text: str, name: str, unit: str) -> float:
     """Return a number above 0 that was given with its unit, as `1%` or `0.05m`.
 
     Raises:
         InputError: it is none.
     """
-    number = words.strip().removesuffix(unit).strip()
+    number = text.strip().removesuffix(unit).strip()
     try:
         amount = float(number)
     except ValueError:
         amount = math.nan
-    if not (0.0 < amount < math.inf) or number == words.strip():
+    if not (0.0 < amount < math.inf) or number == text.strip():
         remedy = f"write a number above 0 and its unit, like {_LIKE[unit]}"
-        raise InputError(f"{option} {words}", f"{name} is in {unit}", remedy)
+        raise InputError(f"{option} {text}", f"{name} is in {unit}", remedy)
     return amount
 
 
@@ -274,21 +274,21 @@ def _known_levels(
     """Return the settings whose error is known; in real time no step exceeds a cycle."""
     known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     if not known:
-        others = sorted(
+        available = sorted(
             name for name in BY_NAME if not math.isnan(best_bound(study.own_levels, name))
         )
         where = f"{option}, scene {study.scene}"
         problem = f"its convergence study has no error of {quantity.name}"
-        raise InputError(where, problem, f"give --quantity with one of {', '.join(others)}")
+        raise InputError(where, problem, f"give --quantity with one of {', '.join(available)}")
     return [level for level in known if not paced or level.step_s <= SLOT_S]
 
 
 def _refuse_other_run(scene: Scene, study: ConvergenceStudy, options: RunOptions) -> None:
     """Refuse a run that differs from the one that the study was made for. Raises InputError."""
     if options.other_sea:
-        given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
+        options_given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
         option, value = next(
-            ((name, words) for name, words in given.items() if words),
+            ((name, argument) for name, argument in options_given.items() if argument),
             ("--sea-offset", f"{options.sea_offset_s:g}"),
         )
         problem = f"its convergence study is for its own sea, not for {option} {value}"
@@ -312,12 +312,12 @@ def _goes_on(study: ConvergenceStudy, options: RunOptions) -> bool:
 
 def _of_its_run(study: ConvergenceStudy, options: RunOptions) -> str:
     """Return in words for which run the error holds."""
-    words = f"in the study's run of {study.seconds:g} s"
+    run = f"in the study's run of {study.seconds:g} s"
     if options.cut:
-        return f"{words} (here only until {CUT_REASON})"
+        return f"{run} (here only until {CUT_REASON})"
     if _goes_on(study, options):
-        return f"{words} (the error is unknown after that: {beyond(study.seconds)})"
-    return words
+        return f"{run} (the error is unknown after that: {beyond(study.seconds)})"
+    return run
 
 
 def _cheapest(
@@ -325,23 +325,22 @@ def _cheapest(
 ) -> tuple[StudyLevel, str]:
     level = cheapest_within(levels, quantity.name, target)
     if level is None:
-        best = best_bound(levels, quantity.name)
-        problem = (
-            f"no setting of the study is that accurate, the best is {_bound_words(best, quantity)}"
-        )
+        most_accurate = best_bound(levels, quantity.name)
+        best_words = _bound_words(most_accurate, quantity)
+        problem = f"no setting of the study is that accurate, the best is {best_words}"
         raise InputError(f"--within {target:g}{quantity.unit}", problem, "give that or more")
     bound = sure_bound(level, levels, quantity.name)
-    said = (
+    remark = (
         f"--within {target:g} {quantity.unit}: {level.setting}, the cheapest with "
         f"an error of {quantity.name} within {_bound_words(bound, quantity)} {run}; "
     )
     better = next_better(levels, quantity.name, bound, [1.0 / r.real_time_factor for r in levels])
     if better is None:
-        return level, said + "the study has none better"
+        return level, remark + "the study has none better"
     times = level.real_time_factor / better.real_time_factor
-    much = f"{times:.2g} times as much" if times >= 1.05 else "little more"
+    cost = f"{times:.2g} times as much" if times >= 1.05 else "little more"
     bound_words = _bound_words(sure_bound(better, levels, quantity.name), quantity)
-    return level, f"{said}next better, {better.setting} (within {bound_words}), costs {much}"
+    return level, f"{remark}next better, {better.setting} (within {bound_words}), costs {cost}"
 
 
 def _select(
@@ -349,18 +348,18 @@ def _select(
 ) -> Selection:
     """Select the most accurate setting that fits, refined until the budget is used."""
     costs = measure_shares(scene, levels, options.speed)
-    own = [line.elements for line in scene.ropes]
-    most = MOST_ELEMENTS * own[0] // max(own)
-    least = min(costs)
+    scene_counts = [line.elements for line in scene.ropes]
+    most_elements = MOST_ELEMENTS * scene_counts[0] // max(scene_counts)
+    least_pct = min(costs)
     while (level := most_accurate(levels, quantity.name, costs, budget)) is not None:
         start = level.setting
         measure = partial(measure_setting, scene, options, solves_per_step=level.solves_per_step)
-        selection = refine(start, budget, most, measure)
+        selection = refine(start, budget, most_elements, measure)
         if isinstance(selection, Selection):
             return selection
         costs[levels.index(level)] = math.inf  # with its messages it does not fit
-        least = selection.pct
-    problem = f"the cheapest setting of the study needs {least:.2g} % here"
+        least_pct = selection.pct
+    problem = f"the cheapest setting of the study needs {least_pct:.2g} % here"
     raise InputError(f"--budget {budget:g}%", problem, "give more")
 
 
@@ -380,23 +379,23 @@ def _bound_of(
         if level in levels
     )
     finest = study.finest
-    within = (
+    bound = (
         f"error of {quantity.name} {_bound_words(max(bounds, default=math.nan), quantity)} at most"
     )
     if setting.elements > finest.elements or setting.step_s < finest.step_s:
-        within += ", the bound of the study's finest setting,"
-    return f"{within} {_of_its_run(study, options)}"
+        bound += ", the bound of the study's finest setting,"
+    return f"{bound} {_of_its_run(study, options)}"
 
 
 def _budget_words(selection: Selection, budget: float, known: str) -> str:
     """Return in words what was selected, why, and what the next better setting would cost."""
     setting, cost = selection.setting, selection.cost
-    why = "the most accurate that fits"
+    reason = "the most accurate that fits"
     if cost.pct >= 0.95 * CEILING_PCT:
-        why += f" in {CEILING_PCT:g} %: the rest of each cycle stays free"
+        reason += f" in {CEILING_PCT:g} %: the rest of each cycle stays free"
     return (
-        f"--budget {budget:g} %: {setting}, {why}: time steps need {cost.steps_pct:.3g} % of one "
-        f"core and messages {cost.publishing_pct:.2g} % (measured now, without sending), "
+        f"--budget {budget:g} %: {setting}, {reason}: time steps need {cost.steps_pct:.3g} % of "
+        f"one core and messages {cost.publishing_pct:.2g} % (measured now, without sending), "
         f"{known}; next better, {selection.better}, needs about {selection.better_pct:.2g} %"
     )
 

@@ -34,10 +34,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("plan", metavar="PLAN", help="path of the plan file, or a name in config/plans")
     add("--method", choices=tuple(COUNTS), default="morris", help="default: morris")
-    words = "trajectories of Morris (default: 10), or base samples of Sobol (default: 64)"
-    add("--count", type=int, metavar="N", help=words)
-    words = "the cell (default: that with the lowest limit by the simplified method)"
-    add("--cell", default="", metavar="PHASE,TP,HEADING", help=words)
+    help_text = "trajectories of Morris (default: 10), or base samples of Sobol (default: 64)"
+    add("--count", type=int, metavar="N", help=help_text)
+    help_text = "the cell (default: that with the lowest limit by the simplified method)"
+    add("--cell", default="", metavar="PHASE,TP,HEADING", help=help_text)
     add_out(parser, "DIR", "folder of rows and picture (default: sensitivity_NAME)")
     add("--threads", type=int, metavar="N", help="samples at a time (default: one a core)")
     add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
@@ -64,8 +64,8 @@ def run(args: argparse.Namespace) -> int:
     if args.method == "sobol" and count & (count - 1):
         raise InputError("--count", f"{count}", "give a power of 2 for Sobol's sequence")
     plan, scene = read_plan(args.plan)
-    out = args.out or Path(f"sensitivity_{plan.name}")
-    check_picture(out / PICTURE)
+    folder = args.out or Path(f"sensitivity_{plan.name}")
+    check_picture(folder / PICTURE)
     cell = cell_named(plan, args.cell) if args.cell else lowest_cell(plan, scene)
     case = case_of(plan, scene, cell)
     progress = FigureProgress()
@@ -74,29 +74,31 @@ def run(args: argparse.Namespace) -> int:
         if progress.due or done == total:
             progress.show(f"{done} of {total} samples")
 
-    found = run_sensitivity(case, args.method, count, out, report, args.threads, args.scheduler)
+    result = run_sensitivity(case, args.method, count, folder, report, args.threads, args.scheduler)
     progress.finish()
-    draw_panels(f"{plan.name}: {case.where}", panels(found), out / PICTURE)
+    draw_panels(f"{plan.name}: {case.where}", panels(result), folder / PICTURE)
     if args.json:
-        print_json(result_object(found))
+        print_json(result_object(result))
     else:
-        _show(found)
-        print(f"wrote {out / PICTURE}", file=sys.stderr)
+        _show(result)
+        print(f"wrote {folder / PICTURE}", file=sys.stderr)
     return ExitCode.OK
 
 
-def _show(found: Sensitivity) -> None:
+def _show(result: Sensitivity) -> None:
     from rope_twin.planning.sensitivity import OUTPUTS, table_rows
 
-    print(f"{found.case.where}; loads at Hs {found.case.height_m:g} m; {found.samples} samples")
-    if found.capped:
+    print(f"{result.case.where}; loads at Hs {result.case.height_m:g} m; {result.samples} samples")
+    if result.capped:
         print(
-            f"warning: in {found.capped} of them the limit is at the end of the grid, which hides "
+            f"warning: in {result.capped} of them the limit is at the end of the grid, which hides "
             "what lies beyond; raise sea.hs_m.to or compare the loads"
         )
-    for output, (low, middle, high) in found.spread.items():
-        own = OUTPUTS[output]
-        values = (found.case.nominal[output], low, middle, high)
-        plan, *shares = (f"{own.scale * value:.4g} {own.unit}".strip() for value in values)
-        print("\n{}: {} by the plan; P10 {}, P50 {}, P90 {}".format(own.words, plan, *shares))
-        print_table(table_rows(found, output))
+    for output, (low, middle, high) in result.spread.items():
+        quantity = OUTPUTS[output]
+        values = (result.case.nominal[output], low, middle, high)
+        plan, *shares = (
+            f"{quantity.scale * value:.4g} {quantity.unit}".strip() for value in values
+        )
+        print("\n{}: {} by the plan; P10 {}, P50 {}, P90 {}".format(quantity.words, plan, *shares))
+        print_table(table_rows(result, output))

@@ -30,8 +30,8 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(dataclasses.asdict(state.about) | {"arrays": _arrays(state)})
     else:
-        for name, words in _rows(state):
-            print(f"{name:14} {words}")
+        for name, text in _rows(state):
+            print(f"{name:14} {text}")
     return ExitCode.OK
 
 

@@ -60,34 +60,36 @@ def run(args: argparse.Namespace) -> int:
     if not 1 <= args.batch_size <= 1000:
         raise InputError("--batch-size", f"{args.batch_size} runs", "give 1 to 1000")
     study, scene = read_study(shipped_file(args.study, "studies", "study"))
-    out = args.out or Path(f"study_{study.name}")
+    folder = args.out or Path(f"study_{study.name}")
     check_parquet()
-    check_picture(out / PICTURE)
+    check_picture(folder / PICTURE)
     if study.fatigue is not None:
         for line in scene.ropes:
             bending = line.bending or scene.listed(BendingParams)
             EI = bending.stiffness_n_m2 if bending is not None else 0.0
-            if words := wire_curve_warning(line, study.fatigue.curve, EI):
-                print(words, file=sys.stderr)
+            if warning := wire_curve_warning(line, study.fatigue.curve, EI):
+                print(warning, file=sys.stderr)
     progress, began, before = FigureProgress(), time.monotonic(), [-1]
 
     def report(done: int, total: int) -> None:
         if before[0] < 0:
             before[0] = done
         if progress.due or done == total:
-            bar, here = "#" * round(BAR * done / total), done - before[0]
-            to_go_s = (total - done) * (time.monotonic() - began) / here if here else 0.0
-            left = f"{to_go_s:.0f} s to go" if here else ""
-            progress.show(f"[{bar:<{BAR}}] {done} of {total} runs  {left}")
+            bar, finished = "#" * round(BAR * done / total), done - before[0]
+            to_go_s = (total - done) * (time.monotonic() - began) / finished if finished else 0.0
+            remaining = f"{to_go_s:.0f} s to go" if finished else ""
+            progress.show(f"[{bar:<{BAR}}] {done} of {total} runs  {remaining}")
 
-    rows, whole = run_parameter_study(study, scene, out, report, args.scheduler, args.batch_size)
+    rows, rows_file = run_parameter_study(
+        study, scene, folder, report, args.scheduler, args.batch_size
+    )
     progress.finish()
-    draw_study(study, rows, out / PICTURE)
+    draw_study(study, rows, folder / PICTURE)
     if args.json:
         print_json({"study": study.name, "rows": rows})
     else:
         print("\n".join(study_lines(study, rows)))
-        print(f"\nrows: {whole}\npicture: {out / PICTURE}", file=sys.stderr)
+        print(f"\nrows: {rows_file}\npicture: {folder / PICTURE}", file=sys.stderr)
     failed = sum(bool(row["failure"]) for row in rows)
     if failed == len(rows):
         return ExitCode.ERROR
@@ -125,11 +127,11 @@ def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
     yield ""
     heads = ["least", *(f"{100 * part:g} %" for part in QUANTILES[1:-1]), "largest"]
     known = [*_known(good), *_by_rope(good)]
-    width = max(len(words) for _, words, _ in known)
+    width = max(len(label) for _, label, _ in known)
     yield " " * width + "".join(f"{head:>10}" for head in heads)
-    for column, words, scale in known:
+    for column, label, scale in known:
         numbers = np.quantile([scale * row[column] for row in good], QUANTILES)
-        yield f"{words:{width}}" + "".join(f"{number:10.4g}" for number in numbers)
+        yield f"{label:{width}}" + "".join(f"{number:10.4g}" for number in numbers)
     for variable in study.vary:
         yield ""
         yield from _effect_of(variable, good)
@@ -150,13 +152,13 @@ def _effect_of(variable: Variable, rows: Sequence[Row]) -> Iterator[str]:
     """Return a line for each value of a variable, or for each part of its range."""
     yield f"{variable.column}: median over the runs{_ranks(variable, rows)}"
     known = _known(rows)
-    yield " " * 24 + "".join(f"{words.split(' [')[0]:>32}" for _, words, _ in known[:3])
-    for words, some in _levels(variable, rows):
+    yield " " * 24 + "".join(f"{label.split(' [')[0]:>32}" for _, label, _ in known[:3])
+    for label, some in _levels(variable, rows):
         cells = "".join(
             f"{np.median([scale * row[column] for row in some]):32.4g}"
             for column, _, scale in known[:3]
         )
-        yield f"{words:>18} {len(some):5d}{cells}"
+        yield f"{label:>18} {len(some):5d}{cells}"
 
 
 def _levels(variable: Variable, rows: Sequence[Row]) -> list[tuple[str, list[Row]]]:
@@ -167,13 +169,13 @@ def _levels(variable: Variable, rows: Sequence[Row]) -> list[tuple[str, list[Row
         values.sort()
         return [(f"{v:.6g}", [row for row in rows if row[variable.column] == v]) for v in values]
     borders = np.quantile([row[variable.column] for row in rows], np.linspace(0.0, 1.0, PARTS + 1))
-    found = []
+    groups = []
     for low, high in pairwise(borders):
         last = high == borders[-1]
         inside = [row for row in rows if low <= row[variable.column] <= high]
         some = [row for row in inside if last or row[variable.column] < high]
-        found.append((f"{low:.4g}..{high:.4g}", some))
-    return [(words, some) for words, some in found if some]
+        groups.append((f"{low:.4g}..{high:.4g}", some))
+    return [(label, some) for label, some in groups if some]
 
 
 def _ranks(variable: Variable, rows: Sequence[Row]) -> str:
@@ -209,16 +211,16 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
     shown = study.vary[:PANELS_MOST]
     damaged = [column for column in (good[0] if good else ()) if DAMAGE.fullmatch(column)]
     panels = len(shown) + len(damaged)
-    across = min(ACROSS, panels)
-    down = math.ceil(panels / across)
-    figure = Figure(figsize=(4.0 * across, 3.2 * down + 0.5), layout="constrained")
-    axes: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
-    for own, variable in zip(axes, shown, strict=False):
-        _draw(own, variable, good)
-    for own, column in zip(axes[len(shown) :], damaged, strict=False):
-        _draw_damage(own, good, column)
-    for own in axes[panels:]:
-        own.set_axis_off()
+    columns = min(ACROSS, panels)
+    lines = math.ceil(panels / columns)
+    figure = Figure(figsize=(4.0 * columns, 3.2 * lines + 0.5), layout="constrained")
+    axes: list[Any] = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
+    for panel, variable in zip(axes, shown, strict=False):
+        _draw(panel, variable, good)
+    for panel, column in zip(axes[len(shown) :], damaged, strict=False):
+        _draw_damage(panel, good, column)
+    for panel in axes[panels:]:
+        panel.set_axis_off()
     axes[0].set_ylabel("top tension [kN]")
     more = len(study.vary) - len(shown)
     left_out = f"; {more} variables more" if more else ""
@@ -229,9 +231,9 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
 def _draw(axes: Any, variable: Variable, rows: Sequence[Row]) -> None:
     values = [row[variable.column] for row in rows]
     if variable.names or variable.cases:
-        words = list(dict.fromkeys(values))
-        values = [words.index(value) for value in values]
-        axes.set_xticks(range(len(words)), words, rotation=20)
+        labels = list(dict.fromkeys(values))
+        values = [labels.index(value) for value in values]
+        axes.set_xticks(range(len(labels)), labels, rotation=20)
     for column, colour, label in (("tension_top_max_n", HIGH, "highest"),
                                   ("tension_top_min_n", LOW, "lowest")):  # fmt: skip
         tension = [1e-3 * row[column] for row in rows]

@@ -37,15 +37,15 @@ def run(args: argparse.Namespace) -> int:
     """Show or save the bag. Raises RopeTwinError with one sentence if it cannot be done."""
     save, picture = _outputs(args.out)
     _check(args, save, picture)
-    found: dict[str, Any] = {"file": args.file, "recording": save, "picture": picture}
+    summary: dict[str, Any] = {"file": args.file, "recording": save, "picture": picture}
     with tempfile.TemporaryDirectory(prefix="rope_twin_view_") as folder:
         if Path(args.file).suffix == ".rrd":
             recording = Path(args.file)
         else:
             recording = save or Path(folder) / "view.rrd"
-            found |= _convert(args.file, recording, args.at)
+            summary |= _convert(args.file, recording, args.at)
             if not args.json:
-                print(f"{args.file}: {found['messages']} messages, {found['duration_s']:.1f} s")
+                print(f"{args.file}: {summary['messages']} messages, {summary['duration_s']:.1f} s")
         if picture is not None:
             from rope_twin.view.sinks import take_picture
 
@@ -53,11 +53,11 @@ def run(args: argparse.Namespace) -> int:
         if save is None and picture is None:
             _look(recording)
     if args.json:
-        print_json(found)
+        print_json(summary)
         return ExitCode.OK
     for kind in ("recording", "picture"):
-        if found[kind] is not None:
-            print(f"{kind}: {found[kind]}")
+        if summary[kind] is not None:
+            print(f"{kind}: {summary[kind]}")
     return ExitCode.OK
 
 

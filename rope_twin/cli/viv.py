@@ -118,36 +118,36 @@ def _frequency_domain(
 ) -> Iterator[Assessed]:
     shedding = _shedding(args, scene)
     for lying in spans_of(scene):
-        found = run_frequency_domain(lying, shedding, args.duration)
-        fatigue = count_fatigue(found, scene, curve)
+        response = run_frequency_domain(lying, shedding, args.duration)
+        fatigue = count_fatigue(response, scene, curve)
         name = " + ".join(scene.ropes[number].name for number in reversed(lying.ropes))
         files: list[Path] = []
         if args.out is not None:
             title = f"{scene.name}, {name}" if is_joined(scene) else scene.name
-            files = write_all(title, found, fatigue, _folder_of(args.out, scene, name))
-        sums = _summary(found, fatigue)
+            files = write_all(title, response, fatigue, _folder_of(args.out, scene, name))
+        sums = _summary(response, fatigue)
         yield Assessed(name, sums, partial(_show, sums), files)
 
 
 def _time_domain(args: argparse.Namespace, scene: Scene, curve: StressCurve) -> Iterator[Assessed]:
     scene = with_model(scene, args.strouhal, args.damping)
-    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
-        print(words, file=sys.stderr)  # required resolution, and its cost
-    for found in run_time_domain(scene, args.duration, args.fatigue):
+    if not is_joined(scene) and (warning := vortex_words(scene, lift_figures(scene))):
+        print(warning, file=sys.stderr)  # required resolution, and its cost
+    for response in run_time_domain(scene, args.duration, args.fatigue):
         files: list[Path] = []
         if args.out is not None:
-            files = write_time_domain(found, _folder_of(args.out, scene, found.line))
-        words = time_domain_words(found)
-        yield Assessed(found.line, time_domain_figures(found), partial(print, words), files)
+            files = write_time_domain(response, _folder_of(args.out, scene, response.line))
+        warning = time_domain_words(response)
+        yield Assessed(response.line, time_domain_figures(response), partial(print, warning), files)
 
 
 def _folder_of(folder: Path, scene: Scene, name: str) -> Path:
     """Return the folder for the files of a line: one of its own in a multi-line scene."""
     if not is_joined(scene):
         return folder
-    own = folder / re.sub(r"[^\w.+-]+", "_", name)
-    check_folder(own)
-    return own
+    line_folder = folder / re.sub(r"[^\w.+-]+", "_", name)
+    check_folder(line_folder)
+    return line_folder
 
 
 def _checked(args: argparse.Namespace) -> StressCurve:
@@ -168,45 +168,47 @@ def _checked(args: argparse.Namespace) -> StressCurve:
 def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
     """Return the parameters of the scene's modal_vibration, with those of the options."""
     params, density = model_beside(scene), scene.environment.water_density_kg_per_m3
-    own = Shedding(density=density)
+    shedding = Shedding(density=density)
     if isinstance(params, ModalVibrationParams):
-        own = shedding_of(params, density)
-    given = {"strouhal": args.strouhal, "structural": args.damping}
-    return replace(own, **{name: value for name, value in given.items() if value is not None})
+        shedding = shedding_of(params, density)
+    options = {"strouhal": args.strouhal, "structural": args.damping}
+    return replace(
+        shedding, **{name: value for name, value in options.items() if value is not None}
+    )
 
 
-def _summary(found: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
-    rms, span = found.rms(), found.response.span
-    at = int(rms.argmax())
-    worst = fatigue.damage_per_year
-    steel = bool(np.isfinite(worst).any())
-    fastest = found.response.shedding.strouhal * (span.speed / span.diameter).max()
+def _summary(run: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
+    rms, span = run.rms(), run.response.span
+    largest = int(rms.argmax())
+    damage = fatigue.damage_per_year
+    steel = bool(np.isfinite(damage).any())
+    fastest = run.response.shedding.strouhal * (span.speed / span.diameter).max()
     return {
         "strouhal_max_hz": float(fastest),
-        "modes_known": len(found.response.frequency),
-        "modes": _rows(found),
-        "rms_max_diameters": float(rms[at]),
-        "rms_max_at_m": float(found.from_top_m[at]),
-        "frequency_there_hz": float(found.frequency_hz()[at]),
-        "drag_amplification_max": float(found.drag_amplification().max()),
+        "modes_known": len(run.response.frequency),
+        "modes": _rows(run),
+        "rms_max_diameters": float(rms[largest]),
+        "rms_max_at_m": float(run.from_top_m[largest]),
+        "frequency_there_hz": float(run.frequency_hz()[largest]),
+        "drag_amplification_max": float(run.drag_amplification().max()),
         "strain_rms_max": float(fatigue.strain_rms.max()),
         "stress_rms_max_pa": float(np.nanmax(fatigue.stress_rms_pa)) if steel else None,
-        "damage_per_year_max": float(np.nanmax(worst)) if steel else None,
+        "damage_per_year_max": float(np.nanmax(damage)) if steel else None,
     }  # fmt: skip
 
 
-def _rows(found: FrequencyDomainRun) -> list[dict[str, Any]]:
+def _rows(run: FrequencyDomainRun) -> list[dict[str, Any]]:
     """Return the responding modes, SHOWN at most, from the lowest up."""
-    most = most_moved(found, SHOWN)
-    driven = found.response.zones.T @ found.response.span.node_length
+    modes = most_moved(run, SHOWN)
+    driven = run.response.zones.T @ run.response.span.node_length
     return [
         {
             "mode": int(mode) + 1,
-            "frequency_hz": float(found.response.frequency[mode]),
+            "frequency_hz": float(run.response.frequency[mode]),
             "driven_m": float(driven[mode]),
-            "rms_diameters": float(found.modal_rms[mode]),
+            "rms_diameters": float(run.modal_rms[mode]),
         }
-        for mode in most
+        for mode in modes
     ]
 
 
