@@ -76,16 +76,16 @@ class Token:
         self._clock = clock
         self._wrong: deque[tuple[float, str]] = deque(maxlen=1000)
 
-    def check(self, given: object, address: str) -> str:
+    def check(self, token: object, address: str) -> str:
         """Return "" for the right token, else the reason for a refusal in one sentence."""
         now_s = self._clock()
         while self._wrong and self._wrong[0][0] < now_s - TRIES_WITHIN_S:
             self._wrong.popleft()
-        own = sum(one == address for _, one in self._wrong)
-        if own >= TRIES or len(self._wrong) >= TRIES_IN_ALL:
+        wrong_here = sum(wrong_address == address for _, wrong_address in self._wrong)
+        if wrong_here >= TRIES or len(self._wrong) >= TRIES_IN_ALL:
             wait_s = math.ceil(self._wrong[0][0] + TRIES_WITHIN_S - now_s)
             return phrase("token", "too many wrong ones", f"try again in {wait_s} s")
-        if hmac.compare_digest(self._hash, _digest(given if isinstance(given, str) else "")):
+        if hmac.compare_digest(self._hash, _digest(token if isinstance(token, str) else "")):
             return ""
         self._wrong.append((now_s, address))
         return phrase("token", "not the right one", "it was printed where the console was started")
@@ -171,28 +171,28 @@ class Desk:
 
     def take(self, page: Page, content: Mapping[str, Any]) -> None:
         """Act on a message of a page and send the answer; a faulty one is refused."""
-        what, number = content.get("do"), content.get("id")
+        action, number = content.get("do"), content.get("id")
         page.heard_s = self._clock()
-        if what == "alive":
+        if action == "alive":
             if page is self._holder:
                 self._left_s = None
             return
-        if isinstance(what, str) and what in self.further:
-            words = self._entry_fault(page, what) or self.further[what](page, content)
-            self._answer(page, number, not words, words)
+        if isinstance(action, str) and action in self.further:
+            reason = self._entry_fault(page, action) or self.further[action](page, content)
+            self._answer(page, number, not reason, reason)
             return
         try:
-            found = self._act(page, what, content)
+            result = self._act(page, action, content)
         except Refusal as refusal:
             self._answer(page, number, False, str(refusal))
             return
-        if isinstance(found, Sent):
-            self._awaited.append((page, number, found, self._clock()))
-            self._answer(page, number, True, found.words, stage="sent")
+        if isinstance(result, Sent):
+            self._awaited.append((page, number, result, self._clock()))
+            self._answer(page, number, True, result.words, stage="sent")
         else:
-            self._answer(page, number, True, found)
+            self._answer(page, number, True, result)
 
-    def _act(self, page: Page, what: object, content: Mapping[str, Any]) -> str | Sent:
+    def _act(self, page: Page, action: object, content: Mapping[str, Any]) -> str | Sent:
         acts: dict[str, Act] = {
             "sign_in": self._sign_in,
             "take_seat": self._take_seat,
@@ -201,16 +201,16 @@ class Desk:
             "alert": self._alert,
             **self.staged,
         }
-        act = acts.get(what) if isinstance(what, str) else None
+        act = acts.get(action) if isinstance(action, str) else None
         if act is None:
-            raise Refusal("console", f"'{what}'", did_you_mean(str(what), acts))
+            raise Refusal("console", f"'{action}'", did_you_mean(str(action), acts))
         if self._commander is None:
             remedy = "start it with --control to command the winch"
             raise Refusal("console", "it is read-only", remedy)
-        if what != "sign_in" and not page.authorised:
+        if action != "sign_in" and not page.authorised:
             raise Refusal(_NO_CONTROL)
-        if what in self.staged:
-            self._check_seat(page, str(what))
+        if action in self.staged:
+            self._check_seat(page, str(action))
         return act(page, content)
 
     def leave(self, page: Page) -> None:
@@ -229,15 +229,15 @@ class Desk:
             self._give_up()
         self._watch_seat(now_s)
         self._repeat(now_s)
-        left = []
-        for one in self._awaited:
-            page, number, sent, sent_s = one
-            found = sent.outcome()
-            if found is None and now_s - sent_s < FEEDBACK_S:
-                left.append(one)
+        waiting = []
+        for entry in self._awaited:
+            page, number, sent, sent_s = entry
+            outcome = sent.outcome()
+            if outcome is None and now_s - sent_s < FEEDBACK_S:
+                waiting.append(entry)
             else:
-                self._answer(page, number, *(found or (False, sent.why_not())))
-        self._awaited = left
+                self._answer(page, number, *(outcome or (False, sent.why_not())))
+        self._awaited = waiting
 
     # -- messages of pages -----------------------------------------------------------------------
 
@@ -272,8 +272,8 @@ class Desk:
         winch, command = self._read_command(page, content)
         if command.kind in CONTROL_MODES:
             now_s = self._clock()
-            own = self._set_points.setdefault(winch, _SetPoint(command, now_s))
-            own.command, own.given_s = command, now_s
+            set_point = self._set_points.setdefault(winch, _SetPoint(command, now_s))
+            set_point.command, set_point.given_s = command, now_s
         elif command.kind == EMERGENCY_STOP and winch in self._set_points:
             self._set_points[winch].stop()
         refused = self._refused(winch, command)
@@ -286,20 +286,20 @@ class Desk:
 
     def _alert(self, page: Page, content: Mapping[str, Any]) -> str:
         assert self._commander is not None
-        action, which = content.get("action"), content.get("alert")
+        action, name = content.get("action"), content.get("alert")
         if action not in ALERT_ACTIONS:
             raise Refusal("alert", f"'{action}'", did_you_mean(str(action), ALERT_ACTIONS))
         listed = [row["id"] for row in self._pages.readings.values.get("alerts", ())]
-        if which != "all" and which not in listed:
-            raise Refusal("alert", f"'{which}' is not in the list", "it may have ended")
+        if name != "all" and name not in listed:
+            raise Refusal("alert", f"'{name}' is not in the list", "it may have ended")
         seconds = content.get("seconds")
         if action == "shelve":
-            if which == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
+            if name == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
                 remedy = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
-                raise Refusal("shelve", f"{which} {seconds!r}", remedy)
-            which = f"{which} {seconds:g}"
-        self._commander.command_alerts(f"{action} {which}")
-        return f"{action} {which}: sent"
+                raise Refusal("shelve", f"{name} {seconds!r}", remedy)
+            name = f"{name} {seconds:g}"
+        self._commander.command_alerts(f"{action} {name}")
+        return f"{action} {name}: sent"
 
     def _read_command(self, page: Page, content: Mapping[str, Any]) -> tuple[str, WinchCommand]:
         """Return the winch and the command of a page; raise `Refusal`."""
@@ -326,18 +326,18 @@ class Desk:
         if command.kind not in figures.get("modes", CONTROL_MODES):
             remedy = f"this winch has {', '.join(figures['modes'])}"
             raise Refusal("command", _words(command), remedy)
-        least, most = figures.get("least_line_out_m"), figures.get("most_line_out_m")
+        shortest_m, longest_m = figures.get("least_line_out_m"), figures.get("most_line_out_m")
         if command.kind == SPEED and abs(command.value) > MAX_SPEED_M_PER_S:
             remedy = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
             raise Refusal("command", _words(command), remedy)
-        if command.kind == LENGTH and figures and not least <= command.value <= most:
-            remedy = f"this winch has {least:g} to {most:g} m out"
+        if command.kind == LENGTH and figures and not shortest_m <= command.value <= longest_m:
+            remedy = f"this winch has {shortest_m:g} to {longest_m:g} m out"
             raise Refusal("command", _words(command), remedy)
 
-    def _check_seat(self, page: Page, what: str) -> None:
+    def _check_seat(self, page: Page, action: str) -> None:
         if page is not self._holder:
-            has = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
-            raise Refusal(what, has, "take the seat first")
+            holder = f"{self._holder.name} has the seat" if self._holder else "no page has the seat"
+            raise Refusal(action, holder, "take the seat first")
 
     def _give_up(self) -> None:
         assert self._commander is not None
@@ -350,28 +350,28 @@ class Desk:
 
         Repeated further, it would start the winch once the seat is free again.
         """
-        for winch, own in list(self._set_points.items()):
+        for winch, set_point in list(self._set_points.items()):
             if self._commands(winch):
-                own.confirmed = True
+                set_point.confirmed = True
                 continue
-            if not own.confirmed and now_s - own.given_s <= FEEDBACK_S + REPEAT_S:
+            if not set_point.confirmed and now_s - set_point.given_s <= FEEDBACK_S + REPEAT_S:
                 continue
             del self._set_points[winch]
             if self._holder is not None:
-                lost = own.confirmed
+                lost = set_point.confirmed
                 problem = "another commander has it" if lost else "it was not given to the console"
                 remedy = "the set-point is no longer repeated; send it again to command"
-                words = phrase(f"seat of {winch}", problem, remedy)
-                self._pages.send(self._holder, {"type": "notice", "words": words})
+                notice = phrase(f"seat of {winch}", problem, remedy)
+                self._pages.send(self._holder, {"type": "notice", "words": notice})
 
-    def _entry_fault(self, page: Page, what: str) -> str:
+    def _entry_fault(self, page: Page, action: str) -> str:
         """Return why an entry of the log is refused, or ""."""
         if self._token is not None and not page.authorised:
             return _NO_CONTROL
-        if what in _ENTRIES:
+        if action in _ENTRIES:
             now_s = self._clock()
-            full = len(self._entries) == ENTRIES
-            if full and now_s - self._entries[0] < ENTRIES_WITHIN_S:
+            at_capacity = len(self._entries) == ENTRIES
+            if at_capacity and now_s - self._entries[0] < ENTRIES_WITHIN_S:
                 wait_s = math.ceil(self._entries[0] + ENTRIES_WITHIN_S - now_s)
                 return phrase("log", "too many entries at once", f"try again in {wait_s} s")
             self._entries.append(now_s)
@@ -410,30 +410,32 @@ class Desk:
     def _effect(self, winch: str, command: WinchCommand) -> Outcome | None:
         """Return the twin's words on what a command has done, or None while it is not seen."""
         values = self._pages.readings.values
-        own = self._mode(winch)
+        mode = self._mode(winch)
         row: Mapping[str, Any] = next(
             (row for row in values.get("winches", ()) if row["name"] == winch), {}
         )
         if command.kind in CONTROL_MODES:
             unit = CONTROL_MODES[command.kind]
             order_text = f"{winch}: {command.kind} {command.value:g} {unit}"
-            seen = own == order_text or own.startswith(f"{order_text} (")
-            given = self._set_points.get(winch)
-            if seen and given is not None and given.command == command:
-                given.in_force = command
+            in_effect = mode == order_text or mode.startswith(f"{order_text} (")
+            set_point = self._set_points.get(winch)
+            if in_effect and set_point is not None and set_point.command == command:
+                set_point.in_force = command
         elif command.kind == EMERGENCY_STOP:
-            seen = own.startswith(f"{winch}: emergency stop")
+            in_effect = mode.startswith(f"{winch}: emergency stop")
         elif command.kind == "reset":
-            seen = bool(own) and not own.startswith(f"{winch}: emergency stop")
+            in_effect = bool(mode) and not mode.startswith(f"{winch}: emergency stop")
         elif command.kind in ("set_brake", "release_brake"):
             holds = row.get("brake_holds")
-            seen = holds is not None and bool(holds) == (command.kind == "set_brake")
-            own = f"{winch}: brake {'set' if holds else 'released'}"
+            in_effect = holds is not None and bool(holds) == (command.kind == "set_brake")
+            mode = f"{winch}: brake {'set' if holds else 'released'}"
         else:
-            on = row.get("compensation_on")
-            seen = on is not None and bool(on) == (command.kind == COMPENSATE)
-            own = f"{winch}: compensation {'on' if on else 'off'}"
-        return (True, f"the twin reports {own or _words(command)}") if seen else None
+            compensated = row.get("compensation_on")
+            in_effect = compensated is not None and bool(compensated) == (
+                command.kind == COMPENSATE
+            )
+            mode = f"{winch}: compensation {'on' if compensated else 'off'}"
+        return (True, f"the twin reports {mode or _words(command)}") if in_effect else None
 
     @property
     def _node(self) -> str:
@@ -453,13 +455,13 @@ class Desk:
 
     def _return_from(self, winch: str, command: WinchCommand) -> None:
         """Repeat the set-point in force in place of one that the twin refuses, or none."""
-        own = self._set_points.get(winch)
-        if own is None or own.command != command:
+        set_point = self._set_points.get(winch)
+        if set_point is None or set_point.command != command:
             return
-        if own.in_force is None:
+        if set_point.in_force is None:
             del self._set_points[winch]
         else:
-            own.command = own.in_force
+            set_point.command = set_point.in_force
 
     def _why_not(self, winch: str, command: WinchCommand, refused: int) -> str:
         """Return what is known of a command without effect.
@@ -485,10 +487,10 @@ class Desk:
         return phrase(_words(command), problem, reason or "look at the winch's state")
 
     def _answer(
-        self, page: Page, number: object, done: bool, words: str, stage: str = "done"
+        self, page: Page, number: object, done: bool, text: str, stage: str = "done"
     ) -> None:
         """Answer a request of a page; after the stage `sent` another answer follows."""
-        content = {"type": "reply", "id": number, "ok": done, "words": words, "stage": stage}
+        content = {"type": "reply", "id": number, "ok": done, "words": text, "stage": stage}
         self._pages.send(page, content)
 
 

@@ -84,9 +84,9 @@ def session_facts(data: bytes) -> dict[str, Any]:
 
 def _crew_limits(scene: Scene) -> list[dict[str, Any]]:
     """Return the limits that a crew may set, each with the scene's own or what the scene lacks."""
-    own, lacks = scene_limits(scene), impossible_limits(scene)
+    of_scene, lacks = scene_limits(scene), impossible_limits(scene)
     return [
-        {"name": name, "unit": limit.unit, "at_least": limit.at_least, "scene": own[name],
+        {"name": name, "unit": limit.unit, "at_least": limit.at_least, "scene": of_scene[name],
          "lacks": lacks.get(name, "")}
         for name, limit in CREW_LIMITS.items()
     ]  # fmt: skip
@@ -112,8 +112,8 @@ def _winch(scene: Scene, winch: Winch) -> dict[str, Any]:
         figures["compensation_stroke_m"] = ahc.stroke_m
         figures["compensation_speed_m_per_s"] = ahc.speed_limit_m_per_s
     if winch.drum is not None:
-        own = next(line for line in scene.ropes if winch_of(scene, line) is winch)
-        diameter_m = own.made_of[0].rope.diameter_m
+        line_of_winch = next(line for line in scene.ropes if winch_of(scene, line) is winch)
+        diameter_m = line_of_winch.made_of[0].rope.diameter_m
         figures["drum_radius_m"] = winch.drum.core_radius_m
         figures["layer_rise_m"] = LAYER_RISE * diameter_m
     figures["modes"] = ["speed", "length", "depth"]
@@ -181,15 +181,15 @@ class SeaLimits:
             "rows": [self._row(name, phase) for name, phase in chart.phases.items()],
         }
 
-    def _row(self, name: str, own: PhaseChart) -> Values:
-        low, high = sorted(own.depth_m)
+    def _row(self, name: str, chart: PhaseChart) -> Values:
+        low, high = sorted(chart.depth_m)
         allowed = None
         if self.sea is not None:
             allowed = self._chart.allowed_height_m(name, self.sea.tp_s, self.sea.heading_deg)
         return {
             "phase": name,
-            "from_m": own.depth_m[0],
-            "to_m": own.depth_m[1],
+            "from_m": chart.depth_m[0],
+            "to_m": chart.depth_m[1],
             "here": low - AROUND_M <= self._depth_m <= high + AROUND_M,
             "allowed_hs_m": allowed,
             "may": None if allowed is None or self.sea is None else self.sea.hs_m <= allowed,

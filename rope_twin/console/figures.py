@@ -122,23 +122,27 @@ def of_rope(view: View, rope: int) -> View:
     """Return the view of a rope, by its number; its limit is the stricter of scene and crew."""
     values, facts = dict(view.values), dict(view.facts)
     ropes = facts.get("ropes") or ()
-    own = dict(ropes[rope]) if rope < len(ropes) else {}
+    row_of_rope = dict(ropes[rope]) if rope < len(ropes) else {}
     share = crew_limit(values, "utilisation")
-    shared_n = scaled(own.get("breaking_load_n"), share) if share is not None else None
-    allowed_n = (own.get("allowed_n"), crew_limit(values, "tension_n"), shared_n)
-    own["allowed_n"] = min(filter(known, allowed_n), default=None)
-    facts["ropes"] = [own]
-    names = {"winches": own.get("winch"), "payloads": own.get("payload")}
+    shared_n = scaled(row_of_rope.get("breaking_load_n"), share) if share is not None else None
+    allowed_n = (row_of_rope.get("allowed_n"), crew_limit(values, "tension_n"), shared_n)
+    row_of_rope["allowed_n"] = min(filter(known, allowed_n), default=None)
+    facts["ropes"] = [row_of_rope]
+    names = {"winches": row_of_rope.get("winch"), "payloads": row_of_rope.get("payload")}
     if len(ropes) > 1:
-        mine = set(names.values())
-        values["residuals"] = [one for one in values.get("residuals", ()) if one["name"] in mine]
+        names_of_rope = set(names.values())
+        values["residuals"] = [
+            residual
+            for residual in values.get("residuals", ())
+            if residual["name"] in names_of_rope
+        ]
     for name in _PER_ROPE:
         if values.get(name):
             values[name] = values[name][rope : rope + 1]
-    for name, wanted in names.items():
-        if values.get(name) and wanted:
-            first = [row for row in values[name] if row["name"] == wanted]
-            values[name] = first + [row for row in values[name] if row["name"] != wanted]
+    for name, name_of_rope in names.items():
+        if values.get(name) and name_of_rope:
+            first = [row for row in values[name] if row["name"] == name_of_rope]
+            values[name] = first + [row for row in values[name] if row["name"] != name_of_rope]
     if winch := names["winches"]:
         for name in ("winch_mode", "seat"):
             values[name] = of_winch(str(values.get(name, "")), winch)
@@ -154,21 +158,23 @@ def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
                              ("line_out_m", "line_speed_m_per_s", "tension_n"))  # fmt: skip
     reach = ""
     if known(winch.get("most_line_out_m")):
-        least, most = winch.get("least_line_out_m"), winch["most_line_out_m"]
-        reach = f"{fixed(least, 0)} to {fixed(most, 0)} m"
-    out, out_warns = _compared(values, "line_out_m", lambda one, sign: fixed(one, 2, sign), reach)
+        shortest_m, longest_m = winch.get("least_line_out_m"), winch["most_line_out_m"]
+        reach = f"{fixed(shortest_m, 0)} to {fixed(longest_m, 0)} m"
+    compared, out_warns = _compared(
+        values, "line_out_m", lambda number, sign: fixed(number, 2, sign), reach
+    )
     note, warns = _compared(values, "top_tension_n", units.forces, _computed(values, units))
     allowed = rope.get("allowed_n")
-    over = known(allowed) and known(tension) and tension > allowed
+    above_limit = known(allowed) and known(tension) and tension > allowed
     fastest = winch.get("speed_limit_m_per_s")
     way = _direction(rate, units)
     if known(fastest):
         way += f", limit ±{units.speeds(fastest)}"
     return [
-        Figure("Line out", fixed(length, 1), "m", "ropes/length", out, out_warns),
+        Figure("Line out", fixed(length, 1), "m", "ropes/length", compared, out_warns),
         Figure("Line speed", units.speeds(rate, True), units.speed, "ropes/length", way),
         Figure("Tension", units.forces(tension), units.force, "ropes/tension_top", note,
-               warns or over),
+               warns or above_limit),
         _utilisation(values, rope, tension, units),
     ]  # fmt: skip
 
@@ -178,16 +184,16 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
     """Return depth, speed, height above the bed and slack margin of 60 s of the first payload."""
     payload, topic = _at(values.get("payloads")), "payloads/state"
     place, speed = payload.get("place_m") or [None] * 3, payload.get("velocity_m_per_s")
-    down = speed[2] if speed else None
+    vertical = speed[2] if speed else None
     height, rows = height_above_bed_m(values, facts), []
     depth = None if place[2] is None else -place[2]
     deepest = limit(values, facts, "payload_depth_m")
-    over = known(depth) and known(deepest) and depth > deepest
+    too_deep = known(depth) and known(deepest) and depth > deepest
     rows.append(
-        Figure("Payload depth", fixed(depth, 1), f"m{_side('≤', deepest)}", topic, "", over)
+        Figure("Payload depth", fixed(depth, 1), f"m{_side('≤', deepest)}", topic, "", too_deep)
     )
-    arrow = "" if not known(down) else "↓ " if down < 0.0 else "↑ "
-    size = abs(down) if known(down) else None
+    arrow = "" if not known(vertical) else "↓ " if vertical < 0.0 else "↑ "
+    size = abs(vertical) if known(vertical) else None
     rows.append(Figure("Vertical speed", arrow + units.speeds(size), units.speed, topic))
     if height is not None:
         clear = limit(values, facts, "bed_clearance_m")
@@ -195,9 +201,9 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
         rows.append(
             Figure("Above the bed", fixed(height, 1), f"m{_side('≥', clear)}", topic, "", low)
         )
-    least = _at(profile).get("least_n")
-    if known(least):
-        margin = least - (limit(values, facts, "min_tension_n") or 0.0)
+    lowest_n = _at(profile).get("least_n")
+    if known(lowest_n):
+        margin = lowest_n - (limit(values, facts, "min_tension_n") or 0.0)
         text = units.forces(margin)
         rows.append(Figure("Slack margin", text, units.force, "ropes/nodes", "", margin < 0))
     return rows
@@ -246,9 +252,9 @@ def winch_figures(values: Values, facts: Values) -> list[Figure]:
     if "brake_holds" in row:
         rows.append(Figure("Brake", "set" if row["brake_holds"] else "released", "", topic))
     if "compensation_on" in row:
-        on = "on" if row["compensation_on"] else "off"
+        state = "on" if row["compensation_on"] else "off"
         stroke = row.get("compensation_m")
-        rows.append(Figure("Compensation", f"{on}, {fixed(stroke, 2, True)}", "m", topic))
+        rows.append(Figure("Compensation", f"{state}, {fixed(stroke, 2, True)}", "m", topic))
     radius, core, rise = (row.get("drum_radius_m"), winch.get("drum_radius_m"),
                           winch.get("layer_rise_m"))  # fmt: skip
     if known(radius) and known(core) and known(rise):
@@ -262,21 +268,21 @@ def quality_lines(values: Values) -> list[str]:
     """Return each quality index, and the reason of the lowest."""
     rows = [f"{_ELEMENTS.get(row['name'], row['name'])} {fixed(row['index'], 2)}"
             for row in values.get("quality", ())]  # fmt: skip
-    said = values.get("diagnostics simulation: quality", {}).get("message", "")
-    return [" · ".join(rows), said] if rows else []
+    message = values.get("diagnostics simulation: quality", {}).get("message", "")
+    return [" · ".join(rows), message] if rows else []
 
 
 def risk_lines(values: Values, units: Units) -> list[str]:
     """Return the risk of the next 10, 20 and 30 s, as far as there is a forecast."""
-    found = {row["span_s"]: row for row in (values.get("risk") or {}).get("rows", ())}
-    rows = [found[span] for span in RISK_SPANS_S if span in found]
+    by_span = {row["span_s"]: row for row in (values.get("risk") or {}).get("rows", ())}
+    rows = [by_span[span] for span in RISK_SPANS_S if span in by_span]
     if not rows:
         return []
-    most = f"{units.forces(rows[0]['tension_limit_n'])} {units.force}"
+    limit = f"{units.forces(rows[0]['tension_limit_n'])} {units.force}"
     spans = "/".join(f"{row['span_s']:.0f}" for row in rows)
     lines = [
         f"{name} in {spans} s: {'/'.join(_percent(row[key]) for row in rows)} %"
-        for name, key in ((f"P(> {most})", "tension"), ("P(slack)", "slack"))
+        for name, key in ((f"P(> {limit})", "tension"), ("P(slack)", "slack"))
     ]
     if any(row["climatology"] for row in rows):
         lines[-1] += ", the last by climatology"
@@ -285,8 +291,8 @@ def risk_lines(values: Values, units: Units) -> list[str]:
 
 def no_forecast(values: Values) -> str:
     """Return why there is none, in the words of the node that makes forecasts."""
-    said = values.get("diagnostics forecast: worker", {}).get("message", "")
-    return f"No forecast: {said}" if said else "No forecast"
+    message = values.get("diagnostics forecast: worker", {}).get("message", "")
+    return f"No forecast: {message}" if message else "No forecast"
 
 
 def alert_rows(values: Values) -> list[AlertRow]:
@@ -294,21 +300,21 @@ def alert_rows(values: Values) -> list[AlertRow]:
 
     Without the topic `alerts`, as in an old recording, rows of the diagnostics stand in for them.
     """
-    rows = [AlertRow("alarm", "acknowledged", name, str(words), None, False)
-            for name, words in values.items() if name.startswith("fault ") and words]  # fmt: skip
+    rows = [AlertRow("alarm", "acknowledged", name, str(text), None, False)
+            for name, text in values.items() if name.startswith("fault ") and text]  # fmt: skip
     if "alerts" not in values:
-        found = [(row["level"], name.removeprefix("diagnostics "), row["message"])
+        diagnostics = [(row["level"], name.removeprefix("diagnostics "), row["message"])
                  for name, row in values.items()
                  if name.startswith("diagnostics ") and row["level"]]  # fmt: skip
         return rows + [
-            AlertRow("alarm" if level >= 2 else "warning", "acknowledged", name, words, None, False)
-            for level, name, words in sorted(found, key=lambda one: (-one[0], one[1]))
+            AlertRow("alarm" if level >= 2 else "warning", "acknowledged", name, text, None, False)
+            for level, name, text in sorted(diagnostics, key=lambda row: (-row[0], row[1]))
         ]
     return rows + [
-        AlertRow(one["priority"], one["state"],
-                 one["title"] + (" (first)" if one["first_out"] else ""), one["text"],
-                 one["since_s"], one["sounds"])
-        for one in values["alerts"] if not one["shelved"]
+        AlertRow(alert["priority"], alert["state"],
+                 alert["title"] + (" (first)" if alert["first_out"] else ""), alert["text"],
+                 alert["since_s"], alert["sounds"])
+        for alert in values["alerts"] if not alert["shelved"]
     ]  # fmt: skip
 
 
@@ -319,8 +325,10 @@ def first_winch(facts: Values) -> Values:
 
 def _utilisation(values: Values, rope: Values, tension: float | None, units: Units) -> Figure:
     used, breaking = _at(values.get("utilisation")), rope.get("breaking_load_n")
-    highest, most = used.get("max_tension_n"), used.get("utilisation")
-    load = highest / most if known(highest) and known(most) and most else breaking
+    highest, utilisation = used.get("max_tension_n"), used.get("utilisation")
+    load = (
+        highest / utilisation if known(highest) and known(utilisation) and utilisation else breaking
+    )
     note = ""
     if known(load):
         note = f"of MBL {units.forces(load)} {units.force}"
@@ -344,12 +352,19 @@ def _computed(values: Values, units: Units) -> str:
 
 def _compared(values: Values, quantity: str, text: Any, other: str) -> tuple[str, bool]:
     """Return measured and residual in words, or `other`; and whether it is outside its interval."""
-    row = next((one for one in values.get("residuals", ()) if one["quantity"] == quantity), None)
+    row = next(
+        (
+            candidate
+            for candidate in values.get("residuals", ())
+            if candidate["quantity"] == quantity
+        ),
+        None,
+    )
     if row is None or not known(row["measured"]) or (row["age_s"] or 0.0) > LOST_S:
         return other, False
-    upper, lower, off = row.get("upper"), row.get("lower"), row["residual"]
-    outside = known(upper) and known(lower) and known(off) and not lower <= off <= upper
-    return f"measured {text(row['measured'], False)}, Δ {text(off, True)}", outside
+    upper, lower, residual = row.get("upper"), row.get("lower"), row["residual"]
+    outside = known(upper) and known(lower) and known(residual) and not lower <= residual <= upper
+    return f"measured {text(row['measured'], False)}, Δ {text(residual, True)}", outside
 
 
 def _direction(rate: float | None, units: Units) -> str:

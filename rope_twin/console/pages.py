@@ -199,10 +199,10 @@ class Pages:
         try:
             self.tick()
         except Exception as error:  # whatever it is, pages must not freeze in silence
-            words = phrase("console", f"{type(error).__name__}: {error}", "see the console's log")
-            if self.readings.values.get(FAULT) != words:
+            message = phrase("console", f"{type(error).__name__}: {error}", "see the console's log")
+            if self.readings.values.get(FAULT) != message:
                 _log.exception("a row for the pages could not be made")
-            self.readings.put(FAULT, words)
+            self.readings.put(FAULT, message)
             for page in self.pages.values():
                 page.behind = True  # what the failed tick has taken is sent in a whole frame
             try:
@@ -225,13 +225,15 @@ class Pages:
         if not self.pages:
             return
         head = self._head(trend, now_s)
-        frame, whole = _json({**head, "values": changed}), ""
+        frame, complete = _json({**head, "values": changed}), ""
         for page in self.pages.values():
             if page.behind:
-                whole = whole or _json({**head, "values": self.readings.values, "whole": True})
+                complete = complete or _json(
+                    {**head, "values": self.readings.values, "whole": True}
+                )
                 page.behind = False
                 page.offer(self._hello(page))  # what was dropped may have been state
-                page.offer(whole)
+                page.offer(complete)
                 if self._newest_profile:
                     page.offer(self._newest_profile)
             else:
@@ -320,9 +322,9 @@ class RopeProfile:
 
     def _rope(self, number_of: int, nodes: NDArray[Any], at_s: float) -> dict[str, Any]:
         place = np.column_stack([nodes["x"], nodes["y"], nodes["z"]]).astype(np.float64)
-        along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
-        wanted = _FRACTIONS * along[-1]
-        tension_n = np.interp(wanted, along, nodes["tension_n"].astype(np.float64))
+        arc_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
+        sampled_m = _FRACTIONS * arc_m[-1]
+        tension_n = np.interp(sampled_m, arc_m, nodes["tension_n"].astype(np.float64))
         looks = self._looks.setdefault(number_of, deque())
         if looks and looks[-1].at_s > at_s:
             looks.clear()
@@ -331,9 +333,9 @@ class RopeProfile:
             looks.popleft()
         table = np.stack([look.tension_n for look in looks])
         low_n, high_n = table.min(axis=0), table.max(axis=0)
-        x, y, z = (np.interp(wanted, along, place[:, axis]) for axis in range(3))
+        x, y, z = (np.interp(sampled_m, arc_m, place[:, axis]) for axis in range(3))
         return {
-            "along_m": _rounded(wanted, 1),
+            "along_m": _rounded(sampled_m, 1),
             "x_m": _rounded(x, 3),
             "y_m": _rounded(y, 3),
             "z_m": _rounded(z, 2),
@@ -343,12 +345,12 @@ class RopeProfile:
             "span_s": round(at_s - looks[0].at_s, 1),
             "least_now_n": number(float(nodes["tension_n"].min())),
             "least_n": number(float(low_n.min())),
-            "least_at_m": number(float(wanted[int(low_n.argmin())])),
+            "least_at_m": number(float(sampled_m[int(low_n.argmin())])),
         }
 
 
 def _rounded(values: Vector, digits: int) -> list[float]:
-    return [float(one) for one in np.round(values, digits)]
+    return [float(value) for value in np.round(values, digits)]
 
 
 class Trend:
@@ -380,8 +382,8 @@ class Trend:
         ]
         while len(self._rows) < len(rows):
             self._rows.append(deque(maxlen=self._most))
-        for kept, row in zip(self._rows, rows, strict=False):
-            kept.append(tuple(row[name] for name in TREND))
+        for history, row in zip(self._rows, rows, strict=False):
+            history.append(tuple(row[name] for name in TREND))
         return rows
 
     def columns(self, rope: int = 0) -> dict[str, list[float | None]]:
@@ -404,17 +406,17 @@ def _trend_row(
 ) -> dict[str, float | None]:
     values = readings.values
     named = facts.get("ropes") or ()
-    own = named[rope] if rope < len(named) else {}
+    rope_row = named[rope] if rope < len(named) else {}
     payloads, interval = values.get("payloads"), values.get("error_interval")
-    payload = next((one for one in payloads or () if one["name"] == own.get("payload")),
-                   payloads[0] if payloads else None)  # fmt: skip
+    named_here = (row for row in payloads or () if row["name"] == rope_row.get("payload"))
+    payload = next(named_here, payloads[0] if payloads else None)
     depth = payload["place_m"][2] if payload else None
     hang_off, mean = values.get("hang_off_m"), facts.get("hang_off_m")
     height_m = hang_off[2] if hang_off else None
     # a residual keeps its last reading for ever: only its age shows that the instrument is lost
     measured = next((row["measured"] for row in values.get("residuals", ())
                      if row["quantity"] == "top_tension_n" and (row["age_s"] or 0.0) < OLD_S
-                     and (len(named) < 2 or row["name"] == own.get("winch"))),
+                     and (len(named) < 2 or row["name"] == rope_row.get("winch"))),
                     None)  # fmt: skip
     return {
         "time_s": round(time_s, 3),

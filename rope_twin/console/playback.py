@@ -193,11 +193,11 @@ def connect_playback(source: Recording, pages: Pages, desk: Desk) -> None:
         return ""
 
     def rate(page: Page, content: Mapping[str, Any]) -> str:
-        asked = content.get("rate")
-        if isinstance(asked, bool) or asked not in RATES:
-            known = ", ".join(f"{one:g}" for one in RATES)
-            return phrase("rate", f"{asked!r}", f"give one of {known}")
-        source.rate = float(asked)
+        requested = content.get("rate")
+        if isinstance(requested, bool) or requested not in RATES:
+            known = ", ".join(f"{allowed:g}" for allowed in RATES)
+            return phrase("rate", f"{requested!r}", f"give one of {known}")
+        source.rate = float(requested)
         return ""
 
     pages.before_tick.append(look)

@@ -87,15 +87,15 @@ class Readings:
         Those of topics which no curve needs wait until they are due.
         """
         changed: Values = {}
-        left: dict[str, bytes] = {}
+        remaining: dict[str, bytes] = {}
         for topic, data in self._pending.items():
             if not self.due(topic):
-                left[topic] = data
+                remaining[topic] = data
             elif self._texts.get(topic) != data:
                 self._decode(topic, data, changed)
         for data in self._diagnostics:
             self._decode(DIAGNOSTICS, data, changed)
-        self._pending, self._diagnostics = left, []
+        self._pending, self._diagnostics = remaining, []
         self._updates += 1
         self._changed |= changed
         self.values |= changed
@@ -120,8 +120,8 @@ class Readings:
     def take_changed(self) -> Values:
         """Decode what has arrived; return the values changed since the last call, once."""
         self.update()
-        found, self._changed = self._changed, {}
-        return found
+        changed, self._changed = self._changed, {}
+        return changed
 
     def put(self, name: str, value: Any) -> None:
         """Set a value of the console's own, such as a fault, if it differs."""
@@ -130,13 +130,13 @@ class Readings:
 
     def take_nodes(self) -> bytes | None:
         """Return the newest ropes/nodes message, once."""
-        found, self.nodes = self.nodes, None
-        return found
+        nodes, self.nodes = self.nodes, None
+        return nodes
 
     def take_session(self) -> bytes | None:
         """Return the newest twin/session message, once."""
-        found, self.session = self.session, None
-        return found
+        session, self.session = self.session, None
+        return session
 
     def ages(self, now_s: float) -> dict[str, float]:
         """Return the time since the newest message of each topic arrived [s]."""
@@ -196,21 +196,21 @@ def number(value: float) -> float | None:
 _BETWEEN_WINCHES = re.compile(r"; (?![^(]*\))")  # not within the limits in parentheses
 
 
-def of_winches(words: str) -> list[str]:
+def of_winches(text: str) -> list[str]:
     """Return what a text such as winch/mode says of each winch, with its name."""
-    return [part for part in _BETWEEN_WINCHES.split(words) if part]
+    return [part for part in _BETWEEN_WINCHES.split(text) if part]
 
 
-def of_winch(words: str, winch: str) -> str:
+def of_winch(text: str, winch: str) -> str:
     """Return what a text such as winch/mode says of a winch, with its name; "": nothing."""
-    return next((part for part in of_winches(words) if part.startswith(f"{winch}: ")), "")
+    return next((part for part in of_winches(text) if part.startswith(f"{winch}: ")), "")
 
 
 def crew_limit(values: Values, name: str) -> float | None:
     """Return the crew's limit that the twin reports in the diagnostics; None: it reports none."""
     row = values.get(f"diagnostics {CREW_LIMITS_ROW}", {})
-    words = row.get("values", {}).get(name)
-    return None if words is None else float(words)
+    text = row.get("values", {}).get(name)
+    return None if text is None else float(text)
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:
@@ -228,19 +228,19 @@ def _columns(points: Points, names: Iterable[str]) -> dict[str, list[Any]]:
     for name in names:
         column = points[name]
         if column.dtype.kind == "S":
-            columns[name] = [one.decode("utf-8", "replace") for one in column.tolist()]
+            columns[name] = [value.decode("utf-8", "replace") for value in column.tolist()]
         else:
-            columns[name] = [number(one) for one in column.tolist()]
+            columns[name] = [number(value) for value in column.tolist()]
     return columns
 
 
-def _having(topic: str, wanted: Iterable[str], points: Points) -> Points:
+def _having(topic: str, required: Iterable[str], points: Points) -> Points:
     """Return the points of a table that must have certain columns.
 
     Raises:
         InputError: a column is missing.
     """
-    missing = [name for name in wanted if name not in (points.dtype.names or ())]
+    missing = [name for name in required if name not in (points.dtype.names or ())]
     if missing:
         problem = f"the table has no column {', '.join(missing)}"
         raise InputError(topic, problem, "publish it with this version of rope_twin")
@@ -269,7 +269,7 @@ def _payloads(message: Any) -> Values:
                 "name": str(name),
                 "place_m": _numbers((place.x, place.y, place.z)),
                 "velocity_m_per_s": _numbers(speed),
-                "attitude_deg": _numbers(math.degrees(one) for one in (roll, pitch, heading)),
+                "attitude_deg": _numbers(math.degrees(angle) for angle in (roll, pitch, heading)),
             }
         )
     return {"payloads": rows}
@@ -315,19 +315,19 @@ def _diagnostics(message: Any) -> Values:
 def _alerts(message: Any) -> Values:
     """Return the alerts in the order to be shown; times are those of the twin [s]."""
     rows = []
-    for one in message.status:
-        values = {str(pair.key): str(pair.value) for pair in one.values}
+    for status in message.status:
+        values = {str(pair.key): str(pair.value) for pair in status.values}
         try:
             now_ns = int(values["now [ns]"])
             rows.append(
                 {
                     "id": f"{values['identifier']}.{values['instance']}",
                     "instance": int(values["instance"]),
-                    "title": str(one.name).partition(" ")[2],
+                    "title": str(status.name).partition(" ")[2],
                     "priority": values["priority"],
                     "category": values["category"],
                     "state": values["state"],
-                    "text": str(one.message),
+                    "text": str(status.message),
                     "since_s": int(values["since [ns]"]) / NANOSECONDS,
                     "revision": int(values["revision"]),
                     "shelved": now_ns < int(values["shelved until [ns]"]),
@@ -336,7 +336,7 @@ def _alerts(message: Any) -> Values:
                 }
             )
         except (KeyError, ValueError) as error:
-            problem = f"row '{one.name}' is no alert ({error})"
+            problem = f"row '{status.name}' is no alert ({error})"
             raise InputError(ALERTS, problem, "only the simulation publishes here") from None
     return {"alerts": rows}
 
@@ -356,8 +356,8 @@ def _forecast_ropes(points: Points) -> Values:
 
 def _band(ahead: Points) -> dict[str, list[Any]]:
     """Return a band of the top tension over the lead, a list for each column that is drawn."""
-    found = _columns(ahead[ahead["lead_s"] <= _BAND_S], ("lead_s", *_TOP))
-    return dict(zip(("lead_s", "low_n", "median_n", "high_n"), found.values(), strict=True))
+    columns = _columns(ahead[ahead["lead_s"] <= _BAND_S], ("lead_s", *_TOP))
+    return dict(zip(("lead_s", "low_n", "median_n", "high_n"), columns.values(), strict=True))
 
 
 def _risk(points: Points) -> Values:
@@ -385,8 +385,8 @@ def _table(name: str) -> Callable[[Points], Values]:
 
 
 def _forecast_table(name: str, topic: str) -> Callable[[Points], Values]:
-    wanted = FORECAST_COLUMNS[topic]
-    return lambda points: {name: {"rows": _rows(_having(topic, wanted, points))}}
+    columns = FORECAST_COLUMNS[topic]
+    return lambda points: {name: {"rows": _rows(_having(topic, columns, points))}}
 
 
 def _text(name: str) -> Callable[[Any], Values]:

@@ -43,8 +43,8 @@ class Extremes:
         self.longest_m = _larger(self.longest_m, row["line_out_m"])
         self.highest_n = _larger(self.highest_n, row["tension_n"])
         lowest = None if row["tension_n"] is None else -row["tension_n"]
-        found = _larger(None if self.lowest_n is None else -self.lowest_n, lowest)
-        self.lowest_n = None if found is None else -found
+        larger_n = _larger(None if self.lowest_n is None else -self.lowest_n, lowest)
+        self.lowest_n = None if larger_n is None else -larger_n
 
 
 @dataclass
@@ -156,25 +156,25 @@ class Log:
             return phrase("marker", "no text, or too long", remedy)
         if len(self.markers) >= MOST_MARKERS:
             return phrase("marker", f"there are {MOST_MARKERS}", "start the console again")
-        words = " ".join(text.split())
-        self.markers.append(Marker(self.now_s(), self.pages.readings.time_s, words, page.name))
+        label = " ".join(text.split())
+        self.markers.append(Marker(self.now_s(), self.pages.readings.time_s, label, page.name))
         return ""
 
 
-def _larger(known: float | None, other: float | None) -> float | None:
-    return other if known is None else known if other is None else max(known, other)
+def _larger(known: float | None, value: float | None) -> float | None:
+    return value if known is None else known if value is None else max(known, value)
 
 
 def _csv(names: list[str], rows: list[list[Any]]) -> str:
     """Return CSV (RFC 4180); a text that a spreadsheet would run as a formula is quoted by '."""
-    made = io.StringIO()
-    writer = csv.writer(made)
+    stream = io.StringIO()
+    writer = csv.writer(stream)
     writer.writerow(names)
     for row in rows:
         writer.writerow(
-            f"'{one}" if isinstance(one, str) and one[:1] in "=+-@\t\r" else one for one in row
+            f"'{cell}" if isinstance(cell, str) and cell[:1] in "=+-@\t\r" else cell for cell in row
         )
-    return made.getvalue()
+    return stream.getvalue()
 
 
 class Caller(Protocol):
@@ -199,8 +199,8 @@ class Requests:
         """Set a limit, or end it if the value is None."""
         name, value = content.get("name"), content.get("value")
         self._check_limit(name, value)
-        words = SCENE if value is None else repr(float(value))
-        self._caller.command_alerts(f"limit {name} {words}")
+        value_text = SCENE if value is None else repr(float(value))
+        self._caller.command_alerts(f"limit {name} {value_text}")
 
         def outcome() -> Outcome | None:
             in_force = crew_limit(self._pages.readings.values, str(name))
@@ -211,10 +211,10 @@ class Requests:
         return Sent(outcome, lambda: why_not)
 
     def _learning(self, page: Page, content: Mapping[str, Any]) -> Sent:
-        what = content.get("what")
-        service = LEARNING.get(what) if isinstance(what, str) else None
+        action = content.get("what")
+        service = LEARNING.get(action) if isinstance(action, str) else None
         if service is None:
-            raise Refusal("learning", f"'{what}'", did_you_mean(str(what), LEARNING))
+            raise Refusal("learning", f"'{action}'", did_you_mean(str(action), LEARNING))
         why_not = phrase(f"service {service}", "no answer", "learning needs a run with --learn")
         return Sent(self._caller.call(service), lambda: why_not)
 

@@ -63,13 +63,13 @@ class PageFile:
     media_type: str
     tag: str
 
-    def answer(self, asked: Mapping[str, str]) -> tuple[int, bytes, dict[str, str]]:
+    def answer(self, request: Mapping[str, str]) -> tuple[int, bytes, dict[str, str]]:
         """Return status, body and headers for the headers of a request (names in lower case)."""
         headers = {"ETag": self.tag, "Vary": "Accept-Encoding"}
-        if self.tag in [one.strip() for one in asked.get("if-none-match", "").split(",")]:
+        if self.tag in [tag.strip() for tag in request.get("if-none-match", "").split(",")]:
             return 304, b"", headers
         headers["Content-Type"] = self.media_type
-        if self.compressed and "gzip" in asked.get("accept-encoding", ""):
+        if self.compressed and "gzip" in request.get("accept-encoding", ""):
             return 200, self.compressed, headers | {"Content-Encoding": "gzip"}
         return 200, self.content, headers
 
@@ -81,23 +81,23 @@ def _file(path: Path) -> PageFile:
     return PageFile(content, compressed, _TYPES[path.suffix], tag)
 
 
-def read_address(words: str) -> tuple[str, int]:
+def read_address(address: str) -> tuple[str, int]:
     """Return host and port of an address such as 0.0.0.0:8420, 8500 or [::1]:8420.
 
     Raises:
         InputError: it is none.
     """
-    match = re.fullmatch(r"(?:(\[[0-9A-Fa-f:]+\]|[\w.-]+):)?(\d{1,5})", words)
+    match = re.fullmatch(r"(?:(\[[0-9A-Fa-f:]+\]|[\w.-]+):)?(\d{1,5})", address)
     if match and int(match[2]) < 65536:
         return (match[1] or LOOPBACK).strip("[]"), int(match[2])
     remedy = f"give HOST:PORT, such as {LOOPBACK}:{PORT}, or a port"
-    raise InputError(f"console address {words}", "not an address", remedy)
+    raise InputError(f"console address {address}", "not an address", remedy)
 
 
 def announce(address: str, token: str = "") -> None:
     """Print the address, and the token that allows control, on standard error."""
-    words = f"console: {address}" + (f"  (token for control: {token})" if token else "")
-    sys.stderr.write(f"{words}\n")
+    line = f"console: {address}" + (f"  (token for control: {token})" if token else "")
+    sys.stderr.write(f"{line}\n")
     sys.stderr.flush()
 
 
@@ -125,7 +125,7 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
         from starlette.routing import Route, WebSocketRoute
     except ImportError as error:
         raise _not_installed(error) from error
-    own = {"localhost", socket.gethostname().lower()} | {one.lower() for one in hosts or ()}
+    own_names = {"localhost", socket.gethostname().lower()} | {name.lower() for name in hosts or ()}
 
     class Guard:
         """Middleware that checks the Host and adds HEADERS to every response."""
@@ -137,13 +137,13 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
             if scope["type"] not in ("http", "websocket"):
                 await self.app(scope, receive, send)
                 return
-            given = {key.decode("latin-1"): value.decode("latin-1")
-                     for key, value in scope["headers"]}  # fmt: skip
-            host = given.get("host", "")
-            if not is_own_host(host, own):
+            headers = {key.decode("latin-1"): value.decode("latin-1")
+                       for key, value in scope["headers"]}  # fmt: skip
+            host = headers.get("host", "")
+            if not is_own_host(host, own_names):
                 await _refuse(scope, receive, send, f"'{host}' is not a name of this console")
                 return
-            origin = urlsplit(given.get("origin", "")).netloc
+            origin = urlsplit(headers.get("origin", "")).netloc
             if scope["type"] == "websocket" and origin.lower() != host.lower():
                 await _refuse(scope, receive, send, "only the console's own page may connect")
                 return
@@ -159,12 +159,12 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
 
             await self.app(scope, receive, send_with_headers)
 
-    async def _refuse(scope: Any, receive: Any, send: Any, why: str) -> None:
+    async def _refuse(scope: Any, receive: Any, send: Any, reason: str) -> None:
         if scope["type"] == "websocket":
             await receive()
-            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": why})
+            await send({"type": "websocket.close", "code": _POLICY_VIOLATION, "reason": reason})
         else:
-            await PlainTextResponse(why, status_code=403)(scope, receive, send)
+            await PlainTextResponse(reason, status_code=403)(scope, receive, send)
 
     files = {
         path.relative_to(FOLDER).as_posix(): _file(path)
@@ -173,15 +173,15 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
     }
 
     async def file(request: Any) -> Any:
-        found = files.get(request.path_params.get("name", "index.html"))
-        if found is None:
+        page_file = files.get(request.path_params.get("name", "index.html"))
+        if page_file is None:
             return PlainTextResponse("no such file", status_code=404)
-        status, body, headers = found.answer(request.headers)
+        status, body, headers = page_file.answer(request.headers)
         return Response(body, status, headers)
 
     async def health(request: Any) -> Any:
         return JSONResponse({"pages": len(pages.pages), "time_s": pages.readings.time_s,
-                             "lost": sum(one.lost for one in pages.pages.values())})  # fmt: skip
+                             "lost": sum(page.lost for page in pages.pages.values())})  # fmt: skip
 
     async def export(request: Any) -> Any:
         make = {"trend": log.trend_csv, "casts": log.casts_csv, "markers": log.markers_csv}
@@ -319,14 +319,14 @@ class Server:
 def _bound(host: str, port: int) -> socket.socket:
     try:
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
-        made = socket.socket(family, socket.SOCK_STREAM)
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind((host, port))
-        made.listen(128)
+        bound = socket.socket(family, socket.SOCK_STREAM)
+        bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind((host, port))
+        bound.listen(128)
     except OSError as error:
         problem = f"the address cannot be used ({error.strerror or error})"
         raise InputError(f"console {host}:{port}", problem, "name another one") from error
-    return made
+    return bound
 
 
 def _not_installed(error: ImportError) -> InputError:

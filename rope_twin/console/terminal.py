@@ -88,19 +88,22 @@ class Styles(NamedTuple):
 def curves(trend: Mapping[str, Sequence[float | None]], forecast: Values | None,
            units: Units, styles: Styles) -> list[Curve]:  # fmt: skip
     """Return the curves of a trend and a forecast in the units of the screen, lowest first."""
-    times = [one for one in trend["time_s"] if one is not None]
+    times = [value for value in trend["time_s"] if value is not None]
     if not times:
         return []
     now = times[-1]
 
     def past(name: str) -> Points:
-        return [(at - now, _scaled(one, units)) for at, one in zip(times, trend[name], strict=True)]
+        return [
+            (instant - now, _scaled(value, units))
+            for instant, value in zip(times, trend[name], strict=True)
+        ]
 
-    found = [Curve(past(name), styles.band, joined=False) for name in ("low_n", "high_n")]
-    found += _ahead(forecast, now, units, styles)
-    found.append(Curve(past("tension_n"), styles.computed))
-    found.append(Curve(past("measured_n"), styles.measured, joined=False))
-    return found
+    shown = [Curve(past(name), styles.band, joined=False) for name in ("low_n", "high_n")]
+    shown += _ahead(forecast, now, units, styles)
+    shown.append(Curve(past("tension_n"), styles.computed))
+    shown.append(Curve(past("measured_n"), styles.measured, joined=False))
+    return shown
 
 
 def draw(shown: Sequence[Curve], limits: Sequence[float], width: int, height: int,
@@ -110,9 +113,9 @@ def draw(shown: Sequence[Curve], limits: Sequence[float], width: int, height: in
     to_limit: the range is from 0 to the first limit or above it, else that of the curves.
     """
     columns, rows = 2 * max(1, width - LABEL), 4 * max(1, height - 1)
-    ahead = any(at > 0.0 for curve in shown for at, _ in curve.points)
+    ahead = any(x > 0.0 for curve in shown for x, _ in curve.points)
     end_s = AHEAD_S if ahead else 0.0
-    values = [one for curve in shown for _, one in curve.points if known(one)]
+    values = [value for curve in shown for _, value in curve.points if known(value)]
     low, high = _range(values, limits if to_limit else ())
     canvas = _Canvas(columns, rows)
 
@@ -121,13 +124,13 @@ def draw(shown: Sequence[Curve], limits: Sequence[float], width: int, height: in
 
     for mark in limits:
         if low <= mark <= high:
-            canvas.line([(at, row_of(mark)) for at in range(0, columns, 2)], styles.limit, False)
+            canvas.line([(x, row_of(mark)) for x in range(0, columns, 2)], styles.limit, False)
     for curve in shown:
         dots: list[tuple[int, int]] = []
-        for at, one in curve.points:
-            column = round((at + WINDOW_S) / (WINDOW_S + end_s) * (columns - 1))
-            if known(one) and 0 <= column < columns and low <= one <= high:
-                dots.append((column, row_of(one)))
+        for x, value in curve.points:
+            column = round((x + WINDOW_S) / (WINDOW_S + end_s) * (columns - 1))
+            if known(value) and 0 <= column < columns and low <= value <= high:
+                dots.append((column, row_of(value)))
             else:
                 canvas.line(dots, curve.style, curve.joined)
                 dots = []
@@ -188,7 +191,9 @@ def _ahead(forecast: Values | None, now: float, units: Units, styles: Styles) ->
 
     def after(name: str) -> Points:
         pairs = zip(places, forecast[name], strict=True)
-        return [(at, _scaled(one, units)) for at, one in pairs if 0.0 < at <= AHEAD_S]
+        return [
+            (lead_s, _scaled(value, units)) for lead_s, value in pairs if 0.0 < lead_s <= AHEAD_S
+        ]
 
     band = [Curve(after(name), styles.band, joined=False) for name in ("low_n", "high_n")]
     return [*band, Curve(after("median_n"), styles.computed, joined=False)]
@@ -210,15 +215,15 @@ def _range(values: Sequence[float], limits: Sequence[float]) -> tuple[float, flo
 
 def _axis(width: int, now: float, end_s: float) -> str:
     """Return the row below the chart; `now`: where now is, as a share of the width."""
-    across = max(1, width - LABEL)
-    row = [" "] * across
-    words = [(0.0, f"{-WINDOW_S:.0f} s"), (now / 2.0, f"{-WINDOW_S / 2.0:.0f} s"), (now, "now")]
+    columns = max(1, width - LABEL)
+    row = [" "] * columns
+    labels = [(0.0, f"{-WINDOW_S:.0f} s"), (now / 2.0, f"{-WINDOW_S / 2.0:.0f} s"), (now, "now")]
     if end_s:
-        words.append((1.0, f"+{end_s:.0f} s"))
-    for share, text in words:
-        at = min(max(0, math.floor(share * across - (len(text) / 2.0))), across - len(text))
-        row[max(0, at) : max(0, at) + len(text)] = text
-    return " " * LABEL + "".join(row)[:across]
+        labels.append((1.0, f"+{end_s:.0f} s"))
+    for share, text in labels:
+        column = min(max(0, math.floor(share * columns - (len(text) / 2.0))), columns - len(text))
+        row[max(0, column) : max(0, column) + len(text)] = text
+    return " " * LABEL + "".join(row)[:columns]
 
 
 class _Big(Vertical):
@@ -342,8 +347,8 @@ class TerminalConsole(App[None]):
         if not self.is_running or not self.query("#top"):
             return  # it is about to end
         pages, units = self.pages, self.units
-        whole = View(pages.readings.values, pages.facts, pages.profile)
-        view = of_rope(whole, self._rope)
+        all_ropes = View(pages.readings.values, pages.facts, pages.profile)
+        view = of_rope(all_ropes, self._rope)
         values, facts = view.values, view.facts
         ages = self.pages.readings.ages(self._clock())
         self._put("top", self._head(ages))
@@ -352,7 +357,7 @@ class TerminalConsole(App[None]):
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
         self._draw_trend(view, ages)
         self._put("alerts", self._alerts())
-        risks = risk_lines(values, units) or [no_forecast(whole.values)]
+        risks = risk_lines(values, units) or [no_forecast(all_ropes.values)]
         self._put("lines", Text("\n".join([*risks, *quality_lines(values)])), layout=True)
         payload = payload_figures(values, view.profile, facts, units)
         for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
@@ -419,11 +424,11 @@ class TerminalConsole(App[None]):
         source, readings = self.pages.source, self.pages.readings
         time_s = readings.time_s
         if isinstance(source, Recording):
-            words, lost = "PAUSED" if source.paused else "RECORDING", False
+            status, lost = "PAUSED" if source.paused else "RECORDING", False
             where = f"{source.position_s:.0f} of {source.duration_s:.0f} s"
         else:
             lost = time_s is None or self._age(TENSION, ages)[1]
-            words = "NO TWIN" if time_s is None else "TWIN LOST" if lost else "LIVE"
+            status = "NO TWIN" if time_s is None else "TWIN LOST" if lost else "LIVE"
             where = f"{time.strftime('%H:%M:%S', time.gmtime())} UTC"
         name = self.pages.facts.get("scene") or "rope_twin"
         ropes = readings.values.get("ropes") or ()
@@ -431,8 +436,8 @@ class TerminalConsole(App[None]):
             name += f" · {ropes[self._rope]}"
         twin = "" if time_s is None else f"twin {time_s:.1f} s"
         style = f"bold {self._styles.limit}" if lost else "bold"
-        rest = f"  {where}  {twin}  {self.units.name}" + ("" if self._bell else "  bell off")
-        return Text.assemble(f" {name} ", (words, style), rest, no_wrap=True)
+        details = f"  {where}  {twin}  {self.units.name}" + ("" if self._bell else "  bell off")
+        return Text.assemble(f" {name} ", (status, style), details, no_wrap=True)
 
     def _draw_trend(self, view: View, ages: dict[str, float]) -> None:
         place = self.query_one("#trend", Static)
@@ -442,7 +447,7 @@ class TerminalConsole(App[None]):
         units, styles, trend = self.units, self._styles, self.pages.trend
         least_n = limit(view.values, view.facts, "min_tension_n")
         known_n = (view.facts["ropes"][0].get("allowed_n"), least_n)
-        marks = [one * units.per_newton for one in known_n if known(one)]
+        marks = [force_n * units.per_newton for force_n in known_n if known(force_n)]
         forecast = None if self._rope else view.values.get("forecast")  # it is of the first rope
         shown = curves(trend.columns(min(self._rope, trend.ropes - 1)), forecast, units, styles)
         head = Text.assemble(
