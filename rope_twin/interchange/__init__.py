@@ -25,9 +25,9 @@ STEP_S = 0.01  # of imported scenes: an implicit step, unlike those of the other
 class BreakingLoads:
     """MBL of the line types of a model, which it does not state [N]."""
 
-    def __init__(self, given: float | Mapping[str, float]) -> None:
+    def __init__(self, loads_n: float | Mapping[str, float]) -> None:
         """Take one for all lines, or one by line type; "" is that of all others."""
-        self._given = dict(given) if isinstance(given, Mapping) else {"": given}
+        self._given = dict(loads_n) if isinstance(loads_n, Mapping) else {"": loads_n}
         self._alike: dict[str, float] = {}  # axial stiffness of types that share that of all others
 
     def check(self, kinds: Iterable[str]) -> None:
@@ -69,7 +69,7 @@ class Imported:
 
     def text(self) -> str:
         """Return the scene's file; what was left out is a comment at its top."""
-        head = [f"# not imported: {words}" for words in self.left_out]
+        head = [f"# not imported: {remark}" for remark in self.left_out]
         body = yaml.dump(
             self.scene, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=100,
             default_flow_style=None,
@@ -113,8 +113,8 @@ def write_scene(imported: Imported, path: Path) -> Scene:
         load_scene(draft)
         draft.replace(path)
     except SceneError as error:
-        words = str(error).replace(str(draft), "the scene").removesuffix(".")
-        problem, _, remedy = words.rpartition("; ")
+        message = str(error).replace(str(draft), "the scene").removesuffix(".")
+        problem, _, remedy = message.rpartition("; ")
         raise InputError(str(path), f"the model gives no valid scene ({problem})", remedy) from None
     finally:
         draft.unlink(missing_ok=True)

@@ -141,23 +141,23 @@ class SceneModel:
         shot = self.shot
         force, place = shot.hang_off_force_n.tolist(), shot.payload_position_m.tolist()
         return {
-            **{f"hook_force_{axis}_n": own for axis, own in zip(AXES, force, strict=True)},
+            **{f"hook_force_{axis}_n": value for axis, value in zip(AXES, force, strict=True)},
             "hook_load_n": float(shot.tension_top_n),
             "payload_tension_n": float(shot.tension_payload_n),
-            **{f"payload_{axis}_m": own for axis, own in zip(AXES, place, strict=True)},
+            **{f"payload_{axis}_m": value for axis, value in zip(AXES, place, strict=True)},
             "line_out_m": float(shot.line_out_m),
             "least_tension_n": float(shot.element_tension_n.min()),
             **{
-                f"low_force_{axis}_n": own
-                for axis, own in zip(AXES, shot.lower_end_force_n, strict=False)
+                f"low_force_{axis}_n": value
+                for axis, value in zip(AXES, shot.lower_end_force_n, strict=False)
             },
         }
 
     def step_into(self, slave: Any, time_s: float, step_s: float) -> bool:
         """Advance with the slave's inputs and set its outputs; False, and logged, if it fails."""
         try:
-            given = inputs_of(self.twin.scene)
-            self.step({name: float(getattr(slave, name)) for name in given}, time_s, step_s)
+            inputs = inputs_of(self.twin.scene)
+            self.step({name: float(getattr(slave, name)) for name in inputs}, time_s, step_s)
         except RopeTwinError as error:
             from pythonfmu3.enums import Fmi3Status  # of the FMU that calls
 
@@ -235,11 +235,11 @@ def export_fmu(name_or_path: str, out: Path) -> Scene:
     from pythonfmu3 import FmuBuilder  # an optional package
 
     with tempfile.TemporaryDirectory(prefix="rope_twin_fmu_") as folder:
-        script, kept = Path(folder) / f"{out.stem}_model.py", Path(folder) / scene.path.name
-        shutil.copy(scene.path, kept)
-        words = SCRIPT.format(scene=scene.name, name=out.stem, file=kept.name)
-        script.write_text(words, encoding="utf-8")
-        built = FmuBuilder.build_FMU(script, dest=folder, project_files=[kept])
+        script, scene_copy = Path(folder) / f"{out.stem}_model.py", Path(folder) / scene.path.name
+        shutil.copy(scene.path, scene_copy)
+        source = SCRIPT.format(scene=scene.name, name=out.stem, file=scene_copy.name)
+        script.write_text(source, encoding="utf-8")
+        built = FmuBuilder.build_FMU(script, dest=folder, project_files=[scene_copy])
         try:
             shutil.copy(built, out)
         except OSError as error:

@@ -118,7 +118,9 @@ def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
 
 def _profile(current: CurrentParams, depth_m: float) -> list[tuple[float, float, float, float]]:
     """Return rows from the bottom up that cover the water and the air above."""
-    rows = [(float(z), float(x), float(y), float(up)) for z, x, y, up in current.table[::-1]]
+    rows = [
+        (float(z), float(x), float(y), float(vertical)) for z, x, y, vertical in current.table[::-1]
+    ]
     if rows[0][0] > -depth_m:
         rows.insert(0, (-depth_m, *rows[0][1:]))
     return [*rows, (ABOVE_M, *rows[-1][1:])]
@@ -137,9 +139,9 @@ class _Writer:
 
     def write(self) -> None:
         """Fill the lists."""
-        for name, at in places(self._scene).items():
+        for name, position in places(self._scene).items():
             if any(line.from_ == name for line in self._scene.ropes):
-                self._add_point(COUPLED, at, name)
+                self._add_point(COUPLED, position, name)
         for number, line in enumerate(self._scene.ropes):
             ropes = self._shot.ropes
             nodes = ropes[number].node_position_m if ropes else self._shot.node_position_m
@@ -166,52 +168,69 @@ class _Writer:
 
     def step_s(self) -> float:
         """Return a stable step: 2/ω of the stiffest element, less by its damping."""
-        kinds = {own.name: own for own in self.types}
+        kinds = {line_type.name: line_type for line_type in self.types}
         steps = []
         for line in self.lines:
-            own, segment = kinds[line.type_name], line.length_m / line.segments
-            omega = 2.0 * math.sqrt(own.EA_n / own.mass_kg_per_m) / segment
-            ratio = -own.damping if own.damping < 0.0 else own.damping * omega / (2.0 * own.EA_n)
+            line_type, segment = kinds[line.type_name], line.length_m / line.segments
+            omega = 2.0 * math.sqrt(line_type.EA_n / line_type.mass_kg_per_m) / segment
+            ratio = (
+                -line_type.damping
+                if line_type.damping < 0.0
+                else line_type.damping * omega / (2.0 * line_type.EA_n)
+            )
             steps.append(STABLE * 2.0 / omega * (math.sqrt(ratio**2 + 1.0) - ratio))
         return min(steps)
 
-    def _lower_end(self, line: RopeLine, at: Any) -> int:
+    def _lower_end(self, line: RopeLine, position: Any) -> int:
         if line.fixed_at_m is not None:
             return self._add_point(FIXED, line.fixed_at_m)
         known = self._numbers.get(line.to)
-        return self._add_free(line.to, at) if known is None else known
+        return self._add_free(line.to, position) if known is None else known
 
-    def _add_point(self, kind: str, at: Any, name: str = "", own: PayloadFigures = NOTHING) -> int:
+    def _add_point(
+        self, kind: str, position: Any, name: str = "", figures: PayloadFigures = NOTHING
+    ) -> int:
         number = len(self.points) + 1
-        displaced = self._density * own.volume_m3
-        x, y, z = (float(one) for one in at)
-        Ca = own.added_mass_kg[2] / displaced if displaced else 0.0
+        displaced = self._density * figures.volume_m3
+        x, y, z = (float(coordinate) for coordinate in position)
+        Ca = figures.added_mass_kg[2] / displaced if displaced else 0.0
         self.points.append(
-            Point(number, kind, (x, y, z), own.mass_kg, own.volume_m3, own.drag_area_m2[2], Ca)
+            Point(
+                number,
+                kind,
+                (x, y, z),
+                figures.mass_kg,
+                figures.volume_m3,
+                figures.drag_area_m2[2],
+                Ca,
+            )
         )
         if name:
             self._numbers[name] = number
         return number
 
-    def _add_free(self, name: str, at: Any) -> int:
-        own = self._figures.get(name, NOTHING)
-        for words, values in (("drag area", own.drag_area_m2), ("added mass", own.added_mass_kg)):
+    def _add_free(self, name: str, position: Any) -> int:
+        figures = self._figures.get(name, NOTHING)
+        for quantity, values in (
+            ("drag area", figures.drag_area_m2),
+            ("added mass", figures.added_mass_kg),
+        ):
             if len(set(values)) > 1:
-                said = f"{name}: its {words} along x and y, that along z is used for all"
-                self._left_out.append(said)
-        if own.differs_rising:
+                remark = f"{name}: its {quantity} along x and y, that along z is used for all"
+                self._left_out.append(remark)
+        if figures.differs_rising:
             self._left_out.append(f"{name}: its coefficients in ascent")
-        if own.added_mass_kg[2] and not own.volume_m3:
+        if figures.added_mass_kg[2] and not figures.volume_m3:
             self._left_out.append(f"{name}: its added mass, as it displaces no water")
-        return self._add_point(FREE, at, name, own)
+        return self._add_point(FREE, position, name, figures)
 
     def _write_line(self, number: int, nodes: Any, below: int, upper: int) -> None:
         """Add a line for each section, from the lower end up, joined by points without mass."""
         line = self._scene.ropes[number]
         lengths = line.lengths_m(line.length_m)
         if line.grading is not None:
-            said = f"rope {line.name}: its graded mesh, segments of a section are equal"
-            self._left_out.append(said)
+            remark = f"rope {line.name}: its graded mesh, segments of a section are equal"
+            self._left_out.append(remark)
         if line.bending is not None and line.bending.clamped_along is not None:
             self._left_out.append(f"rope {line.name}: the fixed direction at its upper end")
         damping = self._damping(number, line)
@@ -235,32 +254,33 @@ class _Writer:
 
     def _damping(self, number: int, line: RopeLine) -> list[float]:
         """Return c of each section [N·s], or minus the fraction of an element's critical."""
-        given = line.damping.fraction_of_one_element
-        if given is not None:
-            return [-given] * len(line.made_of)
+        fraction = line.damping.fraction_of_one_element
+        if fraction is not None:
+            return [-fraction] * len(line.made_of)
         scene = alone(self._scene, number) if is_joined(self._scene) else self._scene
         payload, rho = find_payload(scene, scene.ropes[0]), self._density
-        own = None if payload is None else payload_figures(payload, rho)
-        return section_damping(scene, scene.ropes[0], own)
+        figures = None if payload is None else payload_figures(payload, rho)
+        return section_damping(scene, scene.ropes[0], figures)
 
     def _type_of(self, line: RopeLine, rope: Any, damping: float, section: int) -> str:
         """Return the name of a line type, which is added if it is new."""
         scene, d = self._scene, rope.hydrodynamic_diameter_m
         drag, added = scene.listed(DragParams), scene.listed(AddedMassParams)
-        own = line.bending or scene.listed(BendingParams)
+        bending = line.bending or scene.listed(BendingParams)
         Cd, CdAx = (0.0, 0.0) if drag is None else (drag.normal, drag.tangential)
         if drag is not None and rope.drag_normal is not None:
             Cd = rope.drag_normal * rope.diameter_m / d
         if drag is not None and rope.drag_tangential is not None:
             CdAx = rope.drag_tangential * rope.diameter_m / d
         if rope.axial_stiffness is not None:
-            said = f"rope {line.name}: its stiffness table, EA is that at the static top tension"
-            self._left_out.append(said)
+            remark = f"rope {line.name}: its stiffness table, EA is that at the static top tension"
+            self._left_out.append(remark)
         kind = LineType(
             f"{line.name}_{section + 1}" if len(line.made_of) > 1 else line.name, d,
             rope.mass_kg_per_m, rope.tangent_n(max(self._shot.tension_top_n, 1.0)), damping,
-            0.0 if own is None else own.stiffness_n_m2, Cd, 0.0 if added is None else added.normal,
-            CdAx, 0.0 if added is None else added.tangential,
+            0.0 if bending is None else bending.stiffness_n_m2, Cd,
+            0.0 if added is None else added.normal, CdAx,
+            0.0 if added is None else added.tangential,
         )  # fmt: skip
         self.types.append(kind)
         return kind.name
@@ -286,9 +306,9 @@ class _Reader:
         self, deck: Deck, where: Path, breaking_load_n: float | Mapping[str, float]
     ) -> None:
         self._deck, self._where, self._loads = deck, where, BreakingLoads(breaking_load_n)
-        self._loads.check(own.name for own in deck.types)
+        self._loads.check(line_type.name for line_type in deck.types)
         self._left_out = list(deck.unread)
-        self._types = {own.name: own for own in deck.types}
+        self._types = {line_type.name: line_type for line_type in deck.types}
         self._points = {point.number: point for point in deck.points}
         self._options: dict[str, float] = {}
         self._read_options()
@@ -340,7 +360,7 @@ class _Reader:
             fixed = [point for point in self._deck.points if point.kind == FIXED]
             if not fixed:
                 return {}
-            top = max(fixed, key=lambda own: own.at_m[2])
+            top = max(fixed, key=lambda point: point.at_m[2])
             self._left_out.append(
                 f"point {top.number}: fixed, it is the hang-off of a ship at rest"
             )
@@ -351,15 +371,15 @@ class _Reader:
         """Return the ends of a line from its upper one; None if it has no equal."""
         ends = [self._points[line.end_a], self._points[line.end_b]]
         on_ship = [end for end in ends if end.number in self._hang_offs]
-        held = [end for end in ends if end.kind == FIXED and end not in on_ship]
-        if len(on_ship) == 2 or len(held) == 2:
-            said = f"line {line.number}: both its ends are held, and none is a free point"
-            self._left_out.append(said)
+        fixed = [end for end in ends if end.kind == FIXED and end not in on_ship]
+        if len(on_ship) == 2 or len(fixed) == 2:
+            remark = f"line {line.number}: both its ends are held, and none is a free point"
+            self._left_out.append(remark)
             return None
         if on_ship:
             upper = on_ship[0]
-        elif held:
-            upper = next(end for end in ends if end not in held)
+        elif fixed:
+            upper = next(end for end in ends if end not in fixed)
         else:
             upper = max(ends, key=lambda end: end.at_m[2])
         lower = ends[0] if upper is ends[1] else ends[1]
@@ -368,17 +388,19 @@ class _Reader:
     def _chains(self) -> Iterator[tuple[int, int, list[Line]]]:
         """Yield upper point, lower point and lines from the top down of each rope."""
         spans = {line.number: self._upper_and_lower(line) for line in self._deck.lines}
-        own = {line.number: line for line in self._deck.lines if spans[line.number] is not None}
+        by_number = {
+            line.number: line for line in self._deck.lines if spans[line.number] is not None
+        }
         count = Counter(end for span in spans.values() if span for end in span)
         inner = {n for n, point in self._points.items() if self._joins(n, point, count, spans)}
         below = {span[0]: n for n, span in spans.items() if span is not None and span[0] in inner}
         for number, span in spans.items():
             if span is None or span[0] in inner:
                 continue
-            lines, (upper, lower) = [own[number]], span
+            lines, (upper, lower) = [by_number[number]], span
             while lower in inner:
                 nxt = below[lower]
-                lines.append(own[nxt])
+                lines.append(by_number[nxt])
                 lower = (spans[nxt] or (0, 0))[1]
             yield upper, lower, lines
 
@@ -403,22 +425,23 @@ class _Reader:
     def _rope(self, upper: int, lower: int, lines: list[Line]) -> Keys:
         """Return the keys of a rope."""
         types = [self._types[line.type_name] for line in lines]
-        for own in types:
-            self._check_type(own)
+        for line_type in types:
+            self._check_type(line_type)
         keys: Keys = {"name": f"line_{lines[0].number}"}
         if len(lines) == 1:
             keys["rope"] = self._material(types[0])
         else:
             parts = zip(reversed(lines), reversed(types), strict=True)
             keys["sections"] = [
-                {"rope": self._material(own), "length_m": line.length_m} for line, own in parts
+                {"rope": self._material(line_type), "length_m": line.length_m}
+                for line, line_type in parts
             ]
             del keys["sections"][-1]["length_m"]
         damping = types[0].damping
-        for line, own in zip(lines[1:], types[1:], strict=True):
-            if own.damping != damping:
-                said = f"line {line.number}: its damping {own.damping:g}, that of line "
-                self._left_out.append(f"{said}{lines[0].number} ({damping:g}) is the rope's")
+        for line, line_type in zip(lines[1:], types[1:], strict=True):
+            if line_type.damping != damping:
+                remark = f"line {line.number}: its damping {line_type.damping:g}, that of line "
+                self._left_out.append(f"{remark}{lines[0].number} ({damping:g}) is the rope's")
         name = "newton_seconds" if damping >= 0.0 else "fraction_of_one_element"
         keys |= {
             "length_m": sum(line.length_m for line in lines),
@@ -431,32 +454,33 @@ class _Reader:
             return keys | {"fixed_at_m": list(point.at_m)}
         return keys | {"to": self._name(lower)}
 
-    def _check_type(self, own: LineType) -> None:
+    def _check_type(self, line_type: LineType) -> None:
         """List what a rope cannot have for itself."""
-        usual = self._usual
+        usual, where = self._usual, f"line type {line_type.name}"
         for name in ("Ca", "CaAx"):
-            if not math.isclose(getattr(own, name), getattr(usual, name), rel_tol=SAME):
-                said = f"line type {own.name}: {name} {getattr(own, name):g}, that of {usual.name} "
-                self._left_out.append(f"{said}({getattr(usual, name):g}) is used")
-        if not math.isclose(own.EI_n_m2, usual.EI_n_m2, rel_tol=SAME):
-            said = f"line type {own.name}: EI {own.EI_n_m2:g} N·m², that of {usual.name} is used"
-            self._left_out.append(said)
+            value, used = getattr(line_type, name), getattr(usual, name)
+            if not math.isclose(value, used, rel_tol=SAME):
+                remark = f"{where}: {name} {value:g}, that of {usual.name} ({used:g}) is used"
+                self._left_out.append(remark)
+        if not math.isclose(line_type.EI_n_m2, usual.EI_n_m2, rel_tol=SAME):
+            remark = f"{where}: EI {line_type.EI_n_m2:g} N·m², that of {usual.name} is used"
+            self._left_out.append(remark)
 
-    def _material(self, own: LineType) -> Keys:
+    def _material(self, line_type: LineType) -> Keys:
         keys: Keys = {
-            "diameter_m": own.diameter_m, "mass_kg_per_m": own.mass_kg_per_m,
-            "hydrodynamic_diameter_m": own.diameter_m, "axial_stiffness_n": own.EA_n,
-            "breaking_load_n": self._loads.of(own.name, own.EA_n),
+            "diameter_m": line_type.diameter_m, "mass_kg_per_m": line_type.mass_kg_per_m,
+            "hydrodynamic_diameter_m": line_type.diameter_m, "axial_stiffness_n": line_type.EA_n,
+            "breaking_load_n": self._loads.of(line_type.name, line_type.EA_n),
         }  # fmt: skip
-        if not math.isclose(own.Cd, self._usual.Cd, rel_tol=SAME):
-            keys["drag_normal"] = own.Cd
-        if not math.isclose(own.CdAx, self._usual.CdAx, rel_tol=SAME):
-            keys["drag_tangential"] = own.CdAx
+        if not math.isclose(line_type.Cd, self._usual.Cd, rel_tol=SAME):
+            keys["drag_normal"] = line_type.Cd
+        if not math.isclose(line_type.CdAx, self._usual.CdAx, rel_tol=SAME):
+            keys["drag_tangential"] = line_type.CdAx
         return keys
 
     def _connections(self, ropes: list[Keys]) -> Keys:
         """Return payloads, joints, ship and hang-offs."""
-        used = {one for rope in ropes for one in (rope["from"], rope.get("to")) if one}
+        used = {end for rope in ropes for end in (rope["from"], rope.get("to")) if end}
         payloads, joints, rho = list[Keys](), list[Keys](), self._options.get("rho", 1025.0)
         for number, point in self._points.items():
             name = self._name(number)
@@ -472,13 +496,13 @@ class _Reader:
                 "added_mass_kg": [point.Ca * rho * point.volume_m3] * 3,
                 "drag_area_m2": [point.CdA_m2] * 3,
             })  # fmt: skip
-        ship, *others = self._hang_offs
+        ship, *further_points = self._hang_offs
         keys: Keys = {"payloads": payloads} if payloads else {}
         keys |= {"joints": joints} if joints else {}
         keys["ship"] = {"hang_off_m": list(self._points[ship].at_m)}
         further = [
             {"name": self._name(n), "at_m": list(self._points[n].at_m)}
-            for n in others
+            for n in further_points
             if self._name(n) in used
         ]
         return keys | ({"hang_offs": further} if further else {})
@@ -517,10 +541,10 @@ class _Reader:
         for z, *velocity in below:
             if before is not None:
                 change = float(np.linalg.norm(np.subtract(velocity, before[1])))
-                least = max(MIN_ROW_SPACING_M, change / SHEAR_LIMIT_PER_S) * (1.0 + 1e-6)
-                moved |= before[0] - z < least
-                z = min(z, before[0] - least)
+                thinnest_m = max(MIN_ROW_SPACING_M, change / SHEAR_LIMIT_PER_S) * (1.0 + 1e-6)
+                moved |= before[0] - z < thinnest_m
+                z = min(z, before[0] - thinnest_m)
             before = (z, velocity)
-            yield [float(z), [float(one) for one in velocity[: 3 if rises else 2]]]
+            yield [float(z), [float(component) for component in velocity[: 3 if rises else 2]]]
         if moved:
             self._left_out.append("current: its steps, which are shear over some centimetres")

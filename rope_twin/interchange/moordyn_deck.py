@@ -108,10 +108,11 @@ def deck_text(deck: Deck) -> str:
         "TypeName Diam Mass/m EA BA/-zeta EI Cd Ca CdAx CaAx",
         "(name) (m) (kg/m) (N) (N-s/-) (N-m^2) (-) (-) (-) (-)",
     ]
-    for own in deck.types:
-        numbers = (own.diameter_m, own.mass_kg_per_m, own.EA_n, own.damping, own.EI_n_m2,
-                   own.Cd, own.Ca, own.CdAx, own.CaAx, *own.further)  # fmt: skip
-        rows.append(" ".join([own.name, *map(_cell, numbers)]))
+    for line_type in deck.types:
+        numbers = (line_type.diameter_m, line_type.mass_kg_per_m, line_type.EA_n,
+                   line_type.damping, line_type.EI_n_m2, line_type.Cd, line_type.Ca,
+                   line_type.CdAx, line_type.CaAx, *line_type.further)  # fmt: skip
+        rows.append(" ".join([line_type.name, *map(_cell, numbers)]))
     rows += [
         f"{RULE} POINTS {RULE}",
         "Node Type X Y Z M V CdA CA",
@@ -148,32 +149,34 @@ def read_deck(path: Path) -> Deck:
     Raises:
         InputError: it is no such deck, or a number in it is wrong; one sentence.
     """
-    found: dict[str, list[tuple[int, list[str]]]] = {}
+    sections: dict[str, list[tuple[int, list[str]]]] = {}
     unread, title, section, heading = list[str](), "", "", ""
     for number, line in enumerate(_lines(path), 1):
-        words = line.split()
-        if line.lstrip().startswith("--") and words:
+        cells = line.split()
+        if line.lstrip().startswith("--") and cells:
             name = " ".join(line.replace("-", " ").split()).upper()
             if _END in name:
                 break
             if not name:
                 continue
             section, heading = _SECTIONS.get(name, ""), name
-            found.setdefault(section, [])
-        elif not found:
+            sections.setdefault(section, [])
+        elif not sections:
             title = title or line.strip()
-        elif words and words[0] not in ("#", "!"):
-            found[section].append((number, words))
+        elif cells and cells[0] not in ("#", "!"):
+            sections[section].append((number, cells))
             if section in ("", "outputs") and f"section {heading}" not in unread:
                 unread.append(f"section {heading}")
     for name in ("types", "points", "lines"):
-        if name not in found:
+        if name not in sections:
             problem = f"there is no section {name.upper() if name != 'types' else 'LINE TYPES'}"
             raise InputError(str(path), problem, "give a deck of MoorDyn 2")
-    types = tuple(_types(path, found["types"], unread))
-    points = tuple(_points(path, found["points"], unread))
-    lines = tuple(_read_lines(path, found["lines"]))
-    options = tuple((words[0], words[1]) for _, words in found.get("options", []) if len(words) > 1)
+    types = tuple(_types(path, sections["types"], unread))
+    points = tuple(_points(path, sections["points"], unread))
+    lines = tuple(_read_lines(path, sections["lines"]))
+    options = tuple(
+        (cells[0], cells[1]) for _, cells in sections.get("options", []) if len(cells) > 1
+    )
     has_current = any(name.lower() == "currents" and value != "0" for value, name in options)
     current = tuple(_current(path.parent / CURRENT_FILE)) if has_current else ()
     _check_names(path, types, points, lines)
@@ -201,19 +204,19 @@ def _table(
         raise InputError(str(path), problem, "give both lines, as in MoorDyn 2")
     number, names = rows[0]
     header = [name.lower() for name in names]
-    at = dict[str, int]()
+    index = dict[str, int]()
     for name, known in columns.items():
-        place = next((header.index(one) for one in known if one in header), None)
+        place = next((header.index(title) for title in known if title in header), None)
         if place is not None:
-            at[name] = place
+            index[name] = place
         elif name not in optional:
             problem = f"there is no column {' or '.join(known)}"
             raise InputError(f"{path}, line {number}", problem, "give a deck of MoorDyn 2")
     for number, cells in rows[2:]:
         where = f"{path}, line {number}"
-        if len(cells) <= max(at.values()):
+        if len(cells) <= max(index.values()):
             raise InputError(where, f"{len(cells)} values", f"the columns are {' '.join(names)}")
-        yield where, {name: cells[k] for name, k in at.items()}, cells[max(at.values()) + 1 :]
+        yield where, {name: cells[k] for name, k in index.items()}, cells[max(index.values()) + 1 :]
 
 
 def _types(path: Path, rows: Rows, unread: list[str]) -> Iterator[LineType]:
@@ -242,9 +245,9 @@ def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
         if kind not in _KINDS:
             remedy = "give Coupled, Free or Fixed points; bodies and rods have no equal"
             raise InputError(where, f"a point of type {kind}", remedy)
-        at = tuple(_number(where, cells.pop(axis), axis) for axis in "xyz")
+        position = tuple(_number(where, cells.pop(axis), axis) for axis in "xyz")
         numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
-        yield Point(number, _KINDS[kind], (at[0], at[1], at[2]), **numbers)
+        yield Point(number, _KINDS[kind], (position[0], position[1], position[2]), **numbers)
 
 
 def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:
@@ -263,13 +266,13 @@ def _check_names(
 ) -> None:
     if not lines:
         raise InputError(str(path), "it has no lines", "give one or more")
-    for words, names in (("line type", [own.name for own in types]),
+    for kind, names in (("line type", [entry.name for entry in types]),
                          ("point", [point.number for point in points]),
-                         ("line", [own.number for own in lines])):  # fmt: skip
+                         ("line", [entry.number for entry in lines])):  # fmt: skip
         double = next((name for name in names if list(names).count(name) > 1), None)
         if double is not None:
-            raise InputError(str(path), f"{words} {double} is double", "rename one")
-    known, numbers = {own.name for own in types}, {point.number for point in points}
+            raise InputError(str(path), f"{kind} {double} is double", "rename one")
+    known, numbers = {entry.name for entry in types}, {point.number for point in points}
     for line in lines:
         where = f"{path}, line {line.number} of LINES"
         if line.type_name not in known:
@@ -291,8 +294,8 @@ def _current(path: Path) -> list[tuple[float, float, float, float]]:
         where = f"{path}, line {number}"
         if len(cells) != 4:
             raise InputError(where, f"{len(cells)} values", "a row is z ux uy uz")
-        z, x, y, up = (_number(where, cell, "a velocity") for cell in cells)
-        rows.append((z, x, y, up))
+        z, x, y, vertical = (_number(where, cell, "a velocity") for cell in cells)
+        rows.append((z, x, y, vertical))
     if not rows:
         raise InputError(str(path), "it has no rows", "give rows z ux uy uz after 3 lines")
     if rows[0][0] > rows[-1][0]:

@@ -70,12 +70,12 @@ class _Object:
 
     def numbers(self, key: str, default: Sequence[float]) -> list[float]:
         """Return a list of numbers, of which the missing ones repeat the first."""
-        given = self.get(key, list(default))
-        listed = given if isinstance(given, list) else [given]
+        value = self.get(key, list(default))
+        listed = value if isinstance(value, list) else [value]
         first = listed[0] if listed else None
-        full = [first if one is None else one for one in listed]
-        full += list(default)[len(full) :]
-        return [_number(one, f"{self.where}, {key}") for one in full]
+        values = [first if entry is None else entry for entry in listed]
+        values += list(default)[len(values) :]
+        return [_number(entry, f"{self.where}, {key}") for entry in values]
 
     def rows(self, *names: str) -> list[dict[str, Any]]:
         """Return the table that has these columns, a mapping for each row."""
@@ -83,8 +83,8 @@ class _Object:
             columns = [part.strip() for part in str(key).split(",")]
             if set(names) <= set(columns) and isinstance(rows, list):
                 self._known.add(str(key))
-                whole = [row if isinstance(row, list) else [row] for row in rows]
-                return [dict(zip(columns, row, strict=False)) for row in whole]
+                listed = [row if isinstance(row, list) else [row] for row in rows]
+                return [dict(zip(columns, row, strict=False)) for row in listed]
         return []
 
     def unread(self) -> Iterator[str]:
@@ -106,13 +106,15 @@ class _Model:
         self._environment = self._one("Environment")
         self._general = self._one("General")
         self._check_units()
-        self._types = {one.name: one for one in self._many("LineTypes")}
+        self._types = {entry.name: entry for entry in self._many("LineTypes")}
         self._loads.check(self._types)
-        self._vessels = {one.name: one for one in self._many("Vessels")}
-        self._buoys = {one.name: one for key in ("3DBuoys", "6DBuoys") for one in self._many(key)}
+        self._vessels = {entry.name: entry for entry in self._many("Vessels")}
+        self._buoys = {
+            entry.name: entry for key in ("3DBuoys", "6DBuoys") for entry in self._many(key)
+        }
         self._lines = self._many("Lines")
         deep = (self._environment.get(key) for key in ("WaterDepth", "SeabedOriginDepth"))
-        depth = next((one for one in deep if one is not None), None)
+        depth = next((value for value in deep if value is not None), None)
         self._depth_m = math.nan if depth is None else _number(depth, "Environment, WaterDepth")
         self._density = TE * self._environment.number("Density", 1.025)
         self._hang_offs = dict[str, list[float]]()
@@ -134,10 +136,10 @@ class _Model:
         scene["ropes"] = ropes
         if payloads or self._ends:
             scene["payloads"] = [*payloads, *self._ends]
-        ship, *others = self._hang_offs
+        ship, *further = self._hang_offs
         scene["ship"] = {"hang_off_m": self._hang_offs[ship]}
-        if others:
-            scene["hang_offs"] = [{"name": n, "at_m": self._hang_offs[n]} for n in others]
+        if further:
+            scene["hang_offs"] = [{"name": n, "at_m": self._hang_offs[n]} for n in further]
         waves = list(self._waves())
         riding = self._riding(bool(waves))
         scene |= {"sea_state": {"on_waves": riding}} if riding else {}
@@ -159,10 +161,10 @@ class _Model:
 
     def _many(self, key: str) -> list[_Object]:
         listed = self._model.get(key) or []
-        if not isinstance(listed, list) or not all(isinstance(one, Mapping) for one in listed):
+        if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
             problem = f"{key} is not a list of objects"
             raise InputError(str(self._path), problem, "give a model as OrcaFlex saves it")
-        return [_Object(one, f"{key} {one.get('Name', '')}") for one in listed]
+        return [_Object(entry, f"{key} {entry.get('Name', '')}") for entry in listed]
 
     def _check_units(self) -> None:
         system = self._general.get("UnitsSystem")
@@ -198,23 +200,23 @@ class _Model:
             self._left_out.append(f"{line.where}: it has no sections")
             return
         ordered = sections[::-1] if upper == 0 else sections  # from the lower end up
-        made = [self._material(line, row) for row in ordered]
-        length = sum(row["length_m"] for row in made)
+        materials = [self._material(line, row) for row in ordered]
+        length = sum(row["length_m"] for row in materials)
         count = sum(self._segments(line, row) for row in ordered)
         keys: Keys = {"name": line.name}
-        if len(made) == 1:
-            keys["rope"] = made[0]["rope"]
+        if len(materials) == 1:
+            keys["rope"] = materials[0]["rope"]
         else:
-            del made[-1]["length_m"]
-            keys["sections"] = made
+            del materials[-1]["length_m"]
+            keys["sections"] = materials
         keys |= {"length_m": length, "elements": max(3, count),
                  "damping": {"fraction_of_first_axial_mode": DAMPING},
                  "from": self._upper(line, *places[upper])}  # fmt: skip
-        said = f"structural damping: {100.0 * DAMPING:g} % of the first axial mode is assumed"
-        self._left_out.append(said)
-        kind, at = places[1 - upper]
+        remark = f"structural damping: {100.0 * DAMPING:g} % of the first axial mode is assumed"
+        self._left_out.append(remark)
+        kind, position = places[1 - upper]
         if kind in (_FIXED, _ANCHORED):
-            yield keys | {"fixed_at_m": at}
+            yield keys | {"fixed_at_m": position}
         elif kind in self._vessels:
             self._left_out.append(f"{line.where}: both its ends are at vessels")
         elif kind == _FREE:
@@ -235,8 +237,8 @@ class _Model:
         if kind == _ANCHORED:
             return kind, [x, y, z - self._depth(line.where)]
         if kind in self._buoys and (x or y or z):
-            said = f"{line.where}: its offset [{x:g}, {y:g}, {z:g}] m at {kind}, which is a point"
-            self._left_out.append(said)
+            remark = f"{line.where}: its offset [{x:g}, {y:g}, {z:g}] m at {kind}, which is a point"
+            self._left_out.append(remark)
         known = kind in (_FIXED, _FREE) or kind in self._vessels or kind in self._buoys
         return (kind if known else ""), [x, y, z]
 
@@ -246,29 +248,29 @@ class _Model:
             raise InputError(where, problem, "add WaterDepth to the Environment")
         return self._depth_m
 
-    def _upper(self, line: _Object, kind: str, at: list[float]) -> str:
+    def _upper(self, line: _Object, kind: str, position: list[float]) -> str:
         """Return the name of the point that a rope comes from."""
         if kind in self._buoys:
             return kind
         name = f"{line.name}_top" if self._hang_offs else WINCH
         if kind == _FIXED:
-            self._hang_offs[name] = at
+            self._hang_offs[name] = position
             return name
         vessel = self._vessels[kind]
         X, Y, Z = vessel.numbers("InitialPosition", (0.0, 0.0, 0.0))
         heading = math.radians(self._heading_deg(vessel))
         c, s = math.cos(heading), math.sin(heading)
-        x, y, z = at
+        x, y, z = position
         self._hang_offs[name] = [X + c * x - s * y, Y + s * x + c * y, Z + z]
         if self._tip is None and name == WINCH:
-            self._tip = vessel, at
+            self._tip = vessel, position
         return name
 
     def _heading_deg(self, vessel: _Object) -> float:
         heel, trim, heading = vessel.numbers("Orientation", (0.0, 0.0, 0.0))
         if heel or trim:
-            said = f"{vessel.where}: heel {heel:g}° and trim {trim:g}°, it floats upright"
-            self._left_out.append(said)
+            remark = f"{vessel.where}: heel {heel:g}° and trim {trim:g}°, it floats upright"
+            self._left_out.append(remark)
         return vessel.number("InitialHeading", heading)
 
     def _segments(self, line: _Object, row: Mapping[str, Any]) -> int:
@@ -285,25 +287,25 @@ class _Model:
             known = ", ".join(self._types) or "none"
             problem = f"there is no line type '{kind}'"
             raise InputError(f"{self._path}, {line.where}", problem, f"known: {known}")
-        own = self._types[kind]
-        OD, ID = own.number("OD"), own.number("ID", 0.0)
+        line_type = self._types[kind]
+        OD, ID = line_type.number("OD"), line_type.number("ID", 0.0)
         contents = TE * line.number("ContentsDensity", 0.0) * 0.25 * math.pi * ID**2
-        Cd, Ca = own.numbers("Cd", (0.0, 0.0, 0.0)), own.numbers("Ca", _CA)
-        self._used.append(own)
+        Cd, Ca = line_type.numbers("Cd", (0.0, 0.0, 0.0)), line_type.numbers("Ca", _CA)
+        self._used.append(line_type)
         for name, triple in (("Cd", Cd), ("Ca", Ca)):
             if triple[0] != triple[1]:
-                self._left_out.append(f"{own.where}: {name} along y, that along x is used")
+                self._left_out.append(f"{line_type.where}: {name} along y, that along x is used")
         normal, axial = (
-            own.number(f"{way}DragLiftDiameter", OD) / OD for way in ("Normal", "Axial")
+            line_type.number(f"{way}DragLiftDiameter", OD) / OD for way in ("Normal", "Axial")
         )
-        if own.get("SeabedLateralFrictionCoefficient") is not None:
-            self._frictions.append(own.number("SeabedLateralFrictionCoefficient"))
-        EA_n = KN * own.number("EA")
-        has_load = own.get("AllowableTension") is not None
-        stated_n = KN * own.number("AllowableTension") if has_load else None
+        if line_type.get("SeabedLateralFrictionCoefficient") is not None:
+            self._frictions.append(line_type.number("SeabedLateralFrictionCoefficient"))
+        EA_n = KN * line_type.number("EA")
+        has_load = line_type.get("AllowableTension") is not None
+        stated_n = KN * line_type.number("AllowableTension") if has_load else None
         rope: Keys = {
             "diameter_m": OD,
-            "mass_kg_per_m": TE * own.number("MassPerUnitLength") + contents,
+            "mass_kg_per_m": TE * line_type.number("MassPerUnitLength") + contents,
             "hydrodynamic_diameter_m": OD,
             "axial_stiffness_n": EA_n,
             "breaking_load_n": self._loads.of(kind, EA_n, stated_n),
@@ -323,7 +325,7 @@ class _Model:
             self._left_out.append(f"{buoy.where}: added mass, give payloads its added_mass_kg")
         return {
             "name": buoy.name, "mass_kg": TE * buoy.number("Mass"), "displaced_volume_m3": volume,
-            "added_mass_kg": [one * self._density * volume for one in Ca],
+            "added_mass_kg": [coefficient * self._density * volume for coefficient in Ca],
             "drag_area_m2": [a * c for a, c in zip(area, Cd, strict=True)],
         }  # fmt: skip
 
@@ -334,24 +336,26 @@ class _Model:
 
         The largest drag coefficients are the scene's, since those of ropes are relative to them.
         """
-        made = [own["rope"] for rope in ropes for own in rope.get("sections", [rope])]
-        normal, tangential = (max(own[key] for own in made) for key in _DRAG)
-        for own in made:
+        materials = [
+            material["rope"] for rope in ropes for material in rope.get("sections", [rope])
+        ]
+        normal, tangential = (max(material[key] for material in materials) for key in _DRAG)
+        for material in materials:
             for key, usual in zip(_DRAG, (normal, tangential), strict=True):
-                if own[key] == usual:
-                    del own[key]
+                if material[key] == usual:
+                    del material[key]
         if normal or tangential:
             yield {"drag": {"normal": normal, "tangential": tangential}}
-        first, *others = dict.fromkeys(self._used)
+        first, *further = dict.fromkeys(self._used)
         Ca, EI = first.numbers("Ca", _CA), first.numbers("EI", (0.0,))[0]
         yield {"added_mass": {"normal": Ca[0], "tangential": Ca[2]}}
         if EI:
             yield {"bending": {"stiffness_n_m2": KN * EI}}
-        for one in others:
-            if one.numbers("Ca", _CA) != Ca:
-                self._left_out.append(f"{one.where}: Ca, that of {first.name} is used")
-            if one.numbers("EI", (0.0,))[0] != EI:
-                self._left_out.append(f"{one.where}: EI, that of {first.name} is used")
+        for line_type in further:
+            if line_type.numbers("Ca", _CA) != Ca:
+                self._left_out.append(f"{line_type.where}: Ca, that of {first.name} is used")
+            if line_type.numbers("EI", (0.0,))[0] != EI:
+                self._left_out.append(f"{line_type.where}: EI, that of {first.name} is used")
 
     def _effects(self, waves: list[Keys], ropes: list[Keys], has_payload: bool) -> list[Keys]:
         effects: list[Keys] = [{"current": {"profile": rows}} for rows in self._current()]
@@ -400,8 +404,8 @@ class _Model:
                 if height == 0.0:
                     continue
                 if kind in _NONLINEAR:
-                    said = f"{train.where}: it is {kind}, and an Airy wave here"
-                    self._left_out.append(said)
+                    remark = f"{train.where}: it is {kind}, and an Airy wave here"
+                    self._left_out.append(remark)
                 system["regular"] = {"height_m": height, "period_s": train.number("WavePeriod")}
                 yield system
             elif kind in ("jonswap", "pierson-moskowitz", "issc"):
@@ -412,8 +416,8 @@ class _Model:
 
     def _spectrum(self, train: _Object, kind: str) -> Keys:
         """Return a JONSWAP spectrum. Raises InputError: it has no period."""
-        given = train.get("WaveGamma", 1.0 if kind != "jonswap" else None)
-        gamma = None if given is None else _number(given, f"{train.where}, WaveGamma")
+        wave_gamma = train.get("WaveGamma", 1.0 if kind != "jonswap" else None)
+        gamma = None if wave_gamma is None else _number(wave_gamma, f"{train.where}, WaveGamma")
         if train.get("WaveTp") is not None:
             period = train.number("WaveTp")
         elif train.get("WaveTz") is not None and gamma is not None:
@@ -437,7 +441,7 @@ class _Model:
         vessel, tip = self._tip
         kind, draught = str(vessel.get("VesselType", "")), str(vessel.get("Draught", ""))
         kinds = self._model.get("VesselTypes") or []
-        if kind not in [str(one.get("Name")) for one in kinds if isinstance(one, Mapping)]:
+        if kind not in [str(entry.get("Name")) for entry in kinds if isinstance(entry, Mapping)]:
             return {}
         if not has_waves:
             self._left_out.append(f"{vessel.where}: it rests, as there are no waves")
@@ -447,10 +451,10 @@ class _Model:
         except InputError as error:
             self._left_out.append(f"{vessel.where}: its RAOs ({str(error).removesuffix('.')})")
             return {}
-        beside = os.path.relpath(self._path.resolve(), self._folder.resolve())
+        relative_path = os.path.relpath(self._path.resolve(), self._folder.resolve())
         conventions = {"vessel": kind} | ({"draught": draught} if draught else {})
         return {
-            "responses": f"./{beside}", "heading_deg": self._heading_deg(vessel),
+            "responses": f"./{relative_path}", "heading_deg": self._heading_deg(vessel),
             "crane_tip_m": tip, "conventions": conventions,
         }  # fmt: skip
 
@@ -459,16 +463,16 @@ class _Model:
         for key, listed in self._model.items():
             if key in _READ:
                 continue
-            names = [str(one.get("Name", "")) for one in listed if isinstance(one, Mapping)] if (
-                isinstance(listed, list)) else []  # fmt: skip
+            entries = listed if isinstance(listed, list) else []
+            names = [str(entry.get("Name", "")) for entry in entries if isinstance(entry, Mapping)]
             self._left_out.append(f"{key}{': ' if names else ''}{', '.join(names)}")
         for name, buoy in self._buoys.items():
             if name not in used:
                 self._left_out.append(f"{buoy.where}: no imported line ends at it")
-        own = [self._general, self._environment, *self._types.values(), *self._lines,
+        objects = [self._general, self._environment, *self._types.values(), *self._lines,
                *self._vessels.values(), *self._buoys.values()]  # fmt: skip
-        for one in own:
-            self._left_out += one.unread()
+        for entry in objects:
+            self._left_out += entry.unread()
 
 
 def _number(value: Any, where: str) -> float:
@@ -480,5 +484,5 @@ def _number(value: Any, where: str) -> float:
             number = math.nan
         if math.isfinite(number):
             return number
-    words = "not stated" if value is None else f"'{value}'"
-    raise InputError(where, f"it is {words}", "give a finite number")
+    text = "not stated" if value is None else f"'{value}'"
+    raise InputError(where, f"it is {text}", "give a finite number")
