@@ -59,15 +59,15 @@ def load_model(path: Path) -> Keys:
     remedy = "give a model or vessel type that OrcaFlex saved as a text data file"
     try:
         with path.open("rb") as stream:
-            found = yaml.load(stream, Loader=loader)
+            content = yaml.load(stream, Loader=loader)
     except OSError as error:
         raise InputError(str(path), f"it cannot be read ({error})", remedy) from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        words = " ".join(str(error).split())[:120]
-        raise InputError(str(path), f"it is not YAML ({words})", remedy) from None
-    if not isinstance(found, Mapping):
+        message = " ".join(str(error).split())[:120]
+        raise InputError(str(path), f"it is not YAML ({message})", remedy) from None
+    if not isinstance(content, Mapping):
         raise InputError(str(path), "its top is not a mapping", remedy)
-    return found
+    return content
 
 
 def length_unit_m(model: Keys, where: str) -> float:
@@ -76,8 +76,8 @@ def length_unit_m(model: Keys, where: str) -> float:
     Raises:
         InputError: the file does not state it, or it is an unknown one.
     """
-    found = model.get("General", model)
-    general: Keys = found if isinstance(found, Mapping) else {}
+    section = model.get("General", model)
+    general: Keys = section if isinstance(section, Mapping) else {}
     system = general.get("UnitsSystem")
     known = {"SI": "m", "US": "ft", "User": general.get("LengthUnits")}
     unit = known.get(str(system))
@@ -122,17 +122,17 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
     )  # fmt: skip
 
 
-def _chosen(listed: Any, wanted: str, where: str, key: str, option: str) -> Keys:
+def _chosen(listed: Any, name: str, where: str, key: str, option: str) -> Keys:
     """Return the one of this name, or the only one. Raises InputError."""
-    if not isinstance(listed, Sequence) or not all(isinstance(one, Mapping) for one in listed):
+    if not isinstance(listed, Sequence) or not all(isinstance(entry, Mapping) for entry in listed):
         problem = f"there is no list {key}"
         raise InputError(where, problem, "give a vessel type as OrcaFlex saves it")
-    names = [str(one.get("Name", "")) for one in listed]
-    if wanted:
-        if wanted in names:
-            found: Keys = listed[names.index(wanted)]
-            return found
-        raise InputError(where, f"no {option} '{wanted}'", did_you_mean(wanted, names))
+    names = [str(entry.get("Name", "")) for entry in listed]
+    if name:
+        if name in names:
+            chosen: Keys = listed[names.index(name)]
+            return chosen
+        raise InputError(where, f"no {option} '{name}'", did_you_mean(name, names))
     if len(listed) != 1:
         problem = f"{len(listed)} of {key}: {', '.join(names)}"
         raise InputError(where, problem, f"name one with `{option}`")
@@ -164,29 +164,31 @@ def _numbers(tables: Any, where: str) -> tuple[Vector, Vector, Vector]:
             problem = "an entry of RAOs has no RAODirection"
             raise InputError(where, problem, "give the direction of every table")
         heading = _number(table["RAODirection"], f"{where}, RAODirection")
-        at = f"{where}, RAODirection {heading:g}"
+        where_heading = f"{where}, RAODirection {heading:g}"
         key = next((one for one in table if str(one).startswith(_COLUMNS[0])), None)
         if key is None or tuple(part.strip() for part in str(key).split(",")) != _COLUMNS:
             problem = "its columns are not period or frequency and six amplitudes and phases"
-            raise InputError(at, problem, f"the key must be '{', '.join(_COLUMNS)}'")
+            raise InputError(where_heading, problem, f"the key must be '{', '.join(_COLUMNS)}'")
         rows = table[key]
         if not isinstance(rows, Sequence) or not rows or isinstance(rows, str):
-            raise InputError(at, "it has no rows", "give rows of 13 numbers")
+            raise InputError(where_heading, "it has no rows", "give rows of 13 numbers")
         for row in rows:
             if not isinstance(row, Sequence) or len(row) != len(_COLUMNS):
                 count = len(row) if isinstance(row, Sequence) else 1
-                raise InputError(at, f"a row of {count} values", "a row has 13 numbers")
-        block = np.array([[_number(cell, at) for cell in row] for row in rows])
+                raise InputError(where_heading, f"a row of {count} values", "a row has 13 numbers")
+        block = np.array([[_number(cell, where_heading) for cell in row] for row in rows])
         order = np.argsort(block[:, 0], kind="stable")
         block = block[order]
         if headings and not np.array_equal(waves, block[:, 0]):
             problem = f"other periods or frequencies than at {headings[0]:g}"
-            raise InputError(at, problem, "give the same for every direction")
+            raise InputError(where_heading, problem, "give the same for every direction")
         waves = block[:, 0]
         if (block[:, 1::2] < 0.0).any():
-            raise InputError(at, "an amplitude is negative", "give 0 or more, and a phase")
+            raise InputError(
+                where_heading, "an amplitude is negative", "give 0 or more, and a phase"
+            )
         if not np.isfinite(block[:, 1:]).all():
-            raise InputError(at, "a number is not finite", "give finite numbers")
+            raise InputError(where_heading, "a number is not finite", "give finite numbers")
         headings.append(heading)
         blocks.append(block[:, 1:])
     if not headings:
@@ -241,8 +243,8 @@ def _responses(
     )  # fmt: skip
     k = (2.0 * np.pi * np.where(np.isinf(frequency), 0.0, frequency)) ** 2 / GRAVITY_M_PER_S2
     scale = {"a": turns / unit_m, "ka": k, "h/l": k / np.pi}[unit]
-    gone = np.isinf(frequency)
-    if gone.any() and amplitude[:, :, gone].any():
+    infinite = np.isinf(frequency)
+    if infinite.any() and amplitude[:, :, infinite].any():
         raise InputError(where, "RAOs at the period 0 are not 0", "give 0, or leave that row out")
     answer: Answers = amplitude * np.exp(1j * sign * phase) / relative
     answer[3:] = answer[3:] * scale
@@ -253,20 +255,20 @@ def _responses(
 
 def _point(table: Keys, key: str, where: str, usual: Point | None = None) -> Point:
     """Return a point, written as one list or as three keys; `~`: as of `usual`."""
-    given = table.get(key, [table.get(f"{key}{axis}", "") for axis in "XYZ"])
-    if not isinstance(given, Sequence) or isinstance(given, str) or len(given) != 3:
+    entries = table.get(key, [table.get(f"{key}{axis}", "") for axis in "XYZ"])
+    if not isinstance(entries, Sequence) or isinstance(entries, str) or len(entries) != 3:
         raise InputError(where, f"{key} is not three numbers", "give x, y, z")
-    if "" in given:
+    if "" in entries:
         raise InputError(where, f"{key} is not stated", f"add {key}, as OrcaFlex writes it")
-    found = list[float]()
-    for number, value in enumerate(given):
+    coordinates = list[float]()
+    for number, value in enumerate(entries):
         if value is None and usual is not None:
-            found.append(usual[number])
+            coordinates.append(usual[number])
         else:
-            found.append(_number(value, f"{where}, {key}"))
-    if not np.isfinite(found).all():
+            coordinates.append(_number(value, f"{where}, {key}"))
+    if not np.isfinite(coordinates).all():
         raise InputError(where, f"{key} is not finite", "give x, y, z")
-    return found[0], found[1], found[2]
+    return coordinates[0], coordinates[1], coordinates[2]
 
 
 def _scaled(point: Point, unit_m: float) -> Point:

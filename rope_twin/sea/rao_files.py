@@ -141,11 +141,11 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
         raise InputError(where, problem, "give six modes for each period and heading once")
     value = rows[:, 5] + 1j * rows[:, 6]
     polar = rows[:, 3] * np.exp(1j * np.radians(rows[:, 4]))
-    off = np.abs(value - polar) > _ROUNDED * np.abs(value) + 1e-6
-    if off.any():
+    inconsistent = np.abs(value - polar) > _ROUNDED * np.abs(value) + 1e-6
+    if inconsistent.any():
         problem = "modulus and phase are not those of real and imaginary part"
         remedy = "give them as WAMIT writes them, the phase in degrees"
-        raise InputError(f"{where}, line {lines[int(np.argmax(off))]}", problem, remedy)
+        raise InputError(f"{where}, line {lines[int(np.argmax(inconsistent))]}", problem, remedy)
     answer = np.zeros(counts.shape, np.complex128)
     answer[mode, i, j] = value
     answer[3:] /= conventions.scale_length_m
@@ -223,15 +223,15 @@ class _DataSet:
             problem = f"there is no variable {name}"
             raise InputError(self.where, problem, "give a data set as Capytaine exports it")
         variable = self._file.variables[name]
-        own, numbers = list(variable.dimensions), np.asarray(variable[...], np.float64)
-        for axis in reversed(range(len(own))):
-            if own[axis] not in dimensions and numbers.shape[axis] == 1:
+        axes, numbers = list(variable.dimensions), np.asarray(variable[...], np.float64)
+        for axis in reversed(range(len(axes))):
+            if axes[axis] not in dimensions and numbers.shape[axis] == 1:
                 numbers = numbers.squeeze(axis)
-                del own[axis]
-        if sorted(own) != sorted(dimensions):
+                del axes[axis]
+        if sorted(axes) != sorted(dimensions):
             problem = f"{name} has the dimensions {', '.join(variable.dimensions) or 'none'}"
             raise InputError(self.where, problem, f"needed are {', '.join(dimensions)}")
-        return np.transpose(numbers, [own.index(dimension) for dimension in dimensions])
+        return np.transpose(numbers, [axes.index(dimension) for dimension in dimensions])
 
     def complex(self, name: str, *dimensions: str) -> Answers:
         """Return a complex variable. Raises InputError as `values`."""
@@ -245,7 +245,9 @@ class _DataSet:
     def names(self, name: str) -> list[str]:
         """Return the texts of a coordinate."""
         raw = self._file.variables[name][...] if self.has(name) else ()
-        return [one.decode() if isinstance(one, bytes) else str(one) for one in np.ravel(raw)]
+        return [
+            entry.decode() if isinstance(entry, bytes) else str(entry) for entry in np.ravel(raw)
+        ]
 
     def dimensions(self, name: str) -> tuple[str, ...]:
         """Return the dimensions of a variable."""
@@ -272,9 +274,9 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
         with h5netcdf.File(path, "r") as file:
             return _written(_DataSet(file, where), conventions)
     except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
-        words = " ".join(str(error).split())[:120]
+        message = " ".join(str(error).split())[:120]
         remedy = "give a data set as Capytaine exports it"
-        raise InputError(where, f"it cannot be read ({words})", remedy) from None
+        raise InputError(where, f"it cannot be read ({message})", remedy) from None
 
 
 def _written(data: _DataSet, conventions: RaoConventions) -> Written:
@@ -297,19 +299,21 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
     if not data.has(variable):
         problem = "there is neither RAO nor excitation_force"
         raise InputError(where, problem, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
-    axis = next((one for one in _FREQUENCIES if one in data.dimensions(variable)), None)
+    axis = next((name for name in _FREQUENCIES if name in data.dimensions(variable)), None)
     if axis is None:
         problem = f"{variable} has no dimension omega, freq or period"
         raise InputError(where, problem, "give a data set over wave frequencies")
-    given = data.values(axis, axis)
-    if not (np.isfinite(given).all() and (given > 0.0).all()):
+    values = data.values(axis, axis)
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
         problem = f"{axis} is not finite and above 0 everywhere"
         raise InputError(where, problem, "leave the limits of 0 and infinity out")
-    frequency = {"omega": given / (2.0 * np.pi), "freq": given, "period": 1.0 / given}[axis]
+    frequency = {"omega": values / (2.0 * np.pi), "freq": values, "period": 1.0 / values}[axis]
     answer = np.conj(_raos(data, axis, frequency))
     origin = conventions.origin_m
     if origin is None:
-        x, y, z = (float(one) for one in data.values("rotation_center", "space_coordinate"))
+        x, y, z = (
+            float(coordinate) for coordinate in data.values("rotation_center", "space_coordinate")
+        )
         origin = (x, y, z)
     if not np.isfinite(origin).all():
         raise InputError(where, "rotation_center is not finite", "give one in the data set")
@@ -320,9 +324,12 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
 def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
     """Return RAOs in Capytaine's convention, (6, h, f). Raises InputError."""
     if data.has("RAO"):
-        dof = next((one for one in data.dimensions("RAO") if one.endswith("_dof")), "radiating_dof")
-        own = data.complex("RAO", dof, "wave_direction", axis)
-        return own[_order(data, dof)]
+        dof = next(
+            (dimension for dimension in data.dimensions("RAO") if dimension.endswith("_dof")),
+            "radiating_dof",
+        )
+        raos = data.complex("RAO", dof, "wave_direction", axis)
+        return raos[_order(data, dof)]
     missing = [name for name in _COEFFICIENTS if not data.has(name)]
     if missing:
         problem = f"there is no RAO, and no {', '.join(missing)} to solve it from"

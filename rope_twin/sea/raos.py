@@ -131,9 +131,9 @@ class Responses:
         if motion == heave == 1.0:
             return self
         factors = np.array([1.0, 1.0, heave, 1.0, 1.0, 1.0]) * motion
-        words = f"all × {motion:g}, heave × {heave:g} besides"
+        remark = f"all × {motion:g}, heave × {heave:g} besides"
         answer = factors[:, None, None] * self.answer
-        return replace(self, answer=answer, source=f"{self.source} ({words})")
+        return replace(self, answer=answer, source=f"{self.source} ({remark})")
 
     def moved(self, to_m: Point) -> Responses:
         """Return the RAOs of another point of the vessel, such as the crane tip.
@@ -147,19 +147,19 @@ class Responses:
         if self.origin_m is None:
             problem = "its RAOs are those of a point that is not stated"
             raise InputError(self.source, problem, "give `origin_m`")
-        own = self.around()
-        return replace(own, answer=moved_by(own.answer, _arm(self.origin_m, to_m)))
+        full = self.around()
+        return replace(full, answer=moved_by(full.answer, _arm(self.origin_m, to_m)))
 
     def around(self) -> Responses:
         """Return the same RAOs as a table over all headings, without symmetry."""
         if not self.mirrored:
             return self
         inner = (np.abs(self.heading_deg) > SAME_DEG) & (self.heading_deg < 180.0 - SAME_DEG)
-        other = MIRRORED[:, None, None] * self.answer[:, inner]
+        mirrored = MIRRORED[:, None, None] * self.answer[:, inner]
         headings, answer = _full_circle(
             self.source,
             np.concatenate([self.heading_deg, -self.heading_deg[inner]]),
-            np.concatenate([self.answer, other], axis=1),
+            np.concatenate([self.answer, mirrored], axis=1),
         )
         return replace(self, heading_deg=headings, answer=answer, mirrored=False)
 
@@ -189,10 +189,10 @@ class Responses:
         j, b = _cells(self.frequency_hz, frequency_hz)
         low = (1.0 - a) * self.answer[:, i, j] + a * self.answer[:, i + 1, j]
         high = (1.0 - a) * self.answer[:, i, j + 1] + a * self.answer[:, i + 1, j + 1]
-        found = (1.0 - b) * low + b * high
+        interpolated = (1.0 - b) * low + b * high
         if not self.mirrored:
-            return np.asarray(found)
-        return np.asarray(np.where(side < 0.0, MIRRORED[:, None] * found, found))
+            return np.asarray(interpolated)
+        return np.asarray(np.where(side < 0.0, MIRRORED[:, None] * interpolated, interpolated))
 
 
 def moved_by(answer: Answers, arm_m: Point) -> Answers:
@@ -212,10 +212,10 @@ def _arm(from_m: Point, to_m: Point) -> Point:
     return x, y, z
 
 
-def _cells(axis: Vector, at: Vector) -> tuple[NDArray[np.int64], Vector]:
+def _cells(axis: Vector, values: Vector) -> tuple[NDArray[np.int64], Vector]:
     """Return the interval of each value, and the fraction inside it."""
-    i = np.clip(np.searchsorted(axis, at, side="right") - 1, 0, len(axis) - 2)
-    return i, np.clip((at - axis[i]) / (axis[i + 1] - axis[i]), 0.0, 1.0)
+    i = np.clip(np.searchsorted(axis, values, side="right") - 1, 0, len(axis) - 2)
+    return i, np.clip((values - axis[i]) / (axis[i + 1] - axis[i]), 0.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -262,10 +262,10 @@ def assemble(written: Written) -> Responses:
         problem = f"no heading between {pair}, with symmetry {written.symmetry}"
         raise InputError(where, problem, f"give them at most {WIDEST_GAP_DEG:g}° apart")
     arm = _arm(written.origin_m, written.phase_origin_m)
-    across = (written.symmetry != NO_SYMMETRY and abs(arm[1]) > SAME_M) or (
+    off_centreline = (written.symmetry != NO_SYMMETRY and abs(arm[1]) > SAME_M) or (
         written.symmetry == XZ_AND_YZ_PLANES and abs(arm[0]) > SAME_M
     )
-    if across:
+    if off_centreline:
         problem = f"the points of motion and of phase are not both in the {written.symmetry}"
         remedy = "give points on the plane of symmetry, or symmetry none with all headings"
         raise InputError(where, problem, remedy)
@@ -280,8 +280,8 @@ def _full_circle(where: str, given_deg: Vector, answer: Answers) -> tuple[Vector
     folded = given_deg % 360.0
     folded = np.where(folded > 360.0 - SAME_DEG, 0.0, folded)
     headings, answer = _ascending(where, folded, answer)
-    around = np.concatenate([[headings[-1] - 360.0], headings, [headings[0] + 360.0]])
-    return around, np.concatenate([answer[:, -1:], answer, answer[:, :1]], axis=1)
+    circle = np.concatenate([[headings[-1] - 360.0], headings, [headings[0] + 360.0]])
+    return circle, np.concatenate([answer[:, -1:], answer, answer[:, :1]], axis=1)
 
 
 def _one_side(
@@ -301,11 +301,11 @@ def _one_side(
         if headings[0] < 90.0 - SAME_DEG and headings[-1] > 90.0 + SAME_DEG:
             problem = "headings from ahead and from astern, and the yz plane is one of symmetry"
             raise InputError(where, problem, "give one quarter, or symmetry xz_plane")
-        other = np.abs(headings - 90.0) > SAME_DEG
-        more = MIRRORED_FORE_AND_AFT[:, None, None] * answer[:, other]
+        mirrored = np.abs(headings - 90.0) > SAME_DEG
+        more = MIRRORED_FORE_AND_AFT[:, None, None] * answer[:, mirrored]
         headings, answer = _ascending(
             where,
-            np.concatenate([headings, 180.0 - headings[other]]),
+            np.concatenate([headings, 180.0 - headings[mirrored]]),
             np.concatenate([answer, more], axis=1),
         )
     if headings[0] > 0.0:

@@ -61,8 +61,8 @@ def heave_response(hull: BoxHull, frequency_hz: NDArray[np.float64]) -> NDArray[
     breadth = hull.breadth_m * hull.block_coefficient
     radiated = 2.0 * np.sin(0.5 * k * breadth) * np.exp(-k * draught)  # A
     damping = radiated**2 / (k * breadth)
-    along = np.sinc(0.5 * k * hull.length_m / np.pi)  # sin(x)/x
-    force = np.exp(-k * draught) * np.sqrt((1.0 - k * draught) ** 2 + damping**2) * along
+    length_factor = np.sinc(0.5 * k * hull.length_m / np.pi)  # sin(x)/x
+    force = np.exp(-k * draught) * np.sqrt((1.0 - k * draught) ** 2 + damping**2) * length_factor
     return np.asarray(force / (1.0 - 2.0 * k * draught + 1j * damping))
 
 
@@ -111,11 +111,11 @@ class Way:
 
     def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
         remedy = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
-        between = np.sqrt((np.diff(place, axis=0) ** 2).sum(axis=1))
-        leap = np.flatnonzero(between > FASTEST_M_PER_S * np.diff(time_s))
+        distance = np.sqrt((np.diff(place, axis=0) ** 2).sum(axis=1))
+        leap = np.flatnonzero(distance > FASTEST_M_PER_S * np.diff(time_s))
         if leap.size:
             k = int(leap[0])
-            problem = f"it jumps by {between[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
+            problem = f"it jumps by {distance[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
             raise InputError(self.source, problem, remedy)
         speed = np.sqrt((self._spline(trials, 1) ** 2).sum(axis=1))
         if speed.max() > FASTEST_M_PER_S:

@@ -98,9 +98,11 @@ def band_spectrum(values: Vector, rate_hz: float) -> WaveSpectrum:
     band = np.floor(frequency / BAND_HZ + 0.5).astype(np.int64)
     sums = np.bincount(band, weights=lines)
     counts = np.bincount(band)
-    held = np.flatnonzero(counts)
-    held = held[held > 0]
-    return WaveSpectrum(held.astype(np.float64) * BAND_HZ, sums[held] / counts[held], "periodogram")
+    bands = np.flatnonzero(counts)
+    bands = bands[bands > 0]
+    return WaveSpectrum(
+        bands.astype(np.float64) * BAND_HZ, sums[bands] / counts[bands], "periodogram"
+    )
 
 
 def _usual_gamma(height_m: float, peak_period_s: float) -> float:
@@ -134,12 +136,14 @@ def read_spectrum(name_or_path: str | Path, column: str) -> WaveSpectrum:
         for name, values in table.columns.items()
         if name != _FREQUENCY
     }
-    wanted = column.removeprefix(_PREFIX).removesuffix(_SUFFIX)
-    if wanted not in known:
-        raise InputError(str(path), f"there is no column '{column}'", did_you_mean(wanted, known))
-    frequency, density = table.columns[_FREQUENCY], known[wanted]
+    column_name = column.removeprefix(_PREFIX).removesuffix(_SUFFIX)
+    if column_name not in known:
+        raise InputError(
+            str(path), f"there is no column '{column}'", did_you_mean(column_name, known)
+        )
+    frequency, density = table.columns[_FREQUENCY], known[column_name]
     _check(path, table, density, column)
-    return WaveSpectrum(frequency, density, f"{path.stem}, {wanted}")
+    return WaveSpectrum(frequency, density, f"{path.stem}, {column_name}")
 
 
 def _check(path: Path, table: Table, density: Vector, column: str) -> None:
@@ -183,28 +187,28 @@ def breaking_fault(
 ) -> tuple[str, str] | None:
     """Return why the sea state is impossible, and the remedy; None if it is possible."""
     period, height = zero_crossing_period_s(spectrum), spectrum.significant_height_m
-    most = BREAKING * _length_m(period, gravity)
-    if gravity <= 0.0 or height <= most:
+    limit_m = BREAKING * _length_m(period, gravity)
+    if gravity <= 0.0 or height <= limit_m:
         return None
     problem = (
         f"Hs {height:.3g} m at a mean period Tz of {period:.3g} s is a steepness of "
-        f"{BREAKING * height / most:.2g}, and waves break at {BREAKING:g}"
+        f"{BREAKING * height / limit_m:.2g}, and waves break at {BREAKING:g}"
     )
-    usual = min(most, usual_height_m(spectrum.peak_period_s, gravity))
+    usual = min(limit_m, usual_height_m(spectrum.peak_period_s, gravity))
     return problem, f"give at most Hs {usual:.2g} m, or a longer period"
 
 
 def steepness_warning(where: str, spectrum: WaveSpectrum, gravity: float = STANDARD_GRAVITY) -> str:
     """Return a warning for a sea state that is steeper than usual, or ""."""
     height, period = spectrum.significant_height_m, spectrum.peak_period_s
-    most = usual_height_m(period, gravity)
-    if gravity <= 0.0 or height <= most * (1.0 + 5e-3):  # tolerance for the truncated spectrum
+    usual_m = usual_height_m(period, gravity)
+    if gravity <= 0.0 or height <= usual_m * (1.0 + 5e-3):  # tolerance for the truncated spectrum
         return ""
     problem = (
         f"Hs {height:.3g} m at Tp {period:.3g} s is steeper than sea states usually are "
-        f"(at most {most:.1f} m by DNV-RP-C205)"
+        f"(at most {usual_m:.1f} m by DNV-RP-C205)"
     )
-    return phrase(where, problem, f"give at most {most:.1f} m, or a longer period")
+    return phrase(where, problem, f"give at most {usual_m:.1f} m, or a longer period")
 
 
 def _length_m(period_s: float, gravity: float) -> float:
@@ -223,8 +227,8 @@ def random_shares(seed: int, count: int) -> Vector:
     """
     if seed < 0:
         raise InputError("seed", f"it is {seed}", "right is a whole number from 0")
-    words = np.random.PCG64(seed).random_raw(count)
-    return (words >> np.uint64(11)).astype(np.float64) * 2.0**-53
+    raw = np.random.PCG64(seed).random_raw(count)
+    return (raw >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def random_phases(seed: int, count: int) -> Vector:
@@ -254,15 +258,15 @@ class Waves:
 
     def elevation_m(self, x: float, y: float, time: Vector) -> Vector:
         """Return the surface elevation above the mean water level at times [s], (any,)."""
-        along = self.wave_number * (x * np.cos(self.heading) + y * np.sin(self.heading))
-        angle = (along + self.phase)[:, None] - self.omega[:, None] * time
+        travel_phase = self.wave_number * (x * np.cos(self.heading) + y * np.sin(self.heading))
+        angle = (travel_phase + self.phase)[:, None] - self.omega[:, None] * time
         return np.asarray((self.amplitude_m[:, None] * np.cos(angle)).sum(axis=0))
 
 
 def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
     """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
-    along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
-    return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
+    travel_phase = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
+    return np.asarray(waves.amplitude_m * np.exp(-1j * (travel_phase + waves.phase)))
 
 
 def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:

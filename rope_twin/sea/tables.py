@@ -102,24 +102,24 @@ def read_grid(
         if len(axis) < 2:
             raise InputError(str(path), f"one value of {name}", "give two or more")
     order = np.lexsort((columns[axes[1]], columns[axes[0]]))
-    found = np.stack([columns[name][order] for name in axes])
-    full = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
-    if found.shape != full.shape or (found != full).any():
+    pairs = np.stack([columns[name][order] for name in axes])
+    grid = np.stack([np.repeat(first, len(second)), np.tile(second, len(first))])
+    if pairs.shape != grid.shape or (pairs != grid).any():
         problem = f"{len(order)} rows of {len(first)} {axes[0]} and {len(second)} {axes[1]}"
-        remedy = f"each once for each: {full.shape[1]} rows, {_uneven(found, full, axes)}"
+        remedy = f"each once for each: {grid.shape[1]} rows, {_uneven(pairs, grid, axes)}"
         raise InputError(str(path), problem, remedy)
     shape = len(first), len(second)
     return first, second, {name: columns[name][order].reshape(shape) for name in names}
 
 
-def _uneven(found: Vector, full: Vector, axes: tuple[str, str]) -> str:
+def _uneven(pairs: Vector, grid: Vector, axes: tuple[str, str]) -> str:
     """Return in words which pair of a full grid is double or missing; both (2, rows)."""
-    rows = [tuple(pair) for pair in found.T]
+    rows = [tuple(pair) for pair in pairs.T]
     pair = next((row for k, row in enumerate(rows[1:]) if row == rows[k]), None)
     fault = "is double" if pair else "is missing"
     if pair is None:
-        given = set(rows)
-        pair = next(own for own in map(tuple, full.T) if own not in given)
+        present = set(rows)
+        pair = next(candidate for candidate in map(tuple, grid.T) if candidate not in present)
     return f"{axes[0]} {pair[0]:g} with {axes[1]} {pair[1]:g} {fault}"
 
 
