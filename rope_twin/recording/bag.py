@@ -317,12 +317,12 @@ class BagReader(ClosableBag):
         Raises:
             BagError: the bag turns out to be damaged.
         """
-        wanted = [c for c in self._reader.connections if c.topic == topic_name]
-        if not wanted:
+        connections = [c for c in self._reader.connections if c.topic == topic_name]
+        if not connections:
             remedy = did_you_mean(topic_name, self.topics) if self.topics else "the bag is empty"
             raise BagError(f"bag {self.path}", f"it has no topic {topic_name}", remedy)
         try:
-            for _, stamp_ns, data in self._reader.messages(wanted):
+            for _, stamp_ns, data in self._reader.messages(connections):
                 yield int(stamp_ns), bytes(data)
         except Exception as error:
             raise _unreadable(self.path, error) from error

@@ -67,10 +67,10 @@ class FileSink:
             return False
         opened = os.fstat(self._descriptor)
         try:
-            there = os.stat(self._path)
+            at_path = os.stat(self._path)
         except OSError:
             return True
-        return (there.st_dev, there.st_ino) != (opened.st_dev, opened.st_ino)
+        return (at_path.st_dev, at_path.st_ino) != (opened.st_dev, opened.st_ino)
 
     def write(self, data: bytes) -> int:
         """Append bytes in memory until the next flush."""
@@ -468,8 +468,8 @@ class BagRecorder(ClosableBag):
         """
         with self._condition:
             if self._closing or self._failure is not None:
-                why = "" if self._failure is None else f": {self._failure}"
-                self._lose(f"the recorder has ended{why}")
+                reason = "" if self._failure is None else f": {self._failure}"
+                self._lose(f"the recorder has ended{reason}")
                 return False
             if self._queued_bytes > QUEUE_LIMIT_BYTES:
                 self._lose("the disk is slower than the topics")

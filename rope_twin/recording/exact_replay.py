@@ -57,8 +57,8 @@ class Difference:
 
     def __str__(self) -> str:
         """Return the difference in one sentence."""
-        at = f"{self.topic}{self.where and ', '}{self.where} at {self.time_s:.9g} s"
-        return f"{at}: {self.recorded} in the bag, {self.replayed} in the replay"
+        location = f"{self.topic}{self.where and ', '}{self.where} at {self.time_s:.9g} s"
+        return f"{location}: {self.recorded} in the bag, {self.replayed} in the replay"
 
 
 @dataclass
@@ -101,7 +101,9 @@ def verify(bag: Path) -> Verification:
     verification.notes += content.notes
     for session in content.sessions:
         verification.notes += (
-            words for words in session.session.differences() if words not in verification.notes
+            sentence
+            for sentence in session.session.differences()
+            if sentence not in verification.notes
         )
     _compare_inputs(content, verification)
     replays = {run: RunReplay(content.of(run), content.last_ns(run)) for run in content.runs}
@@ -190,9 +192,9 @@ class RunReplay:
         """Return topic, number and bytes of each due message, in the order of publishing."""
         twin: Twin | None = None
         stepper: Recovery | None = None
-        for at, recorded in enumerate(self._sessions):
+        for k, recorded in enumerate(self._sessions):
             session = recorded.session
-            following = self._sessions[at + 1].session if at + 1 < len(self._sessions) else None
+            following = self._sessions[k + 1].session if k + 1 < len(self._sessions) else None
             end_ns = self._last_ns + _BEYOND_NS if following is None else following.time_ns
             if twin is None or stepper is None or twin.time_ns != session.time_ns:
                 twin = session.make_twin()
@@ -211,7 +213,7 @@ class RunReplay:
             if until_ns < end_ns:
                 high = None if following is None else Counter(following.published)
                 self._unknown.append((counts, high))
-                if at > 0 or until_ns > session.time_ns or following is None:  # not a late recorder
+                if k > 0 or until_ns > session.time_ns or following is None:  # not a late recorder
                     self.gap = self.gap or recorded.gap
                 twin = None
 
@@ -301,28 +303,28 @@ def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
     return Difference(topic, time_s, produced.session, where, recorded_text, produced_text)
 
 
-def first_difference(first: Any, second: Any, at: str = "") -> tuple[str, str, str] | None:
+def first_difference(first: Any, second: Any, location: str = "") -> tuple[str, str, str] | None:
     """Return path and both values of the first field in which two messages differ; None: none."""
     if hasattr(first, "__dataclass_fields__"):
         for name in first.__dataclass_fields__:
             if name != "__msgtype__":
-                path = f"{at}.{name}" if at else name
+                path = f"{location}.{name}" if location else name
                 mismatch = first_difference(getattr(first, name), getattr(second, name), path)
                 if mismatch is not None:
                     return mismatch
         return None
     if isinstance(first, list | tuple | np.ndarray):
         if len(first) != len(second):
-            return at, f"{len(first)} entries", f"{len(second)} entries"
+            return location, f"{len(first)} entries", f"{len(second)} entries"
         if isinstance(first, np.ndarray) and first.tobytes() == second.tobytes():
             return None
         pairs = enumerate(zip(first, second, strict=True))
-        all_found = (first_difference(a, b, f"{at}[{k}]") for k, (a, b) in pairs)
+        all_found = (first_difference(a, b, f"{location}[{k}]") for k, (a, b) in pairs)
         return next((mismatch for mismatch in all_found if mismatch is not None), None)
     if np.array(first).tobytes() == np.array(second).tobytes():
         return None
     values = (value.item() if isinstance(value, np.generic) else value for value in (first, second))
-    return at, *(repr(value) for value in values)  # type: ignore[return-value]
+    return location, *(repr(value) for value in values)  # type: ignore[return-value]
 
 
 def _compare_inputs(content: BagContent, verification: Verification) -> None:

@@ -86,7 +86,7 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
         elevation_ns, elevation_m, more = read_elevation(bag)
         source = bag.custom_data.get("source", "")
     velocity, note = _check_velocity(rows.where, stamp_ns, values)
-    notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *more]
+    notes = [*rows.notes, note, *_implausible(rows.where, stamp_ns, values[:, 0]), *more]
     return HeaveRecord(
         time_ns=stamp_ns - stamp_ns[0],
         began_ns=int(stamp_ns[0]),
@@ -144,7 +144,7 @@ def _impossible(values: Table) -> Faults:
     return {fault: np.asarray((np.abs(values) > limits).any(axis=1))}
 
 
-def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
+def _implausible(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
     """Return notes on values that can be replayed but are implausible."""
     mean, spread = float(position.mean()), float(position.std())
     if abs(mean) > max(LARGEST_MEAN_M, spread):
@@ -176,8 +176,8 @@ def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector
     agreement = float(slope @ velocity / np.sqrt((slope @ slope) * (velocity @ velocity)))
     usual_s = float(np.median(np.diff(time_s)))
     if agreement < 0.0 and usual_s > LONGEST_PERIOD_S:
-        what = f"a sample every {usual_s:.3g} s, too few to compare its rate with its position"
-        raise BagError(where, what, f"give one every {LONGEST_PERIOD_S:g} s or more often")
+        problem = f"a sample every {usual_s:.3g} s, too few to compare its rate with its position"
+        raise BagError(where, problem, f"give one every {LONGEST_PERIOD_S:g} s or more often")
     if agreement < 0.0:
         raise BagError(
             where,
@@ -204,8 +204,8 @@ class HeaveSample:
 def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
     """Return the sample of a pose: the hang-off motion and the pose itself."""
     position, velocity = hang_off_motion(pose, arm_m)
-    aside = (*position[:2], *velocity[:2])
-    return HeaveSample(pose.stamp_ns, position[2], velocity[2], elevation_m, pose, aside)
+    horizontal = (*position[:2], *velocity[:2])
+    return HeaveSample(pose.stamp_ns, position[2], velocity[2], elevation_m, pose, horizontal)
 
 
 class HeaveReplay(RecordReplay):
@@ -386,8 +386,8 @@ def turn_rates(orientation: Table, change: Table) -> Table:
 def turn_changes(orientation: Table, rate: Table) -> Table:
     """Return the rates of quaternions (n, 4) [1/s] at angular velocities (n, 3): dq/dt = ½·q·ω."""
     axis, w = orientation[:, :3], orientation[:, 3:]
-    along = w * rate + np.cross(axis, rate)
-    return 0.5 * np.concatenate([along, -(axis * rate).sum(axis=1, keepdims=True)], axis=1)
+    vector_part = w * rate + np.cross(axis, rate)
+    return 0.5 * np.concatenate([vector_part, -(axis * rate).sum(axis=1, keepdims=True)], axis=1)
 
 
 def turned_by(orientation: Table, vectors: Table, back: bool = False) -> Table:
@@ -410,8 +410,8 @@ def _judge(values: Table) -> Faults:
 
 def _without_jumps(orientation: Table) -> Table:
     """Return quaternions with continuous signs: q and -q are the same rotation."""
-    away = (orientation[1:] * orientation[:-1]).sum(axis=1) < 0.0
-    sign = np.append(1.0, np.where(np.cumsum(away) % 2 == 1, -1.0, 1.0))
+    opposite = (orientation[1:] * orientation[:-1]).sum(axis=1) < 0.0
+    sign = np.append(1.0, np.where(np.cumsum(opposite) % 2 == 1, -1.0, 1.0))
     return np.asarray(orientation * sign[:, None])
 
 
@@ -427,15 +427,18 @@ def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list
         change = np.concatenate([slope, slope])
     else:
         change = np.gradient(values[:, :7], time_s, axis=0)
-    seen = (
+    derivatives = (
         turned_by(orientation, change[:, _PLACE], back=True),
         turn_rates(orientation, change[:, _TURN]),
     )
     if values.shape[1] == 7:
         note = f"{where}: it has no twist, velocity and rate of turn are derived."
-        return np.concatenate([values, *seen], axis=1), [note]
+        return np.concatenate([values, *derivatives], axis=1), [note]
     notes = []
-    for part, derived, name in ((_VELOCITY, seen[0], "linear"), (_RATE, seen[1], "angular")):
+    for part, derived, name in (
+        (_VELOCITY, derivatives[0], "linear"),
+        (_RATE, derivatives[1], "angular"),
+    ):
         recorded = values[:, part]
         if not recorded.any() and derived.any():
             values[:, part] = derived
@@ -457,8 +460,8 @@ def _agreement(where: str, name: str, recorded: Table, derived: Table) -> str:
         remedy = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
         raise BagError(where, problem, remedy)
     if close < 0.5:
-        words = f"twist.{name} and pose agree poorly (correlation {close:.2f})"
-        return f"{where}: {words}; a twist is in the ship's turned axes."
+        remark = f"twist.{name} and pose agree poorly (correlation {close:.2f})"
+        return f"{where}: {remark}; a twist is in the ship's turned axes."
     return ""
 
 
@@ -476,8 +479,8 @@ def _from_rest(values: Table, recorded: RecordedPoses) -> tuple[Table, Table, Ta
     s, c = np.sin(half), np.cos(half)
     x, y, z, w = orientation.T
     from_rest = np.stack([x * c - y * s, y * c + x * s, z * c - w * s, w * c + z * s], axis=1)
-    rest = np.tile([0.0, 0.0, s, c], (len(orientation), 1))
-    return position, from_rest, turned_by(rest, velocity), turned_by(rest, rate)
+    at_rest = np.tile([0.0, 0.0, s, c], (len(orientation), 1))
+    return position, from_rest, turned_by(at_rest, velocity), turned_by(at_rest, rate)
 
 
 def _far_from_rest(where: str, position: Table, orientation: Table) -> str:
@@ -567,7 +570,7 @@ def _poses_at(splice: Splice) -> Table:
     """Return position, velocity, orientation and angular velocity (h, 13) of the blended passes."""
     size = np.sqrt((splice.value[:, 3:] ** 2).sum(axis=1, keepdims=True))
     turn = splice.value[:, 3:] / size
-    along = (turn * splice.rate[:, 3:]).sum(axis=1, keepdims=True)
-    change = (splice.rate[:, 3:] - turn * along) / size
+    parallel = (turn * splice.rate[:, 3:]).sum(axis=1, keepdims=True)
+    change = (splice.rate[:, 3:] - turn * parallel) / size
     velocity = turned_by(turn, splice.rate[:, :3], back=True)
     return np.concatenate([splice.value[:, :3], velocity, turn, turn_rates(turn, change)], axis=1)

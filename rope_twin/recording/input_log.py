@@ -168,9 +168,9 @@ def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
         raise _damaged(INPUT_LOG_TOPIC, repr(error)) from error
 
 
-def _damaged(topic: str, why: str) -> BagError:
+def _damaged(topic: str, reason: str) -> BagError:
     remedy = "give a bag that rope_twin recorded"
-    return BagError(f"topic {topic}", f"a message does not make sense ({why})", remedy)
+    return BagError(f"topic {topic}", f"a message does not make sense ({reason})", remedy)
 
 
 class MeasuredReplay:
@@ -220,8 +220,8 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     span = f"from {(first_ns - zero_ns) * 1e-9:.2f} to {(last_ns - zero_ns) * 1e-9:.2f} s"
     source = f"bag {path.name}: {', '.join(parts)}, {span}"
     wrong = Counter(message for message in messages if isinstance(message, str))
-    notes = [f"{where}: {counted(count, 'message')} left out: {words}"
-             for words, count in wrong.most_common(3)]  # fmt: skip
+    notes = [f"{where}: {counted(count, 'message')} left out: {reason}"
+             for reason, count in wrong.most_common(3)]  # fmt: skip
     placed = [reading._replace(stamp_ns=reading.stamp_ns - zero_ns) for reading in readings]
     return MeasuredReplay(placed, source, " ".join(notes))
 
@@ -240,11 +240,11 @@ def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
         for name in names:
             for _, data in reader.messages(name):
                 try:
-                    one = read_measurement(topic, data)
+                    measurement = read_measurement(topic, data)
                 except InputError as error:
                     yield str(error)
                     continue
-                yield one if one.stamp_ns > 0 else f"{topic}: its stamp is 0"
+                yield measurement if measurement.stamp_ns > 0 else f"{topic}: its stamp is 0"
 
 
 def _epoch_ns(reader: BagReader) -> int:

@@ -132,8 +132,8 @@ class McapScan:
             self._report(f"cannot be read ({error.strerror})")
 
     def _read(self, file: _File) -> Iterator[Stored]:
-        at = file.begin()
-        if at is None:
+        position = file.begin()
+        if position is None:
             self._report("is empty" if not file.size else "does not begin like an MCAP file")
             return
         damage: list[tuple[str, bool]] = []  # and whether it cost nothing
@@ -142,7 +142,7 @@ class McapScan:
         yield from file.summary.definitions if file.summary else []
         messages = 0
         while True:
-            part = file.part(at)
+            part = file.part(position)
             if part is None:
                 break
             messages += sum(isinstance(record, StoredMessage) for record in part.records)
@@ -151,15 +151,15 @@ class McapScan:
             if part.opcode == Opcode.ATTACHMENT:
                 self.left_out.add("attachments")
             yield from part.records
-            at = part.end
-        damage += file.ending(at)
+            position = part.end
+        damage += file.ending(position)
         promised = file.summary.messages if file.summary else None
-        for words, lossless in damage:
+        for fault, lossless in damage:
             nothing_lost = lossless if promised is None else messages == promised
-            (self.mended if nothing_lost else self.problems).append(f"{self._path.name} {words}")
+            (self.mended if nothing_lost else self.problems).append(f"{self._path.name} {fault}")
 
-    def _report(self, what: str) -> None:
-        self.problems.append(f"{self._path.name} {what}")
+    def _report(self, fault: str) -> None:
+        self.problems.append(f"{self._path.name} {fault}")
 
 
 class _File:
@@ -187,40 +187,41 @@ class _File:
             return self._next_chunk(0)
         return after if opcode == Opcode.HEADER else self._next_chunk(0)
 
-    def part(self, at: int) -> _Part | None:
+    def part(self, position: int) -> _Part | None:
         """Return the record at a position, or the damage there; None at the end of the data."""
-        if self._data_ended or at >= self._data_end or self._is_footer(at):
+        if self._data_ended or position >= self._data_end or self._is_footer(position):
             return None
-        head = self._bytes(at, _FRAME.size)
+        head = self._bytes(position, _FRAME.size)
         opcode, length = _FRAME.unpack(head) if len(head) == _FRAME.size else (0, self.size)
-        end = at + _FRAME.size + length
-        fits = opcode != 0 and end <= self._limit(at)
+        end = position + _FRAME.size + length
+        fits = opcode != 0 and end <= self._limit(position)
         reason = ""
         if fits:
             try:
-                return self._whole(opcode, at, end)
+                return self._whole(opcode, position, end)
             except _DAMAGE as error:
                 reason = str(error).strip() or type(error).__name__
-        if (chunk := self._chunk_by_its_sizes(at)) is not None:
+        if (chunk := self._chunk_by_its_sizes(position)) is not None:
             return chunk
         name = "chunk" if opcode == Opcode.CHUNK else "record"
-        next_at = self._behind_damage(at, end if fits and self._is_record(end) else None)
+        next_at = self._behind_damage(position, end if fits and self._is_record(end) else None)
         if next_at is None:
-            self._broke_off = at
+            self._broke_off = position
             return None
-        what = f"has a damaged {name} at byte {at} ({reason or 'its length is impossible'})"
-        return _Part(next_at, [], f"{what}: {next_at - at} bytes are lost")
+        damage = f"has a damaged {name} at byte {position} ({reason or 'its length is impossible'})"
+        return _Part(next_at, [], f"{damage}: {next_at - position} bytes are lost")
 
-    def ending(self, at: int) -> list[tuple[str, bool]]:
+    def ending(self, position: int) -> list[tuple[str, bool]]:
         """Return the faults at the end of the file, each with whether it loses data."""
         if self._broke_off is not None:
-            at = self._broke_off
-            words = f"breaks off at byte {at} of {self.size}: {self.size - at} bytes are lost"
-            return [(words, False)]
+            position = self._broke_off
+            lost = self.size - position
+            fault = f"breaks off at byte {position} of {self.size}: {lost} bytes are lost"
+            return [(fault, False)]
         magic_last = self._bytes(self.size - len(MCAP_MAGIC), len(MCAP_MAGIC)) == MCAP_MAGIC
         if self.summary is not None:
             return [] if magic_last else [("has damaged last bytes", True)]
-        if not self._data_ended and not self._is_footer(at):
+        if not self._data_ended and not self._is_footer(position):
             return [
                 ("stops without its end: what its recorder still held in memory is lost", False)
             ]
@@ -228,13 +229,13 @@ class _File:
             return [("has a damaged summary", True)]
         return [("does not end like an MCAP file", False)]
 
-    def _whole(self, opcode: int, at: int, end: int) -> _Part:
+    def _whole(self, opcode: int, position: int, end: int) -> _Part:
         """Return a record whose content is valid for its kind.
 
         Raises:
             one of _DAMAGE: it is not valid.
         """
-        content = self._bytes(at + _FRAME.size, end - at - _FRAME.size)
+        content = self._bytes(position + _FRAME.size, end - position - _FRAME.size)
         if opcode == Opcode.CHUNK:
             # Unpacked as a whole first: a chunk is either handed on or reported, never both.
             part = _Part(end, _unpack(content), opcode=opcode)
@@ -244,7 +245,7 @@ class _File:
             raise ValueError("a message outside the chunks")
         if opcode > max(Opcode) and not self._is_record(end):
             raise ValueError(f"an unknown kind of record, {opcode}")
-        if opcode > max(Opcode) and self._chunk_by_its_sizes(at) is not None:
+        if opcode > max(Opcode) and self._chunk_by_its_sizes(position) is not None:
             raise ValueError(f"a chunk under the opcode {opcode}")
         records = _parse(opcode, content)
         if opcode == Opcode.DATA_END:
@@ -253,9 +254,9 @@ class _File:
             self._data_ended = True
         return _Part(end, records, opcode=opcode)
 
-    def _chunk_by_its_sizes(self, at: int) -> _Part | None:
+    def _chunk_by_its_sizes(self, position: int) -> _Part | None:
         """Return the chunk at a position of damaged opcode or length, from the sizes inside."""
-        inside = at + _FRAME.size
+        inside = position + _FRAME.size
         try:
             *_, name_bytes = _CHUNK.unpack(self._bytes(inside, _CHUNK.size))
             if name_bytes > _LONGEST_COMPRESSION:
@@ -263,61 +264,61 @@ class _File:
             before = _CHUNK.size + name_bytes
             (packed,) = _PACKED.unpack(self._bytes(inside + before, _PACKED.size))
             end = inside + before + _PACKED.size + packed
-            if end > self._limit(at):
+            if end > self._limit(position):
                 return None
             records = _unpack(self._bytes(inside, end - inside))
         except _DAMAGE:
             return None
         self._chunked = True
-        words = f"has a chunk at byte {at} whose opcode or length is damaged"
-        return _Part(end, records, words, Opcode.CHUNK, lossless=True) if records else None
+        fault = f"has a chunk at byte {position} whose opcode or length is damaged"
+        return _Part(end, records, fault, Opcode.CHUNK, lossless=True) if records else None
 
-    def _limit(self, at: int) -> int:
+    def _limit(self, position: int) -> int:
         """Return the position that a record at this one cannot extend beyond."""
         chunks = self.summary.chunks if self.summary else []
-        following = bisect.bisect_right(chunks, at)
+        following = bisect.bisect_right(chunks, position)
         return chunks[following] if following < len(chunks) else self._data_end
 
-    def _behind_damage(self, at: int, end: int | None) -> int | None:
+    def _behind_damage(self, position: int, end: int | None) -> int | None:
         """Return the position behind damage; `end`: from the damaged record's length, if valid."""
         summary = self.summary
         if summary is not None and summary.chunks and summary.chunk_count == len(summary.chunks):
-            return self._limit(at)
+            return self._limit(position)
         # The length itself may be damaged: it counts only where no whole chunk follows.
-        return self._next_chunk(at + 1) or end
+        return self._next_chunk(position + 1) or end
 
-    def _next_chunk(self, at: int) -> int | None:
+    def _next_chunk(self, position: int) -> int | None:
         """Return the position of the next chunk with valid sizes and CRC."""
-        while at < self._data_end:
-            window = self._bytes(at, _WINDOW_BYTES + _FRAME.size)
+        while position < self._data_end:
+            window = self._bytes(position, _WINDOW_BYTES + _FRAME.size)
             for match in _CHUNK_HEAD.finditer(window):
-                found = at + match.start()
+                candidate = position + match.start()
                 _, length = _FRAME.unpack_from(window, match.start())
-                end = found + _FRAME.size + length
+                end = candidate + _FRAME.size + length
                 if length >= _CHUNK.size + _PACKED.size and end <= self._data_end:
-                    whole = self._chunk_by_its_sizes(found)
-                    if whole is not None and whole.end == end:
-                        return found
-            at += _WINDOW_BYTES
+                    chunk = self._chunk_by_its_sizes(candidate)
+                    if chunk is not None and chunk.end == end:
+                        return candidate
+            position += _WINDOW_BYTES
         return None
 
-    def _is_record(self, at: int) -> bool:
+    def _is_record(self, position: int) -> bool:
         """Return whether a record of a known kind and a plausible length seems to begin here."""
-        if at == self._data_end:
+        if position == self._data_end:
             return True
-        head = self._bytes(at, _FRAME.size)
+        head = self._bytes(position, _FRAME.size)
         if len(head) < _FRAME.size:
             return False
         opcode, length = _FRAME.unpack(head)
-        return opcode in _IN_DATA and at + _FRAME.size + length <= self._limit(at)
+        return opcode in _IN_DATA and position + _FRAME.size + length <= self._limit(position)
 
-    def _is_footer(self, at: int) -> bool:
-        if at + _FOOTER.size > self.size:
+    def _is_footer(self, position: int) -> bool:
+        if position + _FOOTER.size > self.size:
             return False
-        return self._bytes(at, _FRAME.size) == _FRAME.pack(Opcode.FOOTER, 20)
+        return self._bytes(position, _FRAME.size) == _FRAME.pack(Opcode.FOOTER, 20)
 
-    def _bytes(self, at: int, count: int) -> bytes:
-        self._stream.seek(max(0, at))
+    def _bytes(self, position: int, count: int) -> bytes:
+        self._stream.seek(max(0, position))
         return self._stream.read(count)
 
 
@@ -354,27 +355,27 @@ def _parse(opcode: int, content: bytes) -> list[Stored]:
         if stream.tell() != len(content):
             raise ValueError(f"{len(content)} bytes announced, {stream.tell()} in its fields")
         return [record] if isinstance(record, Schema | Channel | Metadata) else []
-    wanted = 4
+    expected = 4
     if opcode == Opcode.MESSAGE_INDEX:
-        wanted = _MESSAGE_INDEX.size + _MESSAGE_INDEX.unpack_from(content)[1]
-    if len(content) != wanted:
-        raise ValueError(f"{len(content)} bytes announced, {wanted} in its fields")
+        expected = _MESSAGE_INDEX.size + _MESSAGE_INDEX.unpack_from(content)[1]
+    if len(content) != expected:
+        raise ValueError(f"{len(content)} bytes announced, {expected} in its fields")
     return []
 
 
 def _read_summary(file: _File) -> _Summary | None:
     """Return the summary; None if the file has none, or a damaged one."""
-    at = file.size - len(MCAP_MAGIC) - _FOOTER.size
+    position = file.size - len(MCAP_MAGIC) - _FOOTER.size
     try:
-        footer = file._bytes(at, _FOOTER.size)
+        footer = file._bytes(position, _FOOTER.size)
         opcode, length, start, _, checksum = _FOOTER.unpack(footer)
-        if (opcode, length) != (Opcode.FOOTER, 20) or at < len(MCAP_MAGIC):
+        if (opcode, length) != (Opcode.FOOTER, 20) or position < len(MCAP_MAGIC):
             return None
         if start == 0:
-            start = at
-        if not len(MCAP_MAGIC) <= start <= at:
+            start = position
+        if not len(MCAP_MAGIC) <= start <= position:
             return None
-        body = file._bytes(start, at - start)
+        body = file._bytes(start, position - start)
         if checksum and zlib.crc32(footer[:-4], zlib.crc32(body)) != checksum:
             return None
         return _parse_summary(body, start)
@@ -406,14 +407,14 @@ def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
     Raises:
         ValueError: the records are inconsistent.
     """
-    at = 0
-    while at < len(data):
-        opcode, length = _FRAME.unpack_from(data, at)
-        at += _FRAME.size
-        if length > len(data) - at:
-            raise ValueError(f"a record of {length} bytes in the last {len(data) - at}")
-        yield opcode, data[at : at + length]
-        at += length
+    position = 0
+    while position < len(data):
+        opcode, length = _FRAME.unpack_from(data, position)
+        position += _FRAME.size
+        if length > len(data) - position:
+            raise ValueError(f"a record of {length} bytes in the last {len(data) - position}")
+        yield opcode, data[position : position + length]
+        position += length
 
 
 def _unpack(content: bytes) -> list[Stored]:
@@ -423,10 +424,10 @@ def _unpack(content: bytes) -> list[Stored]:
         one of _DAMAGE: the chunk is damaged.
     """
     _, _, size, checksum, name_length = _CHUNK.unpack_from(content)
-    at = _CHUNK.size + name_length
-    compression = content[_CHUNK.size : at].decode("ascii")
-    (length,) = _PACKED.unpack_from(content, at)
-    packed = content[at + _PACKED.size :]
+    position = _CHUNK.size + name_length
+    compression = content[_CHUNK.size : position].decode("ascii")
+    (length,) = _PACKED.unpack_from(content, position)
+    packed = content[position + _PACKED.size :]
     if length != len(packed) or size > _LARGEST_CHUNK_BYTES:
         raise ValueError(f"{len(packed)} bytes packed, {length} announced, {size} unpacked")
     if compression == "zstd":

@@ -122,8 +122,8 @@ def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
     if not samples:
         return None
     heave = ((sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) for sample in samples)
-    aside = [sample.aside for sample in samples if sample.aside is not None]
-    return HeaveSeries.of(heave, aside)
+    horizontal = [sample.aside for sample in samples if sample.aside is not None]
+    return HeaveSeries.of(heave, horizontal)
 
 
 def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:

@@ -138,8 +138,8 @@ class BagContent:
         for key, session in known.items():
             session.entries += [one for one in logged[key] if isinstance(one, LoggedCalls)]
             session.skipped += [one for one in logged[key] if isinstance(one, Skipped)]
-        for at, session in enumerate(self.sessions):
-            session.judge(self._logged(at), self._first_ns(at))
+        for index, session in enumerate(self.sessions):
+            session.judge(self._logged(index), self._first_ns(index))
         if self.sessions and (self.notes or _RECOVERED in own_notes):
             self._judge_tail()
 
@@ -158,20 +158,22 @@ class BagContent:
 
     def run_at(self, log_ns: int) -> str | None:
         """Return the run that published at a time; None: before the first."""
-        at = bisect_right(self._begins, log_ns)
-        return self.runs[at - 1] if at else None
+        index = bisect_right(self._begins, log_ns)
+        return self.runs[index - 1] if index else None
 
     def last_ns(self, run: str) -> int:
         """Return the ROS time of the last stamp of a run, or of its beginning if it has none."""
         newest = self.of(run)[-1].session
         begun_ns = newest.epoch_ns + newest.time_ns
-        return max((ns for at, ns in self._stamps if self.run_at(at) == run), default=begun_ns)
+        return max(
+            (ns for log_ns, ns in self._stamps if self.run_at(log_ns) == run), default=begun_ns
+        )
 
     def messages(self, topics: tuple[str, ...]) -> Iterator[Recorded]:
         """Return the messages of these topics, in file order."""
-        wanted = frozenset(topics)
+        names = frozenset(topics)
         for file in self._files:
-            yield from (message for message in _scan(McapScan(file)) if message.topic in wanted)
+            yield from (message for message in _scan(McapScan(file)) if message.topic in names)
 
     def _take(
         self,
@@ -193,20 +195,22 @@ class BagContent:
             sec, nanosec = _STAMP.unpack_from(message.data, 4)
             self._stamps.append((message.log_ns, sec * 1_000_000_000 + nanosec))
 
-    def _logged(self, at: int) -> int | None:
+    def _logged(self, index: int) -> int | None:
         """Return the number of messages in a session's log, if the next session reports it."""
-        if at + 1 == len(self.sessions):
+        if index + 1 == len(self.sessions):
             return None
-        one, following = (self.sessions[k].session for k in (at, at + 1))
-        goes_on = (following.run, following.number) == (one.run, one.number + 1)
+        present, following = (self.sessions[k].session for k in (index, index + 1))
+        goes_on = (following.run, following.number) == (present.run, present.number + 1)
         return following.logged_before if goes_on else None
 
-    def _first_ns(self, at: int) -> int | None:
+    def _first_ns(self, index: int) -> int | None:
         """Return the simulation time of the first stamp in a session, or of the bag if it is the
         first.
         """
-        session, epoch_ns = self.sessions[at], self.sessions[at].session.epoch_ns
-        first = (ns - epoch_ns for log_ns, ns in self._stamps if at == 0 or log_ns > session.log_ns)
+        session, epoch_ns = self.sessions[index], self.sessions[index].session.epoch_ns
+        first = (
+            ns - epoch_ns for log_ns, ns in self._stamps if index == 0 or log_ns > session.log_ns
+        )
         return min(first, default=None)
 
     def _judge_tail(self) -> None:
@@ -251,25 +255,25 @@ class RecordedInputs:
 
     def find(self, call: Call, epoch_ns: int) -> Match | None:
         """Return the recorded input of a logged call, or None if it is not an external input."""
-        given = _given(call)
-        if given is None:
+        key = _given(call)
+        if key is None:
             return None
-        topic, stamp_ns, values = given
+        topic, stamp_ns, values = key
         if repr(values) in self._by_values[topic]:
             return Match(topic, stamp_ns, True)
         if stamp_ns is None:
             return Match(topic, None, False)
-        there = self._by_stamp.get((topic, stamp_ns + epoch_ns))
-        if not there:
+        recorded = self._by_stamp.get((topic, stamp_ns + epoch_ns))
+        if not recorded:
             return Match(topic, stamp_ns, False)
-        pairs = zip(there[0], values, strict=False)
-        at, (one, other) = next(
+        pairs = zip(recorded[0], values, strict=False)
+        index, (recorded_value, value) = next(
             ((k, pair) for k, pair in enumerate(pairs) if repr(pair[0]) != repr(pair[1])),
-            (len(values), (len(there[0]), len(values))),
+            (len(values), (len(recorded[0]), len(values))),
         )
         names = _NAMES.get(topic, ())
-        where = names[at] if at < len(names) else f"number {at + 1}"
-        return Match(topic, stamp_ns, False, where, repr(one), repr(other))
+        where = names[index] if index < len(names) else f"number {index + 1}"
+        return Match(topic, stamp_ns, False, where, repr(recorded_value), repr(value))
 
 
 _NAMES = {
@@ -372,7 +376,7 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
 
 def _measured_values(measurement: Measurement) -> Values:
     """Return names and values of all rows."""
-    return tuple(one for row in measurement.rows for one in row)
+    return tuple(value for row in measurement.rows for value in row)
 
 
 def _pose_values(pose: ShipPose) -> Values:

@@ -178,9 +178,9 @@ class _Salvage:
             writer.close()
         except BagError as error:
             shutil.rmtree(self._out, ignore_errors=True)
-            what = "the disk does not take it whole"
+            problem = "the disk does not take it whole"
             right = "make room, or name a folder on another disk with --out"
-            raise BagError(f"bag {self._out}", what, right) from error
+            raise BagError(f"bag {self._out}", problem, right) from error
         return self._out
 
     def lost(self) -> list[str]:
@@ -191,7 +191,7 @@ class _Salvage:
         ]
         if self._unknown:
             sentences.append(f"{self._unknown} messages belong to topics that are lost or not CDR")
-        sentences += [f"{count} messages: {why}" for why, count in self._misfits.items()]
+        sentences += [f"{count} messages: {reason}" for reason, count in self._misfits.items()]
         return sentences
 
     def _open(self) -> BagWriter:
@@ -236,8 +236,8 @@ class _Salvage:
         except BagError as error:
             if writer.trouble:  # a full disk is not the old bag's fault
                 raise
-            why = str(error).rstrip(".")
-            self._misfits[why] = self._misfits.get(why, 0) + 1
+            reason = str(error).rstrip(".")
+            self._misfits[reason] = self._misfits.get(reason, 0) + 1
             return
         first, last = self.span_ns
         self.span_ns = (min(first, message.log_ns), max(last, message.log_ns))

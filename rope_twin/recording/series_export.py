@@ -117,13 +117,13 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
         if name not in SERIES:
             raise InputError(f"topic '{name}'", "it has no time series", did_you_mean(name, SERIES))
     path, problems = find_bag(bag), list[str]()
-    wanted = frozenset(topics or SERIES)
+    names = frozenset(topics or SERIES)
     series: dict[str, dict[int, float]] = {}
     epoch_ns: int | None = None
     files = mcap_files(path)
     if not files:
         raise BagError(f"bag {path}", "it holds no .mcap file", "give a bag with MCAP storage")
-    for name, stored in topic_messages(files, wanted | {EPOCH}, problems):
+    for name, stored in topic_messages(files, names | {EPOCH}, problems):
         try:
             message = messages.decode(name, stored.data)
         except InputError as error:
@@ -137,13 +137,17 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
         for name_part, value in SERIES[name](message):
             series.setdefault(f"{name}/{name_part}", {})[stamp] = value
     if not series:
-        remedy = f"it must have one of {', '.join(sorted(wanted))}"
+        remedy = f"it must have one of {', '.join(sorted(names))}"
         raise BagError(f"bag {path}", "no topic with a time series", remedy)
-    stamps = np.array(sorted({stamp for own in series.values() for stamp in own}), np.int64)
+    stamps = np.array(
+        sorted({stamp for column_values in series.values() for stamp in column_values}), np.int64
+    )
     columns = dict[str, Vector]()
-    for column, own in series.items():
+    for column, column_values in series.items():
         values = np.full(len(stamps), math.nan)
-        values[np.searchsorted(stamps, np.fromiter(own, np.int64, len(own)))] = list(own.values())
+        values[
+            np.searchsorted(stamps, np.fromiter(column_values, np.int64, len(column_values)))
+        ] = list(column_values.values())
         columns[column] = values
     begun_ns = int(stamps[0]) if epoch_ns is None else epoch_ns
     return SeriesTable((stamps - begun_ns) / NANOSECONDS, columns, tuple(dict.fromkeys(problems)))

@@ -203,11 +203,11 @@ class Session:
         """Return what made the bag and is another here, a sentence each."""
         rows = (("program", program()), ("machine", machine()))
         return [
-            f"{name} {key} was {there[key]} and is {here[key]}"
-            for name, here in rows
-            for there in [self.content.get(name, {})]
-            for key in here
-            if key in there and key != "commit" and there[key] != here[key]
+            f"{name} {key} was {recorded[key]} and is {present[key]}"
+            for name, present in rows
+            for recorded in [self.content.get(name, {})]
+            for key in present
+            if key in recorded and key != "commit" and recorded[key] != present[key]
         ]
 
     def make_twin(self) -> Twin:
@@ -315,9 +315,9 @@ def _root_and_files(scene: Scene) -> tuple[Path, list[Path]]:
     if (study := study_path(scene)).is_file():
         files.append(study.resolve())
     shared = share_dir() / "config"
-    own = [path.parent for path in files if not path.is_relative_to(shared)]
+    own_folders = [path.parent for path in files if not path.is_relative_to(shared)]
     # the root is above the scene's accuracy study and its tables, too
-    root = Path(os.path.commonpath([scene.path.resolve().parent, *own]))
+    root = Path(os.path.commonpath([scene.path.resolve().parent, *own_folders]))
     return root, list(dict.fromkeys(files))
 
 
@@ -381,18 +381,18 @@ def _figures(scene: Scene, root: Path) -> str:
     return hashlib.sha256(described.replace(str(root.resolve()), "").encode()).hexdigest()[:16]
 
 
-def _seeds(value: Any, at: str) -> Iterator[tuple[str, int]]:
+def _seeds(value: Any, path_here: str) -> Iterator[tuple[str, int]]:
     """Return path and value of every seed in the scene."""
     if dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
-            part, path = getattr(value, field.name), f"{at}.{field.name}".lstrip(".")
+            part, path = getattr(value, field.name), f"{path_here}.{field.name}".lstrip(".")
             if field.name == "seed" and isinstance(part, int):
                 yield path, part
             else:
                 yield from _seeds(part, path)
     elif isinstance(value, tuple):
         for number, part in enumerate(value):
-            yield from _seeds(part, f"{at}[{number}]")
+            yield from _seeds(part, f"{path_here}[{number}]")
 
 
 def _refusal(problem: str, remedy: str) -> BagError:

@@ -40,25 +40,25 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
     Raises:
         BagError: there is none, or it is of another type, or there are several.
     """
-    where, wanted = f"bag {bag.path}", usual.rpartition("/")[2]
+    where, quantity = f"bag {bag.path}", usual.rpartition("/")[2]
     topics: Mapping[str, TopicContent] = bag.topics
     fitting = [name for name, content in topics.items() if content.type_name in types]
     right = " or ".join(types)
     if topic is not None:
         name = topic if topic in topics else f"/{topic}"
         if name not in topics:
-            near = did_you_mean(topic, topics) if topics else "the bag is empty"
-            raise BagError(where, f"it has no topic '{topic}'", near)
+            suggestion = did_you_mean(topic, topics) if topics else "the bag is empty"
+            raise BagError(where, f"it has no topic '{topic}'", suggestion)
         if name not in fitting:
             problem = f"topic {name} is a {topics[name].type_name}"
-            raise BagError(where, problem, f"{wanted} must be a {right}")
+            raise BagError(where, problem, f"{quantity} must be a {right}")
         return name
     usual_named = [name for name in fitting if is_topic(name, usual)]
     for candidates in (usual_named, fitting):
         if len(candidates) == 1:
             return candidates[0]
     if fitting:
-        problem = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
+        problem = f"several topics could be the {quantity}: {', '.join(sorted(fitting))}"
         raise BagError(where, problem, "name one of them")
     content_text = ", ".join(
         f"{name} ({content.type_name})" for name, content in sorted(topics.items())
@@ -69,7 +69,7 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
 class StampedRows:
     """The samples of a topic as they come, and the judgement on them."""
 
-    def __init__(self, bag: BagReader, topic: str, wanted: str, fields: Sequence[str]) -> None:
+    def __init__(self, bag: BagReader, topic: str, quantity: str, fields: Sequence[str]) -> None:
         """Read all messages; fields: the numbers wanted of each, like `pose.pose.position.z`.
 
         Raises:
@@ -77,7 +77,7 @@ class StampedRows:
         """
         self.where = f"bag {bag.path}, topic {topic}"
         self.notes: list[str] = []
-        self._wanted = wanted
+        self._wanted = quantity
         self._content = bag.topics[topic]
         messages = list(bag.messages(topic))
         readable, rows = self._read([data for _, data in messages], [*_STAMP, *fields])
@@ -144,9 +144,9 @@ class StampedRows:
         steps = np.diff(stamp_ns)
         usual_ns = float(np.median(steps))
         if usual_ns < _LEAST_INTERVAL_NS:
-            what = f"a sample every {usual_ns:g} ns, as of stamps in milliseconds"
+            problem = f"a sample every {usual_ns:g} ns, as of stamps in milliseconds"
             right = f"right are seconds and nanoseconds, {_LEAST_INTERVAL_NS} ns apart at least"
-            raise BagError(self.where, what, right)
+            raise BagError(self.where, problem, right)
         gaps = steps > GAP_PERIODS * usual_ns
         if not np.any(gaps):
             return ""
@@ -160,7 +160,7 @@ class StampedRows:
 
 
 def _judge(
-    stamp_ns: Stamps, values: Table, others: Faults
+    stamp_ns: Stamps, values: Table, further: Faults
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Return which samples are valid and later than all before, and the counted faults."""
     finite = np.all(np.isfinite(values), axis=1)
@@ -170,7 +170,7 @@ def _judge(
         "not finite": int((~finite).sum()),
         "without a stamp": int((finite & ~stamped).sum()),
     }
-    for fault, rows in others.items():
+    for fault, rows in further.items():
         faults[fault] = int((keep & rows).sum())
         keep &= ~rows
     latest = np.iinfo(np.int64).min
@@ -290,11 +290,11 @@ class RecordReplay:
             faded = np.column_stack([blended(splice), surface])
             self._later = np.concatenate([faded, self._first[len(faded) :]])
             faded_s = (track.end_ns - splice.loop_ns) * 1e-9
-            words = (
+            remark = (
                 f"{record.source}: its end does not join its beginning, the last {faded_s:.3g} s "
                 "of each pass fade into the next."
             )
-            self.note = " ".join(filter(None, [record.note, words]))
+            self.note = " ".join(filter(None, [record.note, remark]))
 
     def rows(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
         """Yield stamp and values of each sample with from_ns <= stamp < to_ns, in order.
@@ -346,8 +346,8 @@ def find_splice(track: Track) -> Splice:
     """
     time_ns = track.time_ns
     fade_ns = min(round(FADE_S * 1e9), int(time_ns[-1]) // 3)
-    at = int(np.searchsorted(time_ns, track.end_ns - fade_ns))
-    loop_ns = int(time_ns[min(at, len(time_ns) - 1)])
+    index = int(np.searchsorted(time_ns, track.end_ns - fade_ns))
+    loop_ns = int(time_ns[min(index, len(time_ns) - 1)])
     length_ns = int(time_ns[-1]) - loop_ns
     count = int(np.searchsorted(time_ns, loop_ns))
     head = int(np.searchsorted(time_ns, length_ns))
@@ -362,10 +362,15 @@ def find_splice(track: Track) -> Splice:
 
 def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:
     """Return cubic Hermite values and rates at `at_ns` from those at `time_ns`; (n, k) each."""
-    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
-    step = ((time_ns[left + 1] - time_ns[left]) * 1e-9)[:, None]
-    s = ((at_ns - time_ns[left]) * 1e-9)[:, None] / step
-    a, b, m, n = value[left], value[left + 1], slope[left] * step, slope[left + 1] * step
+    interval = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = ((time_ns[interval + 1] - time_ns[interval]) * 1e-9)[:, None]
+    s = ((at_ns - time_ns[interval]) * 1e-9)[:, None] / step
+    a, b, m, n = (
+        value[interval],
+        value[interval + 1],
+        slope[interval] * step,
+        slope[interval + 1] * step,
+    )
     result = a + s * (m + s * (3.0 * (b - a) - 2.0 * m - n + s * (2.0 * (a - b) + m + n)))
     rate = (
         m + s * (2.0 * (3.0 * (b - a) - 2.0 * m - n) + 3.0 * s * (2.0 * (a - b) + m + n))
@@ -388,8 +393,8 @@ def elevation_at(record: MotionRecord, loop_ns: int | None) -> Vector:
         time_ns, values = time_ns[rising], values[rising]
     slope = np.gradient(values, time_ns * 1e-9)
     result = hermite(at_ns, time_ns, values[:, None], slope[:, None])[0][:, 0]
-    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
-    step = time_ns[left + 1] - time_ns[left]
+    interval = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = time_ns[interval + 1] - time_ns[interval]
     known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
     known &= step <= GAP_PERIODS * np.median(np.diff(time_ns))
     return np.where(known, result, np.nan)
