@@ -79,7 +79,7 @@ def layout(shown: Shown, live: bool) -> Any:
     import rerun.blueprint as rrb
 
     camera = None if shown.frame is None else overview.eye(shown.frame)
-    left = rrb.Vertical(
+    left_column = rrb.Vertical(
         _space(OVERVIEW, _profile_title(shown.frame), camera),
         _space(LOWER_END, "Lower end (to scale)", shown.close),
         row_shares=[5, 3],
@@ -93,7 +93,7 @@ def layout(shown: Shown, live: bool) -> Any:
     sides, heights = (-0.12 * PROFILE_WIDTH, 1.04 * PROFILE_WIDTH), (-0.05 * HEIGHT, 1.15 * HEIGHT)
     middle = rrb.Vertical(_plane(PROFILE, title, sides, heights), below, row_shares=[5, 4])
     return rrb.Blueprint(
-        rrb.Horizontal(left, middle, _right(shown, live), column_shares=[23, 34, 43]),
+        rrb.Horizontal(left_column, middle, _right(shown, live), column_shares=[23, 34, 43]),
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -151,8 +151,8 @@ def _right(shown: Shown, live: bool) -> Any:
         return usual
     further = []
     for tab in tabs:
-        own = [plot for plot in shown.plots if plot.tab == tab]
-        views = (_plot(plot.entity, plot.title, live, None, legend=True) for plot in own)
+        of_tab = [plot for plot in shown.plots if plot.tab == tab]
+        views = (_plot(plot.entity, plot.title, live, None, legend=True) for plot in of_tab)
         further.append(rrb.Vertical(*views, name=tab))
     return rrb.Tabs(usual, *further, active_tab=0)
 

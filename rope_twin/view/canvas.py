@@ -25,9 +25,11 @@ def round_step(span: float, most: int = 7) -> float:
     """Return the smallest 1, 2 or 5 × 10ⁿ that divides `span` into at most `most` steps."""
     if not (math.isfinite(span) and span > 0.0):
         return 1.0
-    least = span / most
-    decade = 10.0 ** math.floor(math.log10(least))
-    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= least * 0.9999)
+    smallest = span / most
+    decade = 10.0 ** math.floor(math.log10(smallest))
+    return next(
+        step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= smallest * 0.9999
+    )
 
 
 def ticks_over(span: float, most: int = 7) -> NDArray[np.float64]:

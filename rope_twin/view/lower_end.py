@@ -52,9 +52,9 @@ class Sight:
     def eye(self) -> tuple[list[float], list[float]]:
         """Return camera position and target, for rerun's field of view of 55 degrees."""
         target = np.array([0.0, 0.0, self.middle])
-        back = np.array([self.aside[1], -self.aside[0], 0.0])
-        away = self.half / math.tan(math.radians(27.5))
-        return (target + away * back + [0.0, 0.0, 0.12 * away]).tolist(), target.tolist()
+        normal = np.array([self.aside[1], -self.aside[0], 0.0])
+        distance = self.half / math.tan(math.radians(27.5))
+        return (target + distance * normal + [0.0, 0.0, 0.12 * distance]).tolist(), target.tolist()
 
 
 def depth_in_words(depth_m: float) -> str:
@@ -118,12 +118,12 @@ class LowerEnd:
         if self._outline_m is not None and self.sight is not None:
             self._focus, self._falls = position_m[-1].copy(), 2
             moved = self._draw_payloads()
-        away = position_m - self._focus
-        near = np.sqrt((away**2).sum(axis=1)) < _NEAR_M
+        offset = position_m - self._focus
+        near = np.sqrt((offset**2).sum(axis=1)) < _NEAR_M
         if self.sight is None or not near.any():
             return False
         if near.all():  # otherwise it is not a sling, but leads elsewhere
-            moved |= self._widen(away)
+            moved |= self._widen(offset)
         self._draw(f"rope/{number}", position_m, elements_n, scale_n)
         return moved
 
@@ -137,31 +137,31 @@ class LowerEnd:
         """Return the distance from the lower end up to which lines are drawn."""
         return 2.0 * (self.sight or Sight()).half
 
-    def _widen(self, away: Points) -> bool:
+    def _widen(self, offset: Points) -> bool:
         """Widen the view to include points (n, 3) relative to the lower end; return if it moved."""
         assert self.sight is not None
-        side = np.sqrt((away[:, :2] ** 2).sum(axis=1))
-        far, below = int(side.argmax()), float(-away[:, 2].min())
-        beside = float(side[far])
-        if below <= _GROWN * self.sight.below and beside <= _GROWN * self.sight.beside:
+        side = np.sqrt((offset[:, :2] ** 2).sum(axis=1))
+        farthest, below = int(side.argmax()), float(-offset[:, 2].min())
+        lateral = float(side[farthest])
+        if below <= _GROWN * self.sight.below and lateral <= _GROWN * self.sight.beside:
             return False
-        aside = self.sight.aside
-        if beside > self.sight.beside or beside > 0.2 * below:
-            east, north = (float(part) / max(beside, 1e-9) for part in away[far, :2])
-            aside = (east, north) if east >= 0.0 else (-east, -north)
-        self._take(Sight(max(below, self.sight.below), max(beside, self.sight.beside), aside))
+        direction = self.sight.aside
+        if lateral > self.sight.beside or lateral > 0.2 * below:
+            east, north = (float(part) / max(lateral, 1e-9) for part in offset[farthest, :2])
+            direction = (east, north) if east >= 0.0 else (-east, -north)
+        self._take(Sight(max(below, self.sight.below), max(lateral, self.sight.beside), direction))
         return True
 
     def _take(self, sight: Sight) -> None:
         """Set the visible region, and draw its scale bar."""
         self.sight = sight
         bar_m = round_step(0.5 * sight.half, most=1) / 2.0
-        low, left, tick = 0.8 * sight.half, -0.55 * sight.half, 0.03 * sight.half
-        ends = (left, left + bar_m)
+        low, bar_begin, tick = 0.8 * sight.half, -0.55 * sight.half, 0.03 * sight.half
+        ends = (bar_begin, bar_begin + bar_m)
         lines = [[sight.spot(x, low) for x in ends]]
         lines += [[sight.spot(x, low - tick), sight.spot(x, low + tick)] for x in ends]
         self._canvas.lines("scale", lines, SCALE_RGB)
-        words_at = sight.spot(left + 0.5 * bar_m, low)
+        words_at = sight.spot(bar_begin + 0.5 * bar_m, low)
         self._canvas.labels("scale/words", [words_at], [f"{bar_m:g} m"])
 
     def _draw(self, name: str, position_m: Points, elements_n: Points, scale_n: float) -> None:
@@ -173,30 +173,36 @@ class LowerEnd:
     def _draw_payloads(self) -> bool:
         """Draw payload, depth label and water; return whether the camera has to move."""
         assert self.sight is not None
-        middle, aside = self._focus, 0.4 * self.sight.half
+        middle, offset = self._focus, 0.4 * self.sight.half
         if self._outline_m is not None and self._pose is not None:
             middle = self._pose[0]
-            aside = max(aside, 0.5 * float(np.hypot(*self._outline_m[:2])) + 0.2 * self.sight.half)
-        at = self.sight.spot(aside, 0.0)
-        at[2] = float(middle[2] - self._focus[2])
-        self._canvas.labels("depth", [at], [depth_in_words(-float(middle[2]))])
+            offset = max(
+                offset, 0.5 * float(np.hypot(*self._outline_m[:2])) + 0.2 * self.sight.half
+            )
+        position = self.sight.spot(offset, 0.0)
+        position[2] = float(middle[2] - self._focus[2])
+        self._canvas.labels("depth", [position], [depth_in_words(-float(middle[2]))])
         self._draw_water(self.sight)
         if self._outline_m is not None and self._pose is not None:
             return self._draw_body(self._outline_m, *self._pose)
         known = self.payloads or {"": self._focus}
         every = {name: place - self._focus for name, place in known.items()}
-        near = {name: at for name, at in every.items() if np.abs(at).max() < self._bounds}
+        inside = {
+            name: position
+            for name, position in every.items()
+            if np.abs(position).max() < self._bounds
+        }
         half = self.sight.half / 16.0
-        centres = [at - [0.0, 0.0, half] for at in near.values()]
-        self._canvas.payloads(centres, half, list(near), named=bool(self.payloads))
+        centres = [position - [0.0, 0.0, half] for position in inside.values()]
+        self._canvas.payloads(centres, half, list(inside), named=bool(self.payloads))
         return False
 
     def _draw_water(self, sight: Sight) -> None:
         """Draw the mean water level where it is visible."""
-        up = -float(self._focus[2]) - sight.middle
-        before, self._at_water = self._at_water, abs(up) < sight.half
+        height = -float(self._focus[2]) - sight.middle
+        before, self._at_water = self._at_water, abs(height) < sight.half
         if before or self._at_water:
-            level = [[sight.spot(side * sight.half, up) for side in (-1.0, 1.0)]]
+            level = [[sight.spot(side * sight.half, height) for side in (-1.0, 1.0)]]
             self._canvas.lines("water", level[: self._at_water], WAVE_RGB)
 
     def _draw_body(self, sides: Points, place: Points, quaternion: list[float]) -> bool:
@@ -226,14 +232,14 @@ def _cut(ends: Points, bounds: float) -> tuple[Points, NDArray[np.intp]]:
     """
     from_middle = np.sqrt((ends**2).sum(axis=2))
     shown = np.flatnonzero(from_middle.min(axis=1) < bounds)
-    kept = ends[shown].copy()
-    for side, other in ((0, 1), (1, 0)):
-        far = from_middle[shown, side] > bounds
-        inner, outer = kept[far, other], kept[far, side]
-        along = outer - inner
+    pieces = ends[shown].copy()
+    for side, opposite in ((0, 1), (1, 0)):
+        outside = from_middle[shown, side] > bounds
+        inner, outer = pieces[outside, opposite], pieces[outside, side]
+        segment = outer - inner
         # |inner + share·along| = bounds
-        a, b = (along**2).sum(axis=1), (inner * along).sum(axis=1)
+        a, b = (segment**2).sum(axis=1), (inner * segment).sum(axis=1)
         c = (inner**2).sum(axis=1) - bounds**2
         share = (np.sqrt(np.maximum(b * b - a * c, 0.0)) - b) / a
-        kept[far, side] = inner + share[:, None] * along
-    return kept, shown
+        pieces[outside, side] = inner + share[:, None] * segment
+    return pieces, shown

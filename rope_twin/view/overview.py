@@ -82,17 +82,17 @@ class Frame:
 def frame_for(position_m: Points, gone_m: float = 0.0) -> Frame:
     """Return the frame for a rope (n, 3) whose hang-off has moved by `gone_m` horizontally."""
     depth, above = _reach(position_m)
-    high, at = depth + above, (float(position_m[0, 0]), float(position_m[0, 1]))
-    off = position_m[:, :2] - position_m[0, :2]
-    distance = np.hypot(off[:, 0], off[:, 1])
-    far = int(distance.argmax())
-    width = float(distance[far])
+    high, hang_off = depth + above, (float(position_m[0, 0]), float(position_m[0, 1]))
+    drift = position_m[:, :2] - position_m[0, :2]
+    distance = np.hypot(drift[:, 0], drift[:, 1])
+    farthest = int(distance.argmax())
+    width = float(distance[farthest])
     factor = next((f for f in _FACTORS if f * max(width, gone_m) <= _WIDE * high), 1)
     straight = width < 1e-4 * high
     if straight:  # any direction will do: look north
-        return Frame(factor, depth, (1.0, 0.0), above_m=above, at_m=at)
-    aside = (float(off[far, 0] / width), float(off[far, 1] / width))
-    return Frame(factor, depth, aside, factor * width, above, at)
+        return Frame(factor, depth, (1.0, 0.0), above_m=above, at_m=hang_off)
+    direction = (float(drift[farthest, 0] / width), float(drift[farthest, 1] / width))
+    return Frame(factor, depth, direction, factor * width, above, hang_off)
 
 
 def _reach(position_m: Points) -> tuple[float, float]:
@@ -146,20 +146,20 @@ class Overview:
     def _draw_scales(self, frame: Frame) -> None:
         """Draw the depth scale left of the rope, the sea, and a bar of the horizontal scale."""
         depths, high = frame.depths_m, frame.high_m
-        left, tick = -0.11 * high, 0.012 * high
-        lines = [[frame.spot(left, -depths[0]), frame.spot(left, -depths[-1])]]
-        lines += [[frame.spot(left - tick, -d), frame.spot(left, -d)] for d in depths]
+        axis_x, tick = -0.11 * high, 0.012 * high
+        lines = [[frame.spot(axis_x, -depths[0]), frame.spot(axis_x, -depths[-1])]]
+        lines += [[frame.spot(axis_x - tick, -d), frame.spot(axis_x, -d)] for d in depths]
         bar_m = round_step(0.2 * high / frame.factor, most=1) / 2.0
         low = -depths[-1] - 0.08 * high
         end = frame.factor * bar_m
         lines += [[frame.spot(0.0, low), frame.spot(end, low)]]
         lines += [[frame.spot(x, low - tick), frame.spot(x, low + tick)] for x in (0.0, end)]
         self._canvas.lines("scale", lines, SCALE_RGB)
-        places = [frame.spot(left - 0.09 * high, 0.018 * high - d) for d in depths]
-        words = [f"{depth_words(depth)} m" for depth in depths]
+        places = [frame.spot(axis_x - 0.09 * high, 0.018 * high - d) for d in depths]
+        labels = [f"{depth_words(depth)} m" for depth in depths]
         places.append(frame.spot(0.5 * end, low))
-        words.append(f"{bar_m:g} m horizontal")
-        self._canvas.labels("scale/words", places, words)
+        labels.append(f"{bar_m:g} m horizontal")
+        self._canvas.labels("scale/words", places, labels)
         self._draw_sea(0.085 * high)
 
     def _draw_sea(self, half: float) -> None:
@@ -175,12 +175,12 @@ def has_left(frame: Frame, position_m: Points) -> bool:
     """Return whether the rope exceeds the picture, has become small in it or has moved away."""
     depth, above = _reach(position_m)
     high, drawn = depth + above, frame.depth_m + frame.above_m
-    off = position_m[:, :2] - frame.at_m
-    width = frame.factor * float(np.hypot(off[:, 0], off[:, 1]).max())
+    drift = position_m[:, :2] - frame.at_m
+    width = frame.factor * float(np.hypot(drift[:, 0], drift[:, 1]).max())
     beyond = max(depth - frame.depth_m, above - frame.above_m)
     resized = beyond > 0.15 * drawn or high < 0.5 * drawn
-    gone = frame.factor * frame.gone_m(position_m) > _GONE * drawn
-    return resized or gone or (frame.factor > 1 and width > _TOO_WIDE * max(high, drawn))
+    moved_away = frame.factor * frame.gone_m(position_m) > _GONE * drawn
+    return resized or moved_away or (frame.factor > 1 and width > _TOO_WIDE * max(high, drawn))
 
 
 def eye(frame: Frame) -> tuple[list[float], list[float]]:
@@ -287,5 +287,5 @@ class Surface:
         lines += [[[x - 0.3 * size, 0.0, z], [x, 0.0, z]] for z in heights]
         self._canvas.lines("scale", lines, SCALE_RGB, static=True)
         places = [[x - 2.0 * size, 0.0, z + 0.35 * size] for z in heights]
-        words = [f"{z:+g} m" if z else "0 m" for z in heights]
-        self._canvas.labels("scale/words", places, words, static=True)
+        labels = [f"{z:+g} m" if z else "0 m" for z in heights]
+        self._canvas.labels("scale/words", places, labels, static=True)

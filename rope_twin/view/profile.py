@@ -51,9 +51,9 @@ class Profile:
             self._draw_axes(depths_m)
         curve = self._place(nodes_n, depth_m)
         below_m = np.maximum.accumulate(depth_m - depth_m[0])
-        along = below_m / max(float(below_m[-1]), 1.0)
-        depths_m = np.interp(_ALONG, along, depth_m)
-        sides = self._range(time_ns, np.interp(_ALONG, along, nodes_n))
+        fraction = below_m / max(float(below_m[-1]), 1.0)
+        depths_m = np.interp(_ALONG, fraction, depth_m)
+        sides = self._range(time_ns, np.interp(_ALONG, fraction, nodes_n))
         strips = [self._place(side, depths_m) for side in sides]
         self._canvas.lines("range", strips, _RANGE_RGB, draw_order=1.0)
         self._canvas.rope("now", curve, elements_n, scale_n, 2.5, draw_order=2.0)
@@ -71,8 +71,8 @@ class Profile:
         return scale_n != self._scale_n or low > self._deepest_m or small or bool(above)
 
     def _place(self, tension_n: NDArray[np.float64], depth_m: NDArray[np.float64]) -> Any:
-        down = (depth_m - self._top_m) / (self._deepest_m - self._top_m)
-        return np.stack([tension_n / self._scale_n * PROFILE_WIDTH, down * HEIGHT], axis=-1)
+        depth = (depth_m - self._top_m) / (self._deepest_m - self._top_m)
+        return np.stack([tension_n / self._scale_n * PROFILE_WIDTH, depth * HEIGHT], axis=-1)
 
     def _range(self, time_ns: int, tension_n: NDArray[np.float64]) -> Any:
         """Return minimum and maximum tension along the rope over RANGE_S; restart after a jump."""
@@ -89,16 +89,16 @@ class Profile:
         import rerun as rr
 
         forces_n = ticks_over(self._scale_n, most=5)
-        across = forces_n / self._scale_n * PROFILE_WIDTH
-        down = (depths_m - depths_m[0]) / (depths_m[-1] - depths_m[0]) * HEIGHT
+        x_positions = forces_n / self._scale_n * PROFILE_WIDTH
+        y_positions = (depths_m - depths_m[0]) / (depths_m[-1] - depths_m[0]) * HEIGHT
         canvas = Canvas(self._stream, f"{self._path}/axes", flat=True)
-        grid = [[[x, 0.0], [x, HEIGHT]] for x in across if x <= PROFILE_WIDTH]
-        grid += [[[0.0, y], [PROFILE_WIDTH, y]] for y in down]
+        grid = [[[x, 0.0], [x, HEIGHT]] for x in x_positions if x <= PROFILE_WIDTH]
+        grid += [[[0.0, y], [PROFILE_WIDTH, y]] for y in y_positions]
         canvas.lines("grid", grid, GRID_RGB, HAIR, draw_order=0.0)
-        shown = across <= PROFILE_WIDTH
-        canvas.labels("tension", [[x, _UNDER] for x in across[shown]],
+        shown = x_positions <= PROFILE_WIDTH
+        canvas.labels("tension", [[x, _UNDER] for x in x_positions[shown]],
                       [f"{force / 1000.0:g}" for force in forces_n[shown]])  # fmt: skip
-        canvas.labels("depth", [[_ASIDE, y - _LIFT] for y in down],
+        canvas.labels("depth", [[_ASIDE, y - _LIFT] for y in y_positions],
                       [depth_words(depth) for depth in depths_m])  # fmt: skip
         # the colour bar: strips side by side (2-D boxes cannot be filled)
         places = (np.arange(_STRIPS) + 0.5) / _STRIPS
@@ -137,10 +137,10 @@ class DepthChart:
 
     def show(self, depth_m: Values, curves: list[Curve]) -> None:
         """Draw curves over the length below the hang-off [m]; rope aboard is not drawn."""
-        out = depth_m >= 0.0
-        known = [curve.values[out & np.isfinite(curve.values)] for curve in curves]
+        paid_out = depth_m >= 0.0
+        known = [curve.values[paid_out & np.isfinite(curve.values)] for curve in curves]
         largest = max((float(values.max(initial=0.0)) for values in known), default=0.0)
-        deepest = float(depth_m[out].max(initial=0.0))
+        deepest = float(depth_m[paid_out].max(initial=0.0))
         wide, high = self._axes
         if largest > wide or deepest > high:
             wide = float(ticks_over(1.2 * largest, most=4)[-1]) if largest > wide else wide
@@ -150,7 +150,7 @@ class DepthChart:
         if not (wide > 0.0 and high > 0.0):
             return
         for curve in curves:
-            drawn = out & np.isfinite(curve.values)
+            drawn = paid_out & np.isfinite(curve.values)
             points = self._place(curve.values[drawn] / wide, depth_m[drawn] / high)
             self._canvas.lines(curve.name.replace(" ", "_"), [points], curve.rgb, 2.0)
 
@@ -161,16 +161,20 @@ class DepthChart:
         wide, high = self._axes
         if not (wide > 0.0 and high > 0.0):
             return
-        across, down = ticks_over(wide, most=4), ticks_over(high)
-        x, y = self._left + across / wide * WIDTH, down / high * HEIGHT
-        grid = [[[at, 0.0], [at, HEIGHT]] for at in x]
-        grid += [[[self._left, at], [self._left + WIDTH, at]] for at in y]
+        values, depths = ticks_over(wide, most=4), ticks_over(high)
+        x, y = self._left + values / wide * WIDTH, depths / high * HEIGHT
+        grid = [[[coordinate, 0.0], [coordinate, HEIGHT]] for coordinate in x]
+        grid += [[[self._left, coordinate], [self._left + WIDTH, coordinate]] for coordinate in y]
         canvas = self._canvas
         canvas.lines("grid", grid, GRID_RGB, HAIR)
-        canvas.labels("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
+        canvas.labels(
+            "values", [[coordinate, HEIGHT] for coordinate in x], [f"{value:g}" for value in values]
+        )
         if self._left == 0.0:  # the other panels have the same depths, and no space for labels
             canvas.labels(
-                "depths", [[-60.0, at - _NAMES_LIFT] for at in y], [f"{d:g}" for d in down]
+                "depths",
+                [[-60.0, coordinate - _NAMES_LIFT] for coordinate in y],
+                [f"{d:g}" for d in depths],
             )
         names = ", ".join(curve.name for curve in curves)
         middle = self._left + 0.5 * WIDTH
@@ -226,13 +230,13 @@ class WatchedCharts:
         if not np.isfinite(columns["bends"]).any():
             return False
         material = columns["from_lower_end_m"]
-        down = material.max() - material
-        self._bends.show(down, [Curve("per metre of rope", columns["bends"], USED_RGB)])
+        from_top_m = material.max() - material
+        self._bends.show(from_top_m, [Curve("per metre of rope", columns["bends"], USED_RGB)])
         worn = [
             Curve("damage", columns["bend_damage"], USED_RGB),
             Curve("of discard value", columns["discard_fraction"], DRAG_RGB),
         ]
-        self._bent.show(down, worn)
+        self._bent.show(from_top_m, worn)
         return self._is_first(BENDS)
 
     def _is_first(self, name: str) -> bool:

@@ -169,12 +169,12 @@ class RopeView:
         (series.dots if dots else series.style)(name, rgb)
         return series
 
-    def _is_time(self, what: str, time_ns: int) -> bool:
+    def _is_time(self, topic: str, time_ns: int) -> bool:
         """Return whether to draw again; also after a jump back, when a bag restarts."""
-        last_ns = self._drawn_ns.get(what)
+        last_ns = self._drawn_ns.get(topic)
         due = last_ns is None or not 0 <= time_ns - last_ns < PICTURE_NS
         if due:
-            self._drawn_ns[what] = time_ns
+            self._drawn_ns[topic] = time_ns
             assert self._timelines is not None
             self._timelines.set(time_ns)
         return due
@@ -219,11 +219,11 @@ class RopeView:
             return
         moved = False
         for number in range(int(nodes["rope"].max()) + 1):
-            own = nodes[nodes["rope"] == number]
-            position = np.stack([own[axis] for axis in "xyz"], axis=1).astype(np.float64)
-            nodes_n = own["tension_n"].astype(np.float64)
+            rope_nodes = nodes[nodes["rope"] == number]
+            position = np.stack([rope_nodes[axis] for axis in "xyz"], axis=1).astype(np.float64)
+            nodes_n = rope_nodes["tension_n"].astype(np.float64)
             elements_n = self._elements["tension_n"][self._elements["rope"] == number]
-            if len(elements_n) != len(own) - 1:
+            if len(elements_n) != len(rope_nodes) - 1:
                 elements_n = 0.5 * (nodes_n[1:] + nodes_n[:-1])
             if number == 0:
                 moved |= self._draw_first(time_ns, position, nodes_n, elements_n)
@@ -275,10 +275,17 @@ class RopeView:
     def _payloads(self, message: Any, time_ns: int) -> None:
         poses = {
             name: (
-                np.array([one.translation.x, one.translation.y, one.translation.z]),
-                [one.rotation.x, one.rotation.y, one.rotation.z, one.rotation.w],
+                np.array(
+                    [transform.translation.x, transform.translation.y, transform.translation.z]
+                ),
+                [
+                    transform.rotation.x,
+                    transform.rotation.y,
+                    transform.rotation.z,
+                    transform.rotation.w,
+                ],
             )
-            for name, one in zip(message.joint_names, message.transforms, strict=True)
+            for name, transform in zip(message.joint_names, message.transforms, strict=True)
         }
         self._lower_end.take_poses(poses)
         self._overview.payloads = self._lower_end.payloads
@@ -414,9 +421,9 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
             continue
         played.shown += 1
         played.end_ns = max(played.end_ns, stored.log_ns)
-    played.problems += [f"{count} × {words}" for words, count in undecoded.items()]
+    played.problems += [f"{count} × {reason}" for reason, count in undecoded.items()]
     if not played.shown:
-        problem = "no topic to show" + "".join(f"; {words}" for words in played.problems)
+        problem = "no topic to show" + "".join(f"; {reason}" for reason in played.problems)
         raise BagError(f"bag {path}", problem, f"name a bag with {', '.join(SHOWN_TOPICS)}")
     if until_s is not None and not ended and played.duration_s < until_s - 0.5:
         problem = f"{until_s:g} s is after its end"

@@ -28,17 +28,17 @@ class Timelines:
 
     def set(self, time_ns: int) -> None:
         """Set the ROS time of whatever this thread logs next."""
-        since = np.timedelta64(time_ns - self.epoch_ns, "ns")
-        self._stream.set_time(TWIN_TIME, duration=since)
+        elapsed = np.timedelta64(time_ns - self.epoch_ns, "ns")
+        self._stream.set_time(TWIN_TIME, duration=elapsed)
         self._stream.set_time(ROS_TIME, timestamp=np.datetime64(time_ns, "ns"))
 
     def columns(self, times_ns: NDArray[np.int64]) -> list[Any]:
         """Return the timelines of a batch of samples (n,)."""
         import rerun as rr
 
-        since = (times_ns - self.epoch_ns).astype("timedelta64[ns]")
+        elapsed = (times_ns - self.epoch_ns).astype("timedelta64[ns]")
         return [
-            rr.TimeColumn(TWIN_TIME, duration=since),
+            rr.TimeColumn(TWIN_TIME, duration=elapsed),
             rr.TimeColumn(ROS_TIME, timestamp=times_ns.astype("datetime64[ns]")),
         ]
 
@@ -165,22 +165,22 @@ class Figures:
         for winch, figure, value in cells:
             if figure in _UNSHOWN:
                 continue
-            plain = (figure, figure.replace("_", " "), 1.0, figure)
-            group, title, factor, words = _WINCH.get(figure, plain)
+            usual = (figure, figure.replace("_", " "), 1.0, figure)
+            group, title, factor, label = _WINCH.get(figure, usual)
             plot = Plot(WINCH_TAB, f"plots/winch/{group}", title)
-            self._add(plot, f"{winch}/{words}", f"{words}, {winch}", time_ns, factor * value)
+            self._add(plot, f"{winch}/{label}", f"{label}, {winch}", time_ns, factor * value)
         self.plots.sort(key=lambda plot: _ORDER.get(plot.entity, len(_ORDER)))
 
     def lines(self, time_ns: int, cells: Cells) -> None:
         """Add values of crossings and of the nearest points."""
         for where, figure, value in cells:
-            words = where.replace("_", " ")
+            label = where.replace("_", " ")
             if (where, figure) == ("nearest", "distance_m"):
                 self._add(_DISTANCE, "nearest", "nearest", time_ns, value)
             elif figure == "z" and where != "nearest":
-                self._add(_DEPTHS, where, words, time_ns, value, dots=True)
+                self._add(_DEPTHS, where, label, time_ns, value, dots=True)
             elif figure == "angle_deg":
-                self._add(_ANGLES, where, words, time_ns, value, dots=True)
+                self._add(_ANGLES, where, label, time_ns, value, dots=True)
 
     def shape(self, time_ns: int, cells: Cells) -> None:
         """Add touchdown and bend radius of ropes."""
@@ -207,8 +207,8 @@ class Figures:
             curves += [(less, "lower", False), (less, "upper", False)]
             for plot, column, dots in curves:
                 if math.isfinite(value := float(row[column])):
-                    curve, words = f"{name}/{column}", f"{column}, {name}"
-                    self._add(plot, curve, words, at_ns, factor * value, dots=dots)
+                    curve, label = f"{name}/{column}", f"{column}, {name}"
+                    self._add(plot, curve, label, at_ns, factor * value, dots=dots)
 
     def quality(self, time_ns: int, cells: Cells) -> None:
         """Add the quality index of each element."""
@@ -239,11 +239,11 @@ class StatusLog:
         self._stream, self._path = stream, path
         self._logged: dict[str, tuple[int, str]] = {}
 
-    def write(self, words: str, level: str = "INFO") -> None:
+    def write(self, text: str, level: str = "INFO") -> None:
         """Write a line."""
         import rerun as rr
 
-        self._stream.log(self._path, rr.TextLog(words, level=level))
+        self._stream.log(self._path, rr.TextLog(text, level=level))
 
     def take(self, status: Any) -> None:
         """Write a line for a decoded DiagnosticStatus if its level or its message has changed."""

@@ -311,8 +311,8 @@ def take_picture(recording: Path, picture: Path) -> None:
 
 def _driver() -> Path | None:
     """Return the description file of a Vulkan driver, preferably the software renderer's."""
-    found = [file for folder in _DRIVERS for file in sorted(Path(folder).glob("*.json"))]
-    return min(found, key=lambda file: not file.name.startswith(_SOFTWARE), default=None)
+    drivers = [file for folder in _DRIVERS for file in sorted(Path(folder).glob("*.json"))]
+    return min(drivers, key=lambda file: not file.name.startswith(_SOFTWARE), default=None)
 
 
 def _settled(port: int, recording: Path) -> bytes:
@@ -352,6 +352,6 @@ def _write(data: bytes, picture: Path) -> None:
 def _without_title_bar(image: Any) -> Any:
     """Return the picture without the empty title bar of a frameless window."""
     column = np.asarray(image, dtype=np.int16)[:, image.width // 2]
-    away = np.abs(column[_EDGE : image.height // 10] - column[_EDGE]).max(axis=1) > 2
-    top = _EDGE + int(away.argmax()) if away.any() else 0
+    differs = np.abs(column[_EDGE : image.height // 10] - column[_EDGE]).max(axis=1) > 2
+    top = _EDGE + int(differs.argmax()) if differs.any() else 0
     return image.crop((0, top, image.width, image.height))
