@@ -173,8 +173,8 @@ def _hard_cases(args: argparse.Namespace) -> int:
     if args.json:
         print(json.dumps([_hard_json(row) for row in rows], indent=1, ensure_ascii=False))
     elif not args.markdown:
-        held = sum(row.ok for row in rows)
-        print(f"{held} of {len(rows)} pass, {sum(row.seconds for row in rows):.0f} s")
+        passed = sum(row.ok for row in rows)
+        print(f"{passed} of {len(rows)} pass, {sum(row.seconds for row in rows):.0f} s")
     return 0 if all(row.ok for row in rows) else 1
 
 

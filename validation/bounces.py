@@ -80,15 +80,15 @@ class Bounces:
     def _pieces(self, last: float) -> Iterator[tuple[float, bool, Piece]]:
         """Yield the end of each piece, whether slack or taut begins there, and its motion."""
         weight, stiffness = self.rig.load_weight, self.rig.EA / self.rig.length
-        at, z, v = 0.0, -self.rig.length - weight / stiffness, 0.0
+        begin, z, v = 0.0, -self.rig.length - weight / stiffness, 0.0
         taut = True
-        while at < last:
-            piece = self._taut(at, z, v) if taut else self._slack(at, z, v)
-            border = self.heave.stop if at < self.heave.stop else math.inf
-            change = self._change(piece, at, min(border, last), taut)
+        while begin < last:
+            piece = self._taut(begin, z, v) if taut else self._slack(begin, z, v)
+            border = self.heave.stop if begin < self.heave.stop else math.inf
+            change = self._change(piece, begin, min(border, last), taut)
             end = min(border, last) if change is None else change
             yield end, change is not None, piece
-            (z, v), at, taut = piece(end), end, taut != (change is not None)
+            (z, v), begin, taut = piece(end), end, taut != (change is not None)
 
     def _change(self, piece: Piece, begin: float, end: float, taut: bool) -> float | None:
         def stretch(time: float) -> float:
@@ -102,38 +102,38 @@ class Bounces:
             before = after
         return None
 
-    def _taut(self, at: float, z: float, v: float) -> Piece:
+    def _taut(self, begin: float, z: float, v: float) -> Piece:
         moving, stiffness = self.rig.load + self.rig.added[2], self.rig.EA / self.rig.length
-        own = math.sqrt(stiffness / moving)
+        natural = math.sqrt(stiffness / moving)
         omega, a = self.heave.omega, self.heave.amplitude
         mean = -self.rig.length - self.rig.load_weight / stiffness
-        swing = -a / (1.0 - (omega / own) ** 2)
-        if at >= self.heave.stop:
-            mean, swing, a = mean + self.heave.at(at)[0], 0.0, 0.0
+        swing = -a / (1.0 - (omega / natural) ** 2)
+        if begin >= self.heave.stop:
+            mean, swing, a = mean + self.heave.at(begin)[0], 0.0, 0.0
 
         def forced(time: float) -> tuple[float, float]:
             angle = omega * time
             return mean + a + swing * math.cos(angle), -swing * omega * math.sin(angle)
 
-        c = z - forced(at)[0]
-        s = (v - forced(at)[1]) / own
+        c = z - forced(begin)[0]
+        s = (v - forced(begin)[1]) / natural
 
         def piece(time: float) -> tuple[float, float]:
-            angle = own * (time - at)
+            angle = natural * (time - begin)
             place, rate = forced(time)
             return (
                 place + c * math.cos(angle) + s * math.sin(angle),
-                rate + own * (s * math.cos(angle) - c * math.sin(angle)),
+                rate + natural * (s * math.cos(angle) - c * math.sin(angle)),
             )
 
         return piece
 
-    def _slack(self, at: float, z: float, v: float) -> Piece:
-        down = self.rig.load_weight / (self.rig.load + self.rig.added[2])
+    def _slack(self, begin: float, z: float, v: float) -> Piece:
+        gravity = self.rig.load_weight / (self.rig.load + self.rig.added[2])
 
         def piece(time: float) -> tuple[float, float]:
-            since = time - at
-            return z + v * since - 0.5 * down * since**2, v - down * since
+            elapsed = time - begin
+            return z + v * elapsed - 0.5 * gravity * elapsed**2, v - gravity * elapsed
 
         return piece
 
@@ -153,7 +153,7 @@ def _against(heave: Heave, steps_s: Sequence[float]) -> tuple[list[Finding], tup
         if step == JUDGED_S:
             name = f"{heave.name}, {1e3 * step:g} ms"
             slack = 100.0 * float((pull < SLACK_N).mean())
-            theirs = 100.0 * float((exact < SLACK_N).mean())
+            exact_pct = 100.0 * float((exact < SLACK_N).mean())
             peak = 100.0 * abs(pull.max() / exact.max() - 1.0)
             findings += [
                 between(f"{heave.name}: times slack or taut", len(changes), (8, math.inf),
@@ -163,17 +163,17 @@ def _against(heave: Heave, steps_s: Sequence[float]) -> tuple[list[Finding], tup
                 limited(f"{name}: largest tension off, of its peak",
                         100.0 * float(np.abs(pull - exact).max() / exact.max()), 0.3),
                 limited(f"{name}: highest tension off", peak, 0.01),
-                between(f"{name}: time slack", slack, (theirs - 0.2, theirs + 0.2),
-                        f"{theirs:.3f}", "%"),
+                between(f"{name}: time slack", slack, (exact_pct - 0.2, exact_pct + 0.2),
+                        f"{exact_pct:.3f}", "%"),
             ]  # fmt: skip
             panels = (
                 Panel(heave.name, "time [s]", "tension [kN]",
                       (Line(time, 1e-3 * exact, "closed form"),
                        Line(time[::10], 1e-3 * pull[::10], f"ours, {1e3 * step:g} ms", "k."))),
             )  # fmt: skip
-    order = [float(np.polyfit(np.log(steps_s), np.log(off), 1)[0]) for off in (places, pulls)]
-    for words, slope in zip(("position", "tension"), order, strict=True):
-        quantity = f"{heave.name}: order of convergence, rms of the {words}"
+    order = [float(np.polyfit(np.log(steps_s), np.log(errors), 1)[0]) for errors in (places, pulls)]
+    for quantity_name, slope in zip(("position", "tension"), order, strict=True):
+        quantity = f"{heave.name}: order of convergence, rms of the {quantity_name}"
         findings.append(between(quantity, slope, (1.8, math.inf), "2, of TR-BDF2"))
     lines = (Line(steps_s, places, "position over its range", "o-"),
              Line(steps_s, pulls, "tension over its peak", "s-"))  # fmt: skip
@@ -182,8 +182,8 @@ def _against(heave: Heave, steps_s: Sequence[float]) -> tuple[list[Finding], tup
 
 def _bounces(heaves: Sequence[Heave] = (FALL, HEAVE), steps_s: Sequence[float] = STEPS_S) -> Found:
     pairs = [_against(heave, steps_s) for heave in heaves]
-    findings = [finding for found, _ in pairs for finding in found]
-    return Found(tuple(findings), tuple(panel for _, own in pairs for panel in own), NOTES)
+    findings = [finding for results, _ in pairs for finding in results]
+    return Found(tuple(findings), tuple(panel for _, panels in pairs for panel in panels), NOTES)
 
 
 NOTES = (

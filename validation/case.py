@@ -66,8 +66,8 @@ def within_pct(quantity: str, ours: float, published: float, pct: float, unit: s
 def within(quantity: str, ours: float, published: float, margin: float, unit: str = "") -> Finding:
     """Require a value within `margin` of the published one."""
     low, high = published - margin, published + margin
-    words = f"± {margin:g} {unit}".strip()
-    return Finding(quantity, float(ours), f"{published:.6g}", words, unit, low, high)
+    tolerance = f"± {margin:g} {unit}".strip()
+    return Finding(quantity, float(ours), f"{published:.6g}", tolerance, unit, low, high)
 
 
 def between(
@@ -76,10 +76,10 @@ def between(
     """Require a value between limits."""
     low, high = limits
     if low == -inf:
-        words = f"at most {high:g}"
+        tolerance = f"at most {high:g}"
     else:
-        words = f"at least {low:g}" if high == inf else f"{low:g} to {high:g}"
-    return Finding(quantity, float(ours), published, words, unit, low, high)
+        tolerance = f"at least {low:g}" if high == inf else f"{low:g} to {high:g}"
+    return Finding(quantity, float(ours), published, tolerance, unit, low, high)
 
 
 def limited(quantity: str, ours: float, limit: float, unit: str = "%") -> Finding:
@@ -142,10 +142,10 @@ class Row:
         return max(judged, key=lambda finding: finding.strain)
 
 
-def announced(items: Sequence[T], listen: Listener, words: Callable[[T], str]) -> Iterator[T]:
-    """Yield items; `listen` hears of each, as the number done, that of all, and its words."""
+def announced(items: Sequence[T], listen: Listener, label: Callable[[T], str]) -> Iterator[T]:
+    """Yield items; `listen` hears of each, as the number done, that of all, and its label."""
     for number, item in enumerate(items):
-        listen(number, len(items), words(item))
+        listen(number, len(items), label(item))
         yield item
     listen(len(items), len(items), "done")
 
@@ -168,9 +168,9 @@ def run_each(cases: Sequence[Case]) -> Iterator[Row]:
     live = sys.stderr.isatty()
     for number, case in enumerate(cases, 1):
         if live:
-            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
-            words = words[: columns(sys.stderr) - 1]
-            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+            line = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            line = line[: columns(sys.stderr) - 1]
+            print(f"\r\033[K{line}", end="", file=sys.stderr, flush=True)
         row = run_case(case)
         if live:
             print("\r\033[K", end="", file=sys.stderr, flush=True)
@@ -181,7 +181,7 @@ def run_case(case: Case) -> Row:
     """Run one in full; a solver that gives up is a row that does not pass, with its sentence."""
     began = time.perf_counter()
     try:
-        found, refusal = case.run(), ""
+        result, refusal = case.run(), ""
     except RopeTwinError as error:
-        found, refusal = Found(()), str(error)
-    return Row(case, found, refusal, time.perf_counter() - began)
+        result, refusal = Found(()), str(error)
+    return Row(case, result, refusal, time.perf_counter() - began)

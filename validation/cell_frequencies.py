@@ -67,12 +67,12 @@ class CellResponse(DecomposedResponse):
 
     def _own_frequencies(self, reduced: Floats | None) -> Floats:
         """Return eq 7 of each free node [Hz]; reduced: f·D/U where C_a is read, None: its own."""
-        first, own = self.excitation.modes.frequency[self._mode], self._nodes
-        ratio = own.dry / own.water
+        first, nodes = self.excitation.modes.frequency[self._mode], self._nodes
+        ratio = nodes.dry / nodes.water
         added, frequency = np.ones(len(first)), first
         for _ in range(ROUNDS if reduced is None else 1):
-            at = frequency * self._ratio if reduced is None else reduced
-            read = np.interp(at, self._table.frequency, self._row)
+            position = frequency * self._ratio if reduced is None else reduced
+            read = np.interp(position, self._table.frequency, self._row)
             added = 0.5 * (added + read) if reduced is None else read
             frequency = first * np.sqrt((ratio + 1.0) / np.maximum(ratio + added, 0.1 * ratio))
         return np.asarray(frequency)

@@ -60,8 +60,8 @@ class Watched:
         energy = np.abs(both) ** 2
         f = np.fft.fftfreq(both.shape[0])[:, None]
         k = np.fft.fftfreq(both.shape[1])[None, :]
-        up, down = energy[f * k < 0.0].sum(), energy[f * k > 0.0].sum()
-        return float(up / (up + down))
+        upward, downward = energy[f * k < 0.0].sum(), energy[f * k > 0.0].sum()
+        return float(upward / (upward + downward))
 
 
 def watch(
@@ -73,21 +73,25 @@ def watch(
     """
     scene = load_scene("curved_pipe")
     effects = tuple(
-        replace(one, start_per_s=start_per_s) if isinstance(one, WakeOscillatorParams) else one
-        for one in scene.effects
+        replace(params, start_per_s=start_per_s)
+        if isinstance(params, WakeOscillatorParams)
+        else params
+        for params in scene.effects
     )
     scene = replace(scene, effects=effects)
     line = replace(scene.ropes[0], elements=elements)
     bench = Bench(replace(scene, ropes=(line,), time=replace(scene.time, step_s=step_s)))
-    wake = next((own for own in bench.rope.effects if isinstance(own, WakeOscillator)), None)
+    wake = next(
+        (effect for effect in bench.rope.effects if isinstance(effect, WakeOscillator)), None
+    )
     if wake is None:
         raise SolverError("curved_pipe", "it lists no wake oscillator", "mend the scene")
     n, every = bench.n, round(SAMPLE_S / step_s)
-    rest = bench.position.copy()
-    tangent = np.gradient(rest, axis=1)
+    static = bench.position.copy()
+    tangent = np.gradient(static, axis=1)
     tangent /= np.sqrt((tangent * tangent).sum(axis=0))
     water = np.array([[SPEED], [0.0], [0.0]])
-    across = np.sqrt(np.maximum(1.0 - tangent[0] ** 2, 0.0)) * SPEED
+    normal_speed = np.sqrt(np.maximum(1.0 - tangent[0] ** 2, 0.0)) * SPEED
     first = []
     for _ in range(round(FIRST_S / SAMPLE_S)):
         bench.hold(every)
@@ -100,7 +104,7 @@ def watch(
         power += _lift_power(wake, water - bench.velocity[:, :n], tangent[:, :n], bench, n)
     s = np.linspace(0.0, line.length_m, n + 1)[:n]
     y = np.array(places) / DIAMETER
-    return Watched(s, y, power / len(places), across[:n], np.array(first) / DIAMETER)
+    return Watched(s, y, power / len(places), normal_speed[:n], np.array(first) / DIAMETER)
 
 
 def _lift_power(wake: WakeOscillator, u: Floats, tangent: Floats, bench: Bench, n: int) -> Floats:
@@ -110,19 +114,19 @@ def _lift_power(wake: WakeOscillator, u: Floats, tangent: Floats, bench: Bench, 
     return np.asarray((size * lift * bench.velocity[:, :n]).sum(axis=0))
 
 
-def _judge(seen: Watched, elements: int, starts: tuple[Watched, ...]) -> Found:
-    length = seen.s[-1]
-    inside = np.where(seen.power > 0.0, seen.power, 0.0)
-    centre = float(inside @ seen.s / inside.sum())
-    strongest = seen.s < 0.5 * length
+def _judge(watched: Watched, elements: int, starts: tuple[Watched, ...]) -> Found:
+    length = watched.s[-1]
+    inside = np.where(watched.power > 0.0, watched.power, 0.0)
+    centre = float(inside @ watched.s / inside.sum())
+    strongest = watched.s < 0.5 * length
     shares = inside[strongest].sum() / inside.sum()
-    low = seen.s < 0.3 * length
-    main = float(np.median(seen.frequency[low]))
-    reduced = seen.across / (main * DIAMETER)
-    fed = (seen.power > 0.25 * seen.power.max()) & low
-    sizes = [float(own.rms.max()) for own in starts]
-    apart = 100.0 * (max(sizes) / min(sizes) - 1.0)
-    peak = float(np.abs(seen.y - seen.y.mean(axis=0)).max())
+    low = watched.s < 0.3 * length
+    main = float(np.median(watched.frequency[low]))
+    reduced = watched.across / (main * DIAMETER)
+    fed = (watched.power > 0.25 * watched.power.max()) & low
+    sizes = [float(run.rms.max()) for run in starts]
+    spread_pct = 100.0 * (max(sizes) / min(sizes) - 1.0)
+    peak = float(np.abs(watched.y - watched.y.mean(axis=0)).max())
     findings = (
         between("share of the power that comes in below mid-length", shares, (0.5, 1.0),
                 "power-in near the lower end"),
@@ -130,35 +134,35 @@ def _judge(seen: Watched, elements: int, starts: tuple[Watched, ...]) -> Found:
                 (4.9, 7.1), "5 to 7"),
         between("reduced velocity where most comes in, greatest", float(reduced[fed].max()),
                 (4.9, 7.1), "5 to 7"),
-        between("energy in waves that run up, 20 to 100 m", seen.upward_share(20.0, 100.0),
+        between("energy in waves that run up, 20 to 100 m", watched.upward_share(20.0, 100.0),
                 (0.5, 1.0), "waves run up from there"),
         between("energy in waves that run up, first 0.5 s, 20 to 100 m",
-                seen.upward_share(20.0, 100.0, first=True), (0.4, 0.6),
+                watched.upward_share(20.0, 100.0, first=True), (0.4, 0.6),
                 "standing at first, travelling then"),
         between("energy in waves that run down, 110 to 150 m",
-                1.0 - seen.upward_share(110.0, 150.0), (0.5, 1.0),
+                1.0 - watched.upward_share(110.0, 150.0), (0.5, 1.0),
                 "low waves run down from the top"),
         between("frequency there over that of the lower end",
-                seen.frequency_between(110.0, 150.0) / seen.frequency_between(0.0, 20.0),
+                watched.frequency_between(110.0, 150.0) / watched.frequency_between(0.0, 20.0),
                 (0.0, 0.9), "lower"),
-        limited("largest rms over the start's noise of 0.05, 1 and 20 1/s, most over least", apart,
-                2.0, "%"),
+        limited("largest rms over the start's noise of 0.05, 1 and 20 1/s, most over least",
+                spread_pct, 2.0, "%"),
         between("largest amplitude", peak, (0.7, 1.3), "about 1 D", "D"),
-        *(shown(f"largest rms, start {start:g} 1/s", float(own.rms.max()), "independent", "D")
-          for start, own in zip(STARTS_PER_S, starts, strict=True)),
-        shown("largest rms", float(seen.rms.max()), "not printed", "D"),
+        *(shown(f"largest rms, start {start:g} 1/s", float(run.rms.max()), "independent", "D")
+          for start, run in zip(STARTS_PER_S, starts, strict=True)),
+        shown("largest rms", float(watched.rms.max()), "not printed", "D"),
         shown("frequency in the lower third", main, STROUHAL_WORDS, "Hz"),
         shown("centre of the power, from the lower end", centre, "not printed", "m"),
     )  # fmt: skip
-    some = seen.y[-250:].T
+    some = watched.y[-250:].T
     panels = (
         Panel("across the flow, last 5 s", "time [s]", ALONG,
               field=Field(some, (0.0, 5.0), (0.0, float(length)), "y/D")),
         Panel("vibration", "rms [D]", ALONG,
-              (Line(seen.rms, seen.s, f"{elements} elements"),)),
-        Panel("power that comes in", "power [W/m]", ALONG, (Line(seen.power, seen.s),)),
+              (Line(watched.rms, watched.s, f"{elements} elements"),)),
+        Panel("power that comes in", "power [W/m]", ALONG, (Line(watched.power, watched.s),)),
         Panel("frequency with most power", "frequency [Hz]", ALONG,
-              (Line(seen.frequency, seen.s, "", "."),)),
+              (Line(watched.frequency, watched.s, "", "."),)),
     )  # fmt: skip
     return Found(findings, panels, NOTES)
 

@@ -133,9 +133,9 @@ class _Run:
 def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
     """Return Newmark's integrator (1959), by default with the thesis's α and δ."""
 
-    def step(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
+    def step(state: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
         after, work = np.empty((3, len(end))), np.empty((5, len(end)))
-        _newmark_entry(at, parts, end, h, alpha, delta, after, work)
+        _newmark_entry(state, parts, end, h, alpha, delta, after, work)
         return Motion(after[0], after[1], after[2])
 
     return step
@@ -143,9 +143,9 @@ def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
 
 @jit_entry
 def _newmark_entry(
-    at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
+    state: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
 ) -> None:
-    newmark_step(at, parts, force, h, alpha, delta, after, work)
+    newmark_step(state, parts, force, h, alpha, delta, after, work)
 
 
 @dataclass(frozen=True)
@@ -197,8 +197,8 @@ def _modes(whole: bool = True) -> list[Finding]:
     ):  # fmt: skip
         for (case, span, margin), mode in zip(cases, modes, strict=True):
             if mode is not None:
-                found = analyse(span, model).dominant
-                findings.append(_near(f"{case}, {name}: mode", found, mode, margin))
+                dominant = analyse(span, model).dominant
+                findings.append(_near(f"{case}, {name}: mode", dominant, mode, margin))
         if not whole:
             break
     return findings
@@ -280,12 +280,17 @@ def _balanced() -> str:
 
 def _table(rows: list[list[str]]) -> str:
     ratios = ", ".join(f"{ratio:g}" for ratio, _ in RATIOS)
-    asked = [" ".join(f"{one:g}" for one in RMS[varying]) for varying in (False, True)]
+    published = [" ".join(f"{rms:g}" for rms in RMS[varying]) for varying in (False, True)]
     head = [f"tried, at mass ratios {ratios}", "C_a 1", "C_a varying"]
     if len(rows[0]) > len(head):
         head = [head[0], head[1], "modes", head[2], "modes"]
-        asked = [asked[0], " ".join(str(mode) for _, mode in RATIOS), asked[1], "12 - 15"]
-    return page_table([head, ["published", *asked], *rows])
+        published = [
+            published[0],
+            " ".join(str(mode) for _, mode in RATIOS),
+            published[1],
+            "12 - 15",
+        ]
+    return page_table([head, ["published", *published], *rows])
 
 
 def riser(duration: float = 40.0) -> Found:
@@ -294,8 +299,8 @@ def riser(duration: float = 40.0) -> Found:
     amplitudes, runs = _amplitudes(duration)
     findings += amplitudes
     for ratio, _ in RATIOS:
-        found = analyse(_shear(0.54, ratio * WATER), decomposed())
-        mean = float(found.added_mass[found.dominant - 1])
+        excitation = analyse(_shear(0.54, ratio * WATER), decomposed())
+        mean = float(excitation.added_mass[excitation.dominant - 1])
         findings.append(
             shown(f"mass ratio {ratio:g}: C_a, mean over the mode", mean, "not printed")
         )
@@ -324,22 +329,22 @@ def _panels(runs: dict[bool, list[_Run]]) -> tuple[Panel, ...]:
     for varying, name in ((False, "C_a 1"), (True, "C_a varying")):
         lines.append(Line(ratios, [run.mean for run in runs[varying]], f"{name}, ours", "o-"))
         lines.append(Line(ratios, RMS[varying], f"{name}, published", "s--"))
-    along = tuple(
+    profiles = tuple(
         Line(run.rms, run.s, f"{name}, mass ratio {ratio:g}", style)
         for varying, name, style in ((False, "C_a 1", "-"), (True, "C_a varying", "--"))
         for run, (ratio, _) in zip(runs[varying], RATIOS, strict=True)
         if ratio != 3.0
     )
-    found: Excitation = analyse(_shear(0.54), decomposed())
-    modes = np.arange(1.0, len(found.power) + 1.0)
+    excitation: Excitation = analyse(_shear(0.54), decomposed())
+    modes = np.arange(1.0, len(excitation.power) + 1.0)
     return (
         Panel("mean rms/D over the mass ratio", "mass ratio", "rms/D", tuple(lines)),
-        Panel("rms of the motion, shear 0.54 m/s", "rms/D", "height [m]", along),
+        Panel("rms of the motion, shear 0.54 m/s", "rms/D", "height [m]", profiles),
         Panel(
             "power that the modes take, C_a varying",
             "mode",
             "power [W]",
-            (Line(modes, found.power, "", "o-"),),
+            (Line(modes, excitation.power, "", "o-"),),
         ),
     )
 

@@ -42,11 +42,11 @@ def _swing(step: float) -> Vector:
     depth, angle = -bench.position[2].copy(), math.radians(30.0)
     bench.position[0], bench.position[2] = depth * math.sin(angle), -depth * math.cos(angle)
     start = energy(bench, rig)
-    kept = [start]
+    energies = [start]
     for _ in range(round(SWING_S / step / 10)):
         bench.hold(10)
-        kept.append(energy(bench, rig))
-    return np.asarray((np.array(kept) - start) / (start - hanging))
+        energies.append(energy(bench, rig))
+    return np.asarray((np.array(energies) - start) / (start - hanging))
 
 
 def _spring(step: float) -> tuple[float, float]:
@@ -60,8 +60,8 @@ def _spring(step: float) -> tuple[float, float]:
     start = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
     steps = round(20.0 / step)
     bench.hold(steps)
-    left = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
-    return 1.0 - left / start, 1.0 - damping(1j * omega * step) ** (2 * steps)
+    remaining = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
+    return 1.0 - remaining / start, 1.0 - damping(1j * omega * step) ** (2 * steps)
 
 
 def _payout() -> tuple[float, float, int]:
@@ -81,24 +81,26 @@ def _payout() -> tuple[float, float, int]:
     pull = np.array([bench.hold(1)[0]])  # the static pull, before the winch starts
     pull = np.concatenate([pull, bench.follow(Boundary(value, rate))])
     V, stretch = rate[:, 3], 1.0 + pull / rig.EA
-    taken = float(np.trapezoid(V * pull * stretch, t))
+    work = float(np.trapezoid(V * pull * stretch, t))
     brought = V * (0.5 * rig.mass * (V * stretch) ** 2 + 0.5 * pull**2 / rig.EA)
     lost = start - energy(bench, rig) + float(np.trapezoid(brought, t))
-    return lost, taken, bench.n - rig.elements
+    return lost, work, bench.n - rig.elements
 
 
 def _energies() -> Found:
     findings: list[Finding] = []
     lines = []
-    for step, most in STEPS_S:
-        kept = _swing(step)
-        words = f"swing of 30° for {SWING_S:g} s at {1e3 * step:g} ms"
+    for step, largest_loss in STEPS_S:
+        energy_gain = _swing(step)
+        label = f"swing of 30° for {SWING_S:g} s at {1e3 * step:g} ms"
         findings += [
-            between(f"{words}: energy gained, most", float(kept.max()), (-math.inf, 1e-6), "0"),
-            between(f"{words}: energy lost", -float(kept[-1]), (-1e-6, most), "0"),
+            between(
+                f"{label}: energy gained, most", float(energy_gain.max()), (-math.inf, 1e-6), "0"
+            ),
+            between(f"{label}: energy lost", -float(energy_gain[-1]), (-1e-6, largest_loss), "0"),
         ]
-        times = [10.0 * step * k for k in range(len(kept))]
-        lines.append(Line(times, 1e6 * kept, f"{1e3 * step:g} ms"))
+        times = [10.0 * step * k for k in range(len(energy_gain))]
+        lines.append(Line(times, 1e6 * energy_gain, f"{1e3 * step:g} ms"))
     for step in SPRING_STEPS_S:
         ours, exact = _spring(step)
         margin = 0.02 * exact + 1e-6
@@ -106,11 +108,11 @@ def _energies() -> Found:
             Finding(f"mass on a spring for 20 s at {1e3 * step:g} ms: energy lost", ours,
                     f"{exact:.4g}", "2 % and 1e-6", "", exact - margin, exact + margin)
         )  # fmt: skip
-    lost, taken, born = _payout()
-    part = abs(lost / taken - 1.0)
+    lost, work, born = _payout()
+    part = abs(lost / work - 1.0)
     findings += [
         between("payout of 36 m: what the rope loses is off the sheave's work by", part,
-                (0.0, 5e-5), f"{taken:.6g} J"),
+                (0.0, 5e-5), f"{work:.6g} J"),
         between("elements born meanwhile", born, (1.0, math.inf), "some"),
     ]  # fmt: skip
     picture = Panel("swing of 30° in vacuum", "time [s]", "energy less its start [1e-6]",

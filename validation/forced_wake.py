@@ -89,8 +89,8 @@ def region(reading: Reading, pair: tuple[float, float], highest: float) -> Regio
     gains = mean_power(reading, pair, reduced[:, None], y[None]) > 0.0
     if not gains.any():
         return None
-    along = reduced[gains.any(axis=1)]
-    return Region(float(along[0]), float(along[-1]), float(y[gains.any(axis=0)][-1]))
+    speeds = reduced[gains.any(axis=1)]
+    return Region(float(speeds[0]), float(speeds[-1]), float(y[gains.any(axis=0)][-1]))
 
 
 def table_of_readings() -> str:
@@ -102,15 +102,15 @@ def table_of_readings() -> str:
     for reading in READINGS:
         cells = [reading.name]
         for pair in (SET.upright, SET.inclined):
-            found = region(reading, pair, 1.3)
-            cells += [_ends(found), "-" if found is None else f"{found.largest:.2f}"]
+            locked = region(reading, pair, 1.3)
+            cells += [_ends(locked), "-" if locked is None else f"{locked.largest:.2f}"]
         rows.append(cells)
     return page_table(rows)
 
 
-def _ends(found: Region | None) -> str:
-    if found is None:
+def _ends(locked: Region | None) -> str:
+    if locked is None:
         return "none"
-    low = f"under {found.lower:.2f}" if found.lower <= SPEEDS[0] else f"{found.lower:.2f}"
-    high = f"over {found.upper:.2f}" if found.upper >= SPEEDS[1] - 1e-6 else f"{found.upper:.2f}"
+    low = f"under {locked.lower:.2f}" if locked.lower <= SPEEDS[0] else f"{locked.lower:.2f}"
+    high = f"over {locked.upper:.2f}" if locked.upper >= SPEEDS[1] - 1e-6 else f"{locked.upper:.2f}"
     return f"{low} to {high}"

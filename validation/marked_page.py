@@ -28,10 +28,10 @@ class MarkedPage(NamedTuple):
         path = folder / self.name
         text = path.read_text("utf-8") if path.exists() else ""
         if self.begin not in text or self.end not in text:
-            what = f"it has no lines '{self.begin}' and '{self.end}'"
-            raise InputError(str(path), what, f"give a folder with docs/{self.name}")
-        before, rest = text.split(self.begin, 1)
-        return before, rest.split(self.end, 1)[1]
+            problem = f"it has no lines '{self.begin}' and '{self.end}'"
+            raise InputError(str(path), problem, f"give a folder with docs/{self.name}")
+        before, remainder = text.split(self.begin, 1)
+        return before, remainder.split(self.end, 1)[1]
 
     def write(self, folder: Path, section: str) -> Path:
         """Put a text between the marks; the page.
@@ -54,8 +54,8 @@ def read_json(path: Path) -> Any:
     try:
         return json.loads(path.read_text("utf-8")) if path.exists() else None
     except ValueError as error:
-        what = f"it is no result ({error})"
-        raise InputError(str(path), what, "delete it and run it again") from error
+        problem = f"it is no result ({error})"
+        raise InputError(str(path), problem, "delete it and run it again") from error
 
 
 def write_json(path: Path, data: Any) -> None:

@@ -120,14 +120,14 @@ def all_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats
 
 def dominant_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """Assign its band to the mode with most shedding near it (by f_s³), the rest to the next."""
-    near = nearest_zones(frequency, shedding, locked, moved)
-    return share_out((shedding[:, None] ** 3 * near).sum(axis=0), locked, TIE)
+    nearest = nearest_zones(frequency, shedding, locked, moved)
+    return share_out((shedding[:, None] ** 3 * nearest).sum(axis=0), locked, TIE)
 
 
 def _leading_alone(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """Return the first mode of leading_zones only."""
-    near = nearest_zones(frequency, shedding, locked, moved)
-    first = (moved * near).sum(axis=0)
+    nearest = nearest_zones(frequency, shedding, locked, moved)
+    first = (moved * nearest).sum(axis=0)
     return share_out(np.where(first == first.max(initial=0.0), first, 0.0), locked, TIE)
 
 
@@ -198,7 +198,7 @@ def modes_of_cable(duration: float = 40.0, variants: bool = True) -> Found:
     run = record(LCD_CABLE, lcd_current(NODES), Shedding(), duration)
     step = float(run.time_s[1] - run.time_s[0])
     competing = record(LCD_CABLE, lcd_current(NODES), Shedding(zones=leading), duration)
-    beats = [slowest_beat_hz(one.late(0.75), step) for one in (run, competing)]
+    beats = [slowest_beat_hz(response.late(0.75), step) for response in (run, competing)]
     findings = (
         within_pct("modes: dominant frequency", run.dominant_hz, 12.75, 0.5, "Hz"),
         within_pct("modes: beats", beats[0], 0.37, 10.0, "Hz"),
@@ -266,8 +266,8 @@ def modes_in_uniform_current(duration: float = 60.0) -> Found:
 def established_s(run: Record) -> float:
     """Return the time after which the amplitude is within 5 % of its last value [s]."""
     total = np.sqrt((run.modal**2).sum(axis=1))
-    off = np.abs(total / total[-1] - 1.0) > 0.05
-    return float(run.time_s[np.flatnonzero(off)[-1] + 1])
+    unsettled = np.abs(total / total[-1] - 1.0) > 0.05
+    return float(run.time_s[np.flatnonzero(unsettled)[-1] + 1])
 
 
 def _with_swell(duration: float) -> tuple[Vector, Vector, Vector]:

@@ -117,18 +117,18 @@ def sectioned(elements: int) -> Scene:
     """Return the scene of the line in two sections."""
     rig = replace(rig_of(IN_SECTIONS, elements), EA=1e8)
     scene = scene_of(IN_SECTIONS, rig)
-    (whole,) = scene.ropes
-    assert whole.rope is not None
+    (line,) = scene.ropes
+    assert line.rope is not None
     sections = tuple(
         RopeSection(
             rope=replace(
-                whole.rope, axial_stiffness_n=EA, mass_kg_per_m=weight / GRAVITY + rig.mass
+                line.rope, axial_stiffness_n=EA, mass_kg_per_m=weight / GRAVITY + rig.mass
             ),
             length_m=length,
         )
         for length, weight, EA in SECTIONS
     )
-    return replace(scene, ropes=(replace(whole, rope=None, sections=sections),))
+    return replace(scene, ropes=(replace(line, rope=None, sections=sections),))
 
 
 def hauled(elements: int) -> Snapshot:
@@ -157,13 +157,15 @@ def slope_on_bed(shot: Snapshot) -> float:
 def _ends(line: Lying, shot: Snapshot) -> list[Finding]:
     """Return the tensions at both ends; a number that no file prints says what computed it."""
     lower, upper = line.tensions
-    found = [
+    findings = [
         within_pct(f"{line.name}: tension at A", shot.tension_payload_n, lower, 0.1, "N"),
         within_pct(f"{line.name}: tension at B", shot.tension_top_n, upper, 0.1, "N"),
     ]
     if line in PRINTED:
-        return found
-    return [replace(one, published=f"{one.published} N (MoorPy 1.3.0)") for one in found]
+        return findings
+    return [
+        replace(finding, published=f"{finding.published} N (MoorPy 1.3.0)") for finding in findings
+    ]
 
 
 def _lines(elements: int = 500, rubbing: int = 600) -> Found:
@@ -174,11 +176,13 @@ def _lines(elements: int = 500, rubbing: int = 600) -> Found:
         findings += _ends(line, shot)
         if line is PRINTED[0]:
             (touchdown,) = shot.touchdowns
-            lies = line.length - touchdown.line_out_m
-            findings.append(within_pct(f"{line.name}: lying length", lies, LYING_M, 0.1, "m"))
+            lying_m = line.length - touchdown.line_out_m
+            findings.append(within_pct(f"{line.name}: lying length", lying_m, LYING_M, 0.1, "m"))
         if line is STRETCHING:
-            words = f"{line.name}: tension at A, beside the line that hardly stretches"
-            findings.append(shown(words, shot.tension_payload_n, f"{PRINTED[0].lower[0]:.6g}", "N"))
+            quantity = f"{line.name}: tension at A, beside the line that hardly stretches"
+            findings.append(
+                shown(quantity, shot.tension_payload_n, f"{PRINTED[0].lower[0]:.6g}", "N")
+            )
             continue
         drawn.append(_drawn(line.name, shot))
     shot = Twin(sectioned(elements)).snapshot()
@@ -186,9 +190,9 @@ def _lines(elements: int = 500, rubbing: int = 600) -> Found:
     drawn.append(_drawn(IN_SECTIONS.name, shot))
     shot = hauled(rubbing)
     findings += _ends(RUBBING, shot)
-    words = "friction: growth of the tension along the lying line"
+    quantity = "friction: growth of the tension along the lying line"
     exact = FRICTION * RUBBING.weight
-    slope = within_pct(words, slope_on_bed(shot), exact, 0.1, "N/m")
+    slope = within_pct(quantity, slope_on_bed(shot), exact, 0.1, "N/m")
     findings.append(replace(slope, published=f"{exact:g}, μ·w"))
     panels = (
         Panel("Lines of MoorPy's tests, and in two sections", "x [m]", "z [m]", tuple(drawn)),
@@ -208,10 +212,10 @@ def _tensions(shot: Snapshot) -> tuple[Line, ...]:
     middle = 0.5 * (from_a[1:] + from_a[:-1])
     low = middle < 250.0
     on_bed = middle[middle < 200.0]
-    theirs = 1e-3 * (RUBBING.lower[0] + FRICTION * RUBBING.weight * on_bed)
+    moorpy_kn = 1e-3 * (RUBBING.lower[0] + FRICTION * RUBBING.weight * on_bed)
     return (
         Line(middle[low], 1e-3 * shot.element_tension_n[low], "ours"),
-        Line(on_bed[::20], theirs[::20], "MoorPy's at A, and 80 N/m", "k."),
+        Line(on_bed[::20], moorpy_kn[::20], "MoorPy's at A, and 80 N/m", "k."),
     )
 
 

@@ -50,11 +50,11 @@ def _coefficients() -> list[Finding]:
     upright = replace(BARE, load=HEAVY_KG, EA=1e12)
     findings = []
     for law, (drag, lift) in PUBLISHED.items():
-        across, slanting = (
+        normal, slanting = (
             _forces(replace(NET, law=law, heading_deg=heading), upright) for heading in (90.0, 45.0)
         )
         findings += [
-            within(f"{law}: C_D across the flow, Sn 0.2", across[0], drag, 1e-4),
+            within(f"{law}: C_D across the flow, Sn 0.2", normal[0], drag, 1e-4),
             within(f"{law}: C_L at 45°, Sn 0.2", abs(float(slanting[1])), lift, 1e-4),
         ]
     return findings
@@ -78,16 +78,16 @@ def solve_line(net: NetCurtainParams, rig: Rig, s: Vector) -> Vector:
     """
     from scipy.integrate import solve_ivp
 
-    along, facing, lift = panel_coefficients(net.law, SOLIDITY)
+    parallel, facing, lift = panel_coefficients(net.law, SOLIDITY)
     if net.heading_deg is None:
         facing = lift = 0.0
-    k, own = 0.5 * rig.density * net.width_m * SPEED**2, weighed_n_per_m(net, rig)
+    k, own_weight = 0.5 * rig.density * net.width_m * SPEED**2, weighed_n_per_m(net, rig)
 
     def slope(at: float, force: Vector) -> Vector:
         a = math.atan2(force[0], force[1])
-        on = 1.0 if at < net.to_m else 0.0
-        C_D, C_L = along + facing * math.cos(a), lift * math.sin(2.0 * a)
-        return np.array([on * k * C_D, rig.weight + on * (own - k * C_L)])
+        covered = 1.0 if at < net.to_m else 0.0
+        C_D, C_L = parallel + facing * math.cos(a), lift * math.sin(2.0 * a)
+        return np.array([covered * k * C_D, rig.weight + covered * (own_weight - k * C_L)])
 
     start = np.array([0.0, rig.load_weight])
     done = solve_ivp(slope, (0.0, rig.length), start, t_eval=s, rtol=1e-9, max_step=0.05)
@@ -130,22 +130,22 @@ def _vibrating() -> list[Finding]:
     section = 0.25 * math.pi * net.twine_m**2 * 2.0 / net.bar_m * net.width_m
     line = TAUT.mass + TAUT.density * 0.25 * math.pi * TAUT.diameter**2
     slow, fast = _taut(scene)
-    found = []
+    findings = []
     for name, ours, added in (("normal to the net", slow, 1.0), ("along its width", fast, 0.5)):
         m = line + section * (net.twine_kg_per_m3 + added * TAUT.density)
         m *= TAUT.length / length  # per stretched metre
         exact = 0.5 / length * math.sqrt(tension / m)
-        found.append(within_pct(f"taut between ends, mode 1 {name}", ours, exact, 0.1, "Hz"))
-    return found
+        findings.append(within_pct(f"taut between ends, mode 1 {name}", ours, exact, 0.1, "Hz"))
+    return findings
 
 
 def _nets() -> Found:
     free, *of_free = _hanging(replace(NET, heading_deg=None), "free edge")
-    held, *of_held = _hanging(NET, "edge held across the flow")
+    fixed, *of_held = _hanging(NET, "edge held across the flow")
     lean = Panel("lean in a current of 0.5 m/s; dots: ours", "[°]", "from the payload [m]",
                  (*of_free, *of_held))  # fmt: skip
-    own = map(derived, (*free, *held, *_vibrating()))
-    return Found((*_coefficients(), *own), (lean,))
+    derived_findings = map(derived, (*free, *fixed, *_vibrating()))
+    return Found((*_coefficients(), *derived_findings), (lean,))
 
 
 CASES = (

@@ -60,11 +60,11 @@ def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
     rows: list[dict[str, Any]] = []
     for result in results:
         ends = {"id": result["id"], "source": result["source"]}
-        found = result["rows"]
+        findings = result["rows"]
         if result["refusal"]:
             empty = {"ours": None, "unit": "", "published": "", "tolerance": "", "met": False}
-            found = [{"quantity": result["refusal"], **empty}]
-        for row in found:
+            findings = [{"quantity": result["refusal"], **empty}]
+        for row in findings:
             columns = {key: value for key, value in row.items() if key != "met"}
             rows.append({**ends, **columns, "pass": row["met"]})
     return rows
@@ -116,8 +116,8 @@ def read_results(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: one of them cannot be read.
     """
-    found = (read_json(_path(folder, case.id)) for case in CASES)
-    return [result for result in found if result is not None]
+    results = (read_json(_path(folder, case.id)) for case in CASES)
+    return [result for result in results if result is not None]
 
 
 def _path(folder: Path, case: str) -> Path:
@@ -157,11 +157,11 @@ def keep_convergence(rows: Sequence[vortex_convergence.Convergence], folder: Pat
     """
     path = folder / RESULTS / CONVERGENCE
     new = {row.case for row in rows}
-    kept = [row for row in read_json(path) or [] if row["case"] not in new]
-    found = sorted(
-        kept + vortex_convergence.as_json(rows), key=lambda row: order_of_ids(row["case"])
+    stored = [row for row in read_json(path) or [] if row["case"] not in new]
+    merged = sorted(
+        stored + vortex_convergence.as_json(rows), key=lambda row: order_of_ids(row["case"])
     )
-    write_json(path, found)
+    write_json(path, merged)
 
 
 def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:

@@ -69,9 +69,9 @@ def respond(depths: Sequence[float]) -> list[Response]:
     for depth in depths:
         if depth > length:
             speed = min(PAYOUT_M_PER_S, math.sqrt(GAIN_M_PER_S2 * (depth - length)))
-            full = (depth - length) / speed
-            speeds += [(time, speed), (time + full, 0.0)]
-            time += full + speed / GAIN_M_PER_S2
+            constant_s = (depth - length) / speed
+            speeds += [(time, speed), (time + constant_s, 0.0)]
+            time += constant_s + speed / GAIN_M_PER_S2
         windows.append((time + WAITED * PERIOD_S, time + (WAITED + FITTED) * PERIOD_S))
         time, length = windows[-1][1] + 1.0, depth
     heave = faded(sine(HEAVE_M, PERIOD_S), FADED * PERIOD_S)
@@ -91,18 +91,20 @@ def _fit(rows: Vector) -> Response:
     return Response(float(rows[:, 1].mean()), payload, tension)
 
 
-def _resonance(found: Sequence[Response]) -> float:
+def _resonance(responses: Sequence[Response]) -> float:
     """Return the depth at which the payload lags the heave by 90°: 1/H is a parabola there."""
-    depth = [one.depth for one in found]
-    real = np.polyfit(depth, [(1.0 / one.payload).real for one in found], len(found) - 1)
-    return float(brentq(lambda at: np.polyval(real, at), depth[0], depth[-1]))
+    depth = [response.depth for response in responses]
+    real = np.polyfit(
+        depth, [(1.0 / response.payload).real for response in responses], len(responses) - 1
+    )
+    return float(brentq(lambda x: np.polyval(real, x), depth[0], depth[-1]))
 
 
 def _heaved(depths: Sequence[float] = DEPTHS_M) -> Found:
-    found = respond(depths)
-    exact = [closed_form(RIG, OMEGA, one.depth) for one in found]
+    responses = respond(depths)
+    exact = [closed_form(RIG, OMEGA, response.depth) for response in responses]
     findings: list[Finding] = []
-    for ours, known in zip(found, exact, strict=True):
+    for ours, known in zip(responses, exact, strict=True):
         name = f"{ours.depth:.0f} m"
         findings += [
             within_pct(f"{name}: payload's motion over heave", abs(ours.payload),
@@ -112,41 +114,42 @@ def _heaved(depths: Sequence[float] = DEPTHS_M) -> Found:
             limited(f"{name}: phase of the payload off",
                     abs(math.degrees(cmath.phase(ours.payload / known.payload))), 0.05, "°"),
         ]  # fmt: skip
-    if len(found) == len(DEPTHS_M):
-        findings += _at_resonance(found)
-    return Found(tuple(findings), _panels(found), NOTES)
+    if len(responses) == len(DEPTHS_M):
+        findings += _at_resonance(responses)
+    return Found(tuple(findings), _panels(responses), NOTES)
 
 
-def _at_resonance(found: Sequence[Response]) -> list[Finding]:
+def _at_resonance(responses: Sequence[Response]) -> list[Finding]:
     def lag(depth: float) -> float:
         return (1.0 / closed_form(RIG, OMEGA, depth).payload).real
 
-    near = [one.depth for one in found[BETWEEN]]
-    exact = float(brentq(lag, near[0], near[-1]))
+    depths = [response.depth for response in responses[BETWEEN]]
+    exact = float(brentq(lag, depths[0], depths[-1]))
     wave = OMEGA * math.sqrt(RIG.mass / RIG.EA)
-    ours = _resonance(found[BETWEEN])
+    ours = _resonance(responses[BETWEEN])
     undamped = float(
-        brentq(lambda L: wave * L * math.tan(wave * L) - RIG.mass * L / MOVING, *near[::2])
+        brentq(lambda L: wave * L * math.tan(wave * L) - RIG.mass * L / MOVING, *depths[::2])
     )
     return [
         within_pct("depth of resonance, payload 90° behind", ours, exact, TOLERANCE_PCT, "m"),
         within("the same against x·tan x = m·L/M', undamped", ours, undamped, 0.01 * undamped, "m"),
         shown("motion of the payload at most, over heave",
-              max(abs(one.payload) for one in found), "infinite without damping"),
+              max(abs(response.payload) for response in responses), "infinite without damping"),
     ]  # fmt: skip
 
 
-def _panels(found: Sequence[Response]) -> tuple[Panel, ...]:
+def _panels(responses: Sequence[Response]) -> tuple[Panel, ...]:
     fine = np.linspace(0.9 * FIRST_M, 1.05 * max(DEPTHS_M), 300)
     exact = [closed_form(RIG, OMEGA, depth) for depth in fine]
-    depth = [one.depth for one in found]
+    depth = [response.depth for response in responses]
     return (
         Panel("payload, heave of 9 s", "line out [m]", "motion over heave",
-              (Line(fine, [abs(one.payload) for one in exact], "closed form"),
-               Line(depth, [abs(one.payload) for one in found], "ours", "ko"))),
+              (Line(fine, [abs(response.payload) for response in exact], "closed form"),
+               Line(depth, [abs(response.payload) for response in responses], "ours", "ko"))),
         Panel("hang-off", "line out [m]", "dynamic tension per heave [kN/m]",
-              (Line(fine, [1e-3 * abs(one.tension) for one in exact], "closed form"),
-               Line(depth, [1e-3 * abs(one.tension) for one in found], "ours", "ko"))),
+              (Line(fine, [1e-3 * abs(response.tension) for response in exact], "closed form"),
+               Line(depth, [1e-3 * abs(response.tension) for response in responses], "ours",
+                    "ko"))),
     )  # fmt: skip
 
 

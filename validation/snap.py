@@ -78,8 +78,8 @@ def drop(rig: Rig, height: float, seconds: float) -> Caught:
     times: list[float] = []
     pulls: list[float] = []
     for shot in march(rig.twin(), lift(-height, seconds), seconds + 4.0):
-        left = shot.payload_position_m[2] - taut_at
-        if before is not None and speed == 0.0 and left <= 0.0 and shot.time_s > seconds:
+        remaining = shot.payload_position_m[2] - taut_at
+        if before is not None and speed == 0.0 and remaining <= 0.0 and shot.time_s > seconds:
             way = before.payload_position_m[2] - taut_at
             v = before.payload_velocity_m_per_s[2]
             speed = math.sqrt(v * v + 2.0 * weight / moving * way)
@@ -112,16 +112,16 @@ def wave_pull(share: float, spans: int = 4, parts: int = 2000) -> tuple[Vector, 
     """
     later = 2 * parts
     shrink = math.exp(-share / parts)
-    down, up = np.ones(spans * later + 1), np.zeros(spans * later + 1)  # at the lower end
+    downward, upward = np.ones(spans * later + 1), np.zeros(spans * later + 1)  # at the lower end
     difference = 0.0
-    for i in range(len(down)):
+    for i in range(len(downward)):
         if i >= later:
-            down[i] += up[i - later]
+            downward[i] += upward[i - later]
         if i > 0:
-            middle = 0.5 * (up[i - later] + up[i - later - 1]) if i > later else 0.0
+            middle = 0.5 * (upward[i - later] + upward[i - later - 1]) if i > later else 0.0
             difference = difference * shrink - 2.0 * (1.0 + middle) * (1.0 - shrink)
-        up[i] = down[i] + difference
-    top = 1.0 + 2.0 * np.concatenate([np.zeros(later), up])
+        upward[i] = downward[i] + difference
+    top = 1.0 + 2.0 * np.concatenate([np.zeros(later), upward])
     return np.arange(len(top)) / parts, top
 
 
@@ -130,10 +130,10 @@ def _jerk(time: float) -> tuple[float, float]:
     if time < LOWERING_S:
         share, rate = ramp(time, LOWERING_S)
         return -LOWERED * share, -LOWERED * rate
-    since = time - LOWERING_S
-    gained = min(since, GAINING_S)
+    elapsed = time - LOWERING_S
+    gained = min(elapsed, GAINING_S)
     rate = SNAP_SPEED / GAINING_S
-    return -LOWERED + rate * gained * (since - 0.5 * gained), rate * gained
+    return -LOWERED + rate * gained * (elapsed - 0.5 * gained), rate * gained
 
 
 def _smooth(values: Vector, count: int) -> Vector:
@@ -161,20 +161,20 @@ def _wave(share: float) -> tuple[list[Finding], Panel]:
     count = round(0.2 * transit / rig.step)
     slack = times[exact < 0.0]  # the waves are those of a taut rope
     end = min(WATCHED, slack[0]) if len(slack) else WATCHED
-    seen = (time > taut) & (time < taut + end * transit)
-    ours, theirs = (float(_smooth(row, count)[seen].max()) for row in (pull, fine))
+    window = (time > taut) & (time < taut + end * transit)
+    ours, fine_peak = (float(_smooth(row, count)[window].max()) for row in (pull, fine))
     load = n103(0.0, rig.EA / rig.length, moving, speed)
     name = f"rope of {100.0 * share:g} % of the load's mass, jerked at {speed:.2f} m/s"
     findings = [
-        derived(within_pct(f"{name}: highest pull over L/5c", ours, theirs, 2.0, "N")),
-        shown(f"{name}: highest pull over N103's", float(pull[seen].max()) / load,
+        derived(within_pct(f"{name}: highest pull over L/5c", ours, fine_peak, 2.0, "N")),
+        shown(f"{name}: highest pull over N103's", float(pull[window].max()) / load,
               f"{exact[times < end].max() / load:.3f} by waves (derived)"),
     ]  # fmt: skip
     kilo = 1e-3
     picture = Panel(
         f"rope of {100.0 * share:g} % of the load's mass", "time from the snap [L/c]",
         "top tension [kN]",
-        (Line((time[seen] - taut) / transit, kilo * pull[seen], "ours"),
+        (Line((time[window] - taut) / transit, kilo * pull[window], "ours"),
          Line(times[times < end], kilo * exact[times < end], "waves", "--"),
          Line((0.0, end), (kilo * load,) * 2, "DNV-RP-N103", "k:")),
     )  # fmt: skip
@@ -184,34 +184,38 @@ def _wave(share: float) -> tuple[list[Finding], Panel]:
 def _snaps() -> Found:
     findings, lines = [], []
     for height, seconds in DROPS:
-        seen = drop(SPRING, height, seconds)
+        drop_run = drop(SPRING, height, seconds)
         mass = SPRING.load + SPRING.added[2]
-        expected = snap(SPRING.load_weight, SPRING.EA / SPRING.length, mass, seen.speed)
-        words = f"mass on a spring, taut at {seen.speed:.2f} m/s: highest pull"
-        findings.append(within_pct(words, seen.pull, expected, 1.0, "N"))
-        load = n103(SPRING.load_weight, SPRING.EA / SPRING.length, mass, seen.speed)
-        words = f"mass on a spring, taut at {seen.speed:.2f} m/s: highest pull over N103's"
-        findings.append(derived(within_pct(words, seen.pull / load, expected / load, 1.0)))
+        expected = snap(SPRING.load_weight, SPRING.EA / SPRING.length, mass, drop_run.speed)
+        quantity = f"mass on a spring, taut at {drop_run.speed:.2f} m/s: highest pull"
+        findings.append(within_pct(quantity, drop_run.pull, expected, 1.0, "N"))
+        load = n103(SPRING.load_weight, SPRING.EA / SPRING.length, mass, drop_run.speed)
+        quantity = f"mass on a spring, taut at {drop_run.speed:.2f} m/s: highest pull over N103's"
+        findings.append(derived(within_pct(quantity, drop_run.pull / load, expected / load, 1.0)))
         lines += [
-            Line(seen.time_s, [1e-3 * pull for pull in seen.tension_n], f"{seen.speed:.2f} m/s"),
-            Line(seen.time_s[-1:], [1e-3 * expected], "", "kx"),
+            Line(
+                drop_run.time_s,
+                [1e-3 * pull for pull in drop_run.tension_n],
+                f"{drop_run.speed:.2f} m/s",
+            ),
+            Line(drop_run.time_s[-1:], [1e-3 * expected], "", "kx"),
         ]
-    seen = drop(ROPE, 3.0, 1.0)
+    drop_run = drop(ROPE, 3.0, 1.0)
     weight = ROPE.load_weight + ROPE.weight * ROPE.length
     mass = ROPE.load + ROPE.added[2]
-    expected = snap(weight, ROPE.EA / ROPE.length, mass, seen.speed)
-    words = f"rope of 5 % of the load's mass, taut at {seen.speed:.2f} m/s: highest pull"
-    findings.append(within_pct(words, seen.pull, expected, 10.0, "N"))
+    expected = snap(weight, ROPE.EA / ROPE.length, mass, drop_run.speed)
+    quantity = f"rope of 5 % of the load's mass, taut at {drop_run.speed:.2f} m/s: highest pull"
+    findings.append(within_pct(quantity, drop_run.pull, expected, 10.0, "N"))
     panels: tuple[Panel, ...] = (
         Panel("mass on a weightless spring; crosses: closed form", "time [s]", "top tension [kN]",
               tuple(lines)),
         Panel("rope with mass that falls; cross: closed form", "time [s]", "top tension [kN]",
-              (Line(seen.time_s, [1e-3 * pull for pull in seen.tension_n]),
-               Line(seen.time_s[-1:], [1e-3 * expected], "", "kx"))),
+              (Line(drop_run.time_s, [1e-3 * pull for pull in drop_run.tension_n]),
+               Line(drop_run.time_s[-1:], [1e-3 * expected], "", "kx"))),
     )  # fmt: skip
     for share in SHARES:
-        found, picture = _wave(share)
-        findings += found
+        wave_findings, picture = _wave(share)
+        findings += wave_findings
         panels += (picture,)
     return Found(tuple(findings), panels, NOTES)
 

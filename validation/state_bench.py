@@ -77,8 +77,8 @@ class Bench:
         """
         move = find_equilibrium(self.rope, self.length)
         if not move <= AT_REST * self.length:
-            what = f"no static equilibrium found (the last move was {move:.3g} m)"
-            raise SolverError("the rope at rest", what, "check what holds it")
+            problem = f"no static equilibrium found (the last move was {move:.3g} m)"
+            raise SolverError("the rope at rest", problem, "check what holds it")
 
     def find_acceleration(self) -> None:
         """Solve the acceleration that is consistent with a given state, by a step of 1 µs."""
@@ -120,14 +120,14 @@ def energy(bench: Bench, rig: Rig) -> float:
 
     Nodes carry half of their elements. The payload has its added mass, the rope none.
     """
-    rest = np.diff(bench.s)
-    lump = 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
+    rest_length = np.diff(bench.s)
+    lump = 0.5 * (np.concatenate([[0.0], rest_length]) + np.concatenate([rest_length, [0.0]]))
     mass, weight = rig.mass * lump, rig.weight * lump
     mass[0] += rig.load + rig.added[2]
     weight[0] += rig.load_weight
-    strain = np.linalg.norm(np.diff(bench.position), axis=0) / rest - 1.0
+    strain = np.linalg.norm(np.diff(bench.position), axis=0) / rest_length - 1.0
     motion = 0.5 * float((mass * (bench.velocity**2).sum(axis=0)).sum())
-    stretch = 0.5 * rig.EA * float((rest * np.maximum(strain, 0.0) ** 2).sum())
+    stretch = 0.5 * rig.EA * float((rest_length * np.maximum(strain, 0.0) ** 2).sum())
     return motion + stretch + float((weight * bench.position[2]).sum())
 
 
@@ -137,11 +137,11 @@ def time_in_turns(
     """Time benches in turns; return the seconds that each takes to follow its motion."""
     took: list[list[float]] = [[] for _ in benches]
     for _ in range(pieces):
-        for bench, own in zip(benches, took, strict=True):
-            given = motion(bench)
+        for bench, times in zip(benches, took, strict=True):
+            boundary = motion(bench)
             began = time.perf_counter()
-            bench.follow(given)
-            own.append(time.perf_counter() - began)
+            bench.follow(boundary)
+            times.append(time.perf_counter() - began)
     return took
 
 
@@ -157,12 +157,12 @@ def lift(height: float, duration: float) -> Motion:
 
 def pluck(height: float, duration: float) -> Motion:
     """Return a displacement to `height` and back within `duration`."""
-    up = lift(height, 0.5 * duration)
+    lifted = lift(height, 0.5 * duration)
 
     def at(time: float) -> tuple[float, float]:
         if time <= 0.5 * duration:
-            return up(time)
-        z, v = up(max(duration - time, 0.0))
+            return lifted(time)
+        z, v = lifted(max(duration - time, 0.0))
         return z, -v
 
     return at

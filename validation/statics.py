@@ -31,14 +31,14 @@ def catenary(s: Vector, H: float, V: float, w: float, EA: float) -> tuple[Vector
     s unstretched from the lower end [m]; H horizontal and V vertical tension there [N], V < 0 if
     the line first dips. Returns x, z from the lower end [m] and the tension [N].
     """
-    up = V + w * s
-    x = H * s / EA + H / w * (np.arcsinh(up / H) - np.arcsinh(V / H))
-    z = s * (V + 0.5 * w * s) / EA + H / w * (np.hypot(1.0, up / H) - np.hypot(1.0, V / H))
-    return x, z, np.hypot(H, up)
+    vertical = V + w * s
+    x = H * s / EA + H / w * (np.arcsinh(vertical / H) - np.arcsinh(V / H))
+    z = s * (V + 0.5 * w * s) / EA + H / w * (np.hypot(1.0, vertical / H) - np.hypot(1.0, V / H))
+    return x, z, np.hypot(H, vertical)
 
 
-def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
-    """Return H and V of the line from its lower end to a point `across` and `up` [m].
+def solve_catenary(rig: Rig, horizontal: float, vertical: float) -> tuple[float, float]:
+    """Return H and V of the line to an upper end at these distances from its lower one [m].
 
     Raises:
         SolverError: the search does not end.
@@ -50,11 +50,11 @@ def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
     def miss(unknown: Vector) -> Vector:
         H, V = np.exp(unknown[0]), unknown[1] * w * length
         x, z, _ = catenary(np.array([length]), H, V, w, rig.EA)
-        return np.array([x[0] - across, z[0] - up]) / length
+        return np.array([x[0] - horizontal, z[0] - vertical]) / length
 
-    sag = max(length**2 - up**2 - across**2, 1e-4 * across**2) / across**2
+    sag = max(length**2 - vertical**2 - horizontal**2, 1e-4 * horizontal**2) / horizontal**2
     slope = np.sqrt(3.0 * sag)  # parabola: Irvine's first guess of lambda
-    start = [np.log(0.5 * w * across / slope), 0.5 * (up / length / np.tanh(slope) - 1.0)]
+    start = [np.log(0.5 * w * horizontal / slope), 0.5 * (vertical / length / np.tanh(slope) - 1.0)]
     solution, info, ok, text = fsolve(miss, start, full_output=True, xtol=1e-14)
     if ok != 1 and np.abs(info["fvec"]).max() >= 1e-12:
         raise SolverError("catenary", str(text), "start from another guess")
@@ -70,10 +70,11 @@ def _catenaries() -> Found:
         H, V = solve_catenary(rig, CHORD[0], -CHORD[2])
         x, z, tension = catenary(length - shot.arc_length_m, H, V, rig.weight, rig.EA)
         shape = np.stack([CHORD[0] - x, np.zeros_like(x), CHORD[2] + z], axis=1)
-        off = float(np.abs(shot.node_position_m - shape).max()) / 10.0  # per cent of the chord
+        error_m = float(np.abs(shot.node_position_m - shape).max())
+        error_pct = error_m / 10.0  # of the chord
         lower = shot.tension_payload_n
         findings += [
-            between(f"{length:g} m: shape off, of the chord", off, (0.0, 0.1), "0", "%"),
+            between(f"{length:g} m: shape off, of the chord", error_pct, (0.0, 0.1), "0", "%"),
             within_pct(f"{length:g} m: upper tension", shot.tension_top_n, tension[0], 0.1, "N"),
             within_pct(f"{length:g} m: lower tension", lower, tension[-1], 0.1, "N"),
         ]
@@ -93,8 +94,8 @@ def _stretch() -> Found:
         depth = -replace(HANGING, elements=elements).twin().snapshot().payload_position_m[2]
         errors.append(abs((depth - L) / exact - 1.0))
     for elements, error in ((counts[0], errors[0]), (counts[-1], errors[-1])):
-        words = f"stretch off at {elements} elements"
-        findings.append(between(words, error, (0.0, 1e-9), f"{exact:.6g} m"))
+        quantity = f"stretch off at {elements} elements"
+        findings.append(between(quantity, error, (0.0, 1e-9), f"{exact:.6g} m"))
     line = Line(counts, np.maximum(errors, 1e-16), "", "o-")
     picture = Panel("Error of the stretch", "elements", "relative", (line,), log=True)
     return Found(tuple(findings), (picture,))
@@ -108,8 +109,8 @@ def _critical_angles() -> Found:
         pressure = 0.5 * TOWED.density * TOWED.diameter * TOWED.drag[0] * speed**2
         angle = math.degrees(brentq(_lift_off, 0.0, 1.5, args=(pressure,)))
         shot = replace(TOWED, current=((0.0, (speed, 0.0)),)).twin().snapshot()
-        along = shot.node_position_m[60] - shot.node_position_m[20]
-        ours = math.degrees(math.atan2(along[0], -along[2]))
+        chord = shot.node_position_m[60] - shot.node_position_m[20]
+        ours = math.degrees(math.atan2(chord[0], -chord[2]))
         findings += [
             within(f"{speed:g} m/s: angle from the vertical", ours, printed, 0.2, "°"),
             within(f"{speed:g} m/s: against w·sin a = p·cos² a", ours, angle, 0.2, "°"),

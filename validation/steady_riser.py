@@ -75,9 +75,9 @@ def forces_at(table: ForceTable, amplitude: Floats, frequency: Floats) -> tuple[
     return lift, added_mass
 
 
-def _interval(knots: Floats, at: Floats) -> tuple[NDArray[np.intp], Floats]:
+def _interval(knots: Floats, values: Floats) -> tuple[NDArray[np.intp], Floats]:
     """Return the index of the knot below, and the fraction from it to the next."""
-    inside = np.clip(at, knots[0], knots[-1])
+    inside = np.clip(values, knots[0], knots[-1])
     i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
     return i, (inside - knots[i]) / (knots[i + 1] - knots[i])
 
@@ -91,20 +91,20 @@ def steady_amplitude(
     """
     from scipy.linalg import solve_banded
 
-    found, free = analyse(span, model), slice(1, -1)
-    k = (found.dominant if mode is None else mode) - 1
-    frequency = reading.drive * float(found.frequency[k])
+    excitation, free = analyse(span, model), slice(1, -1)
+    k = (excitation.dominant if mode is None else mode) - 1
+    frequency = reading.drive * float(excitation.frequency[k])
     omega, D = 2.0 * pi * frequency, span.diameter[free]
     reduced = frequency * D / np.maximum(span.speed[free], 1e-6)
-    at_zone = found.frequency[k] * span.diameter[free] / np.maximum(span.speed[free], 1e-6)
+    at_zone = excitation.frequency[k] * span.diameter[free] / np.maximum(span.speed[free], 1e-6)
     zone = (at_zone >= model.band[0]) & (at_zone <= model.band[1])
-    sign = np.sign(found.modes.shape[free, k]) if reading.signed else 1.0
+    sign = np.sign(excitation.modes.shape[free, k]) if reading.signed else 1.0
     push = (0.5 * model.density * span.diameter * span.speed**2 * span.node_length)[free]
     drag = 4.0 / (3.0 * pi) * STEADY_DRAG * model.density * (span.diameter * span.node_length)[free]
     water, dry = displaced(span, model.density)[free], span.node_mass[free]
     bands = _both_sides(upper_bands(stiffness(span).tocsr()[1:-1, 1:-1], DIAGONALS + 1))
     damping = model.structural if reading.structural is None else reading.structural
-    A, off = np.full(len(D), 0.3), inf
+    A, change = np.full(len(D), 0.3), inf
     for _ in range(ROUNDS):
         lift, added = forces_at(model.table, reading.read * A, reduced)
         if not model.varying:
@@ -122,13 +122,13 @@ def steady_amplitude(
         matrix[DIAGONALS] -= omega**2 * mass
         force = push * np.maximum(lift, 0.0) * zone * sign
         moved = np.abs(solve_banded((DIAGONALS, DIAGONALS), matrix, force + 0j)) / D
-        off = float(np.abs(moved - A).max())
+        change = float(np.abs(moved - A).max())
         A = A + SHARE * (moved - A)
-        if off < SAME:
+        if change < SAME:
             break
-    whole = np.zeros(len(span.s))
-    whole[free] = A if off < SAME else nan
-    return whole
+    amplitude = np.zeros(len(span.s))
+    amplitude[free] = A if change < SAME else nan
+    return amplitude
 
 
 def mean_rms(span: Span, model: Decomposed, reading: Reading, mode: int | None = None) -> float:

@@ -100,9 +100,9 @@ def _added_mass() -> Found:
     for m, added, low, high in ((11.0, 10.0, 0.0, 1.0), (10.0, 11.0, 1.0, np.inf)):
         radii = [np.abs(np.linalg.eigvals(lagged_matrix(m, added, h))).max() for h in STEPS_S]
         worst = max(radii) if high == 1.0 else min(radii)
-        words = "stable at every step" if high == 1.0 else "unstable at every step"
+        expectation = "stable at every step" if high == 1.0 else "unstable at every step"
         quantity = f"lagged, m {m:g}, m_a {added:g}: spectral radius"
-        findings.append(between(quantity, worst, (low, high), words))
+        findings.append(between(quantity, worst, (low, high), expectation))
     findings += [
         derived(shown(f"ours, {h:g} s: largest error over 20 s", error, f"{lag:g} lagged", "m"))
         for h, error, lag in zip(STEPS_S, ours, DERIVED_M, strict=True)
@@ -222,37 +222,39 @@ def exact_drag_positions(mass: float, drag: float, h: float) -> Vector:
         x, v = state
         return np.array([v, -(drag * abs(v) * v + STIFFNESS * x) / mass])
 
-    found = solve_ivp(rate, (0.0, times[-1]), (10.0, 0.0), "DOP853", times, rtol=1e-11, atol=1e-11)
-    return np.asarray(found.y[0])
+    solution = solve_ivp(
+        rate, (0.0, times[-1]), (10.0, 0.0), "DOP853", times, rtol=1e-11, atol=1e-11
+    )
+    return np.asarray(solution.y[0])
 
 
 def _lagged_drag() -> Found:
-    whole = 21.0
+    total = 21.0
     findings, errors = [], []
     for name, positions in (("lagged", lagged_drag_positions), ("ours", our_drag_positions)):
-        off = []
+        largest_errors = []
         for h in DRAG_STEPS_S:
-            found = positions(whole, DRAG, h)
-            off.append(float(np.abs(found - exact_drag_positions(whole, DRAG, h)).max()))
+            x = positions(total, DRAG, h)
+            largest_errors.append(float(np.abs(x - exact_drag_positions(total, DRAG, h)).max()))
             if name == "lagged":
-                largest = float(np.abs(found).max())
-                words = f"lagged drag, {h:g} s: largest |x| over 20 s"
-                findings.append(between(words, largest, (0.0, 10.0), "stable", "m"))
-        errors.append(off)
-        order = float(np.polyfit(np.log(DRAG_STEPS_S), np.log(off), 1)[0])
-        expected, words = (1.0, "converges") if name == "lagged" else (2.0, "2, of TR-BDF2")
+                largest = float(np.abs(x).max())
+                label = f"lagged drag, {h:g} s: largest |x| over 20 s"
+                findings.append(between(label, largest, (0.0, 10.0), "stable", "m"))
+        errors.append(largest_errors)
+        order = float(np.polyfit(np.log(DRAG_STEPS_S), np.log(largest_errors), 1)[0])
+        expected, label = (1.0, "converges") if name == "lagged" else (2.0, "2, of TR-BDF2")
         quantity = f"{name}: order of convergence"
-        findings.append(between(quantity, order, (expected - 0.2, expected + 0.2), words))
+        findings.append(between(quantity, order, (expected - 0.2, expected + 0.2), label))
         findings += [
             shown(f"{name}, {h:g} s: largest error over 20 s", error, "not printed", "m")
-            for h, error in zip(DRAG_STEPS_S, off, strict=True)
+            for h, error in zip(DRAG_STEPS_S, largest_errors, strict=True)
         ]
     beyond = float(np.abs(lagged_drag_positions(LIGHT, STRONG, DRAG_STEPS_S[0])).max())
-    kept = float(np.abs(our_drag_positions(LIGHT, STRONG, DRAG_STEPS_S[0])).max())
-    words = f"m {LIGHT:g}, c {STRONG:g}, {DRAG_STEPS_S[0]:g} s: largest |x|"
+    bounded = float(np.abs(our_drag_positions(LIGHT, STRONG, DRAG_STEPS_S[0])).max())
+    label = f"m {LIGHT:g}, c {STRONG:g}, {DRAG_STEPS_S[0]:g} s: largest |x|"
     findings += [
-        derived(between(f"lagged, {words}", beyond, (1e6, math.inf), "unbounded", "m")),
-        derived(between(f"ours, {words}", kept, (0.0, 10.0), "10, bounded", "m")),
+        derived(between(f"lagged, {label}", beyond, (1e6, math.inf), "unbounded", "m")),
+        derived(between(f"ours, {label}", bounded, (0.0, 10.0), "10, bounded", "m")),
     ]
     lines = (
         Line(DRAG_STEPS_S, errors[0], "drag lagged", "o-"),

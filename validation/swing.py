@@ -54,8 +54,8 @@ class HangingRope:
 
         grid = np.linspace(1e-3, 4.0, 8000)
         values = np.array([self.miss(omega) for omega in grid])
-        at = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))[:count]
-        return [float(brentq(self.miss, grid[k], grid[k + 1])) for k in at]
+        roots = np.flatnonzero(np.sign(values[1:]) != np.sign(values[:-1]))[:count]
+        return [float(brentq(self.miss, grid[k], grid[k + 1])) for k in roots]
 
 
 def swing_period(exact: HangingRope, omega: float, sooner: bool) -> float:
@@ -78,7 +78,7 @@ def swing_period(exact: HangingRope, omega: float, sooner: bool) -> float:
 def _swings() -> Found:
     exact = HangingRope(SWUNG)
     known = find_modes(SWUNG.scene(), 2 * MODES).lowest
-    still = [mode.period_s for mode in known if mode.kind == "out-of-plane"]
+    periods = [mode.period_s for mode in known if mode.kind == "out-of-plane"]
     s = np.linspace(0.0, SWUNG.length, 101)
     findings: list[Finding] = []
     lines = []
@@ -87,19 +87,19 @@ def _swings() -> Found:
         ours = swing_period(exact, omega, sooner=k > 1)
         findings += [
             within_pct(f"period {k + 1}: released and timed", ours, period, 0.3, "s"),
-            within_pct(f"period {k + 1}: by `rope_twin modes`", still[k], period, 0.3, "s"),
+            within_pct(f"period {k + 1}: by `rope_twin modes`", periods[k], period, 0.3, "s"),
         ]
         shape = exact.shape(omega, s)[0]
         lines.append(Line(shape / np.abs(shape).max(), s, f"{period:.3g} s"))
     picture = Panel("closed form: shapes", "across", "from the payload [m]", tuple(lines))
-    off = [100.0 * (f.ours / float(f.published) - 1.0) for f in findings]
+    errors_pct = [100.0 * (f.ours / float(f.published) - 1.0) for f in findings]
     order = list(range(1, MODES + 1))
-    beside = Panel(
+    error_panel = Panel(
         "off the closed form", "mode", "[%]",
-        (Line(order, off[::2], "released and timed", "o-"),
-         Line(order, off[1::2], "by rope_twin modes", "s--")),
+        (Line(order, errors_pct[::2], "released and timed", "o-"),
+         Line(order, errors_pct[1::2], "by rope_twin modes", "s--")),
     )  # fmt: skip
-    return Found(tuple(findings), (picture, beside))
+    return Found(tuple(findings), (picture, error_panel))
 
 
 CASES = (

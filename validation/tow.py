@@ -38,10 +38,10 @@ def shot_upward(rig: Rig, depth: float, s: Vector) -> Vector:
         tension = float(np.linalg.norm(pull))
         t = pull / tension
         U = water(rig, y[2])
-        along = float(U @ t)
-        across = U - along * t
-        force = p * rig.drag[0] * np.linalg.norm(across) * across
-        force += p * math.pi * rig.drag[1] * abs(along) * along * t
+        tangential = float(U @ t)
+        normal = U - tangential * t
+        force = p * rig.drag[0] * np.linalg.norm(normal) * normal
+        force += p * math.pi * rig.drag[1] * abs(tangential) * tangential * t
         return np.concatenate([(1.0 + tension / rig.EA) * t, np.array([0, 0, rig.weight]) - force])
 
     U = water(rig, -depth)
@@ -58,9 +58,9 @@ def solve_tow(rig: Rig, s: Vector) -> Vector:
     def miss(depth: float) -> float:
         return float(shot_upward(rig, depth, np.array([rig.length]))[2, -1])
 
-    found = shot_upward(rig, brentq(miss, 0.4 * rig.length, 1.01 * rig.length, xtol=1e-6), s)
-    found[:2] -= found[:2, -1:]
-    return found
+    shape = shot_upward(rig, brentq(miss, 0.4 * rig.length, 1.01 * rig.length, xtol=1e-6), s)
+    shape[:2] -= shape[:2, -1:]
+    return shape
 
 
 def _turning_current() -> Found:
@@ -70,27 +70,27 @@ def _turning_current() -> Found:
     middle = 0.5 * (s[1:] + s[:-1])
     exact = solve_tow(TOWED, np.sort(np.concatenate([s, middle])))
     shape, pull = exact[:3, ::2], np.sqrt((exact[3:] ** 2).sum(axis=0))
-    off = float(np.abs(shot.node_position_m[::-1].T - shape).max())
-    along = shot.element_tension_n[::-1]
-    apart = float(np.abs(along / pull[1::2] - 1.0).max())
+    error_m = float(np.abs(shot.node_position_m[::-1].T - shape).max())
+    tension_n = shot.element_tension_n[::-1]
+    tension_error = float(np.abs(tension_n / pull[1::2] - 1.0).max())
     payload = np.array(shot.payload_position_m)
     findings = (
-        between("shape off, of the length", 100.0 * off / TOWED.length, (0.0, 0.05), "0", "%"),
-        between("tension along the rope off, most", 100.0 * apart, (0.0, 0.5), "0", "%"),
+        between("shape off, of the length", 100.0 * error_m / TOWED.length, (0.0, 0.05), "0", "%"),
+        between("tension along the rope off, most", 100.0 * tension_error, (0.0, 0.5), "0", "%"),
         within_pct("top tension", shot.tension_top_n, pull[-1], 0.5, "N"),
         within_pct("payload: east of the hang-off", payload[0], shape[0, 0], 0.5, "m"),
         within_pct("payload: north of the hang-off", payload[1], shape[1, 0], 0.5, "m"),
         within_pct("payload: depth", -payload[2], -shape[2, 0], 0.5, "m"),
     )
-    own = shot.node_position_m[::5]
+    sampled = shot.node_position_m[::5]
     panels = (
         Panel("seen from the side; dots: ours", "east [m]", "z [m]",
-              (Line(shape[0], shape[2], "shooting"), Line(own[:, 0], own[:, 2], "", "k."))),
+              (Line(shape[0], shape[2], "shooting"), Line(sampled[:, 0], sampled[:, 2], "", "k."))),
         Panel("seen from above", "east [m]", "north [m]",
-              (Line(shape[0], shape[1], "shooting"), Line(own[:, 0], own[:, 1], "", "k."))),
+              (Line(shape[0], shape[1], "shooting"), Line(sampled[:, 0], sampled[:, 1], "", "k."))),
         Panel("tension", "[kN]", "from the payload [m]",
               (Line(1e-3 * pull[1::2], middle, "shooting"),
-               Line(1e-3 * along[::5], middle[::5], "", "k."))),
+               Line(1e-3 * tension_n[::5], middle[::5], "", "k."))),
     )  # fmt: skip
     return Found(findings, panels)
 

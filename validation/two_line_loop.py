@@ -51,13 +51,13 @@ def _pulls(calm: LineRun, rough: LineRun) -> list[Finding]:
     assert calm.noise is not None, "a calm run is listened to"
     findings = []
     for k, line in enumerate(LINES):
-        still, moved = calm.tension_n[k], rough.tension_n[k]
-        least = float(min(still.min(), moved.min()))
+        calm_n, moved = calm.tension_n[k], rough.tension_n[k]
+        smallest_n = float(min(calm_n.min(), moved.min()))
         findings += [
-            shown(f"{line}: mean pull, calm", float(still.mean()), "in pictures", "N"),
-            between(f"{line}: least pull", least, (1.0, inf), "never slack", "N"),
+            shown(f"{line}: mean pull, calm", float(calm_n.mean()), "in pictures", "N"),
+            between(f"{line}: least pull", smallest_n, (1.0, inf), "never slack", "N"),
             between(f"{line}: highest pull in sea state 3 over calm",
-                    float(moved.max() / still.max()), (0.9, 1.1), "modest"),
+                    float(moved.max() / calm_n.max()), (0.9, 1.1), "modest"),
             between(f"{line}: jump of the pull from step to step, of its mean",
                     calm.noise[k].jump_pct, (0.0, 0.1), "none to be seen", "%"),
         ]  # fmt: skip
@@ -69,11 +69,11 @@ def _ascent() -> Found:
     scene = load_scene("two_line_ascent")
     smooth_effects = tuple(e for e in scene.effects if not isinstance(e, StrouhalForcingParams))
     twin = Twin(scene, Monitors(vortex=MonitorSettings("time-domain")))
-    still, quiet = twin.branch(), Twin(replace(scene, effects=smooth_effects))
-    calm = run_lines(still, ASCENT_SECONDS, None, _unheard)
+    strumming, quiet = twin.branch(), Twin(replace(scene, effects=smooth_effects))
+    calm = run_lines(strumming, ASCENT_SECONDS, None, _unheard)
     rough = run_lines(twin, ASCENT_SECONDS, record_of(SEA_STATE, SEED), _unheard)
     smooth = run_lines(quiet, ASCENT_SECONDS, None, _unheard)
-    shot = still.snapshot()
+    shot = strumming.snapshot()
     depth = {payload.name: -float(payload.position_m[2]) for payload in shot.payloads}
     events = shot.solver.splits + shot.solver.merges
     findings = [
@@ -84,12 +84,12 @@ def _ascent() -> Found:
                 (0.0, 0.0), "none"),
     ]  # fmt: skip
     for k, line in enumerate(LINES):
-        gain = float(calm.tension_n[k].mean() / smooth.tension_n[k].mean())
-        findings.append(shown(f"{line}: mean pull with strumming over without", gain, ""))
+        ratio = float(calm.tension_n[k].mean() / smooth.tension_n[k].mean())
+        findings.append(shown(f"{line}: mean pull with strumming over without", ratio, ""))
     for rope in shot.ropes:
         if rope.vibration is not None:
-            most = float(rope.vibration.cross_flow.max())
-            findings.append(shown(f"{rope.name}: highest A/d at the end", most, "in pictures"))
+            largest = float(rope.vibration.cross_flow.max())
+            findings.append(shown(f"{rope.name}: highest A/d at the end", largest, "in pictures"))
     return Found(tuple(findings), _panels(calm, rough), (NOTES[0], ASSUMED))
 
 
@@ -105,7 +105,8 @@ def _panels(calm: LineRun, rough: LineRun) -> tuple[Panel, ...]:
         for k, line in enumerate(LINES)
     )  # fmt: skip
     sides = tuple(
-        Line(own[:, 0], -own[:, 1], line) for line, own in zip(LINES, calm.lines_m, strict=True)
+        Line(shape[:, 0], -shape[:, 1], line)
+        for line, shape in zip(LINES, calm.lines_m, strict=True)
     )
     return (*pulls, Panel("both lines at the end, calm", "along the plane [m]", "z [m]", sides))
 

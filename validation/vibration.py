@@ -42,19 +42,19 @@ def _one_string(mass: float, diameter: float, Ca: float) -> tuple[list[Finding],
     shots = march(rig.twin(), pluck(0.05, duration), duration + 12.0 / first, every=2)
     free = np.array([s.node_position_m[:, 2] for s in shots if s.time_s > duration])
     s = np.linspace(0.0, 1.0, rig.elements + 1)
-    found, orders = [], range(1, MODES + 1)
+    findings, orders = [], range(1, MODES + 1)
     for n in orders:
         ours = frequency(free @ np.sin(n * math.pi * s), 2 * rig.step)
-        found.append(
+        findings.append(
             within_pct(f"{mass:g} kg/m, Ca {Ca:g}: frequency {n}", ours, n * first, 0.5, "Hz")
         )
-    off = [100.0 * (found[n - 1].ours / (n * first) - 1.0) for n in orders]
-    return found, Line(list(orders), off, f"{mass:g} kg/m, Ca {Ca:g}", "o-")
+    errors_pct = [100.0 * (findings[n - 1].ours / (n * first) - 1.0) for n in orders]
+    return findings, Line(list(orders), errors_pct, f"{mass:g} kg/m, Ca {Ca:g}", "o-")
 
 
 def _strings(cases: Sequence[tuple[float, float, float]] = STRINGS) -> Found:
     pairs = [_one_string(*case) for case in cases]
-    findings = [finding for found, _ in pairs for finding in found]
+    findings = [finding for string_findings, _ in pairs for finding in string_findings]
     lines = tuple(line for _, line in pairs)
     picture = Panel("Frequencies of a taut string in water", "mode", "off [%]", lines)
     return Found(tuple(findings), (picture,))
@@ -72,9 +72,9 @@ def _period(rope: Rig, length: float) -> tuple[float, float, Vector, Vector]:
         density=1025.0, step=0.02,
     )  # fmt: skip
     twin = rig.twin()
-    rest = twin.snapshot().node_position_m[:, 2]
+    rest_z = twin.snapshot().node_position_m[:, 2]
     shots = march(twin, lift(0.2, 0.5 * period), 12.0 * period, every=5)
-    rows = [(s.time_s, s.node_position_m[:, 2] - rest) for s in shots if s.time_s > 0.5 * period]
+    rows = [(s.time_s, s.node_position_m[:, 2] - rest_z) for s in shots if s.time_s > 0.5 * period]
     mass = np.full(rig.elements + 1, rope.mass * length / rig.elements)
     mass[0] *= 0.5
     mass[-1] = 0.5 * mass[-1] + MOVING
@@ -88,9 +88,9 @@ def _periods(cases: Sequence[tuple[str, Rig, float, float]] = PERIODS_S) -> Foun
     findings, lines = [], []
     for name, rope, length, printed in cases:
         exact, ours, time, motion = _period(rope, length)
-        words = f"{name}, {length / 1e3:g} km: axial period"
-        findings.append(within_pct(f"{words}, x·tan x = m·L/M'", ours, exact, 0.2, "s"))
-        findings.append(within_pct(f"{words}, as printed", ours, printed, 0.3, "s"))
+        quantity = f"{name}, {length / 1e3:g} km: axial period"
+        findings.append(within_pct(f"{quantity}, x·tan x = m·L/M'", ours, exact, 0.2, "s"))
+        findings.append(within_pct(f"{quantity}, as printed", ours, printed, 0.3, "s"))
         first = time < SHOWN_PERIODS * exact
         lines.append(Line(time[first] / exact, motion[first], f"{name}, {length / 1e3:g} km"))
     periods = "time over the period in closed form"

@@ -73,23 +73,23 @@ class Convergence:
     @property
     def converged(self) -> Point | None:
         """Return the coarsest setting from which all are close; None: only the finest is."""
-        found = None
+        coarsest = None
         for point in reversed(self.points[:-1]):
             if not point.close:
                 break
-            found = point
-        return found
+            coarsest = point
+        return coarsest
 
     @property
     def words(self) -> str:
         """Return in a sentence where the sweep is converged."""
         limits = f"{AMPLITUDE_PCT:g} % in amplitude and {FREQUENCY_PCT:g} % in frequency"
-        held = self.points[-1]
+        finest = self.points[-1]
         if self.refined == "element":
-            at = f"{1e3 * held.step_s:g} ms"
+            setting = f"{1e3 * finest.step_s:g} ms"
         else:
-            at = f"elements of {held.element_m:.3g} m"
-        name = f"{self.case} by {self.model}, at {at}:"
+            setting = f"elements of {finest.element_m:.3g} m"
+        name = f"{self.case} by {self.model}, at {setting}:"
         point = self.converged
         if point is None:
             return f"{name} not within {limits} of the finest anywhere."
@@ -102,15 +102,15 @@ class Convergence:
 
 def towed_pipe(elements: int, step_s: float) -> Response:
     """Return for Q1 the maximum RMS, and the frequency of the lowest third, the power-in region."""
-    seen = curved_pipe.watch(elements, step_s, curved_pipe.SETTLE_S, curved_pipe.WATCH_S)
-    low = seen.s < 0.3 * seen.s[-1]
-    return float(seen.rms.max()), peak_hz(seen.y[:, low], curved_pipe.SAMPLE_S)
+    watched = curved_pipe.watch(elements, step_s, curved_pipe.SETTLE_S, curved_pipe.WATCH_S)
+    low = watched.s < 0.3 * watched.s[-1]
+    return float(watched.rms.max()), peak_hz(watched.y[:, low], curved_pipe.SAMPLE_S)
 
 
 def cable_by_waves(elements: int, step_s: float) -> Response:
     """Return the response of L2 by travelling waves, 24 s."""
-    own = wave_lines.rig(LCD_CABLE, wave_lines.CABLE_EA, elements, step_s)
-    run = wave_lines.wave_run(own, TravellingWavesParams(), 24.0)
+    cable = wave_lines.rig(LCD_CABLE, wave_lines.CABLE_EA, elements, step_s)
+    run = wave_lines.wave_run(cable, TravellingWavesParams(), 24.0)
     return float(run.rms.max()), peak_hz(run.motion, step_s)
 
 

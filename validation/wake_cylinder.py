@@ -49,7 +49,7 @@ def mean_power(reduced: float, y: float, A: float, epsilon: float) -> float:
 
 def power_map(reduced: Vector, y: Vector, pair: tuple[float, float]) -> Vector:
     """Return the power over V_r (columns) and ŷ (rows)."""
-    return np.array([[mean_power(V, one, *pair) for V in reduced] for one in y])
+    return np.array([[mean_power(V, amplitude, *pair) for V in reduced] for amplitude in y])
 
 
 def largest_amplitude(reduced: float, pair: tuple[float, float]) -> float:
@@ -104,10 +104,10 @@ def _forced(readings: bool = True) -> Found:
         ("A 4, ε 0.05", upright, UPRIGHT_AT, 6.0), ("A 1, ε 0.1", inclined, INCLINED_AT, 5.9),
     ):  # fmt: skip
         lower, upper = ends(pair[0])
-        found = _edge(pair, middle, 4.0), _edge(pair, middle, 8.0)
+        edges = _edge(pair, middle, 4.0), _edge(pair, middle, 8.0)
         findings += [
-            derived(within_pct(f"{name}: lower end of the region", found[0], lower, 0.5)),
-            derived(within_pct(f"{name}: upper end of the region", found[1], upper, 0.5)),
+            derived(within_pct(f"{name}: lower end of the region", edges[0], lower, 0.5)),
+            derived(within_pct(f"{name}: upper end of the region", edges[1], upper, 0.5)),
             *(
                 derived(
                     within_pct(
@@ -120,25 +120,25 @@ def _forced(readings: bool = True) -> Found:
         ]  # fmt: skip
         if pair == upright:
             findings += [
-                between(f"{name}: region from", found[0], (4.75, 5.25), "approximately 5"),
-                between(f"{name}: region to", found[1], (6.65, 7.25), "approximately 7"),
+                between(f"{name}: region from", edges[0], (4.75, 5.25), "approximately 5"),
+                between(f"{name}: region to", edges[1], (6.65, 7.25), "approximately 7"),
                 between(f"{name}: ŷ_max", highest(6.25, pair), (0.85, 1.15), "about 1", "D"),
             ]
         else:
-            largest = highest(0.5 * sum(found), pair)
+            largest = highest(0.5 * sum(edges), pair)
             findings += [
-                between(f"{name}: middle of the region", 0.5 * sum(found), (5.8, 6.2), "around 6"),
+                between(f"{name}: middle of the region", 0.5 * sum(edges), (5.8, 6.2), "around 6"),
                 between(f"{name}: ŷ_max", largest, (0.0, 0.5), "less than 0.5", "D"),
             ]
-    own = {V: (V / ratio, y) for V, (y, ratio) in FREE.items() if 5.0 <= V <= 7.0}
+    free = {V: (V / ratio, y) for V, (y, ratio) in FREE.items() if 5.0 <= V <= 7.0}
     findings.append(
-        derived(shown("Q3 at V_r 5: V_r on the frequency it vibrates at", own[5.0][0], "5.27"))
+        derived(shown("Q3 at V_r 5: V_r on the frequency it vibrates at", free[5.0][0], "5.27"))
     )
     findings.append(
-        shown("power that comes in there, at ŷ 0.724", mean_power(*own[5.0], *upright), "> 0")
+        shown("power that comes in there, at ŷ 0.724", mean_power(*free[5.0], *upright), "> 0")
     )
     notes = (*WHY_FORCED, table_of_readings()) if readings else ()
-    return Found(tuple(findings), _regions(own), notes)
+    return Found(tuple(findings), _regions(free), notes)
 
 
 WHY_FORCED = (
@@ -153,13 +153,18 @@ WHY_FORCED = (
 )
 
 
-def _regions(own: dict[float, tuple[float, float]]) -> tuple[Panel, ...]:
+def _regions(free_points: dict[float, tuple[float, float]]) -> tuple[Panel, ...]:
     """Return maps of the power's sign, with published values and the free cylinder of Q3."""
     V, y = np.linspace(4.5, 7.5, 121), np.linspace(0.025, 1.4, 56)
-    free = Line([V for V, _ in own.values()], [y for _, y in own.values()], "Q3's cylinder", "k^")
+    free = Line(
+        [V for V, _ in free_points.values()],
+        [y for _, y in free_points.values()],
+        "Q3's cylinder",
+        "k^",
+    )
     known = [
-        Line(list(at), [highest(V, pair) for V in at], "ŷ_max derived", "ko")
-        for at, pair in ((UPRIGHT_AT, SET.upright), (INCLINED_AT, SET.inclined))
+        Line(list(reduced), [highest(V, pair) for V in reduced], "ŷ_max derived", "ko")
+        for reduced, pair in ((UPRIGHT_AT, SET.upright), (INCLINED_AT, SET.inclined))
     ]
     panels = []
     for name, pair, lines in (
@@ -168,13 +173,13 @@ def _regions(own: dict[float, tuple[float, float]]) -> tuple[Panel, ...]:
     ):
         sign = np.sign(power_map(V, y, pair))
         field = Field(sign, (V[0], V[-1]), (0.0, y[-1]), "", most=3.0)
-        asked = [
+        published = [
             Line([end, end], [0.0, 1.4], "" if k else "ends derived", "k--")
             for k, end in enumerate(ends(pair[0]))
         ]
         title = f"{name}: red where power comes in"
         panels.append(
-            Panel(title, "reduced velocity V/(f·D)", "amplitude ŷ [D]", (*asked, *lines), field)
+            Panel(title, "reduced velocity V/(f·D)", "amplitude ŷ [D]", (*published, *lines), field)
         )
     return tuple(panels)
 
@@ -203,24 +208,24 @@ def free_response(reduced: float, seconds: float = 150.0) -> tuple[float, float]
         places.append(state[0])
     y = np.array(places[3 * len(places) // 4 :])
     x = y - y.mean()
-    at = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    times = at + x[at] / (x[at] - x[at + 1])
-    return 0.5 * float(np.ptp(y)), float((len(at) - 1) / ((times[-1] - times[0]) * h))
+    crossings = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    times = crossings + x[crossings] / (x[crossings] - x[crossings + 1])
+    return 0.5 * float(np.ptp(y)), float((len(crossings) - 1) / ((times[-1] - times[0]) * h))
 
 
-def _moved(state: Four, slopes: Four, by: float) -> Four:
+def _moved(state: Four, slopes: Four, step: float) -> Four:
     return (
-        state[0] + by * slopes[0],
-        state[1] + by * slopes[1],
-        state[2] + by * slopes[2],
-        state[3] + by * slopes[3],
+        state[0] + step * slopes[0],
+        state[1] + step * slopes[1],
+        state[2] + step * slopes[2],
+        state[3] + step * slopes[3],
     )
 
 
 def _free() -> Found:
-    found = {V: free_response(V) for V in FREE}
+    responses = {V: free_response(V) for V in FREE}
     findings: list[Finding] = []
-    for V, (amplitude, frequency) in found.items():
+    for V, (amplitude, frequency) in responses.items():
         findings += [
             derived(within_pct(f"V_r {V:g}: y/D", amplitude, FREE[V][0], 2.0)),
             derived(within_pct(f"V_r {V:g}: f/f_n", frequency, FREE[V][1], 2.0)),
@@ -229,7 +234,7 @@ def _free() -> Found:
     panels = tuple(
         Panel(
             "m* 2.4, ζ 0.0045", "reduced velocity", name,
-            (Line(reduced, [found[V][k] for V in reduced], "ours", "o-"),
+            (Line(reduced, [responses[V][k] for V in reduced], "ours", "o-"),
              Line(reduced, [FREE[V][k] for V in reduced], "reference", "kx")),
         )
         for k, name in enumerate(("y/D", "f/f_n"))

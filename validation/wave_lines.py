@@ -85,8 +85,8 @@ class WaveRun:
         """Return the dominant frequency of the slow motion, and its share of the power."""
         frequency, power = self.spectrum
         slow = (frequency > 0.1) & (frequency < below)
-        at = int(np.where(slow, power, 0.0).argmax())
-        return float(frequency[at]), float(power[slow].sum() / power.sum())
+        peak = int(np.where(slow, power, 0.0).argmax())
+        return float(frequency[peak]), float(power[slow].sum() / power.sum())
 
 
 def rig(rope: PublishedRope, EA: float, elements: int, step: float) -> Rig:
@@ -101,39 +101,39 @@ def rig(rope: PublishedRope, EA: float, elements: int, step: float) -> Rig:
     )  # fmt: skip
 
 
-def wave_run(own: Rig, params: TravellingWavesParams, duration: float) -> WaveRun:
+def wave_run(line_rig: Rig, params: TravellingWavesParams, duration: float) -> WaveRun:
     """Run the twin's core for a time; the second half is recorded."""
-    scene = own.scene()
+    scene = line_rig.scene()
     bench = Bench(replace(scene, effects=(*scene.effects, params)))
-    count = round(duration / own.step)
+    count = round(duration / line_rig.step)
     bench.hold(count // 2)
-    motion = np.zeros((count // 2, own.elements + 1))
+    motion = np.zeros((count // 2, line_rig.elements + 1))
     for row in range(len(motion)):
         bench.hold(1)
-        motion[row] = bench.position[1] / own.diameter
+        motion[row] = bench.position[1] / line_rig.diameter
     began = time.process_time()
     bench.hold(count // 4)
     spent = time.process_time() - began
-    return WaveRun(own.step, motion, (count // 4) * own.step / spent)
+    return WaveRun(line_rig.step, motion, (count // 4) * line_rig.step / spent)
 
 
 def waves_of_riser(duration: float = 200.0) -> tuple[list[Finding], Panel, str]:
     """Run L1 by waves: values, a picture, and the variants."""
-    own = rig(LCD_RISER, RISER_EA, 150, 0.025)
-    run = wave_run(own, TravellingWavesParams(), duration)
+    line_rig = rig(LCD_RISER, RISER_EA, 150, 0.025)
+    run = wave_run(line_rig, TravellingWavesParams(), duration)
     findings = [
         within_pct("waves: dominant frequency", run.dominant_hz, 1.02, 1.0, "Hz"),
         between("waves: peaks", run.peaks, (7.0, 7.0), "7"),
         shown("waves: largest rms/d", float(run.rms.max()), "0.401"),
         shown("waves: speed on one core", run.factor, "100 or more", "× real time"),
     ]
-    return findings, _panel(run, LCD_RISER, 12.0), _note(own, duration)
+    return findings, _panel(run, LCD_RISER, 12.0), _note(line_rig, duration)
 
 
 def waves_of_cable(duration: float = 48.0) -> tuple[list[Finding], Panel, str]:
     """Run L2 by waves; frequency and slow motion."""
-    own = rig(LCD_CABLE, CABLE_EA, 300, 0.004)
-    run = wave_run(own, TravellingWavesParams(), duration)
+    line_rig = rig(LCD_CABLE, CABLE_EA, 300, 0.004)
+    run = wave_run(line_rig, TravellingWavesParams(), duration)
     slow, part = run.slow_hz(1.0)
     steps = (0.004, 0.002)
     by_modulus = [complex_waves(0.5 * duration, step).slow_hz(1.0) for step in steps]
@@ -152,7 +152,7 @@ def waves_of_cable(duration: float = 48.0) -> tuple[list[Finding], Panel, str]:
         shown("waves: largest rms/d", float(run.rms.max()), "0.166"),
         shown("waves: speed on one core", run.factor, "100 or more", "× real time"),
     ]
-    return findings, _panel(run, LCD_CABLE, 1.0), f"{_note(own, 0.5 * duration)} {SLOW}"
+    return findings, _panel(run, LCD_CABLE, 1.0), f"{_note(line_rig, 0.5 * duration)} {SLOW}"
 
 
 def complex_waves(duration: float, step: float = 0.002, nodes: int = 301) -> WaveRun:
@@ -161,13 +161,16 @@ def complex_waves(duration: float, step: float = 0.002, nodes: int = 301) -> Wav
     Straight taut line, force L·(C0 - C1·|Y|/d)·e^(i(ωt + φ)), trapezoidal rule, |Y| iterated to the
     end of the step; the real part over the second half.
     """
-    own, params = LCD_CABLE, TravellingWavesParams()
+    cable, params = LCD_CABLE, TravellingWavesParams()
     speed = lcd_current(nodes)
-    span = own.span(speed)
+    span = cable.span(speed)
     length = span.node_length
-    omega, phase = _half_waves(2.0 * np.pi * params.strouhal * speed / own.diameter, span)
-    mass, damping = own.moved * length, 2.0 * params.damping_fraction * own.moved * length * omega
-    lift = 0.5 * DENSITY * own.diameter * speed**2 * length
+    omega, phase = _half_waves(2.0 * np.pi * params.strouhal * speed / cable.diameter, span)
+    mass, damping = (
+        cable.moved * length,
+        2.0 * params.damping_fraction * cable.moved * length * omega,
+    )
+    lift = 0.5 * DENSITY * cable.diameter * speed**2 * length
     tie = span.tension / np.diff(span.s)
     inner = slice(1, -1)
     bands = np.zeros((3, nodes - 2))
@@ -183,37 +186,37 @@ def complex_waves(duration: float, step: float = 0.002, nodes: int = 301) -> Wav
         known += damping * rate
         new = y
         for _ in range(3):
-            force = lift * (params.lift[0] - params.lift[1] * np.abs(new) / own.diameter) * turn
+            force = lift * (params.lift[0] - params.lift[1] * np.abs(new) / cable.diameter) * turn
             new = np.zeros_like(y)
             new[inner] = solve_banded((1, 1), bands, (known + force)[inner])
         moved = 2.0 * (new - y) / step - rate
         push = 2.0 * (moved - rate) / step - push
         y, rate = new, moved
         if row >= count - len(motion):
-            motion[row - count + len(motion)] = y.real / own.diameter
+            motion[row - count + len(motion)] = y.real / cable.diameter
     return WaveRun(step, motion, 0.0)
 
 
 def _half_waves(pace: Vector, span: Span) -> tuple[Vector, Vector]:
     """Return ω of each half wave, from the upper end down, and its phase: 0 and π in turn."""
     slowness = np.sqrt(span.mass / span.tension)
-    omega, phase, turned, own, sign = pace.copy(), np.zeros(len(pace)), 0.0, pace[-1], 0
+    omega, phase, turned, pace_here, sign = pace.copy(), np.zeros(len(pace)), 0.0, pace[-1], 0
     for i in range(len(pace) - 1, -1, -1):
         if turned >= np.pi:
-            turned, own, sign = turned - np.pi, pace[i], 1 - sign
-        omega[i], phase[i] = own, np.pi * sign
-        turned += own * slowness[i - 1] * (span.s[i] - span.s[i - 1]) if i else 0.0
+            turned, pace_here, sign = turned - np.pi, pace[i], 1 - sign
+        omega[i], phase[i] = pace_here, np.pi * sign
+        turned += pace_here * slowness[i - 1] * (span.s[i] - span.s[i - 1]) if i else 0.0
     return omega, phase
 
 
-def _note(own: Rig, duration: float) -> str:
-    words = []
+def _note(line_rig: Rig, duration: float) -> str:
+    trials = []
     for name, params in VARIANTS:
-        run = wave_run(own, params, duration)
-        words.append(
+        run = wave_run(line_rig, params, duration)
+        trials.append(
             f"{name}: {run.dominant_hz:.3g} Hz, {run.peaks:g} peaks, rms/d {run.rms.max():.3f}"
         )
-    return f"{KEPT} Tried: {'; '.join(words)}."
+    return f"{KEPT} Tried: {'; '.join(trials)}."
 
 
 def _panel(run: WaveRun, rope: PublishedRope, lasting: float) -> Panel:

@@ -99,9 +99,9 @@ class ReadResponse(ModalResponse):
         drive, span = self._drive._replace(force=force), self.span
         if not self._reading.drag:
             return drive
-        own = 2.0 * self.shedding.structural * drive.omega * drive.mass
-        across = 0.5 * DENSITY * span.diameter * span.speed * span.node_length
-        damping = own + across @ self.modes.shape[:, drive.active] ** 2
+        structural = 2.0 * self.shedding.structural * drive.omega * drive.mass
+        hydrodynamic = 0.5 * DENSITY * span.diameter * span.speed * span.node_length
+        damping = structural + hydrodynamic @ self.modes.shape[:, drive.active] ** 2
         return drive._replace(damping=damping, growing=np.zeros_like(drive.growing))
 
     def _run_on(self, h: float) -> None:

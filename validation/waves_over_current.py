@@ -78,20 +78,20 @@ PHASES = (
 
 def motion_of(line: _Line, model: Any, wave: bool, inverted: bool, periods: int) -> Vector:
     """Return the motion across the flow over d, second half of a run, (times, PLACES)."""
-    own = rig(line.rope, line.EA, line.elements[model], line.step_s[model])
-    scene = own.scene()
+    line_rig = rig(line.rope, line.EA, line.elements[model], line.step_s[model])
+    scene = line_rig.scene()
     effects = [*scene.effects, model, WAVE if wave else CALM]  # one step for both
     if inverted:
-        effects = [INVERTED if isinstance(own, CurrentParams) else own for own in effects]
+        effects = [INVERTED if isinstance(effect, CurrentParams) else effect for effect in effects]
     twin = Twin(replace(scene, effects=tuple(effects)))
     count = round(periods * WAVE_S / twin.step_s)
     twin.advance(count - count // 2)
     shares = np.linspace(0.0, 1.0, PLACES)
-    found = np.empty((count // 2, PLACES))
-    for row in range(len(found)):
+    motion_m = np.empty((count // 2, PLACES))
+    for row in range(len(motion_m)):
         twin.advance(1)
-        found[row] = _across(twin, line, shares)
-    return found / line.rope.diameter
+        motion_m[row] = _across(twin, line, shares)
+    return motion_m / line.rope.diameter
 
 
 def _across(twin: Twin, line: _Line, shares: Vector) -> Vector:
@@ -100,8 +100,8 @@ def _across(twin: Twin, line: _Line, shares: Vector) -> Vector:
     s = twin.rope.state.s[: n + 1]
     if twin.viv_drag is None:
         nodes = line.elements[WAVES] + 1
-        across = twin.rope.state.nodes[1, :nodes]
-        return np.interp(shares, np.linspace(0.0, 1.0, nodes), across)
+        lateral = twin.rope.state.nodes[1, :nodes]
+        return np.interp(shares, np.linspace(0.0, 1.0, nodes), lateral)
     return twin.viv_drag.tracker.moved(twin.rope, shares * s[line.elements[MODES]])
 
 
@@ -123,26 +123,26 @@ def waves_over_current(short: bool = False) -> Found:
     panels = []
     for line, model, name, calm, wavy in PRINTED[: 1 if short else None]:
         periods = line.periods // 2 if short else line.periods
-        without, with_wave = (
+        current_alone, with_wave = (
             motion_of(line, model, wave, False, periods) for wave in (False, True)
         )
-        still, moving = rms_of(without), rms_of(with_wave)
+        alone_rms, moving = rms_of(current_alone), rms_of(with_wave)
         title, ratio = f"{line.name} by {name}", wavy / calm
-        findings.append(shown(f"{title}: rms/d without the wave", still, f"{calm}"))
+        findings.append(shown(f"{title}: rms/d without the wave", alone_rms, f"{calm}"))
         if (line, model) == (RISER, MODES):
             findings.append(within_pct(f"{title}: rms/d with it", moving, wavy, 25.0))
         else:
             findings.append(shown(f"{title}: rms/d with it", moving, f"{wavy}"))
         limits = (ratio / FACTOR, min(ratio * FACTOR, 1.0))
         findings.append(
-            between(f"{title}: with over without", moving / still, limits, f"{ratio:.3f}")
+            between(f"{title}: with over without", moving / alone_rms, limits, f"{ratio:.3f}")
         )
         if model is WAVES:
             part = slow_share(with_wave, line.step_s[WAVES])
             findings.append(between(f"{title}: power at the wave's own pace", part, (0, 0.02), ""))
         height = np.linspace(0.0, line.rope.length, PLACES)
         pair = (
-            Line(without.std(axis=0), height, "current alone"),
+            Line(current_alone.std(axis=0), height, "current alone"),
             Line(with_wave.std(axis=0), height, "with the wave"),
         )
         panels.append(Panel(title, "rms/d", "height [m]", pair))

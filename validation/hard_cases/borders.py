@@ -87,16 +87,21 @@ def stick_slip() -> list[Finding]:
     )
     shots = list(march(Twin(scene), still, time + 60.0, speeds=speeds))
     stamps = np.array([shot.time_s for shot in shots])
-    at = [float(np.interp(mark, stamps, [s.element_tension_n[0] for s in shots])) for mark in marks]
+    pulls_n = [
+        float(np.interp(mark, stamps, [s.element_tension_n[0] for s in shots])) for mark in marks
+    ]
     pulled = sqrt(2.0 * MU * CHAIN.weight * CHAIN.EA * PULL_M)
-    held = float(shots[-1].element_tension_n[0])
+    last_n = float(shots[-1].element_tension_n[0])
     return [
-        off("first pull against √(2·μ·w·EA·δ)", at[0], pulled, 1.5),
+        off("first pull against √(2·μ·w·EA·δ)", pulls_n[0], pulled, 1.5),
         off(
-            "a fourth paid out again: 1 - 1/√2 of it", at[1], (1.0 - 1.0 / sqrt(2.0)) * pulled, 4.0
+            "a fourth paid out again: 1 - 1/√2 of it",
+            pulls_n[1],
+            (1.0 - 1.0 / sqrt(2.0)) * pulled,
+            4.0,
         ),
-        off("the loop closes: last pull against the first", at[-1], at[0], 0.5),
-        off("held for a minute", held, at[-1], 1.5),
+        off("the loop closes: last pull against the first", pulls_n[-1], pulls_n[0], 0.5),
+        off("held for a minute", last_n, pulls_n[-1], 1.5),
         limited("tension at the far end", float(shots[-1].tension_payload_n) / 1e3, 0.2, "kN"),
         all_converged(shots[-1].solver.unconverged_substeps),
     ]

@@ -61,18 +61,18 @@ def _pull_of_unit(x: float, v: float) -> float:
 
 def _by_scipy(times: Vector) -> tuple[Vector, Vector]:
     """Return top element tension [N] and stroke [m] of the same chain of masses, by DOP853."""
-    rest = ABOVE_M / ABOVE
-    rope = np.full(ABOVE + 1, RIG.mass * rest)
+    segment_m = ABOVE_M / ABOVE
+    rope = np.full(ABOVE + 1, RIG.mass * segment_m)
     rope[0] *= 0.5
     mass = np.concatenate([[RIG.load + 0.5 * UNIT_M * UNIT_KG_PER_M], rope[:-1]])
     mass[1] += 0.5 * UNIT_M * UNIT_KG_PER_M
-    k, c, omega = RIG.EA / rest, RIG.damping / rest, 2.0 * pi / PERIOD_S
+    k, c, omega = RIG.EA / segment_m, RIG.damping / segment_m, 2.0 * pi / PERIOD_S
 
     def tensions(t: float, state: Vector) -> Vector:
         z, v = state.reshape(2, -1)
         top = AMPLITUDE_M * sin(omega * t), AMPLITUDE_M * omega * np.cos(omega * t)
         span, rate = np.diff(np.append(z, top[0])), np.diff(np.append(v, top[1]))
-        pull = np.maximum(k * (span - rest) + c * rate, 0.0)
+        pull = np.maximum(k * (span - segment_m) + c * rate, 0.0)
         pull[0] = _pull_of_unit(span[0] - UNIT_M, rate[0])
         return pull
 
@@ -81,15 +81,15 @@ def _by_scipy(times: Vector) -> tuple[Vector, Vector]:
         force = pull - np.append(0.0, pull[:-1]) - mass * GRAVITY
         return np.concatenate([state[len(mass) :], force / mass])
 
-    held = np.cumsum(mass) * GRAVITY
-    span = np.append(UNIT_M + 0.5 * STROKE, rest + held[1:] / k)
+    supported_n = np.cumsum(mass) * GRAVITY
+    span = np.append(UNIT_M + 0.5 * STROKE, segment_m + supported_n[1:] / k)
     z = -np.cumsum(span[::-1])[::-1]
     began = np.concatenate([z, np.zeros_like(z)])
-    found = solve_ivp(
+    solution = solve_ivp(
         change, (0.0, times[-1]), began, "DOP853", times, rtol=1e-9, atol=1e-9, max_step=0.02
     )
-    pulls = np.array([tensions(t, y)[-1] for t, y in zip(times, found.y.T, strict=True)])
-    return pulls, found.y[1] - found.y[0] - UNIT_M
+    pulls = np.array([tensions(t, y)[-1] for t, y in zip(times, solution.y.T, strict=True)])
+    return pulls, solution.y[1] - solution.y[0] - UNIT_M
 
 
 def stroke_end() -> list[Finding]:
@@ -98,7 +98,7 @@ def stroke_end() -> list[Finding]:
                        SECONDS))  # fmt: skip
     times = np.array([shot.time_s for shot in shots])
     pulls, strokes = _by_scipy(times)
-    ours = np.array([shot.element_tension_n[0] for shot in shots])
+    tension_n = np.array([shot.element_tension_n[0] for shot in shots])
     units = [shot.compensator for shot in shots]
     stroke = np.array([unit.stroke_m for unit in units if unit is not None])
     slack = np.mean([shot.element_tension_n[-1] == 0.0 for shot in shots])
@@ -108,9 +108,9 @@ def stroke_end() -> list[Finding]:
     return [
         between("share of the time with a slack unit", float(slack), (0.02, 1.0), "> 0"),
         limited("least depth of the extended stop", 0.001 / max(stroke.max() - STROKE, 1e-9), 1.0),
-        off("peak tension at the stop, over the rope", ours.max(), pulls.max(), 2.0),
+        off("peak tension at the stop, over the rope", tension_n.max(), pulls.max(), 2.0),
         off("longest stroke", stroke.max(), strokes.max(), 0.2),
-        rms_off("tension over 20 s", ours, pulls, 3.0),
+        rms_off("tension over 20 s", tension_n, pulls, 3.0),
         limited("energy from nowhere, of what is exchanged", gained, 0.1),
         all_converged(unconverged),
     ]

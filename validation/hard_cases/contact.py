@@ -61,7 +61,7 @@ def _pushed(twin: Twin) -> float:
     """Return the force of the hull along x [N]."""
     state = twin.rope.state
     n = int(state.counts[rows.ELEMENTS]) + 1
-    (hull,) = (own for own in twin.rope.effects if isinstance(own, HullContact))
+    (hull,) = (effect for effect in twin.rope.effects if isinstance(effect, HullContact))
     nodes = state.nodes
     return float(contact_forces(hull, nodes[:3, :n], nodes[3:6, :n], state.s[:n])[0].sum())
 
@@ -102,9 +102,9 @@ def _by_scipy(place: Vector, speed: Vector, times: Vector) -> Vector:
     piecewise linear penetration over the length, in closed form.
     """
     rig, n = HANGING, HANGING.elements
-    rest = rig.length / n
-    mass = np.full(n, rig.mass * rest)
-    mass[0] = 0.5 * rig.mass * rest + rig.load
+    segment_m = rig.length / n
+    mass = np.full(n, rig.mass * segment_m)
+    mass[0] = 0.5 * rig.mass * segment_m + rig.load
     hang_off = np.zeros((2, 1))
 
     def change(_: float, state: Vector) -> Vector:
@@ -112,24 +112,26 @@ def _by_scipy(place: Vector, speed: Vector, times: Vector) -> Vector:
         x, v = np.hstack([x, hang_off]), np.hstack([v, hang_off])
         span, rate = np.diff(x), np.diff(v)
         length = np.hypot(*span)
-        along = span / length
-        pull = rig.EA * (length / rest - 1.0) + rig.damping / rest * (along * rate).sum(axis=0)
+        direction = span / length
+        pull = rig.EA * (length / segment_m - 1.0) + rig.damping / segment_m * (
+            direction * rate
+        ).sum(axis=0)
         force = np.zeros((2, n + 1))
-        force[:, :-1] += np.maximum(pull, 0.0) * along
-        force[:, 1:] -= np.maximum(pull, 0.0) * along
+        force[:, :-1] += np.maximum(pull, 0.0) * direction
+        force[:, 1:] -= np.maximum(pull, 0.0) * direction
         force[1, :n] -= mass * rig.gravity
         depth = x[0] - WALL_M
-        low, up = _shares(depth[:-1], depth[1:])
-        force[0, :-1] -= K * rest * low
-        force[0, 1:] -= K * rest * up
+        low, upper = _shares(depth[:-1], depth[1:])
+        force[0, :-1] -= K * segment_m * low
+        force[0, 1:] -= K * segment_m * upper
         force[0, 0] -= K_PAYLOAD * max(depth[0], 0.0)
         return np.concatenate([v[:, :n].ravel(), (force[:, :n] / mass).ravel()])
 
     began = np.concatenate([place.ravel(), speed.ravel()])
-    found = solve_ivp(
+    solution = solve_ivp(
         change, (0.0, times[-1]), began, "DOP853", times, rtol=1e-9, atol=1e-9, max_step=0.001
     )
-    return np.asarray(found.y[:n])
+    return np.asarray(solution.y[:n])
 
 
 def _shares(a: Vector, b: Vector) -> tuple[Vector, Vector]:
@@ -155,14 +157,14 @@ def _rope() -> list[Finding]:
         x.append(nodes[0, :n].copy())
     energy, times = shots[-1].energy, [shot.time_s for shot in shots]
     assert energy is not None
-    ours, theirs = np.array(x).T, _by_scipy(place, speed, np.array(times))
+    positions, exact = np.array(x).T, _by_scipy(place, speed, np.array(times))
     motion = 0.5 * SPEED**2 * (HANGING.load + HANGING.mass * HANGING.length)
     return [
-        off("deepest penetration of the payload on a rope", ours[0].max() - WALL_M,
-            theirs[0].max() - WALL_M, 0.2),
-        off("deepest penetration of the rope", ours[1:].max() - WALL_M,
-            theirs[1:].max() - WALL_M, 1.0),
-        rms_off("place of all nodes over 0.8 s", ours, theirs, 0.5),
+        off("deepest penetration of the payload on a rope", positions[0].max() - WALL_M,
+            exact[0].max() - WALL_M, 0.2),
+        off("deepest penetration of the rope", positions[1:].max() - WALL_M,
+            exact[1:].max() - WALL_M, 1.0),
+        rms_off("place of all nodes over 0.8 s", positions, exact, 0.5),
         limited("energy from nowhere, of the energy of motion",
                 100.0 * max(-energy.residual_j - motion, 0.0) / motion, 0.1),
         all_converged(shots[-1].solver.unconverged_substeps),
@@ -203,15 +205,18 @@ def _strings(speed: float, step: float, elements: int) -> tuple[System, Callable
 
 def _ropes() -> list[Finding]:
     """Limit the errors of two ropes that collide: force by impedance, energy, side."""
-    still = np.zeros((2, 5)), np.zeros(2), 0.0
+    boundary = np.zeros((2, 5)), np.zeros(2), 0.0
     _, advance = _strings(0.2, 0.005, 80)
     pushes = np.array([advance() for _ in range(160)])[60:]
     tension = TAUT.EA * (SPAN_M / TAUT.length - 1.0)
     system, advance = _strings(SPEED, 0.002, 10)
-    start, motion = measure_system(system, *still).store.total, 0.5 * TAUT.mass * SPAN_M * SPEED**2
+    start, motion = (
+        measure_system(system, *boundary).store.total,
+        0.5 * TAUT.mass * SPAN_M * SPEED**2,
+    )
     for _ in range(250):
         advance()
-    gained = measure_system(system, *still).store.total - start
+    gained = measure_system(system, *boundary).store.total - start
     heights = [rope.state.nodes[2, 5] for rope in system.ropes]
     unconverged = int(system.ropes[0].state.health[rows.SUBSTEPS_UNCONVERGED])
     return [
@@ -235,8 +240,10 @@ def _two_payloads(chi: float) -> tuple[System, Callable[[], None]]:
         scene, n = rig.scene(), rig.elements
         rope = build(replace(scene, effects=(*scene.effects, params)))
         effects = tuple(
-            placed(own, params, {"one": 0, "other": 1}) if isinstance(own, PayloadContact) else own
-            for own in rope.effects
+            placed(effect, params, {"one": 0, "other": 1})
+            if isinstance(effect, PayloadContact)
+            else effect
+            for effect in rope.effects
         )
         rope.state.nodes[0, : n + 1] = value[r, :, 0] = 2.01 * r
         rope.state.nodes[2, : n + 1] = rope.state.s[: n + 1] - rig.length
@@ -266,26 +273,28 @@ def _rebound(chi: float) -> float:
 
 def _payloads() -> list[Finding]:
     """Limit the errors of two payloads that collide: speeds, depth, energy, restitution."""
-    still, (one, other) = (np.zeros((2, 5)), np.zeros(2), 0.0), MASSES
+    boundary, (first, second) = (np.zeros((2, 5)), np.zeros(2), 0.0), MASSES
     system, advance = _two_payloads(0.0)
-    start, deepest = measure_system(system, *still).store.total, 0.0
+    start, deepest = measure_system(system, *boundary).store.total, 0.0
     for _ in range(300):
         advance()
         touch = payload_touch_of(system)
         assert touch is not None, "the scene lists it"
         deepest = max(deepest, touch.deepest)
     after = system.joints.nodes[rows.VELOCITY].copy()
-    gained = measure_system(system, *still).store.total - start
+    gained = measure_system(system, *boundary).store.total - start
     damped, advance = _two_payloads(CHI)
     for _ in range(400):
         advance()
     parted = float(np.diff(damped.joints.nodes[rows.VELOCITY])[0]) / SPEED
     unconverged = sum(int(s.ropes[0].state.health[rows.SUBSTEPS_UNCONVERGED])
                       for s in (system, damped))  # fmt: skip
-    reduced = one * other / (one + other)
+    reduced = first * second / (first + second)
     return [
-        off("speed of the payload that was hit", after[1], 2.0 * one * SPEED / (one + other), 0.1),
-        off("speed of the one that hit it", after[0], SPEED * (one - other) / (one + other), 0.1),
+        off("speed of the payload that was hit", after[1],
+            2.0 * first * SPEED / (first + second), 0.1),
+        off("speed of the one that hit it", after[0],
+            SPEED * (first - second) / (first + second), 0.1),
         off("deepest penetration of two payloads against v·√(m/k)", deepest,
             SPEED * sqrt(reduced / K_PAYLOAD), 0.1),
         limited("energy of two payloads after they met", 100.0 * abs(gained) / start, 0.1),

@@ -44,20 +44,20 @@ GONE = 0.8  # of its way: where the release wave is looked at
 class Parts:
     """Both of them, with the hang-off at rest."""
 
-    def __init__(self, whole: RigBench, below: int) -> None:
+    def __init__(self, bench: RigBench, below: int) -> None:
         """Cut a whole rope above its first `below` elements."""
-        rig, lost, rope = whole.rig, float(whole.s[below]), whole.rope
+        rig, lost, rope = bench.rig, float(bench.s[below]), bench.rope
         value = np.zeros((1, rows.MOTIONS))
-        value[0, rows.LINE] = whole.length
+        value[0, rows.LINE] = bench.length
         place = CutPosition(lost, math.inf, 0.0)
         cut = cut_rope(
             rope, Boundary(value, np.zeros_like(value)), place, without_load(rope.effects)
         )
-        bare = replace(
-            rig, length=whole.length - lost, elements=whole.n - below, load=0.0, volume=0.0,
+        upper_rig = replace(
+            rig, length=bench.length - lost, elements=bench.n - below, load=0.0, volume=0.0,
             added=NOTHING, area=NOTHING,
         )  # fmt: skip
-        self.upper = RigBench(bare, cut.upper)
+        self.upper = RigBench(upper_rig, cut.upper)
         self.lower = RigBench(
             replace(rig, length=lost, elements=below), without_massless_section(cut.lower)
         )
@@ -73,8 +73,8 @@ class Parts:
         time = self._steps * self.upper.rig.step
         done = self._ropes.advance(self.upper.rope, border, time, pull)
         if done < steps:
-            what = "the next state of a part is not finite even at 1/32 of the step"
-            raise SolverError(f"step {done + 1}", what, "a solver defect: report it")
+            problem = "the next state of a part is not finite even at 1/32 of the step"
+            raise SolverError(f"step {done + 1}", problem, "a solver defect: report it")
         self._steps += steps
         return pull[:, rows.PULL]
 
@@ -90,8 +90,12 @@ class Parts:
 
 def momentum(part: RigBench) -> float:
     """Return the vertical momentum of a part with its payload [N·s]."""
-    rest = np.diff(part.s)
-    lump = part.rig.mass * 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
+    rest_length = np.diff(part.s)
+    lump = (
+        part.rig.mass
+        * 0.5
+        * (np.concatenate([[0.0], rest_length]) + np.concatenate([rest_length, [0.0]]))
+    )
     lump[0] += part.rig.load
     return float((lump * part.velocity[2]).sum())
 
@@ -103,22 +107,22 @@ def recoil(below: int) -> list[Finding]:
     tension that was cut, the pull on the hang-off stays, and momentum grows as T·t. Afterwards the
     rope is slack: its energy can only fall.
     """
-    whole = settled(WIRE)
-    left = Parts(whole, below).upper
-    rig, length = left.rig, float(left.s[-1])
-    T = WIRE.load_weight + WIRE.weight * float(whole.s[below])
+    bench = settled(WIRE)
+    upper = Parts(bench, below).upper
+    rig, length = upper.rig, float(upper.s[-1])
+    T = WIRE.load_weight + WIRE.weight * float(bench.s[below])
     arrival = length / math.sqrt(rig.EA / rig.mass)
     pull_before = T + rig.weight * length
-    start = left.energy()
+    start = upper.energy()
     steps = int(GONE * arrival / rig.step)
-    pull = left.hold(steps)
-    gained = momentum(left)
+    pull = upper.hold(steps)
+    gained = momentum(upper)
     speed = math.sqrt(rig.EA / rig.mass)
-    released = left.s < GONE * speed * rig.step * steps
-    released_speed = float(left.velocity[2, released].mean())
+    released = upper.s < GONE * speed * rig.step * steps
+    released_speed = float(upper.velocity[2, released].mean())
     kinetic = 0.5 * T * T / rig.EA * rig.step * steps * speed
-    moving = 0.5 * rig.mass * float((np.diff(left.s) * left.velocity[2, 1:] ** 2).sum())
-    highest = max(highest_energy(left, 200, 50), left.energy())
+    moving = 0.5 * rig.mass * float((np.diff(upper.s) * upper.velocity[2, 1:] ** 2).sum())
+    highest = max(highest_energy(upper, 200, 50), upper.energy())
     free = T / math.sqrt(rig.EA * rig.mass)
     return [
         off("speed of the released part against T/√(EA·m)", released_speed, free, 1.0),
@@ -128,7 +132,7 @@ def recoil(below: int) -> list[Finding]:
                 100.0 * float(np.abs(pull / pull_before - 1.0).max()), 0.1),
         limited("energy gained in 10 s after the cut, over what was stored in stretch",
                 100.0 * (highest - start) / stretch_energy(T, rig), 1e-4),
-        all_converged(left.unconverged),
+        all_converged(upper.unconverged),
     ]  # fmt: skip
 
 
@@ -139,9 +143,9 @@ def fall(below: int) -> list[Finding]:
     and that falls: v = -T/√(EA·m) + g·t_a - g·(t - t_a) where it came at t_a. When it has passed
     the payload nothing pulls there any more.
     """
-    whole = settled(WIRE)
-    before = whole.energy()
-    parts = Parts(whole, below)
+    bench = settled(WIRE)
+    before = bench.energy()
+    parts = Parts(bench, below)
     rig, lower = WIRE, parts.lower
     length, c = lower.length, math.sqrt(rig.EA / rig.mass)
     T = rig.load_weight + rig.weight * length
@@ -175,12 +179,12 @@ def fall(below: int) -> list[Finding]:
     ]  # fmt: skip
 
 
-def highest_energy(left: RigBench, pieces: int, steps: int) -> float:
+def highest_energy(bench: RigBench, pieces: int, steps: int) -> float:
     """Return the largest energy at the ends of the following pieces of the run [J]."""
     highest = -np.inf
     for _ in range(pieces):
-        left.hold(steps)
-        highest = max(highest, left.energy())
+        bench.hold(steps)
+        highest = max(highest, bench.energy())
     return float(highest)
 
 
@@ -203,11 +207,11 @@ def come_to_rest(below: int) -> list[Finding]:
     sinking = float(lower.velocity[2, 0])
     pull = float(upper.hold(round((SETTLE_S - SINK_S) / upper.rig.step))[-1])
     fresh = settled(upper.rig)
-    away = float(np.abs(upper.position - fresh.position).max())
+    largest_m = float(np.abs(upper.position - fresh.position).max())
     return [
         off("in water, pull at the end against rest", pull, float(fresh.hold(1)[-1]), 0.1),
         limited("and its distance from the shape at rest, over the length",
-                100.0 * away / upper.length, 0.1),
+                100.0 * largest_m / upper.length, 0.1),
         off("terminal speed of what falls", sinking, -terminal_speed(lower.length), 0.01),
         all_converged(upper.unconverged + lower.unconverged),
     ]  # fmt: skip
@@ -226,9 +230,9 @@ def land(below: int) -> list[Finding]:
     rig = WET_WIRE
     scene = rig.scene()
     scene = replace(scene, effects=(*scene.effects[:-1], BED, scene.effects[-1]))
-    whole = RigBench(rig, build(scene))
-    whole.settle()
-    parts = Parts(whole, below)
+    bench = RigBench(rig, build(scene))
+    bench.settle()
+    parts = Parts(bench, below)
     parts.hold(round(SINK_S / rig.step))
     push = parts.push_of_bed()
     weight = rig.load_weight + rig.weight * parts.lower.length

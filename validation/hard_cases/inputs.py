@@ -54,34 +54,37 @@ def current_step() -> list[Finding]:
     In the steady state it hangs straight at the critical angle a from the vertical, w·sin a =
     ½·ρ·d·Cdn·U²·cos² a (its end has no load), and pulls with w·L·cos a + ½·ρ·pi·d·Cdt·U²·sin² a·L.
     """
-    diameter, normal, along, U = 0.0173, 1.5, 0.01, 2.0
+    diameter, normal, tangential, U = 0.0173, 1.5, 0.01, 2.0
     mass = 8.89 / 9.80665 + WATER * 0.25 * math.pi * diameter**2  # 8.89 N/m in water
     rig = Rig(
         length=500.0, elements=100, mass=mass, EA=1.272e7, diameter=diameter, density=WATER,
-        load=0.0, drag=(normal, along), added_mass=1.0, damping=1e4,
+        load=0.0, drag=(normal, tangential), added_mass=1.0, damping=1e4,
     )  # fmt: skip
     twin = rig.twin()
     shots = list(march(twin, still, 5.0, 10))
     twin.offer_current(np.array([[0.0, U, 0.0]]))
     shots += list(march(twin, still, 900.0, 10))
-    across, skin = 0.5 * WATER * diameter * normal * U * U, 0.5 * WATER * math.pi * diameter * along
-    ratio = across / rig.weight  # sin a = r·(1 - sin² a)
+    force_n_per_m, skin = (
+        0.5 * WATER * diameter * normal * U * U,
+        0.5 * WATER * math.pi * diameter * tangential,
+    )
+    ratio = force_n_per_m / rig.weight  # sin a = r·(1 - sin² a)
     sine_a = (math.sqrt(1.0 + 4.0 * ratio * ratio) - 1.0) / (2.0 * ratio)
     end = shots[-1]
-    found = math.degrees(math.atan2(end.payload_position_m[0], -end.payload_position_m[2]))
+    angle_deg = math.degrees(math.atan2(end.payload_position_m[0], -end.payload_position_m[2]))
     pull = rig.weight * rig.length * math.sqrt(1.0 - sine_a**2)
     pull += skin * U * U * sine_a**2 * rig.length
     twin.offer_current(np.array([[0.0, 0.0, 0.0]]))
-    back = list(march(twin, still, 900.0, 10))[-1]
+    still_again = list(march(twin, still, 900.0, 10))[-1]
     return [
         limited("angle against the critical angle of "
                 f"{math.degrees(math.asin(sine_a)):.1f}°",
-                abs(found - math.degrees(math.asin(sine_a))), 0.2, "°"),
+                abs(angle_deg - math.degrees(math.asin(sine_a))), 0.2, "°"),
         off("pull in the steady current", end.tension_top_n, pull, 0.1),
         limited("largest push of the hang-off", max(0.0, -min(s.tension_top_min_n for s in shots)),
                 0.0, "N"),
-        off("pull in still water again", back.tension_top_n, rig.top_weight, 0.1),
-        all_converged(back.solver.unconverged_substeps),
+        off("pull in still water again", still_again.tension_top_n, rig.top_weight, 0.1),
+        all_converged(still_again.solver.unconverged_substeps),
     ]  # fmt: skip
 
 
@@ -105,19 +108,20 @@ def heave_jump() -> list[Finding]:
             k += 1
         twin.advance(1)
         shots.append(twin.snapshot())
-    made = motion_made(shots, rig.step)
+    motion = motion_made(shots, rig.step)
     bar = HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
-    exact = exact_top_tension(bar, lambda t: (rig.length, 0.0), made, 30.0, MARCH_S)[10::10]
+    exact = exact_top_tension(bar, lambda t: (rig.length, 0.0), motion, 30.0, MARCH_S)[10::10]
     pull = np.array([shot.tension_top_n for shot in shots])
     speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
     kick = float(np.abs(np.diff(speed)).max()) / rig.step
     track = np.array([heave(shot.time_s)[0] + 1.0 for shot in shots[BACK:]])
-    away = np.array([shot.heave_m for shot in shots[BACK:]]) - track
+    deviation_m = np.array([shot.heave_m for shot in shots[BACK:]]) - track
     return [
         rms_off("top tension before the gap, rms", pull[:1600], exact[:1600], 0.05),
         rms_off("top tension over the whole, rms", pull, exact, front_pct(GENTLE)),
         limited("largest acceleration of the hang-off", kick, GENTLE, "m/s²"),
-        limited("heave against the track 5.5 s after the gap", np.abs(away).max(), 1e-3, "m"),
+        limited("heave against the track 5.5 s after the gap",
+                np.abs(deviation_m).max(), 1e-3, "m"),
         all_converged(shots[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 

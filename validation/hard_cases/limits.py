@@ -27,15 +27,15 @@ def front_pct(acceleration: float) -> float:
     return 0.05 * acceleration / 0.3
 
 
-def off(what: str, found: float, expected: float, limit_pct: float) -> Finding:
+def off(quantity: str, value: float, expected: float, limit_pct: float) -> Finding:
     """Limit the relative error of a value [%]."""
-    return limited(what, 100.0 * float(abs(found / expected - 1.0)), limit_pct)
+    return limited(quantity, 100.0 * float(abs(value / expected - 1.0)), limit_pct)
 
 
-def rms_off(what: str, found: Vector, expected: Vector, limit_pct: float) -> Finding:
+def rms_off(quantity: str, values: Vector, expected: Vector, limit_pct: float) -> Finding:
     """Limit the RMS difference of two series over the mean of the expected one [%]."""
-    difference = float(np.sqrt(np.mean((found - expected) ** 2)))
-    return limited(what, 100.0 * difference / abs(float(expected.mean())), limit_pct)
+    difference = float(np.sqrt(np.mean((values - expected) ** 2)))
+    return limited(quantity, 100.0 * difference / abs(float(expected.mean())), limit_pct)
 
 
 def all_converged(unconverged: int) -> Finding:

@@ -60,15 +60,15 @@ def simulated_day() -> list[Finding]:
     drift = float(np.abs(bench.position - shape).max())
     events = int(bench.rope.state.health[rows.SPLITS] + bench.rope.state.health[rows.MERGES])
     line = abs(float(bench.s[-1]) - rig.length)
-    still = settled(rig)
-    rest, expected = bench.hold(round(7200.0 / rig.step)), still.hold(1)
+    fresh = settled(rig)
+    pulls, expected = bench.hold(round(7200.0 / rig.step)), fresh.hold(1)
     return [
         limited("largest change of the top tension of a cycle, last hour against first",
                 100.0 * float(np.abs(pull / hour - 1.0).max()), 1e-6),
         limited("largest way of a node meanwhile", 1e3 * drift, 1e-3, "mm"),
         limited("line out lost or gained", 1e3 * line, 1e-3, "mm"),
         limited("splits and merges, fewer than 2,000 of them", max(2000 - events, 0), 0.0, ""),
-        off("pull once the ship rests against a fresh rope", float(rest[-1]), float(expected[-1]),
+        off("pull once the ship rests against a fresh rope", float(pulls[-1]), float(expected[-1]),
             1e-6),
         all_converged(bench.unconverged),
     ]  # fmt: skip

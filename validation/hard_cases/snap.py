@@ -78,11 +78,11 @@ def against_explicit(rig: Rig, heave: Motion) -> list[Finding]:
     reference = np.abs(explicit_top_tension(rig, heave, 3.0 * PERIOD_S))
     compared = pull[: len(reference)]
     behind = float(np.abs(np.cumsum(compared - reference)).max() / reference.sum())
-    rest = float(bench.hold(round(REST_S / rig.step))[-1])
+    last_pull = float(bench.hold(round(REST_S / rig.step))[-1])
     return [
         off("peak of the top tension", float(compared.max()), float(reference.max()), 1.0),
         limited("impulse so far, largest difference over the whole", 100.0 * behind, 1.0),
-        off("pull after the ship has stopped against W + w·L", rest, rig.top_weight, 0.1),
+        off("pull after the ship has stopped against W + w·L", last_pull, rig.top_weight, 0.1),
         all_converged(bench.unconverged),
     ]
 

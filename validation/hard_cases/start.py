@@ -36,8 +36,8 @@ def below_hang_off(rig: Rig) -> Vector:
 
 def horizontal(rig: Rig) -> Vector:
     """Return a horizontal, unstretched shape."""
-    away = below_hang_off(rig)
-    return np.stack([away, np.zeros_like(away), np.zeros_like(away)])
+    distance = below_hang_off(rig)
+    return np.stack([distance, np.zeros_like(distance), np.zeros_like(distance)])
 
 
 def coiled(rig: Rig) -> Vector:
@@ -50,10 +50,10 @@ def coiled(rig: Rig) -> Vector:
 
 def folded(rig: Rig) -> Vector:
     """Return a slack zigzag of a few centimetres that hangs to half its length."""
-    away = below_hang_off(rig)
-    side = np.where(np.arange(len(away)) % 2 == 0, 0.0, 0.03)
+    distance = below_hang_off(rig)
+    side = np.where(np.arange(len(distance)) % 2 == 0, 0.0, 0.03)
     side[-1] = 0.0
-    return np.stack([side, np.zeros_like(away), -0.5 * away])
+    return np.stack([side, np.zeros_like(distance), -0.5 * distance])
 
 
 def gathered(rig: Rig) -> Vector:
@@ -65,12 +65,12 @@ def finds_rest(shape: Vector, name: str) -> list[Finding]:
     """Compare the static equilibrium from this shape with the closed form."""
     bench = place(HEAVY, shape)
     bench.settle()
-    depth, aside = -float(bench.position[2, 0]), float(np.abs(bench.position[:2]).max())
+    depth, offset_m = -float(bench.position[2, 0]), float(np.abs(bench.position[:2]).max())
     return [
         off(f"{name}: depth at rest against L + (W + w·L/2)·L/EA", depth, HEAVY.hanging_depth,
             1e-7),
         limited(f"{name}: distance from the plumb line over the length",
-                100.0 * aside / HEAVY.length, 1e-6),
+                100.0 * offset_m / HEAVY.length, 1e-6),
     ]  # fmt: skip
 
 
@@ -137,16 +137,16 @@ def caught(shape: Vector) -> list[Finding]:
     bench.find_acceleration()
     drop = LIGHT.length - math.sqrt(float((shape[:, 0] ** 2).sum()))
     seconds = math.sqrt(2.0 * drop / LIGHT.gravity) + 1.0
-    pulls, gain = [], -np.inf
+    pulls, largest_gain = [], -np.inf
     for _ in range(round(seconds / LIGHT.step)):
         pulls.append(float(bench.hold(1)[0]))
-        gain = max(gain, bench.energy() - start)
+        largest_gain = max(largest_gain, bench.energy() - start)
     W, M = LIGHT.load_weight, LIGHT.load
     stiffness = LIGHT.EA / LIGHT.length
     expected = W + math.sqrt(W * W + stiffness * M * 2.0 * LIGHT.gravity * drop)
     return [
         off("peak when caught against W + √(W² + K·M·v²)", max(pulls), expected, 1.0),
-        limited("energy gained over W·L", 100.0 * gain / (W * LIGHT.length), 1e-6),
+        limited("energy gained over W·L", 100.0 * largest_gain / (W * LIGHT.length), 1e-6),
         all_converged(bench.unconverged),
     ]
 
@@ -179,9 +179,9 @@ def neutral_slack() -> list[Finding]:
         density=WATER, load=0.0, drag=(1.2, 0.02), added_mass=1.0,
     )  # fmt: skip
     shape = folded(rig)
-    still = place(rig, shape)
-    pull = float(still.hold(6000).max())
-    drift = float(np.abs(still.position - shape).max())
+    bench = place(rig, shape)
+    pull = float(bench.hold(6000).max())
+    drift = float(np.abs(bench.position - shape).max())
     glide = place(replace(rig, drag=(0.0, 0.0), added_mass=0.0), shape)
     glide.velocity[0, :-1] = 0.5
     glide.hold(600)  # 3 m: the top element, 5 m from 2.5 m apart, is slack until 4.3 m
@@ -202,7 +202,7 @@ def neutral_slack() -> list[Finding]:
         off("way in a current of 0.5 m/s against U·t - (m/k)·ln(1 + U·k·t/m)",
             float(carried.max()), expected, 0.1),
         off("and of the node that goes least", float(carried.min()), expected, 0.1),
-        all_converged(still.unconverged + glide.unconverged + flow.unconverged),
+        all_converged(bench.unconverged + glide.unconverged + flow.unconverged),
     ]  # fmt: skip
 
 

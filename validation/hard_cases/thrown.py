@@ -98,24 +98,24 @@ def thrown_ropes(throws: int = THROWS) -> list[Finding]:
     for seed in range(throws):
         random = np.random.default_rng(seed)
         rig, size = drawn(random), random.uniform(0.05, 1.0)
-        here = random.bit_generator.state
+        generator_state = random.bit_generator.state
         outcome = throw(rig, random, size)
         (resolved if is_resolved(rig) else short).append(outcome)
         if not is_resolved(rig) and (outcome.rise > 1e-9 or len(short) % 10 == 0):
-            random.bit_generator.state = here
+            random.bit_generator.state = generator_state
             small.append(throw(rig, random, size, PARTS))
 
     def rise(group: list[Throw]) -> float:
-        return 100.0 * max((max(one.rise, 0.0) for one in group), default=0.0)
+        return 100.0 * max((max(result.rise, 0.0) for result in group), default=0.0)
 
-    gained = sum(one.rise > 1e-9 for one in short)
+    gained = sum(result.rise > 1e-9 for result in short)
     return [
         limited("elements of 5 m and more: rise of energy between looks over all that there was",
                 rise(resolved), 1e-7),
         limited("shorter ones at a sixteenth of the step", rise(small), 1e-7),
         shown("shorter ones as they are", rise(short), "no theorem", "%"),
         shown(f"of {throws} throws, those that gained", gained, "", ""),
-        all_converged(sum(one.unconverged for one in (*resolved, *short, *small))),
+        all_converged(sum(result.unconverged for result in (*resolved, *short, *small))),
     ]  # fmt: skip
 
 

@@ -93,10 +93,10 @@ def _twin(rig: Rig, model: Any, *monitors: Any) -> Twin:
 
 def _slack(shots: list[Snapshot]) -> list[Finding]:
     """Require that the rope goes slack, and that no element is compressed."""
-    least = min(float(shot.element_tension_n.min()) for shot in shots)
+    smallest_n = min(float(shot.element_tension_n.min()) for shot in shots)
     return [
-        limited("largest push of an element", max(0.0, -least), 0.0, "N"),
-        limited("least tension: the rope must go slack", least, 0.0, "N"),
+        limited("largest push of an element", max(0.0, -smallest_n), 0.0, "N"),
+        limited("least tension: the rope must go slack", smallest_n, 0.0, "N"),
     ]
 
 
@@ -123,16 +123,16 @@ def _until_it_stops(model: Any) -> list[Finding]:
     twin.offer_current(np.array([[0.0, 0.0, 0.0]]))
     stopped = list(march(twin, still, 30.0, 2))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    again = list(march(twin, still, 20.0, 2))
+    restarted = list(march(twin, still, 20.0, 2))
     energy = np.array([shot.energy.change_j for shot in stopped[1:] if shot.energy is not None])
     rise = float(np.diff(energy).max() / (energy.max() - energy.min()))
     return [
         limited("largest amplitude in lock-in, diameters", _across(locked[500:]), SELF_LIMIT, ""),
-        limited("the same when it flows again", _across(again[500:]), SELF_LIMIT, ""),
+        limited("the same when it flows again", _across(restarted[500:]), SELF_LIMIT, ""),
         limited("0.02 diameters over its rms then: it shakes",
-                SHAKES / _shaking(again[500:])[0], 1.0, ""),
+                SHAKES / _shaking(restarted[500:])[0], 1.0, ""),
         limited("energy gained in still water over what is lost", 100.0 * max(rise, 0.0), GAIN_PCT),
-        all_converged(again[-1].solver.unconverged_substeps),
+        all_converged(restarted[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 
 
@@ -217,8 +217,8 @@ def _looked(twin: Twin) -> tuple[list[Snapshot], float]:
     """Run COUPLED_LOOK_S more; return its mean drag amplification over rope and time."""
     shots, grown = [], []
     for shot in march(twin, still, COUPLED_LOOK_S, 5):
-        own = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
-        grown.append(own.memory[GROWTH, : len(shot.element_tension_n)].mean())
+        growth = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
+        grown.append(growth.memory[GROWTH, : len(shot.element_tension_n)].mean())
         shots.append(shot)
     return shots, float(np.mean(grown))
 

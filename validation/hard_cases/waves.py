@@ -79,11 +79,11 @@ def top_tension(bar: HangingBar, line: Motion, top: Motion, seconds: float, step
             q_old = q_new
         p.add(t, u - q_old)
         L, V = line(t)
-        down = p.at(t - L / c)
-        rate = top(t)[1] - V * (1.0 + (bar.W + bar.w * L) / bar.EA) - down * (1.0 - V / c)
-        up = rate / (1.0 + V / c)
-        q.add(t + L / c, up)
-        tension.append(bar.W + bar.w * L + impedance * (up - down))
+        downward = p.at(t - L / c)
+        rate = top(t)[1] - V * (1.0 + (bar.W + bar.w * L) / bar.EA) - downward * (1.0 - V / c)
+        upward = rate / (1.0 + V / c)
+        q.add(t + L / c, upward)
+        tension.append(bar.W + bar.w * L + impedance * (upward - downward))
     return np.array(tension)
 
 

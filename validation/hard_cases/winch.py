@@ -43,16 +43,21 @@ def haul_to_two_metres() -> list[Finding]:
     shots = list(march(twin, still, 90.0, speeds=[(1.0, -1.0)]))
     short = shots[-1]
     shots += list(march(twin, still, 80.0, speeds=[(91.0, 1.0), (91.0 + 58.0, 0.0)]))
-    long, events = shots[-1], shots[-1].solver.splits + shots[-1].solver.merges
-    here = replace(rig, length=short.line_out_m)
-    there = replace(rig, length=long.line_out_m)
+    paid_out, events = shots[-1], shots[-1].solver.splits + shots[-1].solver.merges
+    short_rig = replace(rig, length=short.line_out_m)
+    long_rig = replace(rig, length=paid_out.line_out_m)
     return [
         off("line out when hauled in against 2 m", short.line_out_m, 2.0, 0.01),
-        off("pull there against W + w·L", short.tension_top_n, here.top_weight, 1e-3),
-        off("depth after paying out again", -long.payload_position_m[2], there.hanging_depth, 1e-4),
+        off("pull there against W + w·L", short.tension_top_n, short_rig.top_weight, 1e-3),
+        off(
+            "depth after paying out again",
+            -paid_out.payload_position_m[2],
+            long_rig.hanging_depth,
+            1e-4,
+        ),
         limited("jump of the tension at an event", jump_pct(shots), JUMP_PCT),
         limited("events, fewer than 100 of them", float(max(100 - events, 0)), 0.0, ""),
-        all_converged(long.solver.unconverged_substeps),
+        all_converged(paid_out.solver.unconverged_substeps),
     ]
 
 
@@ -66,11 +71,11 @@ def jump_pct(shots: list[Snapshot]) -> float:
     bend = np.abs(np.diff(tension, 2))
     count = np.array([shot.solver.splits + shot.solver.merges for shot in shots])
     speed = np.array([shot.payout_speed_m_per_s for shot in shots])
-    worst = 0.0
+    largest_n = 0.0
     for k in np.flatnonzero(np.diff(count)) + 1:
         if k > 1 and np.ptp(speed[k - 2 : k + 11]) < 1e-9:
-            worst = max(worst, float(bend[k - 1 : k + 10].max()))
-    return 100.0 * worst / float(tension.mean())
+            largest_n = max(largest_n, float(bend[k - 1 : k + 10].max()))
+    return 100.0 * largest_n / float(tension.mean())
 
 
 def vanishing_element() -> list[Finding]:
@@ -124,14 +129,14 @@ def emergency_stop() -> list[Finding]:
     for word, speed in (("lowering", 2.0), ("hauling", -2.0)):
         commands = [(1.0, speed), (10.0, 0.0)]
         shots = list(march(rig.twin(), still, 25.0, speeds=commands))
-        found = np.array([shot.tension_top_n for shot in shots])
+        pull_n = np.array([shot.tension_top_n for shot in shots])
         line = ramped_speed(rig.length, 10.0, commands)
         every = round(rig.step / MARCH_S)
         exact = exact_top_tension(bar_of(rig), line, still, 25.0, MARCH_S)[every::every]
         stop = slice(1000, None)
         checks += [
-            off(f"{word}: highest pull after the stop", found[stop].max(), exact[stop].max(), 1.0),
-            rms_off(f"{word}: pull against travelling waves, rms", found, exact, front_pct(10.0)),
+            off(f"{word}: highest pull after the stop", pull_n[stop].max(), exact[stop].max(), 1.0),
+            rms_off(f"{word}: pull against travelling waves, rms", pull_n, exact, front_pct(10.0)),
             all_converged(shots[-1].solver.unconverged_substeps),
         ]
     return checks
@@ -139,10 +144,10 @@ def emergency_stop() -> list[Finding]:
 
 def mixed_elements() -> list[Finding]:
     """Run 20 elements of 0.2 m at the sheave next to elements of 50 m, smooth and in snap."""
-    short, long = np.full(20, 0.2), np.full(20, 50.0)
+    short, long_m = np.full(20, 0.2), np.full(20, 50.0)
     rig = replace(STEEL, length=1004.0, elements=40)
     heave = sine(1.5, 8.0)
-    smooth = mixed(rig, np.concatenate([long, short]))
+    smooth = mixed(rig, np.concatenate([long_m, short]))
     pull = smooth.heave(heave, 0, 6000)
     exact = exact_top_tension(bar_of(rig), lambda t: (rig.length, 0.0), heave, 60.0, MARCH_S)
     jerky = replace(SNAP_VERTICAL, length=2004.0, elements=60)

@@ -77,11 +77,11 @@ def learn(scene: Scene, prior: Prior, truth: Truth) -> Run:
     estimator = Estimator(model, prior, model.begin_at_rest(WARM_UP_S - BURN_IN_S), 0.0)
     results = estimator.run()
     cpu_s = time.thread_time() - began
-    at = {round((one.end_s - WARM_UP_S) / 60.0): one.posterior for one in results}
+    by_minute = {round((result.end_s - WARM_UP_S) / 60.0): result.posterior for result in results}
     return Run(
         truth.theta,
-        {m: at[m].mean for m in MINUTES if m in at},
-        {m: at[m].covariance for m in MINUTES if m in at},
+        {m: by_minute[m].mean for m in MINUTES if m in by_minute},
+        {m: by_minute[m].covariance for m in MINUTES if m in by_minute},
         results[-1].end_s,
         cpu_s,
     )
@@ -90,12 +90,14 @@ def learn(scene: Scene, prior: Prior, truth: Truth) -> Run:
 def summarise(runs: Sequence[Run], minutes: int) -> Summary:
     """Return errors and coverage over the runs after so many minutes."""
     rope = [INDEX[name] for name in ROPE_FIGURES]
-    error = np.array([one.means[minutes] - one.theta for one in runs])
-    P = np.array([one.covariances[minutes] for one in runs])
+    error = np.array([run.means[minutes] - run.theta for run in runs])
+    P = np.array([run.covariances[minutes] for run in runs])
     sd = np.sqrt(np.diagonal(P, axis1=1, axis2=2))
-    own = error[:, rope]
+    rope_error = error[:, rope]
     nees = np.einsum(
-        "ij,ij->i", own, np.linalg.solve(P[:, rope][:, :, rope], own[..., None])[..., 0]
+        "ij,ij->i",
+        rope_error,
+        np.linalg.solve(P[:, rope][:, :, rope], rope_error[..., None])[..., 0],
     )
     pct = 100.0 * np.abs(error)
     inside = np.abs(error) < NORMAL_90 * sd
@@ -126,18 +128,18 @@ def run_campaign(
     prior = campaign_prior(scene, tared)
     first = SEEDS[tared]
     seeds = range(first, first + truths)
-    made = make_truths(scene, prior, seeds, sea, 60.0 * minutes + SPARE_S)
-    found: dict[str, list[Run]] = {name: [] for name in variants}
-    for number, truth in enumerate(made, start=1):
+    drawn = make_truths(scene, prior, seeds, sea, 60.0 * minutes + SPARE_S)
+    runs: dict[str, list[Run]] = {name: [] for name in variants}
+    for number, truth in enumerate(drawn, start=1):
         for name in variants:
-            found[name].append(learn(scene, prior, VARIANTS[name](truth)))
-        report(number, len(made), f"truth {truth.seed}")
-    return found
+            runs[name].append(learn(scene, prior, VARIANTS[name](truth)))
+        report(number, len(drawn), f"truth {truth.seed}")
+    return runs
 
 
 def reached_minutes(runs: Sequence[Run]) -> list[int]:
     """Return the minutes of MINUTES that all runs have reached."""
-    return [minutes for minutes in MINUTES if all(minutes in one.means for one in runs)]
+    return [minutes for minutes in MINUTES if all(minutes in run.means for run in runs)]
 
 
 def as_json(runs: Sequence[Run]) -> dict[str, Any]:
@@ -151,4 +153,4 @@ def as_json(runs: Sequence[Run]) -> dict[str, Any]:
 
 def core_pct(runs: Sequence[Run]) -> float:
     """Return the CPU time of learning over the time learned from [%]."""
-    return 100.0 * sum(one.cpu_s for one in runs) / sum(one.seconds for one in runs)
+    return 100.0 * sum(run.cpu_s for run in runs) / sum(run.seconds for run in runs)

@@ -51,9 +51,9 @@ def run(args: argparse.Namespace) -> int:
         RopeTwinError: a scene or sea that cannot be.
     """
     if args.truths < 2 or not 1 <= args.minutes <= 60:
-        what = f"{args.truths} truths, {args.minutes} minutes"
-        raise InputError("--learning", what, "give 2 truths or more, 1 to 60 minutes")
-    found: dict[str, Any] = {}
+        problem = f"{args.truths} truths, {args.minutes} minutes"
+        raise InputError("--learning", problem, "give 2 truths or more, 1 to 60 minutes")
+    results: dict[str, Any] = {}
     met = True
     for name in args.ids or [SCENE]:
         scene = load_scene(name)
@@ -65,13 +65,13 @@ def run(args: argparse.Namespace) -> int:
                                 progress.show)  # fmt: skip
             for variant, some in runs.items():
                 title = f"{name}, {args.sea}, {'tared' if tared else 'not tared'}, {variant}"
-                found[title] = as_json(some)
+                results[title] = as_json(some)
                 if not args.json:
                     _print(title, some)
                 goals = GOALS if name == SCENE and tared and variant == "clean" else ()
                 met = _judge(some, goals, quiet=args.json) and met
     if args.json:
-        print(json.dumps(found, indent=1, allow_nan=False))
+        print(json.dumps(results, indent=1, allow_nan=False))
     return 0 if met else 1
 
 
@@ -81,9 +81,14 @@ def _print(title: str, runs: list[Run]) -> None:
         ("after", *(f"{name} %" for name in SHOWN), "coverage %", "NEES/7")
     ]
     for minutes in reached_minutes(runs):
-        one = summarise(runs, minutes)
-        errors = (f"{one.median_error_pct[name]:.2f} (sd {one.sd_pct[name]:.2f})" for name in SHOWN)
-        rows.append((f"{minutes} min", *errors, f"{100.0 * one.coverage:.0f}", f"{one.nees:.2f}"))
+        summary = summarise(runs, minutes)
+        errors = (
+            f"{summary.median_error_pct[name]:.2f} (sd {summary.sd_pct[name]:.2f})"
+            for name in SHOWN
+        )
+        rows.append(
+            (f"{minutes} min", *errors, f"{100.0 * summary.coverage:.0f}", f"{summary.nees:.2f}")
+        )
     print_table(rows)
     print(flush=True)
 
@@ -98,19 +103,19 @@ def _judge(runs: list[Run], goals: Sequence[tuple[str, int, float]], quiet: bool
     for name, minutes, limit in goals:
         if minutes in reached:
             error = summarise(runs, minutes).median_error_pct[name]
-            words = f"{name} after {minutes} min: {error:.2f} % (limit {limit:g} %)"
-            verdicts.append((words, error <= limit))
+            verdict = f"{name} after {minutes} min: {error:.2f} % (limit {limit:g} %)"
+            verdicts.append((verdict, error <= limit))
     low, high = COVERAGE_RANGE
     for minutes in (1, 5, 10):
         if minutes in reached:
             share = summarise(runs, minutes).coverage
-            words = f"coverage of 90 % intervals after {minutes} min: {100.0 * share:.0f} %"
-            verdicts.append((f"{words} ({100 * low:.0f} to {100 * high:.0f} %)",
+            verdict = f"coverage of 90 % intervals after {minutes} min: {100.0 * share:.0f} %"
+            verdicts.append((f"{verdict} ({100 * low:.0f} to {100 * high:.0f} %)",
                              low <= share <= high))  # fmt: skip
     cost = core_pct(runs)
     verdicts.append((f"CPU: {cost:.2f} % of a core (limit {MOST_CORE_PCT:g} %)",
                      cost <= MOST_CORE_PCT))  # fmt: skip
     if not quiet:
-        for words, met in verdicts:
-            print(f"{'met   ' if met else 'MISSED'}  {words}")
+        for verdict, met in verdicts:
+            print(f"{'met   ' if met else 'MISSED'}  {verdict}")
     return all(met for _, met in verdicts)

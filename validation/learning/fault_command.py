@@ -64,15 +64,15 @@ def run(args: argparse.Namespace) -> int:
     """
     count = args.fault_truths
     if count < 1 or args.first_seed < 0 or not 0.0 <= args.clean_hours <= 1000.0:
-        what = f"{count} truths, {args.clean_hours:g} clean hours, seed {args.first_seed}"
+        problem = f"{count} truths, {args.clean_hours:g} clean hours, seed {args.first_seed}"
         right = "give 1 truth or more, 0 to 1000 hours, a seed of 0 or more"
-        raise InputError("--faults", what, right)
-    faults = [one for one in FAULTS
-              if not args.only or any(word in one.name for word in args.only)]  # fmt: skip
+        raise InputError("--faults", problem, right)
+    faults = [fault for fault in FAULTS
+              if not args.only or any(word in fault.name for word in args.only)]  # fmt: skip
     if not faults:
-        known = ", ".join(one.name for one in FAULTS)
+        known = ", ".join(fault.name for fault in FAULTS)
         raise InputError("--only", f"no fault has {args.only}", f"known: {known}")
-    found: dict[str, Any] = {}
+    output: dict[str, Any] = {}
     met = True
     for name in args.ids or [SCENE]:
         scene, cost, progress = load_scene(name), Cost(), CaseProgress()
@@ -80,16 +80,19 @@ def run(args: argparse.Namespace) -> int:
         seeds = range(args.first_seed, args.first_seed + count)
         if args.detectable:
             rows = detectable_sizes(scene, prior, seeds, args.sea, AFTER_S, DETECTED)
-            found[name] = {cause: {"unit": unit, "sizes": dict(zip(map(str, AFTER_S), size.tolist(),
-                           strict=True))} for cause, unit, size in rows}  # fmt: skip
+            keys = [str(after_s) for after_s in AFTER_S]
+            output[name] = {
+                cause: {"unit": unit, "sizes": dict(zip(keys, size.tolist(), strict=True))}
+                for cause, unit, size in rows
+            }
             if not args.json:
-                print_table([("cause", "unit", *(f"after {one:g} s" for one in AFTER_S)),
-                             *((cause, unit, *(f"{one:.3g}" for one in size))
+                print_table([("cause", "unit", *(f"after {after_s:g} s" for after_s in AFTER_S)),
+                             *((cause, unit, *(f"{value:.3g}" for value in size))
                                for cause, unit, size in rows)])  # fmt: skip
             continue
-        made = faulty_truths(scene, prior, seeds, args.sea, faults)
-        results = find(scene, prior, made, cost, progress.show)
-        found[name] = {"faults": {one.name: _as_json(results[one.name]) for one in faults}}
+        truths = faulty_truths(scene, prior, seeds, args.sea, faults)
+        results = find(scene, prior, truths, cost, progress.show)
+        output[name] = {"faults": {fault.name: _as_json(results[fault.name]) for fault in faults}}
         if not args.json:
             _print(faults, results)
         met &= _judge(faults, results, args.json)
@@ -98,26 +101,26 @@ def run(args: argparse.Namespace) -> int:
             first = args.first_seed + 1000
             clean = clean_maxima(scene, prior, range(first, first + number), args.sea,
                                  CLEAN_MINUTES, cost, progress.show)  # fmt: skip
-            found[name]["clean"], kept = _clean(*clean, quiet=args.json)
-            met &= kept
-        found[name]["core_pct"] = core = 100.0 * cost.cpu_s / max(cost.seconds, 1.0)
+            output[name]["clean"], clean_met = _clean(*clean, quiet=args.json)
+            met &= clean_met
+        output[name]["core_pct"] = core = 100.0 * cost.cpu_s / max(cost.seconds, 1.0)
         met &= core <= MOST_CORE_PCT
         if not args.json:
             print(f"tests: {core:.2f} % of a core (limit {MOST_CORE_PCT:g} %)")
     if args.json:
-        print(json.dumps(found, indent=1, allow_nan=False, ensure_ascii=False))
+        print(json.dumps(output, indent=1, allow_nan=False, ensure_ascii=False))
     return 0 if met else 1
 
 
 def _print(faults: Sequence[Fault], results: dict[str, list[Finding]]) -> None:
-    after = (f"named {one:.0f} s after" for one in NAMED_S)
+    after = (f"named {after_s:.0f} s after" for after_s in NAMED_S)
     rows: list[tuple[str, ...]] = [("fault", "found", "median s", "worst s", *after)]
     for fault in faults:
         some = results[fault.name]
-        times = [one.after_s for one in some if one.after_s is not None]
+        times = [finding.after_s for finding in some if finding.after_s is not None]
         spread = (f"{np.median(times):.0f}", f"{max(times):.0f}") if times else ("-", "-")
         rows.append((fault.name, f"{len(times)}/{len(some)}", *spread,
-                     *(_names(some, one) for one in NAMED_S)))  # fmt: skip
+                     *(_names(some, after_s) for after_s in NAMED_S)))  # fmt: skip
     print_table(rows)
     print(flush=True)
 
@@ -125,15 +128,17 @@ def _print(faults: Sequence[Fault], results: dict[str, list[Finding]]) -> None:
 def _names(some: Sequence[Finding], after_s: float) -> str:
     """Return the causes named so long after the alarm, with the number of truths."""
     named = Counter(
-        " or ".join(sorted(one.causes[after_s])) for one in some if after_s in one.causes
+        " or ".join(sorted(finding.causes[after_s]))
+        for finding in some
+        if after_s in finding.causes
     )
-    return ", ".join(f"{words} {number}" for words, number in named.most_common()) or "-"
+    return ", ".join(f"{cause} {number}" for cause, number in named.most_common()) or "-"
 
 
 def named_rightly(fault: Fault, some: Sequence[Finding], after_s: float) -> int:
     """Return in how many truths only right causes are named so long after the alarm."""
-    causes = (set(one.causes[after_s]) for one in some if after_s in one.causes)
-    return sum(one <= fault.right for one in causes)
+    causes = (set(finding.causes[after_s]) for finding in some if after_s in finding.causes)
+    return sum(cause_set <= fault.right for cause_set in causes)
 
 
 def _judge(faults: Sequence[Fault], results: dict[str, list[Finding]], quiet: bool) -> bool:
@@ -141,11 +146,11 @@ def _judge(faults: Sequence[Fault], results: dict[str, list[Finding]], quiet: bo
     good = True
     for fault in faults:
         some = results[fault.name]
-        found = sum(one.after_s is not None for one in some)
+        flagged = sum(finding.after_s is not None for finding in some)
         named = named_rightly(fault, some, 20.0)
         missed = []
-        if found < len(some) and fault.name not in SMALL:
-            missed.append(f"found in {found} of {len(some)}")
+        if flagged < len(some) and fault.name not in SMALL:
+            missed.append(f"found in {flagged} of {len(some)}")
         if fault.large and named < NAMED_SHARE * len(some):
             missed.append(f"named rightly after 20 s in {named} of {len(some)}")
         if missed and not quiet:
@@ -157,20 +162,20 @@ def _judge(faults: Sequence[Fault], results: dict[str, list[Finding]], quiet: bo
 def _as_json(some: Sequence[Finding]) -> list[dict[str, Any]]:
     return [
         {
-            "alarm_before": one.early,
-            "after_s": one.after_s,
-            "begun_s": one.begun_s,
-            "causes": {f"{after:g}": list(causes) for after, causes in one.causes.items()},
+            "alarm_before": finding.early,
+            "after_s": finding.after_s,
+            "begun_s": finding.begun_s,
+            "causes": {f"{after:g}": list(causes) for after, causes in finding.causes.items()},
         }
-        for one in some
+        for finding in some
     ]
 
 
 def _clean(
-    ratios: np.ndarray, nis: np.ndarray, others: int, quiet: bool
+    ratios: np.ndarray, nis: np.ndarray, other_alarms: int, quiet: bool
 ) -> tuple[dict[str, float], bool]:
     """Return the figures of clean minutes, and whether the goals are met; print them."""
-    alarms = int(((ratios > THRESHOLD) | (nis > NIS_THRESHOLD)).sum()) + others
+    alarms = int(((ratios > THRESHOLD) | (nis > NIS_THRESHOLD)).sum()) + other_alarms
     week = tail_threshold(ratios, A_WEEK)
     figures = {
         "hours": len(ratios) / 60.0,

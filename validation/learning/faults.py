@@ -56,23 +56,23 @@ class Fault:
 
 
 def _tension(change: Callable[[Floats, Floats], Floats]) -> Change:
-    def of(truth: Truth, after: Bools, since: Floats) -> Truth:
-        changed = change(truth.tension_n, since)
+    def of(truth: Truth, after: Bools, elapsed_s: Floats) -> Truth:
+        changed = change(truth.tension_n, elapsed_s)
         return replace(truth, tension_n=np.where(after, changed, truth.tension_n))
 
     return of
 
 
 def _heave(change: Callable[[Truth, Floats], Floats]) -> Change:
-    def of(truth: Truth, after: Bools, since: Floats) -> Truth:
-        return replace(truth, heave_m=np.where(after, change(truth, since), truth.heave_m))
+    def of(truth: Truth, after: Bools, elapsed_s: Floats) -> Truth:
+        return replace(truth, heave_m=np.where(after, change(truth, elapsed_s), truth.heave_m))
 
     return of
 
 
 def _slip(rate: float, seconds: float) -> Change:
-    def of(truth: Truth, after: Bools, since: Floats) -> Truth:
-        slipped = rate * np.clip(since, 0.0, seconds)  # the rope does, the counter does not
+    def of(truth: Truth, after: Bools, elapsed_s: Floats) -> Truth:
+        slipped = rate * np.clip(elapsed_s, 0.0, seconds)  # the rope does, the counter does not
         return replace(truth, line_out_m=truth.line_out_m - slipped)
 
     return of
@@ -83,16 +83,16 @@ def _held(truth: Truth, values: Floats) -> Floats:
 
 
 def _stuck(name: str) -> Change:
-    def of(truth: Truth, after: Bools, since: Floats) -> Truth:
+    def of(truth: Truth, after: Bools, elapsed_s: Floats) -> Truth:
         values = getattr(truth, name)
-        made = copy.copy(vars(truth))
-        made[name] = np.where(after, _held(truth, values), values)
-        return Truth(**made)
+        fields = copy.copy(vars(truth))
+        fields[name] = np.where(after, _held(truth, values), values)
+        return Truth(**fields)
 
     return of
 
 
-def _late(truth: Truth, since: Floats) -> Floats:
+def _late(truth: Truth, elapsed_s: Floats) -> Floats:
     return np.interp(truth.time_s - 0.4, truth.time_s, truth.heave_m)
 
 
@@ -170,16 +170,19 @@ def faulty_truths(
     scene: Scene, prior: Prior, seeds: Sequence[int], sea: str, faults: Sequence[Fault]
 ) -> dict[str, list[Truth]]:
     """Return the truths of each fault by name, and without one by ""."""
-    changes = {"": {}, **{one.name: one.factors for one in faults if one.factors}}
-    made = make_changed_truths(scene, prior, seeds, sea, LEARNED_S + WATCHED_S + 2.0, ONSET_S,
+    changes = {
+        "": {},
+        **{candidate.name: candidate.factors for candidate in faults if candidate.factors},
+    }
+    truths = make_changed_truths(scene, prior, seeds, sea, LEARNED_S + WATCHED_S + 2.0, ONSET_S,
                                changes)  # fmt: skip
     for fault in faults:
         if fault.sensors is not None:
-            made[fault.name] = []
-            for truth in made[""]:
-                since = truth.time_s - ONSET_S
-                made[fault.name].append(fault.sensors(truth, since > 0.0, since))
-    return made
+            truths[fault.name] = []
+            for truth in truths[""]:
+                elapsed_s = truth.time_s - ONSET_S
+                truths[fault.name].append(fault.sensors(truth, elapsed_s > 0.0, elapsed_s))
+    return truths
 
 
 def find(
@@ -187,20 +190,20 @@ def find(
     report: Callable[[int, int, str], None] = lambda done, total, what: None,
 ) -> dict[str, list[Finding]]:  # fmt: skip
     """Return the findings of each fault, in the order of the truths; cost: before the faults."""
-    found: dict[str, list[Finding]] = {name: [] for name in truths if name}
+    results: dict[str, list[Finding]] = {name: [] for name in truths if name}
     for number, clean in enumerate(truths[""]):
         estimator = _begin(scene, prior, clean)
         watch = FaultWatch(scene, estimator)
         follow(estimator, watch, 0.0, ONSET_S, cost)
         lift = estimator.model.lift
-        for name, findings in found.items():
-            own = copy.copy(estimator)
-            own.noise, own.results = copy.deepcopy(estimator.noise), list(estimator.results)
+        for name, findings in results.items():
+            copied = copy.copy(estimator)
+            copied.noise, copied.results = copy.deepcopy(estimator.noise), list(estimator.results)
             estimator.model.lift = truths[name][number].lift(prior.pin_noise_n)
-            findings.append(_watch(own, watch.branch(own), Cost()))
+            findings.append(_watch(copied, watch.branch(copied), Cost()))
         estimator.model.lift = lift
         report(number + 1, len(truths[""]), "truths with faults")
-    return found
+    return results
 
 
 def _watch(estimator: Estimator, watch: FaultWatch, cost: Cost) -> Finding:
@@ -243,17 +246,19 @@ def detectable_sizes(
         follow(estimator, watch, 0.0, ONSET_S - 1.0, Cost())  # before another reference
         tests = watch.tests
         assert tests is not None
-        sizes.append([tests.detectable(tests.now_s - one, THRESHOLD, share) for one in after_s])
+        sizes.append(
+            [tests.detectable(tests.now_s - passed_s, THRESHOLD, share) for passed_s in after_s]
+        )
     medians = np.median(sizes, axis=0).T
     rows: list[tuple[str, str, Floats]] = []
-    for one, size in zip(SIGNATURES, medians, strict=True):
-        if one.direction:
-            name, value = next(iter(one.direction.items()))
+    for signature, size in zip(SIGNATURES, medians, strict=True):
+        if signature.direction:
+            name, value = next(iter(signature.direction.items()))
             unit = UNITS.get(name, UNITS[HEAVE_DELAY])  # a shift is one of the delay
             scale = (100.0 * value, "%") if unit == "-" else (value, unit)
-            rows.append((f"{one.cause}: {name}", scale[1], size * scale[0]))
+            rows.append((f"{signature.cause}: {name}", scale[1], size * scale[0]))
         else:
-            rows.append((one.cause, "N/min", size * 60.0 * one.ramp_n_per_s))
+            rows.append((signature.cause, "N/min", size * 60.0 * signature.ramp_n_per_s))
     return rows
 
 
@@ -264,27 +269,27 @@ def clean_maxima(
     """Return the largest ratio and NIS of each clean minute, and the number of other alarms."""
     ratios: list[float] = []
     nis: list[float] = []
-    others = 0
+    other_alarms = 0
     for number, truth in enumerate(make_truths(scene, prior, seeds, sea, 60.0 * minutes + 2.0)):
         estimator = _begin(scene, prior, truth)
         watch = FaultWatch(scene, estimator, np.inf)
-        seen: list[tuple[float, float, float]] = []
+        maxima: list[tuple[float, float, float]] = []
 
-        def look(now: float, own: FaultWatch = watch, rows: list = seen) -> bool:  # type: ignore[type-arg]
-            if own.tests is not None and own.now_s == now:
-                rows.append((now, own.tests.ratios().max(), own.tests.nis()))
+        def look(now: float, watch_now: FaultWatch = watch, rows: list = maxima) -> bool:  # type: ignore[type-arg]
+            if watch_now.tests is not None and watch_now.now_s == now:
+                rows.append((now, watch_now.tests.ratios().max(), watch_now.tests.nis()))
             return True
 
         follow(estimator, watch, 0.0, WARM_UP_S + 60.0 * minutes, cost, look)
-        others += watch.alarm is not None
-        table = np.array(seen)
+        other_alarms += watch.alarm is not None
+        table = np.array(maxima)
         minutes_of = np.ceil(table[:, 0] / 60.0)  # a look at the end of a minute is in it
         for minute in np.unique(minutes_of):
             some = table[minutes_of == minute]
             ratios.append(float(some[:, 1].max()))
             nis.append(float(some[:, 2].max()))
         report(number + 1, len(seeds), "truths without a fault")
-    return np.array(ratios), np.array(nis), others
+    return np.array(ratios), np.array(nis), other_alarms
 
 
 def tail_threshold(maxima: Floats, a_day: float) -> float:

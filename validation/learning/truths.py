@@ -88,18 +88,18 @@ class Truth:
 def other_water(scene: Scene, cross_flow: float) -> Scene:
     """Return the scene with a current that no estimator knows, and a factor on cross-flow drag."""
     effects = []
-    for own in scene.effects:
-        if isinstance(own, DragParams):
-            own = replace(own, normal=own.normal * cross_flow)
-        elif isinstance(own, CurrentParams) and own.profile:
+    for params in scene.effects:
+        if isinstance(params, DragParams):
+            params = replace(params, normal=params.normal * cross_flow)
+        elif isinstance(params, CurrentParams) and params.profile:
             c, s = np.cos(TURNED_RAD), np.sin(TURNED_RAD)
             rows = []
-            for k, (z, (east, north, *rest)) in enumerate(own.profile):
+            for k, (z, (east, north, *vertical)) in enumerate(params.profile):
                 share = OTHER_PROFILE[min(k, len(OTHER_PROFILE) - 1)]
                 turned = share * (c * east - s * north), share * (s * east + c * north)
-                rows.append((z, (*turned, *rest)))
-            own = replace(own, profile=tuple(rows))
-        effects.append(own)
+                rows.append((z, (*turned, *vertical)))
+            params = replace(params, profile=tuple(rows))
+        effects.append(params)
     return replace(scene, effects=tuple(effects))
 
 
@@ -110,10 +110,10 @@ def make_truths(
 
     Truths that are made together share their lanes and their cross-flow drag, drawn by the first.
     """
-    made: list[Truth] = []
+    truths: list[Truth] = []
     for first in range(0, len(seeds), LANES):
-        made += _make_group(scene, prior, list(seeds[first : first + LANES]), sea, seconds)
-    return made
+        truths += _make_group(scene, prior, list(seeds[first : first + LANES]), sea, seconds)
+    return truths
 
 
 def make_changed_truths(
@@ -124,18 +124,18 @@ def make_changed_truths(
 
     The truths of one seed have the same noise, and are the same up to the change.
     """
-    found: dict[str, list[Truth]] = {name: [] for name in changes}
+    truths: dict[str, list[Truth]] = {name: [] for name in changes}
     for first in range(0, len(seeds), LANES):
         group = _Group(scene, prior, list(seeds[first : first + LANES]), sea, seconds)
-        at = round(change_s / STEP_S)
-        before = group.tension(0, at)
+        change_step = round(change_s / STEP_S)
+        before = group.tension(0, change_step)
         states = [group.fleet.state(k) for k in range(len(group.seeds))]
         for name, factors in changes.items():
             group.fleet.restore(states)
             group.set_figures(factors)
-            after = group.tension(at, group.steps)
-            found[name] += group.measured(np.concatenate([before, after]))
-    return found
+            after = group.tension(change_step, group.steps)
+            truths[name] += group.measured(np.concatenate([before, after]))
+    return truths
 
 
 def _make_group(
@@ -162,9 +162,11 @@ class _Group:
         self._rngs = [np.random.default_rng(1000 + seed) for seed in seeds]
         self._thetas = np.array([_draw(prior, rng) for rng in self._rngs])
         cross_flow = float(np.exp(CROSS_FLOW_SD * self._rngs[0].standard_normal()))
-        at = np.array([(t + rng.uniform(0.0, 1200.0)) % SEA_S for rng in self._rngs]).T
-        self._heave = sea_heave(at) * ramp[:, None]
-        self._rate = sea_heave(at, 1) * ramp[:, None] + sea_heave(at) * ramp_rate[:, None]
+        sea_time_s = np.array([(t + rng.uniform(0.0, 1200.0)) % SEA_S for rng in self._rngs]).T
+        self._heave = sea_heave(sea_time_s) * ramp[:, None]
+        self._rate = (
+            sea_heave(sea_time_s, 1) * ramp[:, None] + sea_heave(sea_time_s) * ramp_rate[:, None]
+        )
         water = other_water(scene, cross_flow)
         self.fleet = Fleet(water, len(seeds), elements=ELEMENTS, step_s=STEP_S)
         self.set_figures({})
@@ -174,8 +176,8 @@ class _Group:
     def set_figures(self, more: Mapping[str, float]) -> None:
         """Set the hidden figures, times further factors."""
         factors = factors_of(self._thetas)
-        own = {name: factors[name] * more.get(name, 1.0) for name in self.fleet.figures}
-        self.fleet.set_figures(own)
+        own_factors = {name: factors[name] * more.get(name, 1.0) for name in self.fleet.figures}
+        self.fleet.set_figures(own_factors)
 
     def tension(self, begin: int, end: int) -> Floats:
         """Return the top tension of all after each step from one to another, (steps, truths)."""
@@ -203,9 +205,9 @@ def scheduled_line(scene: Scene, steps: int) -> Floats:
 def _draw(prior: Prior, rng: np.random.Generator) -> Floats:
     """Return a θ from the prior, within MOST_SDS of its mean; friction and delay not negative."""
     theta = prior.mean.copy()  # no truth has the nuisances of the estimator
-    own = slice(len(REPORTED))
+    reported = slice(len(REPORTED))
     drawn = rng.standard_normal(len(REPORTED)).clip(-MOST_SDS, MOST_SDS)
-    theta[own] += prior.sd[own] * drawn
+    theta[reported] += prior.sd[reported] * drawn
     for name in (FRICTION, HEAVE_DELAY):
         theta[INDEX[name]] = max(theta[INDEX[name]], 0.0)
     return theta
