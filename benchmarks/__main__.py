@@ -63,12 +63,14 @@ def _command(argv: Sequence[str] | None) -> int:
     parser = CommandLine(prog="python -m benchmarks", description=about)
     actions = parser.add_subparsers(dest="action", required=True, metavar=" | ".join(ACTIONS))
     for name, action in ACTIONS.items():
-        whole = f"{action.about[0].upper()}{action.about[1:]}. {action.description}"
-        own = actions.add_parser(name, help=action.about, description=whole)
+        description = f"{action.about[0].upper()}{action.about[1:]}. {action.description}"
+        command_parser = actions.add_parser(name, help=action.about, description=description)
         for declare in action.options:
-            declare(own)
-        own.add_argument("--quick", action="store_true", help="a few small cases, for a test")
-        own.set_defaults(measure=action.measure)
+            declare(command_parser)
+        command_parser.add_argument(
+            "--quick", action="store_true", help="a few small cases, for a test"
+        )
+        command_parser.set_defaults(measure=action.measure)
     args = parser.parse_args(argv)
     return int(args.measure(args, CaseProgress()))
 
@@ -134,11 +136,11 @@ def _report(args: argparse.Namespace, progress: CaseProgress) -> int:
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
-    many = ensemble_speed.ensemble_rows(cases, progress.show)
+    ensembles = ensemble_speed.ensemble_rows(cases, progress.show)
     args.into.mkdir(parents=True, exist_ok=True)
     orders.draw_orders(curves, args.into / performance_page.PICTURE)
     page = args.into / "performance.md"
-    text = performance_page.as_markdown(fast, curves, many)
+    text = performance_page.as_markdown(fast, curves, ensembles)
     if raced is not None:
         peers_page.draw_race(raced, args.into / peers_page.PICTURE)
         text += "\n" + peers_page.as_section(raced)
@@ -183,15 +185,15 @@ def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
 def _fleet(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the benchmark of fleets; exit code 1 if a member failed."""
     plan = fleet_speed.QUICK if args.quick else fleet_speed.FULL
-    found = fleet_speed.measure_fleet(plan, progress.show)
+    result = fleet_speed.measure_fleet(plan, progress.show)
     if args.json:
-        print(json.dumps(asdict(found), ensure_ascii=False, allow_nan=False))
+        print(json.dumps(asdict(result), ensure_ascii=False, allow_nan=False))
     else:
-        print(found.machine.as_text() + "\n")
-        print_table(fleet_speed.fleet_table(found.rows))
+        print(result.machine.as_text() + "\n")
+        print_table(fleet_speed.fleet_table(result.rows))
         print()
-        print_table(fleet_speed.state_table(found.states))
-    return 1 if any(row.failed for row in found.rows) else 0
+        print_table(fleet_speed.state_table(result.states))
+    return 1 if any(row.failed for row in result.rows) else 0
 
 
 def _lanes(args: argparse.Namespace, progress: CaseProgress) -> int:
@@ -237,24 +239,24 @@ def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
     return 0 if all(row.ok for row in rows) else 1
 
 
-def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
+def _kept(rows: Iterator[Any], folder: Path | None, page: Any) -> Iterator[Any]:
     """Collect the rows as they are measured; each is written to the page of a folder, if given."""
-    if into is not None:
-        page.MARKED.around(into)
+    if folder is not None:
+        page.MARKED.around(folder)
     for row in rows:
-        if into is not None:
-            page.keep_rows([row], into)
+        if folder is not None:
+            page.keep_rows([row], folder)
         yield row
-    if into is not None:
-        print(into / page.PAGE, file=sys.stderr)
+    if folder is not None:
+        print(folder / page.PAGE, file=sys.stderr)
 
 
 def _effects(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Run the effect benchmark; exit code 1 if the code contains an effect not in the scene."""
     nodes, names = (50, ["current"]) if args.quick else (1000, args.effects)
     names = effect_speed.choose_names(names)
-    found = effect_speed.effect_speeds(nodes, names, progress.show)
-    rows = list(_kept(found, args.into, effect_page))
+    speeds = effect_speed.effect_speeds(nodes, names, progress.show)
+    rows = list(_kept(speeds, args.into, effect_page))
     _tell(args, [effect_page.as_json(row) for row in rows], effect_page.effect_table(rows))
     return 1 if any(row.symbols_off for row in rows) else 0
 
@@ -288,8 +290,8 @@ def _error_interval(args: argparse.Namespace, progress: CaseProgress) -> int:
         count, seconds = error_interval.QUICK_VARIANTS, error_interval.QUICK_SECONDS
     if args.into is not None:
         error_interval.PAGE.around(args.into)
-    found = error_interval.measure_variants(count, args.seed, seconds, progress.show)
-    result = error_interval.IntervalResult(args.seed, seconds, tuple(found))
+    variants = error_interval.measure_variants(count, args.seed, seconds, progress.show)
+    result = error_interval.IntervalResult(args.seed, seconds, tuple(variants))
     if args.into is not None:
         print(error_interval.write_page(result, args.into), file=sys.stderr)
     if args.json:
@@ -338,14 +340,14 @@ def _foresight(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _foresight_options(parser: argparse.ArgumentParser) -> None:
-    for name, count, what in (
+    for name, count, meaning in (
         ("--heave", 480, "origins of heave in each case, 0: none"),
         ("--tension", 200, "origins of tension in each case, 0: none"),
         ("--members", 96, "members of a forecast"),
         ("--seed", tension_ahead.SEED, "first seed of the seas of tension"),
     ):
         parser.add_argument(
-            name, type=int, default=count, metavar="N", help=f"{what} (default: {count})"
+            name, type=int, default=count, metavar="N", help=f"{meaning} (default: {count})"
         )
     parser.add_argument(
         "--burn-in", type=float, default=119.0, metavar="S",

@@ -93,8 +93,8 @@ def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
     for row in rows:
         times = (row.cold_s, row.cold_clock_s, row.warm_s, row.warm_clock_s)
         cells = (f"{times[0]:.1f}", f"{times[1]:.1f}", f"{times[2]:.2f}", f"{times[3]:.2f}")
-        over = "" if row.ok else f"over {row.limit_s:g} or {row.warm_limit_s:g} s"
-        table.append((row.scene, f"{row.ropes}", f"{len(row.effects)}", *cells, over))
+        over_limit = "" if row.ok else f"over {row.limit_s:g} or {row.warm_limit_s:g} s"
+        table.append((row.scene, f"{row.ropes}", f"{len(row.effects)}", *cells, over_limit))
     return table
 
 

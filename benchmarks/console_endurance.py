@@ -32,7 +32,7 @@ def endure(hours: float, show: Callable[[int, int, str], None]) -> list[Row]:
     me = psutil.Process()
     wait_s = 3600.0 * hours / PACE / LOOKS
     heaps: list[float] = []
-    held: list[float] = []
+    resident_b: list[float] = []
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=str(CHROMIUM), args=["--no-sandbox"])
         page = browser.new_page(viewport={"width": 1280, "height": 800})
@@ -43,9 +43,11 @@ def endure(hours: float, show: Callable[[int, int, str], None]) -> list[Row]:
             show(look, LOOKS, f"{hours:g} h at {PACE:g} times real time")
             time.sleep(wait_s)
             tools.send("HeapProfiler.collectGarbage")
-            found = tools.send("Performance.getMetrics")["metrics"]
-            heaps.append(next(one["value"] for one in found if one["name"] == "JSHeapUsedSize"))
-            held.append(me.memory_info().rss)
+            metrics = tools.send("Performance.getMetrics")["metrics"]
+            heaps.append(
+                next(metric["value"] for metric in metrics if metric["name"] == "JSHeapUsedSize")
+            )
+            resident_b.append(me.memory_info().rss)
         browser.close()
     source = served.source
     assert isinstance(source, HangingRope)
@@ -53,8 +55,8 @@ def endure(hours: float, show: Callable[[int, int, str], None]) -> list[Row]:
     show(LOOKS, LOOKS, "")
     made_h = source.polls / RATE_HZ / 3600.0  # less than `hours` if the machine could not keep up
     return [
-        Row(f"{what} grows in {made_h:.1f} h of rows [MB]", _growth_mb(sizes), LIMIT_MB)
-        for what, sizes in (("page", heaps), ("server", held))
+        Row(f"{label} grows in {made_h:.1f} h of rows [MB]", _growth_mb(sizes), LIMIT_MB)
+        for label, sizes in (("page", heaps), ("server", resident_b))
     ]
 
 

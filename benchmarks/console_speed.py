@@ -134,9 +134,9 @@ def _is_given(encoder: messages.Encoder, name: str, shot: Snapshot) -> bool:
 
 
 def _snapshot(time_s: float) -> Snapshot:
-    along = np.linspace(0.0, LENGTH_M, NODES)
-    place = np.column_stack([40.0 * (along / LENGTH_M) ** 2, 0.0 * along, -along])
-    pull = 170e3 + 50.0 * (LENGTH_M - along) + 8e3 * np.sin(0.6 * time_s - along / 4000.0)
+    arc_m = np.linspace(0.0, LENGTH_M, NODES)
+    place = np.column_stack([40.0 * (arc_m / LENGTH_M) ** 2, 0.0 * arc_m, -arc_m])
+    pull = 170e3 + 50.0 * (LENGTH_M - arc_m) + 8e3 * np.sin(0.6 * time_s - arc_m / 4000.0)
     top = float(pull[0])
     parts = (1.0, 1.0, 1.0, 1.0, None, None)
     index = Quality("top_tension", 0.7, CAUSES[4], "no measured top tension", parts, 0.7, 0.0, "")
@@ -148,7 +148,7 @@ def _snapshot(time_s: float) -> Snapshot:
         node_velocity_m_per_s=0.0 * place,
         node_tension_n=pull,
         element_tension_n=0.5 * (pull[1:] + pull[:-1]),
-        arc_length_m=along,
+        arc_length_m=arc_m,
         tension_top_n=top,
         tension_top_min_n=top,
         tension_top_max_n=top,
@@ -175,21 +175,21 @@ def measure(duration_s: float, show: Callable[[int, int, str], None]) -> list[Ro
         InputError: Chromium or Playwright is missing.
     """
     show(0, 3, "server, 1 page")
-    found = {"server, 1 page [% of a core]": _server_pct(1, duration_s)}
+    figures = {"server, 1 page [% of a core]": _server_pct(1, duration_s)}
     show(1, 3, "server, 10 pages")
-    found["server, 10 pages [% of a core]"] = _server_pct(10, duration_s)
+    figures["server, 10 pages [% of a core]"] = _server_pct(10, duration_s)
     show(2, 3, "browser")
-    found |= _browser(duration_s)
-    found["wheel grows by [MB]"] = _wheel_mb()
+    figures |= _browser(duration_s)
+    figures["wheel grows by [MB]"] = _wheel_mb()
     show(3, 3, "")
-    return [Row(what, found[what], limit) for what, limit in LIMITS.items()]
+    return [Row(quantity, figures[quantity], limit) for quantity, limit in LIMITS.items()]
 
 
 def table(rows: Sequence[Row]) -> list[list[str]]:
     """Return the figures as a table."""
     head = ["figure", "measured", "limit", "met"]
     return [head] + [
-        [one.what, f"{one.value:.3g}", f"{one.limit:g}", "yes" if one.met else "NO"] for one in rows
+        [row.what, f"{row.value:.3g}", f"{row.limit:g}", "yes" if row.met else "NO"] for row in rows
     ]
 
 
@@ -200,9 +200,9 @@ def serve(epoch_ns: int, pace: float = 1.0) -> console_server.Server:
     desk = Desk(pages, time.monotonic)
     log = Log(pages)
     log.connect(desk)
-    made = console_server.Server(pages, desk, log, port=0)
-    made.start()
-    return made
+    server = console_server.Server(pages, desk, log, port=0)
+    server.start()
+    return server
 
 
 def _server_pct(pages: int, duration_s: float) -> float:
@@ -220,12 +220,12 @@ def _server_pct(pages: int, duration_s: float) -> float:
 
     readers = [threading.Thread(target=read, daemon=True) for _ in range(pages)]
     began_s = time.monotonic()
-    for one in readers:
-        one.start()
+    for reader in readers:
+        reader.start()
     time.sleep(duration_s)
     stopping.set()
-    for one in readers:
-        one.join(5.0)
+    for reader in readers:
+        reader.join(5.0)
     passed_s = time.monotonic() - began_s
     served.close()
     source = served.source
@@ -283,17 +283,17 @@ def _browser(duration_s: float) -> dict[str, float]:
 
 def _cost_s(psutil: Any) -> float:
     """Return the CPU time of the Chromium processes below this one [s]."""
-    own = psutil.Process().children(recursive=True)
-    times = [one.cpu_times() for one in own if "chrom" in one.name()]
-    return sum(float(one.user + one.system) for one in times)
+    children = psutil.Process().children(recursive=True)
+    times = [process.cpu_times() for process in children if "chrom" in process.name()]
+    return sum(float(process.user + process.system) for process in times)
 
 
 def _wheel_mb() -> float:
     """Return the size of the console's files, compressed as in a wheel [MB]."""
-    held = io.BytesIO()
+    buffer = io.BytesIO()
     folder = FOLDER.parent
-    with zipfile.ZipFile(held, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for path in sorted(folder.rglob("*")):
             if path.is_file() and "__pycache__" not in path.parts:
                 archive.write(path, path.relative_to(folder))
-    return len(held.getvalue()) / 1e6
+    return len(buffer.getvalue()) / 1e6

@@ -71,18 +71,18 @@ def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
     Raises:
         InputError: what the folder holds cannot be read.
     """
-    found = {row.effect: row for row in (*read_rows(folder), *rows)}
-    kept = [found[name] for name in (*all_names(), TOGETHER_NAME) if name in found]
-    page = MARKED.write(folder, as_section(kept, this_machine().as_text()))
-    write_json(folder / STORED, {"rows": [as_json(row) for row in kept]})
+    by_effect = {row.effect: row for row in (*read_rows(folder), *rows)}
+    ordered = [by_effect[name] for name in (*all_names(), TOGETHER_NAME) if name in by_effect]
+    page = MARKED.write(folder, as_section(ordered, this_machine().as_text()))
+    write_json(folder / STORED, {"rows": [as_json(row) for row in ordered]})
     return page
 
 
 def as_section(rows: Sequence[EffectSpeed], machine: str) -> str:
     """Return the text between the marks."""
-    same = sum(row.off_over_base.holds_one for row in rows)
+    equal = sum(row.off_over_base.holds_one for row in rows)
     lines = [
-        f"In {same} of {len(rows)} rows 1 lies in the interval of the same scene again over itself"
+        f"In {equal} of {len(rows)} rows 1 lies in the interval of the same scene again over itself"
         f" (99 % each). The last row was measured on",
         "",
         f"{machine}.",

@@ -142,60 +142,72 @@ def all_names() -> tuple[str, ...]:
     return tuple(effect.name for effect in EFFECTS if effect.name not in BETWEEN)
 
 
-def choose_names(wanted: Sequence[str]) -> tuple[str, ...]:
+def choose_names(names: Sequence[str]) -> tuple[str, ...]:
     """Return these effects, or all if none is named.
 
     Raises:
         InputError: there is no such effect.
     """
-    for name in wanted:
+    for name in names:
         if name not in all_names():
             right = did_you_mean(name, all_names())
             raise InputError("python -m benchmarks effects", f"there is no effect `{name}`", right)
-    return tuple(name for name in all_names() if name in wanted) or all_names()
+    return tuple(name for name in all_names() if name in names) or all_names()
 
 
 def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> EffectSpeed:
     params = next(effect.params for effect in EFFECTS if effect.name == name)
-    listed = next((own for own in base.effects if type(own) is params), None)
+    listed = next((present for present in base.effects if type(present) is params), None)
     if listed is None:
         if name in NEEDS:
             base = with_effect(base, ADDED[NEEDS[name]])
-        listed, without, whole = ADDED[name], base, with_effect(base, ADDED[name])
+        listed, base_scene, extended = ADDED[name], base, with_effect(base, ADDED[name])
     else:
-        without, whole = _without(base, listed), base
-    kinds = tuple(type(own) for own in without.effects)
+        base_scene, extended = _without(base, listed), base
+    kinds = tuple(type(present) for present in base_scene.effects)
     if kinds not in codes:
-        codes[kinds] = step_assembly(without)
-    symbols = sum(traces(codes[kinds], place) for place in places_of(whole, without))
-    return _row(name, without, whole, symbols)
+        codes[kinds] = step_assembly(base_scene)
+    symbols = sum(traces(codes[kinds], place) for place in places_of(extended, base_scene))
+    return _row(name, base_scene, extended, symbols)
 
 
 def _without(base: Scene, listed: Any) -> Scene:
     """Return the base scene less an effect; without the payload the lower end is fixed there."""
-    kept = tuple(own for own in base.effects if own is not listed)
+    effects = tuple(effect for effect in base.effects if effect is not listed)
     if not isinstance(listed, PayloadParams):
-        return replace(base, effects=kept)
+        return replace(base, effects=effects)
     line, (x, y, z) = base.ropes[0], base.ship.hang_off_m
-    held = replace(line, to="", fixed_at_m=(x, y, z - (1.0 + HELD_STRAIN) * line.length_m))
-    return replace(base, effects=kept, payloads=(), ropes=(held,))
+    fixed_line = replace(line, to="", fixed_at_m=(x, y, z - (1.0 + HELD_STRAIN) * line.length_m))
+    return replace(base, effects=effects, payloads=(), ropes=(fixed_line,))
 
 
 def _together(base: Scene) -> EffectSpeed:
-    whole = base
+    extended = base
     for name in TOGETHER:
-        whole = with_effect(whole, ADDED[name])
-    return _row(TOGETHER_NAME, base, whole, None)
+        extended = with_effect(extended, ADDED[name])
+    return _row(TOGETHER_NAME, base, extended, None)
 
 
-def _row(name: str, without: Scene, whole: Scene, symbols: int | None) -> EffectSpeed:
+def _row(name: str, base_scene: Scene, extended: Scene, symbols: int | None) -> EffectSpeed:
     """Time a scene, the same again and one with more effects, in turns."""
-    elements = whole.ropes[0].elements
+    elements = extended.ropes[0].elements
     plan = Plan(SETS, ROUNDS, round(SETTLE_S / STEP_S), max(1, NODE_STEPS // elements))
-    took = time_rounds(lambda: [Bench(one) for one in (without, without, whole)], _heave, plan)
-    base, off, on = (1e6 * float(np.median(own)) for own in took)
-    again, more = ratio_of(took[1], took[0]), ratio_of(took[2], took[0])
-    return EffectSpeed(name, elements, base, off, on, again, more, symbols, 1e6 * STEP_S / on)
+    took = time_rounds(
+        lambda: [Bench(scene) for scene in (base_scene, base_scene, extended)], _heave, plan
+    )
+    base, repeat_us, extended_us = (1e6 * float(np.median(times)) for times in took)
+    repeat_ratio, more = ratio_of(took[1], took[0]), ratio_of(took[2], took[0])
+    return EffectSpeed(
+        name,
+        elements,
+        base,
+        repeat_us,
+        extended_us,
+        repeat_ratio,
+        more,
+        symbols,
+        1e6 * STEP_S / extended_us,
+    )
 
 
 def _heave(bench: Bench, steps: int) -> Boundary:
@@ -216,13 +228,15 @@ def step_assembly(scene: Scene) -> str:
     return assembly(advance_steps, arguments)
 
 
-def places_of(scene: Scene, without: Scene) -> tuple[str, ...]:
+def places_of(scene: Scene, base_scene: Scene) -> tuple[str, ...]:
     """Return module and function of the kernels that one scene has and another has not."""
-    others = {type(effect) for effect in build(without).effects}
-    kinds = [type(own) for own in build(scene).effects if type(own) not in others]
+    base_kinds = {type(effect) for effect in build(base_scene).effects}
+    kinds = [
+        type(candidate) for candidate in build(scene).effects if type(candidate) not in base_kinds
+    ]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
-    made = [kernel.py_func for kernel in kernels]
-    return tuple(sorted({f"{f.__module__}.{f.__qualname__.split('.')[0]}" for f in made}))
+    functions = [kernel.py_func for kernel in kernels]
+    return tuple(sorted({f"{f.__module__}.{f.__qualname__.split('.')[0]}" for f in functions}))
 
 
 def traces(code: str, place: str) -> int:

@@ -106,15 +106,15 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
     single_s = max(1, round(SINGLE_LEAST * scene.time.step_s / case.seconds)) * case.seconds
     plan = _plan(scene, case.members)
     members = variations(scene, plan, length_s)
-    (other,) = variations(scene, _plan(scene, 1), WARM_S + case.repetitions * single_s)
-    alone = Ensemble(scene, [other], threads=1)
+    (variation,) = variations(scene, _plan(scene, 1), WARM_S + case.repetitions * single_s)
+    alone = Ensemble(scene, [variation], threads=1)
     began = time.perf_counter()
     ensemble = Ensemble(scene, members, threads=case.threads)
     starting_s = time.perf_counter() - began
     ensemble.advance(WARM_S)
     alone.advance(WARM_S)
     turns = [_turn(ensemble, alone, case.seconds, single_s) for _ in range(case.repetitions)]
-    together, apart, single, shares = zip(*turns, strict=True)
+    together, threads_only, single, shares = zip(*turns, strict=True)
     rate = _node_steps_per_s(scene, case.members) / ensemble.threads
     checked = sorted({0, case.members // 2, case.members - 1})[:CHECKED]
     unequal = sum(
@@ -131,13 +131,13 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
         ns_per_node_step=median(together),
         ns_per_node_step_best=min(together),
         in_lanes=ensemble.lanes().members,
-        threads_only_ns_per_node_step=median(apart),
-        threads_only_ns_per_node_step_best=min(apart),
+        threads_only_ns_per_node_step=median(threads_only),
+        threads_only_ns_per_node_step_best=min(threads_only),
         single_ns_per_node_step=median(single),
         single_ns_per_node_step_best=min(single),
         processor_share=median(shares),
         starting_s=starting_s,
-        failed=sum(bool(one.failure) for one in ensemble.figures()),
+        failed=sum(bool(figures.failure) for figures in ensemble.figures()),
         checked=len(checked),
         unequal=unequal,
     )
@@ -154,9 +154,9 @@ def _turn(
     busy_s = time.process_time() - busy_s
     share = busy_s / (ensemble.threads * (time.perf_counter() - began))
     ensemble.abreast = 1
-    apart = _ns(ensemble, seconds) * ensemble.threads
+    threads_only = _ns(ensemble, seconds) * ensemble.threads
     ensemble.abreast = LANES
-    return together, apart, _ns(alone, single_s), share
+    return together, threads_only, _ns(alone, single_s), share
 
 
 def _plan(scene: Scene, members: int) -> Plan:
@@ -178,24 +178,24 @@ def _node_steps_per_s(scene: Scene, members: int) -> float:
     return members * scene.ropes[0].elements / scene.time.step_s
 
 
-def _alone(scene: Scene, own: Variation, steps: int) -> Snapshot:
+def _alone(scene: Scene, variation: Variation, steps: int) -> Snapshot:
     """Return the member as a twin with input sample by sample."""
-    twin = Twin(change_scene(scene, own.changes))
-    if own.heave is not None:
+    twin = Twin(change_scene(scene, variation.changes))
+    if variation.heave is not None:
         end_ns = (steps + 1) * twin.step_ns + 10**9
-        stamps = own.heave.stamp_ns - own.heave.start_ns
+        stamps = variation.heave.stamp_ns - variation.heave.start_ns
         last = int(np.searchsorted(stamps, end_ns))
         for k in range(last):
-            position, velocity = own.heave.position_m[k], own.heave.velocity_m_per_s[k]
+            position, velocity = variation.heave.position_m[k], variation.heave.velocity_m_per_s[k]
             twin.offer_heave(int(stamps[k]), float(position), float(velocity))
     twin.advance(steps)
     return twin.snapshot()
 
 
-def _same(found: Snapshot, expected: Snapshot) -> bool:
+def _same(snapshot: Snapshot, expected: Snapshot) -> bool:
     """Return whether motion and tension of every node are equal."""
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
-    return all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
+    return all(np.array_equal(getattr(snapshot, name), getattr(expected, name)) for name in names)
 
 
 def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:

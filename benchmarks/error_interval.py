@@ -83,7 +83,9 @@ class Variant:
         return replace(scene, ropes=(line,), winch=winch)
 
     def _with_payload(self, scene: Scene) -> Scene:
-        loads = tuple(replace(one, mass_kg=self.payload * one.mass_kg) for one in scene.payloads)
+        loads = tuple(
+            replace(payload, mass_kg=self.payload * payload.mass_kg) for payload in scene.payloads
+        )
         return replace(scene, payloads=loads)
 
     def _with_current_and_sea(self, scene: Scene) -> Scene:
@@ -232,17 +234,19 @@ def series_of(twin: Twin, seconds: float) -> Series:
     """
     shots = list(fed(twin, seconds))
     tension = np.array([shot.tension_top_n for shot in shots])
-    found = [shot.error_interval for shot in shots]
+    intervals = [shot.error_interval for shot in shots]
     reference = np.full(len(shots), np.nan)
-    if any(found):
+    if any(intervals):
         reference[:] = [shot.tension_top_n for shot in fed(_reference(twin.scene), seconds)]
     return Series(
         time_s=np.array([shot.time_s for shot in shots]),
         tension_n=tension,
         reference_n=reference,
-        bound_n=np.array([np.nan if one is None else one.bound_n for one in found]),
+        bound_n=np.array(
+            [np.nan if interval is None else interval.bound_n for interval in intervals]
+        ),
         unknown=shots[-1].no_error_interval,
-        cost_pct=found[-1].cost_pct if found[-1] else np.nan,
+        cost_pct=intervals[-1].cost_pct if intervals[-1] else np.nan,
     )
 
 
@@ -280,17 +284,17 @@ def _reference(scene: Scene) -> Twin:
     return finer
 
 
-def _begin_alike(finer: Twin, own: Twin) -> None:
+def _begin_alike(finer: Twin, twin: Twin) -> None:
     """Solve the equilibrium of a multi-line system near that on fewer elements."""
     assert finer.joined is not None
-    assert own.joined is not None
+    assert twin.joined is not None
     system = finer.joined.system(finer.rope)
     place = np.zeros((len(system.ropes), rows.MOTIONS))
     for row, rope in zip(place, system.ropes, strict=True):
         top = int(rope.state.counts[rows.ELEMENTS])
         row[: rows.LINE] = rope.state.nodes[rows.POSITION : rows.POSITION + 3, top]
         row[rows.LINE] = rope.state.s[top]
-    interpolate_from(system, own.joined.system(own.rope))
+    interpolate_from(system, twin.joined.system(twin.rope))
     refine_joined_statics(system, place)
 
 
@@ -321,8 +325,8 @@ def _rounded(value: float) -> str:
 
 def as_json(result: IntervalResult) -> dict[str, Any]:
     """Return the result as a JSON object; numbers that are unknown are null."""
-    found = [
-        {key: None if one != one else one for key, one in asdict(row).items()}
+    rows = [
+        {key: None if value != value else value for key, value in asdict(row).items()}
         for row in result.rows
     ]
     return {
@@ -333,7 +337,7 @@ def as_json(result: IntervalResult) -> dict[str, Any]:
         "covered": result.covered,
         "bound_over_error": None if np.isnan(result.ratio) else result.ratio,
         "ok": result.ok,
-        "rows": found,
+        "rows": rows,
     }
 
 
@@ -344,6 +348,6 @@ def write_page(result: IntervalResult, folder: Path) -> Path:
         InputError: there is no such page, or it has no marks.
     """
     command = f"python -m benchmarks error_interval --variants {len(result.rows)}"
-    found = page_table(interval_table(result.rows))
+    table = page_table(interval_table(result.rows))
     text = f"`{command} --seed {result.seed}`: {result.as_sentence()}"
-    return PAGE.write(folder, f"{text}\n\n{found}")
+    return PAGE.write(folder, f"{text}\n\n{table}")

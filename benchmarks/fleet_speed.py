@@ -114,7 +114,9 @@ class _Seas:
     def __init__(self, scene: Scene, members: int, seconds: float) -> None:
         plan = make_plan([Variable(path=SEA_OFFSET_S, from_=0.0, to=600.0)], members, SEED)
         self._scene, self._seconds = scene, seconds
-        self._heave = [own.heave for own in variations(load_scene(SCENE), plan, seconds)]
+        self._heave = [
+            variation.heave for variation in variations(load_scene(SCENE), plan, seconds)
+        ]
 
     def inputs(self, step_s: float, count: int) -> FleetInputs:
         """Return the motion of the first `count` members at the borders of such steps."""
@@ -127,8 +129,10 @@ class _Seas:
         lines = {}
         for line in scene.ropes:
             if winch_of(scene, line):
-                out, speed = (table[:, rows.LINE].copy() for table in through(line, self._heave[0]))
-                lines[line.from_] = out, speed
+                length_m, speed = (
+                    table[:, rows.LINE].copy() for table in through(line, self._heave[0])
+                )
+                lines[line.from_] = length_m, speed
         value, rate = np.empty((2, steps + 1, count))
         for k, heave in enumerate(self._heave[:count]):
             value[:, k], rate[:, k] = (table[:, rows.Z] for table in through(scene.ropes[0], heave))
@@ -143,24 +147,24 @@ def at_own_speeds(inputs: FleetInputs, members: int) -> FleetInputs:
         return line[0] + np.outer(line - line[0], factors), np.outer(speed, factors)
 
     line, speed = scaled(inputs.line_out_m, inputs.line_speed_m_per_s)
-    others = {name: scaled(*both) for name, both in inputs.lines.items()}
-    return replace(inputs, line_out_m=line, line_speed_m_per_s=speed, lines=others)
+    further = {name: scaled(*both) for name, both in inputs.lines.items()}
+    return replace(inputs, line_out_m=line, line_speed_m_per_s=speed, lines=further)
 
 
 def ordered(inputs: FleetInputs, step_s: float, seas: int) -> FleetInputs:
     """Return each of the first `seas` members once under each order."""
-    steps, each = len(inputs.heave_m) - 1, len(ORDERS_M_PER_S)
+    steps, repeats = len(inputs.heave_m) - 1, len(ORDERS_M_PER_S)
     times = step_s * np.arange(steps + 1)
     line, speed = [], []
     for order in ORDERS_M_PER_S:
-        until = abs(order) / RAMP_M_PER_S2
-        rising = np.minimum(times, until)
+        ramp_s = abs(order) / RAMP_M_PER_S2
+        rising = np.minimum(times, ramp_s)
         speed.append(np.sign(order) * RAMP_M_PER_S2 * rising)
-        own = 0.5 * np.sign(order) * RAMP_M_PER_S2 * rising**2 + order * (times - rising)
-        line.append(inputs.line_out_m[0] + own)
+        commanded_m = 0.5 * np.sign(order) * RAMP_M_PER_S2 * rising**2 + order * (times - rising)
+        line.append(inputs.line_out_m[0] + commanded_m)
     return FleetInputs(
-        np.tile(inputs.heave_m[:, :seas], each),
-        np.tile(inputs.heave_rate_m_per_s[:, :seas], each),
+        np.tile(inputs.heave_m[:, :seas], repeats),
+        np.tile(inputs.heave_rate_m_per_s[:, :seas], repeats),
         np.repeat(np.array(line).T, seas, axis=1),
         np.repeat(np.array(speed).T, seas, axis=1),
     )
@@ -179,14 +183,14 @@ def measure_fleet(
     seas = _Seas(scene, plan.error_members, plan.error_s)
     truth = _tension(scene, plan.reference, seas, plan.error_members)
     timed = _Seas(scene, plan.members, plan.seconds)
-    found, errors = [], {}
+    rows, errors = [], {}
     for done, (elements, step_s) in enumerate(plan.settings, start=1):
         report(done, total, f"{elements} elements at {step_s:g} s")
         errors[elements, step_s] = _error_pct(scene, (elements, step_s), seas, truth)
         fleet = Fleet(scene, plan.members, elements=elements, step_s=step_s)
         inputs = timed.inputs(step_s, plan.members)
         error = errors[elements, step_s]
-        found.append(_timed(f"{plan.seconds:g} s", fleet, inputs, plan, error))
+        rows.append(_timed(f"{plan.seconds:g} s", fleet, inputs, plan, error))
     report(len(plan.settings) + 1, total, "orders")
     elements, step_s = plan.chosen
     fleet = Fleet(
@@ -194,14 +198,14 @@ def measure_fleet(
     )
     inputs = ordered(timed.inputs(step_s, plan.seas_per_order), step_s, plan.seas_per_order)
     work = f"{len(ORDERS_M_PER_S)} orders × {plan.seas_per_order}, {plan.seconds:g} s"
-    found.append(_timed(work, fleet, inputs, plan, errors[plan.chosen]))
+    rows.append(_timed(work, fleet, inputs, plan, errors[plan.chosen]))
     for done, name in enumerate(plan.meeting, start=len(plan.settings) + 2):
         report(done, total, name)
-        found += _where_ropes_meet(load_scene(name), plan)
+        rows += _where_ropes_meet(load_scene(name), plan)
     report(total - 1, total, "states")
     states = _states(scene, fleet, plan)
     report(total, total, "done")
-    return FleetSpeed(this_machine(), SCENE, plan.seconds, plan.reference, tuple(found), states)
+    return FleetSpeed(this_machine(), SCENE, plan.seconds, plan.reference, tuple(rows), states)
 
 
 def _where_ropes_meet(scene: Scene, plan: Plan) -> list[FleetRow]:
@@ -212,20 +216,20 @@ def _where_ropes_meet(scene: Scene, plan: Plan) -> list[FleetRow]:
     members = plan.meeting_members
     inputs = _Seas(scene, members, plan.seconds).inputs(step_s, members)
     works = {f"{plan.seconds:g} s": inputs, "own speeds": at_own_speeds(inputs, members)}
-    found = []
-    for work, given in works.items():
+    rows = []
+    for work, fleet_inputs in works.items():
         fleet = Fleet(scene, members, elements=elements, step_s=step_s)
-        found.append(_timed(f"{scene.name}, {work}", fleet, given, plan, error))
-    return found
+        rows.append(_timed(f"{scene.name}, {work}", fleet, fleet_inputs, plan, error))
+    return rows
 
 
 def _error_pct(scene: Scene, setting: tuple[int, float], seas: _Seas, truth: Floats) -> float:
     """Return the rms error of the top tension in per cent of its standard deviation."""
     steps, members = truth.shape
-    own = _tension(scene, setting, seas, members)
-    every = steps // len(own)
-    there = truth[every - 1 :: every]
-    return 100.0 * float(np.sqrt(np.mean((own - there) ** 2)) / np.std(there))
+    tension_n = _tension(scene, setting, seas, members)
+    every = steps // len(tension_n)
+    exact_n = truth[every - 1 :: every]
+    return 100.0 * float(np.sqrt(np.mean((tension_n - exact_n) ** 2)) / np.std(exact_n))
 
 
 def _tension(scene: Scene, setting: tuple[int, float], seas: _Seas, members: int) -> Floats:
@@ -245,10 +249,10 @@ def _timed(work: str, fleet: Fleet, inputs: FleetInputs, plan: Plan, error_pct: 
     took = took[1:]
     elements, step_s = sum(line.elements for line in fleet.scene.ropes), fleet.scene.time.step_s
     node_steps = elements * len(fleet) * len(record.top_tension_n)
-    best = min(took)
+    fastest = min(took)
     return FleetRow(
-        work, len(fleet), elements, step_s, median(took), best, 1e9 * best / node_steps, error_pct,
-        len(record.failures),
+        work, len(fleet), elements, step_s, median(took), fastest,
+        1e9 * fastest / node_steps, error_pct, len(record.failures),
     )  # fmt: skip
 
 
@@ -256,16 +260,16 @@ def _states(scene: Scene, fleet: Fleet, plan: Plan) -> tuple[StateRow, ...]:
     """Time copies of states: of one live twin, and to the members."""
     twin = Twin(at_setting(scene, plan.live_elements))
     twin.advance(100)
-    live, one, members = live_state(twin), fleet.state(0), len(fleet)
-    each = [fleet.state(k) for k in range(members)]
+    live, state, members = live_state(twin), fleet.state(0), len(fleet)
+    states = [fleet.state(k) for k in range(members)]
     factors = {name: np.linspace(0.95, 1.05, members) for name in fleet.figures}
-    few = max(plan.copies // 10, 2)
+    count = max(plan.copies // 10, 2)
     return (
         _copied(f"live state of {plan.live_elements:,} elements", lambda: live_state(twin), plan),
-        _copied("a member: begin from it", lambda: fleet.begin_from(live), plan, few, members),
-        _copied("a member: one state for all", lambda: fleet.restore(one), plan, few, members),
-        _copied("a member: a state each", lambda: fleet.restore(each), plan, few, members),
-        _copied("a member: all figures", lambda: fleet.set_figures(factors), plan, few, members),
+        _copied("a member: begin from it", lambda: fleet.begin_from(live), plan, count, members),
+        _copied("a member: one state for all", lambda: fleet.restore(state), plan, count, members),
+        _copied("a member: a state each", lambda: fleet.restore(states), plan, count, members),
+        _copied("a member: all figures", lambda: fleet.set_figures(factors), plan, count, members),
     )
 
 

@@ -110,9 +110,9 @@ def _measure(scene: Scene, case: Case) -> GainRow:
     elif scene.sea_state.moves:
         axes.append(Variable(path=SEA_OFFSET_S, from_=0.0, to=60.0))
     plan = make_plan(axes, case.members, SEED)
-    own = variations(scene, plan, case.warm_s + case.turns * case.seconds)
-    together = Ensemble(scene, own, threads=1)
-    alone = Ensemble(scene, own, threads=1, abreast=1)
+    members = variations(scene, plan, case.warm_s + case.turns * case.seconds)
+    together = Ensemble(scene, members, threads=1)
+    alone = Ensemble(scene, members, threads=1, abreast=1)
     together.make_ready()
     together.advance(case.warm_s)
     alone.advance(case.warm_s)
@@ -121,23 +121,23 @@ def _measure(scene: Scene, case: Case) -> GainRow:
         (_spent(together, case.seconds), _spent(alone, case.seconds)) for _ in range(case.turns)
     ]
     after = together.lanes()
-    steps, left = after.steps - before.steps, after.given_up - before.given_up
+    steps, given_up = after.steps - before.steps, after.given_up - before.given_up
     elements = sum(line.elements for line in scene.ropes)
     node_steps = case.members * elements * case.seconds / scene.time.step_s
-    ratios = [one / other for other, one in turns]
+    ratios = [alone_s / together_s for together_s, alone_s in turns]
     return GainRow(
         scene=scene.name,
         shows=case.shows,
         lanes=LANES,
         members=case.members,
         in_lanes=after.members,
-        given_up=left / max(steps + left, 1),
+        given_up=given_up / max(steps + given_up, 1),
         lanes_ns_per_node_step=1e9 * median(first for first, _ in turns) / node_steps,
         alone_ns_per_node_step=1e9 * median(second for _, second in turns) / node_steps,
         gain=median(ratios),
         gain_least=min(ratios),
         gain_most=max(ratios),
-        failed=sum(bool(one.failure) for one in together.figures()),
+        failed=sum(bool(figures.failure) for figures in together.figures()),
         unequal=sum(not _same(together, alone, k) for k in range(case.members)),
     )
 
@@ -151,12 +151,13 @@ def _spent(ensemble: Ensemble, seconds: float) -> float:
 
 def _same(together: Ensemble, alone: Ensemble, number: int) -> bool:
     """Return whether motion, tensions and counters of a member are equal to the last bit."""
-    found, expected = together.snapshot(number), alone.snapshot(number)
+    abreast, expected = together.snapshot(number), alone.snapshot(number)
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
-    equal = all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
-    for one, other in zip(found.ropes, expected.ropes, strict=True):  # of a multi-line scene
-        equal &= np.array_equal(one.node_position_m, other.node_position_m)
-        equal &= np.array_equal(one.element_tension_n, other.element_tension_n)
+    equal = all(np.array_equal(getattr(abreast, name), getattr(expected, name)) for name in names)
+    # of a multi-line scene
+    for rope, expected_rope in zip(abreast.ropes, expected.ropes, strict=True):
+        equal &= np.array_equal(rope.node_position_m, expected_rope.node_position_m)
+        equal &= np.array_equal(rope.element_tension_n, expected_rope.element_tension_n)
     return equal and together.figures()[number] == alone.figures()[number]
 
 

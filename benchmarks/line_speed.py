@@ -142,10 +142,10 @@ def _rows(scenes: Sequence[Scene], elements: int, plan: Plan) -> Iterator[LineRo
     steps = max(1, plan.node_steps // elements)
     seconds = plan.settle_s + (plan.rounds + 1) * steps * scenes[0].time.step_s
     running = [_Timed(scene, seconds, steps) for scene in scenes]
-    twins = [one.twin for one in running]
+    twins = [timed.twin for timed in running]
     while twins[0].time_ns < plan.settle_s * 1e9:
-        for one in running:
-            one.piece_s()
+        for timed in running:
+            timed.piece_s()
     took: list[list[float]] = [[] for _ in twins]
     tension: list[list[float]] = [[] for _ in twins]
     for turn in range(plan.rounds):
@@ -153,11 +153,13 @@ def _rows(scenes: Sequence[Scene], elements: int, plan: Plan) -> Iterator[LineRo
         for i in order:
             took[i].append(running[i].piece_s())
             tension[i].append(twins[i].top_pull_n)
-    whole = np.array(tension[0])
-    for kind, twin, own, pull in zip(SYSTEMS, twins, took, tension, strict=True):
-        away = float(np.sqrt(np.mean((np.array(pull) - whole) ** 2)) / np.std(whole))
-        ratio = ratio_of(own, took[0])
-        yield _row(kind, elements, twin, own, ratio, 100.0 * away if kind == SYSTEMS[1] else None)
+    reference_n = np.array(tension[0])
+    for kind, twin, times, pull in zip(SYSTEMS, twins, took, tension, strict=True):
+        rms_off = float(np.sqrt(np.mean((np.array(pull) - reference_n) ** 2)) / np.std(reference_n))
+        ratio = ratio_of(times, took[0])
+        yield _row(
+            kind, elements, twin, times, ratio, 100.0 * rms_off if kind == SYSTEMS[1] else None
+        )
 
 
 def _long_rows(from_s: float, to_s: float) -> Iterator[LineRow]:
@@ -168,13 +170,13 @@ def _long_rows(from_s: float, to_s: float) -> Iterator[LineRow]:
             path = Path(folder) / "scene.yaml"
             path.write_text(yaml.safe_dump(text | ({"sea_state": sea} if sea else {})), "utf-8")
             scene = load_scene(str(path))
-            one, took = _Timed(scene, to_s, round(1.0 / scene.time.step_s)), []
-            while one.twin.time_ns < to_s * 1e9:
-                step_s = one.piece_s()
-                if one.twin.time_ns > from_s * 1e9:
+            timed, took = _Timed(scene, to_s, round(1.0 / scene.time.step_s)), []
+            while timed.twin.time_ns < to_s * 1e9:
+                step_s = timed.piece_s()
+                if timed.twin.time_ns > from_s * 1e9:
                     took.append(step_s)
             elements = sum(line.elements for line in scene.ropes)
-            yield _row(label, elements, one.twin, took, None, None)
+            yield _row(label, elements, timed.twin, took, None, None)
 
 
 def _row(

@@ -130,17 +130,17 @@ def draw_orders(curves: tuple[Curve, ...], path: Path) -> None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    left, right = figure.subplots(1, 2, sharey=True)
-    for axes, (refined, scale, label) in zip((left, right), _PANELS, strict=True):
-        own = [curve for curve in curves if curve.refined == refined]
-        for curve in own:
+    steps_axes, right = figure.subplots(1, 2, sharey=True)
+    for axes, (refined, scale, label) in zip((steps_axes, right), _PANELS, strict=True):
+        chosen = [curve for curve in curves if curve.refined == refined]
+        for curve in chosen:
             _draw(axes, curve, scale)
         axes.set_xlabel(label)
         axes.grid(True, which="both", linewidth=0.3)
-        if own:
-            _draw_slopes(axes, own, scale)
+        if chosen:
+            _draw_slopes(axes, chosen, scale)
             axes.legend(fontsize=7, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))
-    left.set_ylabel("error of the top tension [%]")
+    steps_axes.set_ylabel("error of the top tension [%]")
     figure.suptitle(
         "Error under refinement; mean and rms of the standard deviation, peak of itself"
     )

@@ -57,8 +57,8 @@ def ratio_of(times: Sequence[float], base: Sequence[float]) -> Ratio:
     """
     ratios = np.sort(np.divide(times, base))
     n = len(ratios)
-    away = 0.5 * QUANTILE * math.sqrt(n)
-    low = max(math.floor(0.5 * n - away), 0)
+    half_width = 0.5 * QUANTILE * math.sqrt(n)
+    low = max(math.floor(0.5 * n - half_width), 0)
     return Ratio(float(np.median(ratios)), float(ratios[low]), float(ratios[n - 1 - low]))
 
 
@@ -75,8 +75,8 @@ def time_rounds(
         for turn in range(plan.rounds):
             order = range(len(benches)) if turn % 2 == 0 else reversed(range(len(benches)))
             for i in order:
-                given = motion(benches[i], plan.steps)
+                boundary = motion(benches[i], plan.steps)
                 began = time.process_time()
-                benches[i].follow(given)
+                benches[i].follow(boundary)
                 took[i].append((time.process_time() - began) / plan.steps)
     return took

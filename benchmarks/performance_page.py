@@ -20,7 +20,7 @@ ROOTS, DIVISIONS = 2 * (3 + 2), 2 * (2 + 2 + 1)
 TEMPLATE = Path(__file__).with_name("performance.md")
 
 
-def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRow]) -> str:
+def as_markdown(speed: Speed, curves: Sequence[Curve], ensembles: Sequence[EnsembleRow]) -> str:
     """Return the page."""
     return TEMPLATE.read_text("utf-8").format(
         machine=speed.machine.as_text() + ".",
@@ -31,7 +31,7 @@ def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRo
         basis=page_table(basis_table(speed.references)),
         picture=PICTURE.as_posix(),
         orders=page_table(order_table(curves)),
-        ensembles=page_table(ensemble_table(many)),
+        ensembles=page_table(ensemble_table(ensembles)),
         lanes=LANES,
         roots=ROOTS,
         divisions=DIVISIONS,
@@ -99,11 +99,12 @@ def order_table(curves: Sequence[Curve]) -> Table:
 
 def exponent_words(speed: Speed) -> str:
     """Return in words how the cost grows with the number of nodes."""
-    words = [
+    exponents = [
         f"N^{power:.3f} at {1e3 * float(step_s):g} ms" for step_s, power in speed.exponents.items()
     ]
-    most = max(row.nodes for row in speed.rows)
-    return f"Cost of a step from {FIT_FROM} to {most:,} nodes: {' and '.join(words)} (best times)."
+    largest = max(row.nodes for row in speed.rows)
+    listed = " and ".join(exponents)
+    return f"Cost of a step from {FIT_FROM} to {largest:,} nodes: {listed} (best times)."
 
 
 def _span(curve: Curve) -> str:

@@ -177,7 +177,7 @@ def _row(case: Case, reference: Reference, plan: Plan, stepwise: bool) -> Row:
     ):
         runs.append(trial.run(math.ceil(trial.steps / pieces)))
     took = np.array([run.took_s for run in runs])
-    middle, best = float(np.median(took.sum(axis=1))), float(took.min(axis=0).sum())
+    middle, fastest = float(np.median(took.sum(axis=1))), float(took.min(axis=0).sum())
     errors = reference.errors(first.tension_n, step_s)
     work = trial.steps * nodes * 1e-9
     return Row(
@@ -185,9 +185,9 @@ def _row(case: Case, reference: Reference, plan: Plan, stepwise: bool) -> Row:
         nodes=nodes,
         step_s=step_s,
         ns_per_node_step=middle / work,
-        ns_per_node_step_best=best / work,
+        ns_per_node_step_best=fastest / work,
         real_time_factor=plan.seconds / middle,
-        real_time_factor_best=plan.seconds / best,
+        real_time_factor_best=plan.seconds / fastest,
         error_pct=errors.rms_pct,
         peak_error_pct=errors.peak_pct,
         trough_error_pct=errors.trough_pct,

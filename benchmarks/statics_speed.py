@@ -93,8 +93,8 @@ def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
     head = ("scene", "guess", "nodes", "ms", "rounds", "force left N", "tension kN")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
-        left = f"{row['residual_n']:.1e}" + ("" if row["found"] else ", no rest")
-        cells = (f"{row['nodes']}", f"{row['ms']:.1f}", f"{row['rounds']}", left)
+        residual = f"{row['residual_n']:.1e}" + ("" if row["found"] else ", no rest")
+        cells = (f"{row['nodes']}", f"{row['ms']:.1f}", f"{row['rounds']}", residual)
         table.append((row["scene"], row["guess"], *cells, f"{1e-3 * row['tension_n']:.1f}"))
     return table
 
@@ -190,11 +190,11 @@ def _timed_system(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
         high = n if joints.upper[r] == LOOSE else n + 1
         place[:, low:high] = shape(place[:, : n + 1])[:, low:high]
     joints.nodes[_PLACE] = shape(joints.nodes[_PLACE])
-    held = np.zeros((len(scene.ropes), MOTIONS))
-    held[:, :3] = np.nan_to_num(built.hang_off_m)
-    held[:, LINE] = [line.length_m for line in scene.ropes]
+    boundary = np.zeros((len(scene.ropes), MOTIONS))
+    boundary[:, :3] = np.nan_to_num(built.hang_off_m)
+    boundary[:, LINE] = [line.length_m for line in scene.ropes]
     began = time.perf_counter()
-    end = solve_joined_statics(built.system, held)
+    end = solve_joined_statics(built.system, boundary)
     return 1e3 * (time.perf_counter() - began), end
 
 

@@ -73,8 +73,8 @@ class Trial:
             took.append(time.perf_counter() - began)
             busy_s += time.thread_time() - busy
             if done < count:
-                what = f"step {first + done + 1} is not finite"
-                raise SolverError(f"scene {self.scene.name}", what, "shorten the step")
+                problem = f"step {first + done + 1} is not finite"
+                raise SolverError(f"scene {self.scene.name}", problem, "shorten the step")
         health = rope.state.health
         return Outcome(
             self._pull[:, rows.PULL].copy(),
@@ -90,8 +90,8 @@ class Trial:
 def _motion(scene: Scene, steps: int) -> rows.Boundary:
     """Return the hang-off motion at every step boundary; the line out is constant."""
     if scene.sea_state.heave is None:
-        what = "its sea is not a regular heave"
-        raise InputError(f"scene {scene.name}", what, "give `sea_state: {heave: ...}`")
+        problem = "its sea is not a regular heave"
+        raise InputError(f"scene {scene.name}", problem, "give `sea_state: {heave: ...}`")
     sea = RegularSea(scene.sea_state.heave, scene.sea_state.start_s)
     x, y, rest_z = scene.ship.hang_off_m
     value = np.tile([x, y, rest_z, scene.ropes[0].length_m], (steps + 1, 1))
@@ -129,12 +129,12 @@ class Reference:
         reference's.
         """
         every = round(step_s / self.step_s)
-        there = self.tension_n[every - 1 :: every]
+        exact_n = self.tension_n[every - 1 :: every]
         scale = float(self.tension_n.std())
-        apart = tension_n - there
+        error_n = tension_n - exact_n
         return Errors(
-            100.0 * float(np.mean(np.abs(apart))) / scale,
-            100.0 * float(np.sqrt(np.mean(apart**2))) / scale,
+            100.0 * float(np.mean(np.abs(error_n))) / scale,
+            100.0 * float(np.sqrt(np.mean(error_n**2))) / scale,
             100.0 * float(tension_n.max() / self.tension_n.max() - 1.0),
             100.0 * float(tension_n.min() - self.tension_n.min()) / scale,
         )

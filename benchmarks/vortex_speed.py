@@ -71,7 +71,7 @@ def vortex_rows(cases: Sequence[Case], listen: Listener) -> Iterator[dict[str, A
         SolverError: a rope finds no rest, or a step is not finite.
     """
     runs = [(name, elements, model) for name, elements, models in cases for model in models]
-    for run in announced(runs, listen, lambda one: f"{one[0]}, {one[1]} elements, {one[2]}"):
+    for run in announced(runs, listen, lambda case: f"{case[0]}, {case[1]} elements, {case[2]}"):
         yield asdict(_measured(*run))
 
 
@@ -91,20 +91,20 @@ def _measured(name: str, elements: int, model: str) -> VortexRow:
     scene = _with(variant(load_scene(name), elements, STEP_S), MODELS[model])
     bench, steps = Bench(scene), max(1, NODE_STEPS // elements)
     bench.hold(round(SETTLE_S / STEP_S))
-    (took,) = time_in_turns([bench], PIECES, lambda own: own.still(steps))
-    usual, best = float(np.median(took)) / steps, min(took) / steps
-    bending = any(isinstance(own, BendingParams) for own in scene.effects)
+    (took,) = time_in_turns([bench], PIECES, lambda timed_bench: timed_bench.still(steps))
+    usual, fastest = float(np.median(took)) / steps, min(took) / steps
+    bending = any(isinstance(params, BendingParams) for params in scene.effects)
     return VortexRow(
-        name, elements, bending, model, 1e9 * usual / elements, 1e9 * best / elements,
-        STEP_S / usual, STEP_S / best,
+        name, elements, bending, model, 1e9 * usual / elements, 1e9 * fastest / elements,
+        STEP_S / usual, STEP_S / fastest,
     )  # fmt: skip
 
 
 def _with(scene: Scene, model: Any) -> Scene:
     """Return the scene with this VIV model (None: without any)."""
-    kinds = tuple(type(own) for own in MODELS.values() if own is not None)
-    others = tuple(own for own in scene.effects if not isinstance(own, kinds))
-    return replace(scene, effects=others if model is None else (*others, model))
+    kinds = tuple(type(params) for params in MODELS.values() if params is not None)
+    further = tuple(params for params in scene.effects if not isinstance(params, kinds))
+    return replace(scene, effects=further if model is None else (*further, model))
 
 
 ALONE: dict[str, PublishedRope] = {"[LCD] cable": LCD_CABLE, "[LCD] riser": LCD_RISER}
@@ -170,16 +170,18 @@ def _of_scene(name: str, pieces: int) -> list[PaceRow]:
     """Return a scene's twin with and without its model."""
     scene = load_scene(name)
     sheds = {effect.params: effect.name for effect in EFFECTS if effect.sheds}
-    model = next(sheds[type(own)] for own in scene.effects if type(own) in sheds)
-    bare = replace(scene, effects=tuple(own for own in scene.effects if type(own) not in sheds))
+    model = next(sheds[type(params)] for params in scene.effects if type(params) in sheds)
+    without_model = replace(
+        scene, effects=tuple(params for params in scene.effects if type(params) not in sheds)
+    )
     rows = []
-    for own, label in ((bare, "none"), (scene, model)):
-        twin = Twin(own)
+    for timed_scene, label in ((without_model, "none"), (scene, model)):
+        twin = Twin(timed_scene)
         places, modes = scene.ropes[0].elements + 1, 0
         if twin.viv_drag is not None:
             places, modes = twin.viv_drag.tracker.size
-        usual, best = _paces(_advance_of(twin), pieces)
-        rows.append(PaceRow(name, "twin", label, twin.step_s, places, modes, usual, best))
+        usual, fastest = _paces(_advance_of(twin), pieces)
+        rows.append(PaceRow(name, "twin", label, twin.step_s, places, modes, usual, fastest))
     return rows
 
 
@@ -198,10 +200,10 @@ def _alone(name: str, pieces: int) -> list[PaceRow]:
         "decomposed_force": DecomposedResponse(fine_enough(dry, model), model),
     }
     rows = []
-    for own, response in both.items():
-        usual, best = _paces(response.advance, pieces)
+    for label, response in both.items():
+        usual, fastest = _paces(response.advance, pieces)
         places, modes = len(response.span.s), len(response.frequency)
-        rows.append(PaceRow(name, "alone", own, None, places, modes, usual, best))
+        rows.append(PaceRow(name, "alone", label, None, places, modes, usual, fastest))
     return rows
 
 
