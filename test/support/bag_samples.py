@@ -1,4 +1,4 @@
-"""Bags made by hand, for tests of what reads them."""
+"""Bags written by hand, for tests of the readers."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def write_heave(
     name: str = "ship/heave",
     elevation: Sequence[tuple[int, float]] = (),
 ) -> Path:
-    """A bag of (stamp from the start [ns], position, velocity), logged one period apart."""
+    """Write a bag of rows (time from the start [ns], position, velocity), one period apart."""
     topic = Topic(name, "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "", "")
     with BagWriter(directory, [topic, BY_NAME["sea/elevation"]]) as bag:
         for k, (stamp_ns, position, velocity) in enumerate(heave):
@@ -37,7 +37,7 @@ def write_heave(
 def swell(
     count: int = 400, period_s: float = 8.0, step_ns: int = STEP_NS
 ) -> list[tuple[int, float, float]]:
-    """A regular swell of 1 m amplitude as rows for write_heave."""
+    """Return a regular swell of 1 m amplitude as rows for `write_heave`."""
     omega = 2.0 * np.pi / period_s
     times = [k * step_ns for k in range(count)]
     return [

@@ -1,4 +1,4 @@
-"""A rope whose payload is a rigid body, at rest or set in motion by hand."""
+"""A rope with a rigid body as its payload, in static equilibrium or with a prescribed motion."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LINE = Rig(length=20.0, elements=4, mass=0.01, EA=1e8, diameter=0.001, load=2000
 
 
 def scene_of(rig: Rig, body: RigidBodyParams) -> Scene:
-    """The rig's scene with the body in place of the point.
+    """Return the rig's scene with the rigid body in place of the point payload.
 
     One with a deck lists no current, as the shipped scene with a deck: one step serves both.
     """
@@ -36,17 +36,17 @@ def scene_of(rig: Rig, body: RigidBodyParams) -> Scene:
     if body.deck is not None:
         assert rig.current == STILL_WATER
         left_out = (PayloadParams, CurrentParams)
-    kept = tuple(own for own in scene.effects if not isinstance(own, left_out))
+    kept = tuple(effect for effect in scene.effects if not isinstance(effect, left_out))
     return replace(scene, effects=(*kept, body))
 
 
 def body_in(twin: Twin) -> Any:
-    """The kernels' data of a twin's body."""
-    return next(own for own in twin.rope.effects if isinstance(own, RigidBody))
+    """Return the kernel data of a twin's rigid body."""
+    return next(effect for effect in twin.rope.effects if isinstance(effect, RigidBody))
 
 
 class Hung:
-    """A twin whose body can be set in motion after its first step."""
+    """A twin whose rigid body can be given a motion after its first step."""
 
     def __init__(self, rig: Rig, body: RigidBodyParams) -> None:
         self.twin = Twin(scene_of(rig, body))
@@ -55,57 +55,57 @@ class Hung:
 
     @property
     def record(self) -> Vector:
-        """The record that holds; of it any part may be changed."""
+        """The body's current record; every part of it may be written."""
         return np.asarray(self.body.records[int(self.body.memory[0, 0])])
 
     def let_go(self, v: Any, spin: Any, force: Any = NOTHING, moment: Any = NOTHING) -> None:
-        """The body moves so, at the place and in the attitude that it has, under these forces."""
-        for place, value in ((at.V, v), (at.SPIN, spin), (at.FORCE, force), (at.MOMENT, moment)):
-            self.record[place : place + 3] = value
+        """Set velocity, spin, force and moment of the body; position and attitude stay."""
+        for row, value in ((at.V, v), (at.SPIN, spin), (at.FORCE, force), (at.MOMENT, moment)):
+            self.record[row : row + 3] = value
 
     def slacken(self) -> None:
-        """Move it up to the hook, so that no sling of any length holds it."""
+        """Move the body up to the hook, so that all slings are slack."""
         self.record[at.X : at.X + 3] = self.hook
 
     @property
     def hook(self) -> Vector:
-        """Where the rope ends [m]."""
+        """Position of the lower end of the rope [m]."""
         return self.twin.rope.state.nodes[rows.POSITION : rows.POSITION + 3, 0]
 
     def pose(self) -> Any:
-        """Where the body is."""
+        """Return the pose of the body."""
         return pose_of(self.body)
 
 
 def between(rig: Rig, body: RigidBodyParams, bed: SeabedParams, bottom_m2: float = 0.0) -> Scene:
-    """The body between surface and bed, in waves of no height, as in the shipped manifold_lift."""
+    """Return a scene with the body between surface and seabed, in waves of zero height."""
     zone = SplashZoneParams(height_m=body.size_m[2], bottom_area_m2=bottom_m2)
     scene = scene_of(rig, body)
-    own = next(i for i, one in enumerate(scene.effects) if one is body)
+    index = next(i for i, effect in enumerate(scene.effects) if effect is body)
     return replace(
-        scene, effects=(CALM, *scene.effects[:own], bed, body, zone, *scene.effects[own + 1 :])
+        scene, effects=(CALM, *scene.effects[:index], bed, body, zone, *scene.effects[index + 1 :])
     )
 
 
 class Adrift(Hung):
-    """The same between surface and bed, on a slack sling."""
+    """A rigid body between surface and seabed on a slack sling."""
 
     def __init__(self, rig: Rig, body: RigidBodyParams, bed: SeabedParams, bottom: float = 0.0):
         self.twin = Twin(between(rig, body, bed, bottom))
         self.twin.advance(1)
         self.body = body_in(self.twin)
 
-    def lay(self, place: Any, turn: Any, v: Any = NOTHING, spin: Any = NOTHING) -> None:
-        """The body is there, turned so (a rotation vector), and moves so; no force on it so far."""
-        self.record[at.X : at.X + 3] = place
+    def lay(self, position: Any, turn: Any, v: Any = NOTHING, spin: Any = NOTHING) -> None:
+        """Set position, attitude (rotation vector), velocity and spin of the body; no force."""
+        self.record[at.X : at.X + 3] = position
         self.record[at.Q : at.Q + 4] = Rotation.from_rotvec(turn).as_quat()
         self.let_go(v, spin)
 
 
 def aground(turn: Any, side: float, steps: int = 40) -> Vector:
-    """A box that falls tilted into shallows of a slope: place, velocity, spin, (n, 3, 3).
+    """Run a tilted box into shallow water over a slope: position, velocity, spin, (n, 3, 3).
 
-    turn: of the whole scene about z; side: -1 mirrors it in x.
+    turn: rotation of the whole scene about z; side: -1 mirrors it in x.
     """
     follow = turn @ np.diag([side, 1.0, 1.0])
     slope = turn @ [side * 0.1, -0.05, 0.0]
@@ -126,9 +126,9 @@ def aground(turn: Any, side: float, steps: int = 40) -> Vector:
     attitude = Rotation.from_rotvec(lean).as_matrix() @ turn
     start = follow @ [0.3, -0.2, 0.0] + [0.0, 0.0, 0.3]
     hung.lay(start, Rotation.from_matrix(attitude).as_rotvec(), follow @ [0.4, 0.2, -0.5])
-    seen = []
+    rows = []
     for _ in range(steps):
         hung.twin.advance(1)
         pose = hung.pose()
-        seen.append([pose.centre, pose.velocity, pose.turn @ pose.spin])
-    return np.array(seen)
+        rows.append([pose.centre, pose.velocity, pose.turn @ pose.spin])
+    return np.array(rows)

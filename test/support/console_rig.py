@@ -1,4 +1,4 @@
-"""A console without ROS: a source that plays snapshots, a clock of its own, and its pages."""
+"""A console without ROS: a source that plays snapshots, a manual clock, and its pages."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ FACTS: Values = {
 
 
 class Clock:
-    """A steady clock that is set by hand."""
+    """A steady clock that tests set."""
 
     def __init__(self) -> None:
         self.now_s = 1000.0
@@ -60,7 +60,7 @@ class Clock:
 
 
 class SnapshotSource:
-    """Encodes a snapshot for every poll, until it is lost."""
+    """Source that encodes its snapshot at every poll, until `lost` is set."""
 
     kind = "live"
 
@@ -117,20 +117,20 @@ class SnapshotSource:
         pass
 
 
-def encode_text(words: str) -> bytes:
-    """A std_msgs/String."""
-    return messages.encode_text(words)
+def encode_text(text: str) -> bytes:
+    """Encode a std_msgs/String."""
+    return messages.encode_text(text)
 
 
 def order_row(name: str, change_n: float) -> dict[str, float | str]:
-    """A row of forecast/orders, 30 s ahead."""
+    """Return a row of forecast/orders, 30 s ahead."""
     changes = {f"peak_change_{k}_n": change_n + 100.0 * (k - 50) for k in (5, 50, 95)}
     return {"name": name, "span_s": 30.0, "tension": 0.25, "slack": 0.0, "rope": 0.0, "lower": 0.1,
             **changes}  # fmt: skip
 
 
 def forecast_tables(horizon_s: float) -> dict[str, list[dict[str, float]]]:
-    """Rows of a forecast's topics: a band that widens, risks that grow, windows at four begins."""
+    """Return rows of the forecast topics: a widening interval, rising risks, four quiet windows."""
     low, median, high = band_columns("top_tension_n")
     return {
         "forecast/tension": [
@@ -169,7 +169,7 @@ _LEFT_OUT = ("payloads/body", "ropes/bend_radius", "lines/crossings", "winch/sta
 
 @dataclass
 class FakeCommander:
-    """Notes what the console sends, and lets the twin of the rig obey."""
+    """Commander that records what the console sends and applies it to the rig's twin."""
 
     source: SnapshotSource
     name: str = "console"
@@ -211,7 +211,7 @@ class FakeCommander:
 
 
 class ConsoleRig:
-    """Pages, desk and log on a clock set by hand."""
+    """Pages, desk and log on a manual clock."""
 
     def __init__(self, control: bool = True, topics: tuple[str, ...] = SHOWN) -> None:
         self.clock = Clock()
@@ -242,7 +242,7 @@ class ConsoleRig:
             self.pages.tick_or_report()
 
     def page(self, signed_in: bool = False) -> Page:
-        """A connected page; `signed_in`: that has given the token."""
+        """Connect a page; `signed_in`: it has sent the token."""
         page = self.pages.connect("127.0.0.1")
         if signed_in:
             self.desk.take(page, {"do": "sign_in", "token": TOKEN, "id": 0})
@@ -252,7 +252,7 @@ class ConsoleRig:
 def recorded_lift(path: Path, lasts_s: float) -> Path:
     """Write a bag with a line out of 1000 m + 1 m/s, and return its path."""
     topics = "ropes/tension_top", "ropes/length", "ropes/nodes"
-    writer = BagWriter(path, [BY_NAME[one] for one in (*topics, "twin/epoch")])
+    writer = BagWriter(path, [BY_NAME[topic_name] for topic_name in (*topics, "twin/epoch")])
     encoder = messages.Encoder(EPOCH_NS)
     writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
     for number in range(round(lasts_s * 10)):
@@ -266,12 +266,12 @@ def recorded_lift(path: Path, lasts_s: float) -> Path:
 
 def frames(page: Page) -> list[dict[str, Any]]:
     """Return the frames that wait for a page."""
-    found = []
+    waiting = []
     while not page.queue.empty():
-        found.append(json.loads(page.queue.get_nowait()))
-    return found
+        waiting.append(json.loads(page.queue.get_nowait()))
+    return waiting
 
 
 def replies(page: Page) -> list[dict[str, Any]]:
-    """The answers among it."""
-    return [one for one in frames(page) if one["type"] == "reply"]
+    """Return the replies among a page's waiting frames."""
+    return [frame for frame in frames(page) if frame["type"] == "reply"]

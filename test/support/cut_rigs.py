@@ -1,4 +1,4 @@
-"""Ropes that are cut, and what their parts hold."""
+"""Ropes that are cut, and mass, momentum and energy of the two parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WATER = Rig(
 
 
 class Sums(NamedTuple):
-    """Of a rope with its payload: mass, momentum, and energies without added mass."""
+    """Mass, momentum and energies of a rope with its payload, without added mass."""
 
     mass: float
     momentum: Vector
@@ -34,7 +34,7 @@ class Sums(NamedTuple):
 
 
 def sums(rope: Rope, rig: Rig, load: float) -> Sums:
-    """Of a rope of a rig, with this mass at its lower end."""
+    """Return the sums of a rope of a rig with this mass at its lower end."""
     n = int(rope.state.counts[rows.ELEMENTS])
     s, x, v = rope.state.s[: n + 1], rope.state.nodes[:3, : n + 1], rope.state.nodes[3:6, : n + 1]
     rest = np.diff(s)
@@ -51,18 +51,18 @@ def sums(rope: Rope, rig: Rig, load: float) -> Sums:
 
 
 def parts(twin: Twin, rig: Rig) -> tuple[Sums, Sums]:
-    """Of the upper and the lower part."""
+    """Return the sums of the upper and the lower part."""
     return sums(twin.rope, rig, 0.0), sums(fallen(twin), rig, rig.load)
 
 
 def fallen(twin: Twin) -> Rope:
-    """The lower part of a rope that was cut."""
+    """Return the lower part of a rope that was cut."""
     assert isinstance(twin.inspect().ropes, CutRope)
     return without_massless_section(twin.inspect().ropes.lowest(twin.rope))
 
 
 def swinging(rig: Rig) -> Twin:
-    """A rope that swings, stretches and is paid out."""
+    """Return a rope that swings, stretches and is paid out."""
     twin = replace(rig, step=0.01).twin()
     nodes, n = twin.rope.state.nodes, rig.elements
     mode = np.sin(np.linspace(0.5 * np.pi, np.pi, n + 1))

@@ -1,4 +1,4 @@
-"""A console of another vendor's DDS: Eclipse Cyclone DDS listens to the twin's topics.
+"""Listener of another DDS vendor (Eclipse Cyclone DDS) for the twin's topics.
 
     python cyclone_listener.py DOMAIN SECONDS SAMPLES TOPIC...
 
@@ -43,7 +43,7 @@ _made: dict[str, type] = {}
 
 
 def idl_type(name: str) -> type:
-    """The IDL struct of a ROS message type, e.g. `sensor_msgs/msg/JointState`."""
+    """Return the IDL struct of a ROS message type, e.g. `sensor_msgs/msg/JointState`."""
     if name not in _made:
         package, _, short = name.split("/")
         fields = {field: _field_type(kind) for field, kind in STORE.fielddefs[name][1]}
@@ -69,7 +69,7 @@ def _field_type(kind: Any) -> Any:
 
 
 def listen(domain: int, seconds: float, wanted: int, names: list[str]) -> dict[str, Any]:
-    """Listen until so many samples of each came, or for some seconds; counts and last samples."""
+    """Listen for a number of samples of each topic or some seconds: counts and last samples."""
     kept = Domain(domain, CONFIG)
     participant = DomainParticipant(domain)
     qos = Qos(
@@ -98,7 +98,7 @@ def listen(domain: int, seconds: float, wanted: int, names: list[str]) -> dict[s
 
 
 def figure(sample: Any) -> Any:
-    """Something of a sample that can be compared."""
+    """Return a value of a sample that can be compared."""
     if sample is None:
         return None
     kind = type(sample).__name__

@@ -1,4 +1,4 @@
-"""A process of its own: prints the digest of a run with heave, winch and a change of current."""
+"""Process that prints the digest of a run with heave, winch and a change of current."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SAMPLE_NS = 50_000_000
 
 
 def run(every: int) -> str:
-    """Twenty seconds in pieces of `every` steps; a snapshot each second."""
+    """Run twenty seconds in pieces of `every` steps, a snapshot each second."""
     with tempfile.TemporaryDirectory() as folder:
         twin = Twin(small_scene(Path(folder)))
     shots = []

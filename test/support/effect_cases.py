@@ -1,4 +1,4 @@
-"""Every effect in EFFECTS on small arrays and on a small rope, for compiled and plain Python runs.
+"""Results of every effect on small arrays and on a small rope, compiled and in plain Python.
 
 A new effect gets its row in PARAMS the day it is listed; until then the tests say so.
 """
@@ -229,7 +229,7 @@ BESIDE = {  # what must be listed for an effect to be built, or to know its payl
 
 
 def params_of(name: str) -> Any:
-    """What a scene would say of the effect, or of the variant of one."""
+    """Return the parameters of an effect, or of a variant of one."""
     if name in VARIANTS:
         return VARIANTS[name]
     assert name in PARAMS, (
@@ -240,8 +240,8 @@ def params_of(name: str) -> Any:
 
 
 def data_of(*names: str) -> tuple[Any, ...]:
-    """The kernels' data of these effects, on the small rope."""
-    needed = [own for name in names for own in BESIDE.get(name, ()) if own not in names]
+    """Return the kernel data of these effects on the small rope."""
+    needed = [item for name in names for item in BESIDE.get(name, ()) if item not in names]
     listed = [params_of(name) for name in (*needed, *names)]
     order = [effect.params for effect in EFFECTS]
     listed.sort(key=lambda params: order.index(type(params)))
@@ -249,12 +249,12 @@ def data_of(*names: str) -> tuple[Any, ...]:
     built = build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
     unwanted = {type(params_of(name)) for name in needed}
     return tuple(
-        own for own, params in zip(built, listed, strict=True) if type(params) not in unwanted
+        item for item, params in zip(built, listed, strict=True) if type(params) not in unwanted
     )
 
 
 def acting(name: str) -> tuple[Any, ...]:
-    """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
+    """Return the kernel data of an effect, last, after the effects it needs; vortices shed."""
     effects = (*besides(name), *data_of(name))
     if name in (*SHEDDING, *OSCILLATING, *CURTAINS, "bed_friction", "payload_shedding"):
         memory = effects[-1].memory
@@ -272,7 +272,7 @@ def acting(name: str) -> tuple[Any, ...]:
 
 
 def besides(name: str) -> tuple[Any, ...]:
-    """Return effects that one needs which acts by current, water or dry part alone."""
+    """Return the effects that this one needs to act: current, water or dry part of the rope."""
     if name == "wetting":
         return data_of("weight", "drag")
     if name == "depth_profiles":
@@ -285,8 +285,8 @@ def besides(name: str) -> tuple[Any, ...]:
     return data_of("current") if name in by_current else ()
 
 
-class Bare(NamedTuple):
-    """The part of a rope without a table that `law_of` takes."""
+class UntabledRope(NamedTuple):
+    """A rope without a stiffness table, as `law_of` takes it."""
 
     effects: Any
     law: None
@@ -294,24 +294,24 @@ class Bare(NamedTuple):
 
 @jit_entry
 def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """All hooks of these effects for the nodes low <= i < high, and at the ends."""
+    """Apply all hooks of these effects to the nodes low <= i < high and at the ends."""
     add_flow(effects, work, stage, low, high)
     add_load(effects, work, stage, low, high)
     if low == 0:
         add_end(effects, work, stage)
         add_couplings(effects, work, stage, high - 1)
-        law = law_of(Bare(effects, None))
+        law = law_of(UntabledRope(effects, None))
         stretch(law, work, work[rows.GROWTH], stage.p, stage.q, low, low + 1)
 
 
 def some_stage() -> rows.Stage:
-    """The weights of a TR-BDF2 stage at 3 s."""
+    """Return the weights of a TR-BDF2 stage at 3 s."""
     c = 0.5 * (2.0 - math.sqrt(2.0)) * SMALL.step
     return rows.Stage(3.0, c * c, c, 0.7)
 
 
 def some_work(seed: int = 1) -> Vector:
-    """Scratch with nodes in motion down to 90 m, tangents of any direction, nothing loaded yet."""
+    """Return scratch of unloaded nodes in motion down to 90 m, with random tangents."""
     random = np.random.default_rng(seed)
     work = rows.new_work(NODES, rows.COUPLED_ROWS)
     work[rows.POSITION : rows.POSITION + 2] = random.normal(0.0, 5.0, (2, NODES))
@@ -330,43 +330,43 @@ def some_work(seed: int = 1) -> Vector:
     return work
 
 
-class Beside(NamedTuple):
-    """The part of a stack that acts between ropes."""
+class RopesBetween(NamedTuple):
+    """Stack of ropes, reduced to what the hook between ropes reads."""
 
     work: Vector
     nodes: Vector
     counts: Any
 
 
-class Ends(NamedTuple):
-    """The part of the connections that acts between them: each is at a node of the rope."""
+class Connections(NamedTuple):
+    """Connections, reduced to what that hook reads; each is at a node of the rope."""
 
     work: Vector
     nodes: Vector
     matrix: Vector
 
 
-class Two(NamedTuple):
+class TwoRopes(NamedTuple):
     """A system of two ropes."""
 
-    stack: Beside
-    joints: Ends
+    stack: RopesBetween
+    joints: Connections
 
 
 def blocks_of(matrix: Vector) -> Vector:
-    """The own blocks of connections, (6, connections)."""
-    own = matrix.reshape(NODES, 3, NODES, 3).diagonal(axis1=0, axis2=2)
-    return np.array([own[i, j] for i, j in ((0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2))])
+    """Return the diagonal blocks of connections, (6, connections)."""
+    diagonal = matrix.reshape(NODES, 3, NODES, 3).diagonal(axis1=0, axis2=2)
+    return np.array([diagonal[i, j] for i, j in ((0, 0), (1, 0), (2, 0), (1, 1), (2, 1), (2, 2))])
 
 
 @jit_entry
 def apply_among(effects: Any, system: Any, stage: Any) -> None:
-    """The hook of these effects between ropes."""
+    """Apply the hook of these effects between ropes."""
     add_among(effects, system, stage)
 
 
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
-    """Flow, residual, blocks and couplings that the hooks leave on a copy, (15, NODES).
+    """Return flow, residual, blocks and couplings that the hooks leave on a copy, (15, NODES).
 
     Where an effect acts between ropes there is the same rope once more, 0.3 m aside.
     """
@@ -376,47 +376,47 @@ def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODE
         both = np.stack([work, work])
         both[1, rows.POSITION] += 0.3
         counts = np.array([[NODES - 1, 0], [NODES - 1, 0]])
-        ends = Ends(both[0], both[0].copy(), np.zeros((3 * NODES, 3 * NODES)))
-        apply_among(effects, Two(Beside(both, both.copy(), counts), ends), some_stage())
+        ends = Connections(both[0], both[0].copy(), np.zeros((3 * NODES, 3 * NODES)))
+        apply_among(effects, TwoRopes(RopesBetween(both, both.copy(), counts), ends), some_stage())
         work = both[0]
         work[rows.BLOCK : rows.BLOCK + 6] += blocks_of(ends.matrix)
     return np.concatenate([work[part] for part in RESULTS])
 
 
 def alone(name: str) -> Vector:
-    """The hooks of one effect over all nodes, and over one spare slot, (2, 15, NODES)."""
+    """Return the results of one effect over all nodes and over one spare slot, (2, 15, NODES)."""
     effects, work = acting(name), some_work()
     return np.stack([loads(effects, work), loads(effects, work, NODES - 1, NODES)])
 
 
 def together() -> Vector:
-    """Every effect on a small rope that is paid out, hauled in and goes slack; one row a step.
+    """Run all effects on a small rope that is paid out, hauled in and goes slack; a row a step.
 
     All but a rigid body, which is there in place of `payload`, and a compensator. Columns: top
     tension, its extremes in element tension, payload position, number of elements.
     """
-    apart = ("rigid_body", "compensator")
-    effects = tuple(params_of(own.name) for own in EFFECTS if own.name not in apart)
+    left_out = ("rigid_body", "compensator")
+    effects = tuple(params_of(effect.name) for effect in EFFECTS if effect.name not in left_out)
     return steps(replace(SMALL.scene(), effects=effects), 8.0)
 
 
 def swung() -> Vector:
-    """A rigid body in place of the point, heaved until its slings are slack; columns of `together`.
+    """Heave a rigid body until its slings are slack; columns of `together`.
 
-    The place is that of the body's middle.
+    The payload position is that of the body's middle.
     """
-    own = ("current", "weight", "drag", "added_mass", "rigid_body")
-    effects = tuple(params_of(name) for name in own)
+    names = ("current", "weight", "drag", "added_mass", "rigid_body")
+    effects = tuple(params_of(name) for name in names)
     return steps(replace(SMALL.scene(), effects=effects), 1.5)
 
 
 def touching() -> Vector:
-    """The first steps of a rigid body that falls tilted into shallows, half wet and aground."""
+    """Run the first steps of a rigid body that falls tilted into shallow water, half wet."""
     return aground(np.eye(3), 1.0, 20).reshape(20, -1)
 
 
 def stroking() -> Vector:
-    """A payload below a compensator at its stops, sticking, slack, and driven actively."""
+    """Run a compensator at its stops, sticking, slack, and driven actively."""
     cylinder = ActiveCylinder(
         efficiency=0.9, lag_s=0.1, gain_newton_seconds_per_m=1e5, force_limit_n=5e4,
         speed_limit_m_per_s=1.0,
@@ -428,23 +428,23 @@ def stroking() -> Vector:
 
 
 def by_table() -> Vector:
-    """A rope whose stiffness is a table, undamped: round-off doubles within a step of its slack."""
+    """Run an undamped rope with a stiffness table; round-off doubles within a step of its slack."""
     return steps(tabled(replace(SMALL, tolerance=1e-3), HMPE), 0.8)
 
 
 def steps(scene: Scene, seconds: float) -> Vector:
-    """Step under heave and payout; the columns of `together`."""
+    """Step under heave and payout; return the columns of `together`."""
     twin = Twin(scene)
-    seen = []
+    rows = []
     for shot in march(twin, sine(2.0, 4.0), seconds, speeds=[(0.0, 3.0), (3.0, -3.0)]):
         tension, x = shot.element_tension_n, shot.payload_position_m
-        seen.append([shot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
-    return np.array(seen)
+        rows.append([shot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
+    return np.array(rows)
 
 
 @contextmanager
-def resting(at: dict[str, Vector], name: str) -> Iterator[None]:
-    """A twin made here begins its search for rest at the nodes that are known, or tells them.
+def resting(stored: dict[str, Vector], name: str) -> Iterator[None]:
+    """Start twins from the equilibrium in `stored`, or store there the one that is found.
 
     Plain Python takes half a minute to find where a rope with a rigid body rests, and a second to
     see that it does.
@@ -452,9 +452,9 @@ def resting(at: dict[str, Vector], name: str) -> Iterator[None]:
     search = ropes.solve_scene_statics
 
     def begin(scene: Scene, rope: rows.Rope) -> rows.Floats:
-        rope.state.nodes[:] = at.get(name, rope.state.nodes)
+        rope.state.nodes[:] = stored.get(name, rope.state.nodes)
         pull = search(scene, rope)
-        at[name] = rope.state.nodes.copy()
+        stored[name] = rope.state.nodes.copy()
         return pull
 
     ropes.solve_scene_statics = begin
@@ -464,25 +464,25 @@ def resting(at: dict[str, Vector], name: str) -> Iterator[None]:
         ropes.solve_scene_statics = search
 
 
-def with_bodies(at: dict[str, Vector]) -> dict[str, Vector]:
-    """The cases of rigid bodies, from where they rest."""
-    found = {}
+def with_bodies(stored: dict[str, Vector]) -> dict[str, Vector]:
+    """Return the results of rigid bodies, which start from their stored equilibrium."""
+    results = {}
     for name, case in (("swung", swung), ("aground", touching)):
-        with resting(at, name):
-            found[name] = case()
-    return found
+        with resting(stored, name):
+            results[name] = case()
+    return results
 
 
 def of_always() -> dict[str, Vector]:
-    """The results that every test run compares, by name."""
+    """Return the results that every test run compares, by name."""
     cases = {name: alone(name) for name in [*(effect.name for effect in EFFECTS), *VARIANTS]}
     return {**cases, "stroking": stroking()}
 
 
-def of_minutes(at: dict[str, Vector]) -> dict[str, Vector]:
-    """The results that only tests of the long run compare; bodies from where they rest."""
+def of_minutes(stored: dict[str, Vector]) -> dict[str, Vector]:
+    """Return the results that only long tests compare."""
     return {
-        **with_bodies(at),
+        **with_bodies(stored),
         "together": together(),
         "by_table": by_table(),
         "triangle": triangle(),

@@ -1,4 +1,4 @@
-"""Inputs of a fleet as a twin of its own has them, and what that twin comes to."""
+"""Inputs of a fleet as a single twin has them, and the run of that twin."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rope_twin.twin.twin import Twin
 
 @dataclass(frozen=True)
 class Driven:
-    """A twin's run, step by step."""
+    """Run of a single twin, step by step."""
 
     twin: Twin
     inputs: FleetInputs  # at its step borders
@@ -36,7 +36,7 @@ class Driven:
 
 
 def heave(height_m: float, period_s: float, times: Floats) -> tuple[Floats, Floats]:
-    """Height and rate of two waves at these times."""
+    """Return height and rate of a heave of two sine waves at these times."""
     w = 2.0 * math.pi / period_s
     z = height_m * (np.sin(w * times) + 0.3 * np.sin(2.3 * w * times))
     return z, height_m * w * (np.cos(w * times) + 0.69 * np.cos(2.3 * w * times))
@@ -62,8 +62,8 @@ def driven(
         assert not twin.offer_heave(round(t * 1e9), float(z), float(v))
     if speed:
         assert not twin.offer_speed(0, speed)
-    for name, own in (others or {}).items():
-        assert not twin.offer_speed(0, own, name)
+    for name, own_speed in (others or {}).items():
+        assert not twin.offer_speed(0, own_speed, name)
     if figures:
         assert not twin.offer_figures(ramp_s=0.0, **figures)
     borders, heaves, outputs, tops, live = [border(twin)], [0.0], [], [], None
@@ -74,7 +74,7 @@ def driven(
         borders.append(border(twin))
         share, _ = ramp(twin.time_ns * 1e-9, scene.ship.motion_ramp_s)
         heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
-        folds = np.array([fold_of(one) for one in ropes(twin)])
+        folds = np.array([fold_of(rope) for rope in ropes(twin)])
         outputs.append((twin.top_pull_n, folds[:, LEAST].min(), *folds[payload_rope(scene), 1:]))
         tops.append([twin.top_pull_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
     value, rate = np.array(borders).transpose(1, 2, 0, 3)
@@ -99,34 +99,34 @@ def driven(
 
 
 def border(twin: Twin) -> Floats:
-    """Hang-offs and payouts of all ropes now, values and rates, (2, ropes, MOTIONS)."""
+    """Return hang-offs and payouts of all ropes now, values and rates, (2, ropes, MOTIONS)."""
     first = twin.inspect().boundary
-    own = (
+    tables = (
         [table[:1] for table in first]
         if twin.joined is None
         else twin.joined.present_boundary(first)
     )
-    return np.array(list(own))
+    return np.array(list(tables))
 
 
 def ropes(twin: Twin) -> tuple[rows.Rope, ...]:
-    """All ropes of a twin."""
+    """Return all ropes of a twin."""
     first = twin.inspect().rope
     return (first,) if twin.joined is None else twin.joined.system(first).ropes
 
 
 def elements(rope: rows.Rope) -> int:
-    """Elements in use."""
+    """Return the number of elements in use."""
     return int(rope.state.counts[rows.ELEMENTS])
 
 
 def mapped(inputs: FleetInputs, change: Callable[[Floats], Floats]) -> FleetInputs:
-    """Inputs with every array changed in the same way."""
+    """Return inputs with the same change of every array."""
     lines = {name: (change(one), change(two)) for name, (one, two) in inputs.lines.items()}
     arrays = (getattr(inputs, one.name) for one in fields(inputs) if one.name != "lines")
     return FleetInputs(*map(change, arrays), lines)
 
 
 def cut(inputs: FleetInputs, first: int, every: int = 1) -> FleetInputs:
-    """Inputs from a step border on, of every so many steps."""
-    return mapped(inputs, lambda one: one[first::every])
+    """Return inputs from a step border on, of every `every`-th step."""
+    return mapped(inputs, lambda series: series[first::every])

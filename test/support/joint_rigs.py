@@ -1,4 +1,4 @@
-"""Multi-line systems built by hand from rigs, with their ends where the test wants them."""
+"""Multi-line systems built from rigs, with ends at given points."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HEAVY = 1e4  # kg
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """A rope between two points, straight at first, and the joints at its ends."""
+    """A rope between two points, initially straight, and the joints at its ends."""
 
     rig: Rig
     low: Point
@@ -39,7 +39,7 @@ class Line:
     more: tuple[Any, ...] = ()  # parameters of further effects
 
     def rope(self) -> rows.Rope:
-        """Its arrays; the payload at its lower end is the rig's."""
+        """Build the rope; the payload at its lower end is the rig's."""
         scene = self.rig.scene()
         rope = build(replace(scene, effects=(*scene.effects, *self.more)))
         n = int(rope.state.counts[rows.ELEMENTS])
@@ -51,7 +51,7 @@ class Line:
 
 
 class JointBench:
-    """A system that steps; hang-offs stay where they are unless a motion is given."""
+    """A multi-line system that steps; hang-offs are fixed unless a motion is given."""
 
     def __init__(self, lines: Sequence[Line], tied: Floats | None = None) -> None:
         ropes = tuple(line.rope() for line in lines)
@@ -68,7 +68,7 @@ class JointBench:
         return state.nodes[first : first + 3, : int(state.counts[rows.ELEMENTS]) + 1]
 
     def tension(self, r: int) -> Vector:
-        """Of rope r's elements after the last step [N]."""
+        """Tension of rope r's elements after the last step [N]."""
         rope = self.system.ropes[r]
         return rope.work[rows.TENSION, : int(rope.state.counts[rows.ELEMENTS])]
 
@@ -78,14 +78,14 @@ class JointBench:
         return self.system.joints.nodes[:3]
 
     def still(self, steps: int) -> rows.Boundary:
-        """Hang-offs at rest."""
+        """Return boundary values of hang-offs at rest."""
         value = np.zeros((len(self.lines), steps + 1, rows.MOTIONS))
         for r, line in enumerate(self.lines):
             value[r, :, :3], value[r, :, rows.LINE] = line.high, self.line_out[r]
         return rows.Boundary(value, np.zeros_like(value))
 
     def follow(self, boundary: rows.Boundary) -> Vector:
-        """Advance with prescribed motion; the ropes' pulls, (ropes, steps, PULL_COLUMNS)."""
+        """Advance with prescribed motion; return the ropes' pulls, (ropes, steps, PULL_COLUMNS)."""
         steps = boundary.value.shape[1] - 1
         pull = np.zeros((len(self.lines), steps, rows.PULL_COLUMNS))
         done = advance_joined(self.system, boundary, pull, self.time, steps)
@@ -104,12 +104,12 @@ class JointBench:
         return self.system.ropes[0].state.health
 
     def pull_of_tie(self, k: int) -> float:
-        """Of tie k at the end of the last step [N]; a push is negative."""
+        """Pull of tie k at the end of the last step [N]; negative: a push."""
         return float(self.system.joints.ties[ties.PULL, k])
 
 
 def legs(a: Rig, b: Rig, left: Point, right: Point, **below: Any) -> list[Line]:
-    """Two ropes from hang-offs to joint 0, from which a third hangs 5 m with the load."""
+    """Return two ropes from hang-offs to joint 0, and a third 5 m long below it with the load."""
     meet = (0.5 * (left[0] + right[0]), 0.0, -5.0)
     under = (meet[0], meet[1], meet[2] - 5.0)
     sling = replace(STIFF, length=5.0, elements=3, load=HEAVY, **below)
@@ -133,7 +133,7 @@ def tie(
     force: float = 0.0, length: float = 0.0, stiffness: float = 0.0, damping: float = 0.0,
     pushes: bool = False,
 ) -> Floats:  # fmt: skip
-    """One tie, (TIE_ROWS, 1)."""
+    """Return one tie, (TIE_ROWS, 1)."""
     column = np.zeros((ties.TIE_ROWS, 1))
     column[: ties.TOWARDS, 0] = (
         first, second, *anchor, force, length, stiffness, damping, -np.inf if pushes else 0.0,
@@ -141,21 +141,23 @@ def tie(
     return column
 
 
-def cut(rig: Rig, at: tuple[int, int], top: Point) -> list[Line]:
-    """A hanging rope of equal elements in three parts, with joints at the nodes `at`."""
+def cut(rig: Rig, cuts: tuple[int, int], top: Point) -> list[Line]:
+    """Return a hanging rope of equal elements in three parts, with joints at the nodes `cuts`."""
     h = rig.length / rig.elements
     x, y, z = top
-    borders = (0, *at, rig.elements)
-    place = [(x, y, z - rig.length + k * h) for k in borders]
+    borders = (0, *cuts, rig.elements)
+    points = [(x, y, z - rig.length + k * h) for k in borders]
     lines = []
     for part in (2, 1, 0):
         count = borders[part + 1] - borders[part]
-        own = replace(rig, length=count * h, elements=count, load=rig.load if part == 0 else 0.0)
+        part_rig = replace(
+            rig, length=count * h, elements=count, load=rig.load if part == 0 else 0.0
+        )
         lines.append(
             Line(
-                rig=own,
-                low=place[part],
-                high=place[part + 1],
+                rig=part_rig,
+                low=points[part],
+                high=points[part + 1],
                 lower=2 - part if part else LOOSE,
                 upper=1 - part if part < 2 else LOOSE,
             )
@@ -164,9 +166,9 @@ def cut(rig: Rig, at: tuple[int, int], top: Point) -> list[Line]:
 
 
 def triangle() -> Vector:
-    """Two hang-offs, one paying out, a load below their joint, a tether, wakes: step by step.
+    """Run two hang-offs, one paying out, a load below their joint, a tether and wakes.
 
-    Pulls of the three ropes, place of the joint and of the load, elements of the second rope.
+    Pulls of the three ropes, position of joint and load, elements of the second rope, step by step.
     """
     more = (WakeOscillatorParams(start_per_s=5.0),)
     leg = Rig(
@@ -190,20 +192,20 @@ def triangle() -> Vector:
     motion.rate[0, :, 2] = 1.5 * np.sin(2.0 * t)
     motion.value[1, :, rows.LINE] += 0.15 * t * t
     motion.rate[1, :, rows.LINE] = 0.3 * t
-    seen = []
+    results = []
     for k in range(80):
         pulls = bench.follow(
             rows.Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in motion))
         )
-        place = [*bench.joints[:, 0], *bench.nodes(2)[:, 0]]
-        seen.append([*pulls[:, 0, rows.PULL], *place, bench.nodes(1).shape[1] - 1])
-    return np.array(seen)
+        points = [*bench.joints[:, 0], *bench.nodes(2)[:, 0]]
+        results.append([*pulls[:, 0, rows.PULL], *points, bench.nodes(1).shape[1] - 1])
+    return np.array(results)
 
 
 def bent_ladder(steps: int = 25) -> Vector:
-    """Ropes with bending stiffness of every kind of end, one between two joints: as `triangle`.
+    """Run ropes with bending stiffness and every kind of end, one between two joints.
 
-    Pulls of the four ropes, places of both joints and of the load, step by step.
+    Pulls of the four ropes, positions of both joints and of the load, step by step.
     """
     leg = Rig(
         length=6.0, elements=4, mass=4.0, EA=2e6, diameter=0.06, damping=2e4, load=0.0,
@@ -219,7 +221,7 @@ def bent_ladder(steps: int = 25) -> Vector:
         Line(rig=replace(hinged, EI=5e3), low=left, high=right, lower=0, upper=1),
         Line(rig=load, low=foot, high=right, upper=1),
     ]
-    bench, seen = JointBench(lines), []
+    bench, results = JointBench(lines), []
     motion = bench.still(steps)
     t = bench.step * np.arange(steps + 1)
     motion.value[0, :, 2] += 0.5 * np.sin(3.0 * t) ** 2
@@ -228,5 +230,5 @@ def bent_ladder(steps: int = 25) -> Vector:
         pulls = bench.follow(
             rows.Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in motion))
         )
-        seen.append([*pulls[:, 0, rows.PULL], *bench.joints.T.ravel(), *bench.nodes(3)[:, 0]])
-    return np.array(seen)
+        results.append([*pulls[:, 0, rows.PULL], *bench.joints.T.ravel(), *bench.nodes(3)[:, 0]])
+    return np.array(results)

@@ -1,4 +1,4 @@
-"""Members of ensembles at random, and what they are held against: twins of their own."""
+"""Randomly drawn members of ensembles, and the single twins that they are compared with."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SECOND_NS = 1_000_000_000
 
 
 def sea(height_m: float, period_s: float, seconds: float) -> list[tuple[int, float, float]]:
-    """Samples of a heave that grows on two waves, from before the start to beyond the end."""
+    """Return samples of a growing heave of two waves, from before the start to beyond the end."""
     w, samples = 2.0 * math.pi / period_s, []
     for k in range(-2, round(seconds * SECOND_NS / SAMPLE_NS) + 6):
         t = k * SAMPLE_NS * 1e-9
@@ -33,20 +33,24 @@ def sea(height_m: float, period_s: float, seconds: float) -> list[tuple[int, flo
     return samples
 
 
-def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
-    """What a twin of the member's scene and inputs comes to, a second at a time."""
-    twin = Twin(change_scene(scene, own.changes))
+def alone(scene: Scene, variation: Variation, seconds: int) -> Snapshot:
+    """Return the last snapshot of a single twin with the member's scene and inputs."""
+    twin = Twin(change_scene(scene, variation.changes))
     twin.prescribe_motion()  # as a series is: computed
-    if own.heave is not None:
-        columns = (own.heave.stamp_ns, own.heave.position_m, own.heave.velocity_m_per_s)
+    if variation.heave is not None:
+        columns = (
+            variation.heave.stamp_ns,
+            variation.heave.position_m,
+            variation.heave.velocity_m_per_s,
+        )
         for stamp, z, v in zip(*(column.tolist() for column in columns), strict=True):
-            at_ns = stamp - own.heave.start_ns
-            if at_ns > -SECOND_NS:
-                assert not twin.offer_heave(at_ns, z, v)
-            if at_ns > (seconds + 1) * SECOND_NS:
+            stamp_ns = stamp - variation.heave.start_ns
+            if stamp_ns > -SECOND_NS:
+                assert not twin.offer_heave(stamp_ns, z, v)
+            if stamp_ns > (seconds + 1) * SECOND_NS:
                 break
     for second in range(seconds):
-        for command in own.commands or ():
+        for command in variation.commands or ():
             if second <= command.stamp_ns / SECOND_NS < second + 1:
                 assert not twin.offer_command(command.stamp_ns, command.command)
         for name, winch in winches_by_name(scene).items():
@@ -57,30 +61,30 @@ def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
     return twin.snapshot()
 
 
-def differing(found: Snapshot, expected: Snapshot) -> list[str]:
-    """The figures of which a bit differs; the tensions since the last snapshot too."""
-    a, b = figures(found), figures(expected)
+def differing(actual: Snapshot, expected: Snapshot) -> list[str]:
+    """Return the figures that differ in a bit, extremes since the last snapshot included."""
+    a, b = figures(actual), figures(expected)
     recorded = ("bend of", "touchdown of")  # by twins only
-    kept = [name for name in b if name in a or not name.startswith(recorded)]
-    names = [name for name in kept if a[name].tobytes() != b[name].tobytes()]
+    compared = [name for name in b if name in a or not name.startswith(recorded)]
+    names = [name for name in compared if a[name].tobytes() != b[name].tobytes()]
     for name in ("solves", "substeps", "splits", "merges"):
-        if getattr(found.solver, name) != getattr(expected.solver, name):
+        if getattr(actual.solver, name) != getattr(expected.solver, name):
             names.append(name)
     return names
 
 
-def differing_ropes(found: Snapshot, expected: Snapshot) -> list[str]:
-    """Values along the ropes that differ in any bit."""
+def differing_ropes(actual: Snapshot, expected: Snapshot) -> list[str]:
+    """Return the values along the ropes that differ in a bit."""
     return [
         f"{rope.name}: {name}"
-        for rope, other in zip(found.ropes, expected.ropes, strict=True)
+        for rope, other in zip(actual.ropes, expected.ropes, strict=True)
         for name in ("node_position_m", "element_tension_n")
         if getattr(rope, name).tobytes() != getattr(other, name).tobytes()
     ]
 
 
 def assert_equal_members(ensemble: Ensemble, lone: Ensemble) -> None:
-    """Figures and states of members in lanes are those of members without them, to the bit."""
+    """Assert that members in lanes and without lanes are bit-identical."""
     assert ensemble.figures() == lone.figures()
     for number in range(len(ensemble.figures())):
         shot, expected = ensemble.snapshot(number), lone.snapshot(number)
@@ -89,11 +93,11 @@ def assert_equal_members(ensemble: Ensemble, lone: Ensemble) -> None:
 
 
 def stepped_both_ways(
-    scene: Scene, own: Sequence[Variation], spans: tuple[int, ...] = (1, 9)
+    scene: Scene, members: Sequence[Variation], spans: tuple[int, ...] = (1, 9)
 ) -> tuple[Ensemble, Ensemble]:
-    """Members in lanes and without them after these spans [s], which are equal."""
-    ensemble = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    """Step members in lanes and without lanes over these spans [s]; assert that they are equal."""
+    ensemble = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     assert ensemble.lanes().members == LANES
     for seconds in spans:
         ensemble.advance(seconds)
@@ -104,7 +108,7 @@ def stepped_both_ways(
 
 @st.composite
 def variations(draw: st.DrawFn) -> Variation:
-    """A load from light to heavy, another rope, current and drag, a sea, a winch that runs."""
+    """Draw a load, a rope, current and drag, a sea and a winch schedule."""
     number = st.floats
     changes = (
         Change("payloads[0].mass_kg", draw(st.sampled_from([1700.0, 4000.0, 8000.0, 20000.0]))),

@@ -1,4 +1,4 @@
-"""Rigs for factors by the Keulegan-Carpenter number, of a rope and of a payload: one step for both.
+"""Rigs for factors by the Keulegan-Carpenter number of rope and payload, with one compiled step.
 
 Each test has the one that it is about; the other's factors are 1. In calm water there are waves of
 no height, and a current that does not change has a factor of time.
@@ -21,21 +21,21 @@ EVEN = ((3.0, 1.0),)
 
 
 def by_one(drag: DragParams) -> DragParams:
-    """Drag over the number, with a factor of 1 all over."""
+    """Return drag by Keulegan-Carpenter number with a factor of 1."""
     return replace(drag, over_keulegan_carpenter=KeuleganCarpenter(tables=(ONE,)))
 
 
 def payload_by(
     drag: Any = EVEN, added: Any = EVEN, size_m: float = 1.0, window_s: float = 30.0
 ) -> PayloadOscillationParams:
-    """A payload of this size with these factors on drag and added mass."""
+    """Return a payload of this size with these factors on drag and added mass."""
     return PayloadOscillationParams(
         size_m=(size_m,) * 3, drag=drag, added_mass=added, window_s=window_s
     )
 
 
 def oscillating(scene: Scene, *more: Any) -> Scene:
-    """The scene with further effects, each in place of the scene's own of its kind.
+    """Return the scene with further effects, each replacing the scene's own of its kind.
 
     Its drag and its payload go by their numbers, where `more` does not say how with factors of 1.
     """
@@ -47,7 +47,7 @@ def oscillating(scene: Scene, *more: Any) -> Scene:
 
 
 def in_time(scene: Scene, *more: Any) -> Scene:
-    """A rig's scene that is `oscillating`, in waves and in a current with a factor of time."""
+    """Return the rig's `oscillating` scene in waves and in a current with a time factor."""
     found = oscillating(scene, *more)
     effects = {type(own): own for own in (CALM, *found.effects)}
     current = effects[CurrentParams]

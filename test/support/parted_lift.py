@@ -1,4 +1,4 @@
-"""A lift, and the same lift with its rope in two parts that a ring of no mass connects."""
+"""A lift, and the same lift with its rope in two parts joined by a massless ring."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rope_twin.scene.schema import Damping, Joint, Scene
 
 
 def whole_and_parted() -> tuple[Scene, Scene]:
-    """A lift, and the same with a ring of no mass in the middle of its rope."""
+    """Return a lift, and the same with a massless ring in the middle of its rope."""
     scene = load_scene("shallow_lift")
     line = replace(scene.ropes[0], damping=Damping(newton_seconds=1e6))
     time = replace(scene.time, newton_tolerance_n=2.0)

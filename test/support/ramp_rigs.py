@@ -1,4 +1,4 @@
-"""Scenes of a current in time, of forces that build up and of vortices: one step for all of them.
+"""Scenes with time-varying current, fluid ramps and vortices that share one compiled step.
 
 Each test has what it is about; the rest of the step is there without a force.
 """
@@ -22,7 +22,7 @@ QUIET = (
 
 
 def in_time(scene: Scene, *more: Any) -> Scene:
-    """The scene with further effects, each in place of the scene's own of its kind.
+    """Return the scene with further effects, each replacing the scene's own of its kind.
 
     Its current has a vertical part, be it 0, and a factor of time, be it 1; what of QUIET is not
     given is there too.

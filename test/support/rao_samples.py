@@ -30,17 +30,17 @@ def box() -> Responses:
 
 
 def box_at(frequency_hz: Vector) -> Responses:
-    """Return them at other frequencies."""
+    """Return the RAOs of `box` at other frequencies."""
     return box_responses(BoxHull(), HEADINGS_DEG, frequency_hz)
 
 
 def box_small() -> Responses:
-    """Return them at two headings more than it takes, and four periods."""
+    """Return the RAOs of `box` at three headings and four periods."""
     return box_responses(BoxHull(), HEADINGS_DEG[::2], np.array([0.03, 0.06, 0.1, 0.2]))
 
 
 def box_wide() -> Responses:
-    """Return them at all headings and four periods."""
+    """Return the RAOs of `box` at all headings and four periods."""
     return box_at(np.array([0.03, 0.06, 0.1, 0.2]))
 
 

@@ -1,4 +1,4 @@
-"""The scenes of the solver study, as the shipped files have them, at any number of elements."""
+"""The scenes of the solver study, as shipped, with any number of elements."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rope_twin.studies.driven_twin import variant
 
 
 def reference(name: str, elements: int, step_s: float) -> tuple[Twin, Heave]:
-    """The running twin of a shipped scene, and its own heave as a function of time."""
+    """Return the twin of a shipped scene and the scene's own heave as a function of time."""
     scene = variant(load_scene(name), elements, step_s)
     heave = scene.sea_state.heave
     assert heave is not None

@@ -1,4 +1,4 @@
-"""A process in plain Python: a rope with an effect that pushes with what it has counted so far."""
+"""Process in plain Python: restart of a rope with an effect that has internal variables."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ build_effects = build_module.build_effects
 
 
 class Pusher(NamedTuple):
-    """Pushes east at node 0 [N], the harder the oftener it was asked."""
+    """Effect that pushes node 0 east [N] in proportion to the number of its calls."""
 
     asked: np.ndarray
 
@@ -43,7 +43,7 @@ def run(twin: Twin) -> str:
 
 
 def differs(folder: Path, spoil: Callable[[Twin], None]) -> bool:
-    """Whether a spoilt restored run differs from the run; branch and restored must not."""
+    """Return whether a spoilt restored run differs; assert that branch and restored run do not."""
     twin = Twin(load_scene(folder / "small.yaml"))
     twin.advance(3)
     twin.save(folder / "saved")

@@ -1,4 +1,4 @@
-"""What the physics tests are built from: rigs, and the core's arrays at rest."""
+"""Rigs of the physics tests, and the core's arrays at rest."""
 
 from __future__ import annotations
 
@@ -20,5 +20,5 @@ Heave = Motion
 
 
 def top_tension(twin: Twin, heave: Heave, seconds: float, every: int = 1) -> Vector:
-    """The published top tension [N] after each `every` steps."""
+    """Return the published top tension [N] after each `every` steps."""
     return np.array([shot.tension_top_n for shot in march(twin, heave, seconds, every)])

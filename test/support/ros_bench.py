@@ -1,4 +1,4 @@
-"""Nodes under test and a node of ours on one executor, and waiting for conditions."""
+"""Nodes under test and a test node on one executor, with waits for conditions."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ POLL_S = 0.01  # between two looks at a condition
 
 
 def ros_ahead_ns() -> int:
-    """ROS time less steady time now [ns]."""
+    """Return ROS time less steady time now [ns]."""
     return time.time_ns() - time.monotonic_ns()
 
 
 class Bench:
-    """Nodes under test and one of ours, on one executor."""
+    """Nodes under test and a test node on one executor."""
 
     def __init__(self, number: int) -> None:
         import rclpy
@@ -36,7 +36,7 @@ class Bench:
         return node
 
     def make(self, name: str, **parameters: Any) -> Any:
-        """A node of the suite by its name, not yet begun."""
+        """Create a node of the suite by its name, unconfigured."""
         from rope_twin.ros.params import overrides
 
         module = importlib.import_module(f"rope_twin.ros.{name}_node")
@@ -44,13 +44,13 @@ class Bench:
         return self.add(kind(parameter_overrides=overrides(parameters)))
 
     def remove(self, node: Any) -> None:
-        """End a node, with its services and publishers."""
+        """Destroy a node with its services and publishers."""
         self.executor.remove_node(node)
         self.nodes.remove(node)
         node.destroy_node()
 
     def listen(self, name: str, depth: int = 1000) -> list[Any]:
-        """Decoded messages of one of the suite's topics, as they come."""
+        """Return a list that receives the decoded messages of one of the suite's topics."""
         from rope_twin.messages import decode
         from rope_twin.ros.qos import message_type, profile
         from rope_twin.topics import BY_NAME, Qos
@@ -67,7 +67,7 @@ class Bench:
         return heard
 
     def publisher(self, name: str) -> Any:
-        """A publisher of one of the suite's topics."""
+        """Create a publisher of one of the suite's topics."""
         from rope_twin.ros.qos import message_type, profile
         from rope_twin.topics import BY_NAME
 

@@ -1,4 +1,4 @@
-"""Messages to send at the twin, good ones and every kind of bad one, as CDR bytes."""
+"""Valid and invalid messages for the twin, as CDR bytes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ S = 1_000_000_000
 
 
 def joint(velocity: list[float], sec: int = 3, nanosec: int = 5) -> bytes:
-    """A winch/speed_command with any number of velocities and any stamp."""
+    """Encode a winch/speed_command with any number of velocities and any stamp."""
     stamp = new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
     empty = np.zeros(0)
     return serialise(
@@ -33,12 +33,12 @@ def joint(velocity: list[float], sec: int = 3, nanosec: int = 5) -> bytes:
 
 
 def encode_speed(stamp_ns: int, speed_m_per_s: float) -> bytes:
-    """A winch/speed_command; a stamp of 0 means at once."""
+    """Encode a winch/speed_command; a stamp of 0 means at once."""
     return encode_order(stamp_ns, WinchCommand(SPEED, speed_m_per_s))[1]
 
 
 def multi_array(numbers: list[float], sizes: list[int] | None = None, offset: int = 0) -> bytes:
-    """A Float64MultiArray with any layout."""
+    """Encode a Float64MultiArray with any layout."""
     dims = [
         new("std_msgs/msg/MultiArrayDimension", label="", size=size, stride=0)
         for size in sizes or []
@@ -50,7 +50,7 @@ def multi_array(numbers: list[float], sizes: list[int] | None = None, offset: in
 
 
 def with_bad_nanoseconds(data: bytes) -> bytes:
-    """The same message with 4e9 ns in its stamp (bytes 8 to 11, behind encapsulation and sec)."""
+    """Return the message with 4e9 ns in its stamp (bytes 8 to 11, after encapsulation and sec)."""
     return data[:8] + (4_000_000_000).to_bytes(4, "little") + data[12:]
 
 

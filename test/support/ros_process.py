@@ -1,4 +1,4 @@
-"""The suite's entries as processes of their own, ended whatever happens."""
+"""The suite's entry points as processes, which are always ended."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 def _heed_hang_up() -> None:
-    """As in a terminal: under nohup the tests themselves are deaf to it, and so would a run be."""
+    """Restore SIGHUP, which nohup ignores in the tests and in every process they start."""
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
@@ -65,30 +65,30 @@ class Process:
         self.popen.send_signal(number)
 
     def wait(self, timeout_s: float = PATIENCE_S) -> int:
-        """The exit code; fails with the output at the deadline."""
+        """Return the exit code; fail with the output at the deadline."""
         try:
             return self.popen.wait(timeout_s)
         except subprocess.TimeoutExpired:
             self.kill()
             raise AssertionError(f"still running after {timeout_s:g} s:\n{self.text}") from None
 
-    def until_says(self, words: str, timeout_s: float = PATIENCE_S) -> None:
-        """Wait for words (a regular expression) in the output."""
+    def until_says(self, pattern: str, timeout_s: float = PATIENCE_S) -> None:
+        """Wait for a regular expression in the output."""
         deadline = time.monotonic() + timeout_s
-        while not re.search(words, self.text):
-            assert not self.ended, f"ended without saying {words!r}:\n{self.text}"
-            assert time.monotonic() < deadline, f"did not say {words!r}:\n{self.text}"
+        while not re.search(pattern, self.text):
+            assert not self.ended, f"ended without saying {pattern!r}:\n{self.text}"
+            assert time.monotonic() < deadline, f"did not say {pattern!r}:\n{self.text}"
             time.sleep(0.02)
 
     def kill(self) -> None:
-        """End it and everything it started in its session, at once."""
+        """Kill the process and everything it started in its session."""
         if not self.ended:
             os.killpg(self.popen.pid, signal.SIGKILL)
             self.popen.wait()
 
 
 class Processes:
-    """Starts processes and ends them all."""
+    """Start processes and end them all."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -100,7 +100,7 @@ class Processes:
         return process
 
     def node(self, name: str, **parameters: Any) -> Process:
-        """A console entry by its node's name."""
+        """Start a node's entry point by the node's name."""
         from rope_twin.ros.processes import node_command
 
         return self.start(node_command(name, parameters)[1:])
@@ -109,7 +109,7 @@ class Processes:
         return self.start(["-m", "rope_twin", *arguments])
 
     def early(self, *arguments: str) -> Process:
-        """As `cli`, with inputs that come well before they are needed."""
+        """Start `cli` with inputs that come three seconds ahead."""
         return self.start(["-c", _EARLY, *arguments])
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Snapshots with every field set, for tests of what is made from a snapshot."""
+"""Snapshots with every field set, for tests of their consumers."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ QUALITY = Quality(
 def hanging_rope(
     nodes: int = 11, length_m: float = 3000.0, time_s: float = 2.5, heave_m: float = 0.4
 ) -> Snapshot:
-    """A rope of steel wire that hangs straight with 20 t on it and swings a little east."""
+    """Return a steel wire that hangs straight with 20 t on it and swings a little east."""
     arc = np.linspace(0.0, length_m, nodes)
     position = np.zeros((nodes, 3))
     position[:, 0] = 40.0 * (arc / length_m) ** 2
@@ -115,7 +115,7 @@ def hanging_rope(
 
 
 def hanging_body(nodes: int = 11) -> Snapshot:
-    """The same with a rigid body as its payload, on two slings, just off a deck."""
+    """Return the same with a rigid body on two slings, just off a deck."""
     shot = hanging_rope(nodes)
     return replace(
         shot,
@@ -134,14 +134,14 @@ def hanging_body(nodes: int = 11) -> Snapshot:
 
 
 def rolled_ship(stamp_ns: int) -> ShipPose:
-    """A ship 1.5 m up, turned about x by 2·asin(0.6), with rates about all axes."""
+    """Return a ship 1.5 m up, turned about x by 2·asin(0.6), with rates about all axes."""
     return ShipPose(
         stamp_ns, (0.3, -0.2, 1.5), (0.1, 0.0, -0.4), (0.6, 0.0, 0.0, 0.8), (0.02, -0.01, 0.003)
     )
 
 
 def lifted() -> Snapshot:
-    """A hoist and two slings, a bar, two payloads."""
+    """Return a hoist and two slings, a bar and two payloads."""
     first = hanging_rope(5, length_m=100.0)
     ropes = [
         RopeShot(

@@ -1,4 +1,4 @@
-"""A run that is rich in what a saved state must hold; as a process: goes on from a file.
+"""A run with everything that a saved state must hold; as a process it resumes from a file.
 
     python saved_runs.py FILE FOLDER UNTIL
 
@@ -24,14 +24,14 @@ CURRENT = np.array([[0.0, 0.2, -0.4], [-300.0, 0.1, 0.0]])
 
 
 def feed(twin: Twin) -> None:
-    """What is due in the next step: heave with a gap and a jump, commands, nonsense, a current."""
+    """Send the inputs of the next step: heave with a gap and a jump, commands, NaN, a current."""
     step, step_ns = twin.steps, twin.step_ns
     due = step * step_ns + AHEAD_NS
     if due % SAMPLE_NS == 0:
         t = due * 1e-9
         if not GAP_S[0] < t < GAP_S[1]:
-            raised = 1.0 if t >= GAP_S[1] else 0.0
-            twin.offer_heave(due, 1.5 * math.sin(t) + raised, 1.5 * math.cos(t))
+            jump_m = 1.0 if t >= GAP_S[1] else 0.0
+            twin.offer_heave(due, 1.5 * math.sin(t) + jump_m, 1.5 * math.cos(t))
     if step == 50:
         for stamp_ns, speed in ((1_000_000_000, 1.5), (7_500_000_000, 0.2), (9_500_000_000, -1.2)):
             assert not twin.offer_speed(stamp_ns, speed)
@@ -43,7 +43,7 @@ def feed(twin: Twin) -> None:
 
 
 def run_until(twin: Twin, last: int) -> list[Snapshot]:
-    """Step by step, a snapshot every seventh."""
+    """Step until `last`; return a snapshot of every seventh step."""
     shots = []
     while twin.steps < last:
         feed(twin)

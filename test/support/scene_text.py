@@ -1,4 +1,4 @@
-"""A good scene as text, for the tests of the strict reader to spoil, and what a refusal must be."""
+"""A valid scene as text for tests of the strict reader, and the form of a refusal."""
 
 from pathlib import Path
 
@@ -47,20 +47,20 @@ STEPPED = GOOD.replace("  - weight: {}\n", "  - weight: {}\n  - added_mass: {nor
 
 
 def spoilt(old: str, new: str) -> str:
-    """GOOD with its one occurrence of `old` replaced."""
+    """Return GOOD with its only occurrence of `old` replaced."""
     assert GOOD.count(old) == 1, f"'{old}' occurs {GOOD.count(old)} times"
     return GOOD.replace(old, new)
 
 
 def written(folder: Path, text: str | bytes) -> Path:
-    """A scene file with this text."""
+    """Write a scene file with this text."""
     path = folder / "scene.yaml"
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return path
 
 
 def assert_refused(text: str, place: str, words: tuple[str, ...], folder: Path) -> None:
-    """The scene gets one sentence `file, line, place: what; right.` that holds these words."""
+    """Assert one sentence `file, line, place: what; right.` that contains these words."""
     path = written(folder, text)
     with pytest.raises(SceneError) as caught:
         load_scene(path)

@@ -1,4 +1,4 @@
-"""Ropes of two kinds joined into one, from the ropes of the payout study."""
+"""Ropes of two sections, from the ropes of the payout study."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rope_twin.scene.schema import RopeSection, Scene
 
 
 def joined(low: Rig, high: Rig, low_length: float) -> Scene:
-    """The scene of `low` whose rope goes over into that of `high` after `low_length` metres."""
+    """Return the scene of `low` whose rope goes on as that of `high` after `low_length` metres."""
     scene = low.scene()
     line = replace(
         scene.ropes[0],
@@ -24,7 +24,7 @@ def joined(low: Rig, high: Rig, low_length: float) -> Scene:
 
 
 def hanging(low: Rig, high: Rig, low_length: float, line_out: float) -> tuple[float, float]:
-    """Top tension [N] and depth [m] of the payload, each section with its own weight and EA."""
+    """Return top tension [N] and payload depth [m] of two sections with own weight and EA."""
     first = min(low_length, line_out)
     rest = line_out - first
     middle = low.load_weight + low.weight * first

@@ -22,14 +22,14 @@ DRUM = Winch(
 
 
 def let_run(bench: JointBench, inertia: float = 0.0) -> None:
-    """Let the wheel turn, which was held while the ropes came to rest."""
+    """Release the wheel, which was held for the static equilibrium."""
     sheaves = bench.system.sheaves
     assert sheaves is not None
     sheaves.figures[WHEEL] = inertia
 
 
 def flow(bench: JointBench) -> Vector:
-    """Flow over the first sheave, its rate and acceleration."""
+    """Return the flow over the first sheave, its rate and acceleration."""
     sheaves = bench.system.sheaves
     assert sheaves is not None
     column = int(sheaves.figures[FLOW_COLUMN, 0])
@@ -38,7 +38,7 @@ def flow(bench: JointBench) -> Vector:
 
 
 def line(bench: JointBench, r: int) -> float:
-    """Unstretched length of rope r [m]."""
+    """Return the unstretched length of rope r [m]."""
     state = bench.system.ropes[r].state
     return float(state.s[state.counts[rows.ELEMENTS]])
 
@@ -47,7 +47,7 @@ def atwood(
     left: float = 500.0, right: float = 520.0, *, length: float = 20.0, mass: float = 1.0,
     EA: float = 1e8, step: float = 0.01, friction: float = 0.0, damping: float = 1e4,
 ) -> JointBench:  # fmt: skip
-    """Two loads [kg] on one rope over a fixed sheave, at rest and with the wheel held."""
+    """Return two loads [kg] on one rope over a fixed sheave, at rest, the wheel held."""
     rig = Rig(
         length=length, elements=20, mass=mass, EA=EA, diameter=0.03, damping=damping, load=left,
         winch=DRUM, step=step, tolerance=1e-2,
@@ -66,7 +66,7 @@ def atwood(
 
 
 def loop(*, wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0) -> JointBench:
-    """`laid_loop` at rest, the wheel free."""
+    """Return `laid_loop` at rest, the wheel free."""
     bench = laid_loop(wheel, step, gap)
     rest(bench)
     let_run(bench)
@@ -76,7 +76,7 @@ def loop(*, wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0) -> Joi
 def laid_loop(
     wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0, elements: int = 10
 ) -> JointBench:
-    """Winch, 50 kg, sheave, 50 kg, winch: 400 m of steel wire as it is laid, the wheel held.
+    """Return 400 m of steel wire from winch to sheave to winch with two skips, the wheel held.
 
     Ropes 0 and 3 hang from the winches, 1 and 2 end at the sheave, which its weight pulls down.
     """
@@ -101,21 +101,21 @@ def laid_loop(
 
 
 def circulate(bench: JointBench, speed: float, seconds: float, ramp: float = 4.0) -> Vector:
-    """Rope 0 pays out at this speed and rope 3 hauls in; the ropes' pulls, (4, steps)."""
+    """Pay out rope 0 and haul in rope 3 at this speed; return the ropes' pulls, (4, steps)."""
     steps = round(seconds / bench.step)
     motion = bench.still(steps)
     t = bench.step * np.arange(steps + 1)
     u = np.minimum(t / ramp, 1.0)
-    way = ramp * (u**3 - 0.5 * u**4) + np.maximum(t - ramp, 0.0)
+    travel = ramp * (u**3 - 0.5 * u**4) + np.maximum(t - ramp, 0.0)
     for r, sense in ((0, speed), (3, -speed)):
-        motion.value[r, :, rows.LINE] += sense * way
+        motion.value[r, :, rows.LINE] += sense * travel
         motion.rate[r, :, rows.LINE] = sense * u * u * (3.0 - 2.0 * u)
     pulls: Vector = bench.follow(motion)[:, :, rows.PULL]
     return pulls
 
 
 def noise(pull: Vector) -> float:
-    """Largest deviation from a smooth curve (a quartic over time) over the mean."""
+    """Return the largest deviation from a quartic over time, over the mean."""
     t = np.linspace(-1.0, 1.0, len(pull))
     smooth = np.polynomial.Polynomial.fit(t, pull, 4)(t)
     return float(np.abs(pull - smooth).max() / pull.mean())

@@ -1,4 +1,4 @@
-"""A cylinder on springs in a flow, as a rope of three elements and as a plain set of equations."""
+"""An elastically mounted cylinder in a flow, as a rope of three elements."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HAULING = Winch(
 
 @dataclass(frozen=True)
 class Cylinder:
-    """Mass ratio, wet natural frequency [Hz], speed of the flow [m/s], drag coefficient."""
+    """Mass ratio, wet natural frequency [Hz], flow speed [m/s], drag coefficient of a cylinder."""
 
     mass_ratio: float = 2.4
     frequency: float = 1.0
@@ -37,16 +37,16 @@ class Cylinder:
 
     @property
     def displaced(self) -> float:
-        """Mass of displaced water per metre."""
+        """Displaced mass per metre."""
         return DENSITY * 0.25 * math.pi * DIAMETER**2
 
     @property
     def moving(self) -> float:
-        """Mass per metre with the water that moves along, Ca = 1."""
+        """Mass per metre with added mass, Ca = 1."""
         return (self.mass_ratio + 1.0) * self.displaced
 
     def scene(self, *effects: Any) -> Scene:
-        """Three elements, stretched thirty times: springs that are the same in all directions.
+        """Return three elements stretched thirty times: springs that are equal in all directions.
 
         Both nodes move alike, each on T/l per third of the rope; slopes stay below 1 %.
         """
@@ -63,18 +63,18 @@ class Cylinder:
         return with_nothing_below(replace(scene, effects=(*scene.effects, *effects)))
 
     def run(self, bench: Bench, seconds: float) -> Vector:
-        """Places in line and across [m] of a node after every step, (steps, 2)."""
-        places = []
+        """Return in-line and cross-flow positions [m] of a node after every step, (steps, 2)."""
+        positions = []
         for _ in range(round(seconds / self.step)):
             bench.hold(1)
-            places.append(bench.position[:2, 1].copy())
-        return np.array(places)
+            positions.append(bench.position[:2, 1].copy())
+        return np.array(positions)
 
 
 def runge_kutta(
     slope: Callable[[Vector], Vector], state: Vector, step: float, count: int
 ) -> Vector:
-    """The classical method; the state after every step, (count, unknowns)."""
+    """Integrate by the classical Runge-Kutta method; return every state, (count, unknowns)."""
     states = []
     for _ in range(count):
         k1 = slope(state)
@@ -84,11 +84,3 @@ def runge_kutta(
         state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
         states.append(state)
     return np.array(states)
-
-
-def amplitude_and_frequency(values: Vector, step: float) -> tuple[float, float]:
-    """Half the range, and the frequency [Hz] by rising crossings of the mean."""
-    x = values - values.mean()
-    at = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    times = at + x[at] / (x[at] - x[at + 1])
-    return 0.5 * float(np.ptp(x)), float((len(at) - 1) / ((times[-1] - times[0]) * step))

@@ -1,4 +1,4 @@
-"""A small whole scene as a file, for tests that abuse the running twin."""
+"""A small complete scene as a file, for tests of the running twin."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ time: {step_s: 0.01}
 
 
 def small_scene(folder: Path) -> Scene:
-    """The scene, read from a file in `folder`."""
+    """Write the scene to `folder` and load it."""
     path = folder / "small.yaml"
     path.write_text(SMALL_SCENE)
     return load_scene(path)
@@ -64,7 +64,7 @@ NO_FIGURES = {
 
 
 def figures(shot: Snapshot) -> dict[str, np.ndarray]:
-    """Every number of a snapshot that physics decides, by name; a rigid body's among them."""
+    """Return every physical number of a snapshot by name, a rigid body's included."""
     reported = {
         field.name: getattr(shot, field.name)
         for field in dataclasses.fields(shot)
@@ -89,12 +89,12 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
 
 
 def not_finite(shot: Snapshot) -> list[str]:
-    """The names of the figures that hold a number which is not finite."""
+    """Return the names of the figures with a number that is not finite."""
     return [name for name, value in figures(shot).items() if not np.isfinite(value).all()]
 
 
 def digest(shots: list[Snapshot]) -> str:
-    """SHA-256 over every bit of the figures."""
+    """Return SHA-256 over every bit of the figures."""
     total = hashlib.sha256()
     for shot in shots:
         for value in figures(shot).values():

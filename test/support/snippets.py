@@ -1,4 +1,4 @@
-"""Snippets of a page, run in the order in which a reader meets them.
+"""Run the snippets of a documentation page in reading order.
 
 - a `code-block` with a `:caption:` that is a file name is written to that file;
 - lines of a `console` block that begin with `$ rope_twin` are run in that folder, each to exit

@@ -1,4 +1,4 @@
-"""A study for tests: errors fall as the square of element length and step, and speeds cost."""
+"""Sample convergence study: errors fall as the square of element length and step."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ UNCERTAINTY_PCT = 0.01
 
 
 def error_pct(elements: int, step_s: float) -> float:
-    """Error of a setting's rms in the sample study, without the reference's uncertainty."""
+    """Return the error of a setting's rms, without the reference's uncertainty."""
     return 40.0 / elements**2 + 1000.0 * step_s**2
 
 
 def sample_row(elements: int, step_s: float) -> dict[str, Any]:
-    """A level; 100 ns a node and step."""
+    """Return a level that costs 100 ns per node and step."""
     error = error_pct(elements, step_s)
     figures = {
         name: {"error": scale * error, "at_most": scale * error + UNCERTAINTY_PCT}
@@ -38,7 +38,7 @@ def sample_row(elements: int, step_s: float) -> dict[str, Any]:
 
 
 def sample_study(scene: Scene) -> dict[str, Any]:
-    """A study of the scene, as its file has it."""
+    """Return a study of the scene, as its file has it."""
     return {
         "format": convergence.FORMAT,
         "scene": scene.name,
@@ -51,7 +51,7 @@ def sample_study(scene: Scene) -> dict[str, Any]:
 
 
 def studied_scene(folder: Path, elements: int = 20, name: str = "small") -> Scene:
-    """still_water with so many elements under a name of its own, with the sample study."""
+    """Return still_water with this number of elements and name, with the sample study."""
     text = load_scene("still_water").path.read_text(encoding="utf-8")
     path = folder / f"{name}.yaml"
     path.write_text(text.replace("elements: 50", f"elements: {elements}"), encoding="utf-8")
@@ -61,7 +61,7 @@ def studied_scene(folder: Path, elements: int = 20, name: str = "small") -> Scen
 
 
 def write_study(scene: Scene, content: dict[str, Any]) -> None:
-    """Put a study beside the scene."""
+    """Write a study to the scene's study file."""
     path = convergence.study_path(scene)
     path.parent.mkdir(exist_ok=True)
     path.write_text(json.dumps(content), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A small study as text, and the file of it."""
+"""A small study as text, and its file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every effect becomes in a scene that is turned about the vertical, or mirrored."""
+"""Parameters of every effect in a scene that is turned about the vertical, or mirrored."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ RIG = replace(SMALL, added=(150.0, 150.0, 260.0), area=(0.9, 0.9, 1.5))  # round
 
 
 class Turn:
-    """About z by an angle, after north has become south if it is mirrored."""
+    """Rotation about z by an angle, after north and south are swapped if it mirrors."""
 
     def __init__(self, degrees: float, mirrored: bool) -> None:
         self.degrees, self.side = degrees, -1.0 if mirrored else 1.0
@@ -32,20 +32,20 @@ class Turn:
         self.matrix = np.array([[c, -s * self.side], [s, c * self.side]])
 
     def flat(self, vector: tuple[float, float]) -> tuple[float, float]:
-        """A horizontal vector."""
+        """Transform a horizontal vector."""
         east, north = (float(part) for part in self.matrix @ vector)
         return east, north
 
     def point(self, vector: Triple) -> Triple:
-        """A vector or a place."""
+        """Transform a vector or a position."""
         return (*self.flat(vector[:2]), vector[2])
 
     def heading(self, degrees: float) -> float:
-        """A direction, from east to north."""
+        """Transform a direction, from east to north."""
         return math.remainder(self.side * degrees + self.degrees, 360.0)
 
     def follow(self, rows: Vector) -> Vector:
-        """Rows of x, y, z."""
+        """Transform rows of x, y, z."""
         full = np.eye(3)
         full[:2, :2] = self.matrix
         return rows @ full.T
@@ -100,7 +100,7 @@ LIFTLESS: dict[str, Callable[[Any], Any]] = {
 
 
 def scene_of(names: list[str], mirrorable: bool, turn: Turn | None = None) -> Scene:
-    """The small rope with these effects; `mirrorable`: without what has a hand."""
+    """Return the small rope with these effects; `mirrorable`: without what has a hand."""
     rig = RIG if turn is None else replace(RIG, hang_off=turn.point(RIG.hang_off))
     effects = []
     for name in names:
@@ -112,6 +112,6 @@ def scene_of(names: list[str], mirrorable: bool, turn: Turn | None = None) -> Sc
 
 
 def lowered(scene: Scene, seconds: float) -> Snapshot:
-    """Paid out under heave; the last snapshot."""
+    """Pay out under heave; return the last snapshot."""
     *_, shot = march(Twin(scene), sine(0.5, 4.0), seconds, speeds=[(0.0, 2.0)])
     return shot

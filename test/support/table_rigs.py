@@ -1,4 +1,4 @@
-"""Ropes whose stiffness is a table."""
+"""Ropes with a stiffness table."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ HMPE = StiffnessTable(
 
 
 def tabled(rig: Rig, table: StiffnessTable) -> Scene:
-    """The scene of a rig with a table in place of EA."""
+    """Return the scene of a rig with a stiffness table in place of EA."""
     scene = rig.scene()
     line = scene.ropes[0]
     assert line.rope is not None

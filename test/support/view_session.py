@@ -1,4 +1,4 @@
-"""A view into a recording, fed by topic, and what is in it afterwards."""
+"""A view that is fed by topic and writes a recording, and the content of that recording."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class Recorded:
 
 
 class Session:
-    """A view into a file, fed by topic."""
+    """View into a file, fed by topic."""
 
     def __init__(self, path: Path) -> None:
         self._path = path

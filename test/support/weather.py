@@ -1,4 +1,4 @@
-"""Drawn weather, for tests that send drawn ropes and scenes through it."""
+"""Drawn heave, payout and current for property tests of ropes and scenes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ UNHURRIED = {
 
 @dataclass(frozen=True)
 class Weather:
-    """What happens to a rope."""
+    """Heave, payout and current."""
 
     amplitude_m: float
     period_s: float
@@ -28,7 +28,7 @@ class Weather:
 
 
 def weathers(most_m: float, longest_s: float) -> st.SearchStrategy[Weather]:
-    """Heave up to so much, in periods of 4 s up to so long."""
+    """Draw heave up to `most_m` in periods from 4 s to `longest_s`, payout and current."""
     return st.builds(
         Weather,
         st.floats(0.0, most_m),
@@ -39,7 +39,7 @@ def weathers(most_m: float, longest_s: float) -> st.SearchStrategy[Weather]:
 
 
 def that_rests(make: Callable[[], Twin]) -> Twin:
-    """A twin; what was drawn is dropped if it has no equilibrium to start from."""
+    """Return a twin; drop the drawn example if it has no static equilibrium."""
     try:
         return make()
     except SceneError:

@@ -1,4 +1,4 @@
-"""Hindcasts and limits as files, for operability."""
+"""Hindcast and limit files, for operability tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Fatigue counted by the rainflow package, of the whole history of every metre of a rope."""
+"""Reference fatigue damage by the rainflow package, from the whole history of every metre."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def count_cycles(series: Vector) -> Cycles:
     changes = np.concatenate(([True], np.diff(series) != 0.0)) if len(series) else series > 0.0
     points = series[changes].tolist()
     # the last value twice: of a series of two the package would not see the second
-    found = list(rainflow.extract_cycles([*points, *points[-1:]]))
-    table = np.array([cycle[:3] for cycle in found], float).reshape(-1, 3)
+    extracted = list(rainflow.extract_cycles([*points, *points[-1:]]))
+    table = np.array([cycle[:3] for cycle in extracted], float).reshape(-1, 3)
     return Cycles(*table[table[:, 0] > 0.0].T)
 
 
@@ -46,5 +46,5 @@ class WholeHistory:
     def damage(self, curve: StressCurve) -> Vector:
         """Return Miner's sum of each metre."""
         histories = np.array(self._rows).T
-        cycles = [count_cycles(one[~np.isnan(one)]) for one in histories]
-        return np.array([curve.stress_damage(own) for own in cycles])
+        cycles = [count_cycles(history[~np.isnan(history)]) for history in histories]
+        return np.array([curve.stress_damage(counted) for counted in cycles])
