@@ -41,7 +41,7 @@ def test_lagged_added_mass_has_the_published_error(h: float, printed: float) -> 
 
 
 @pytest.mark.parametrize("h", STEPS_S)
-def test_lagged_added_mass_blows_up_once_it_exceeds_the_mass(h: float) -> None:
+def test_lagged_added_mass_is_unstable_above_the_mass(h: float) -> None:
     """S1: the spectral radius passes 1 with m_a = m, at every step."""
     for m, added, stable in ((11.0, 10.0, True), (10.0, 11.0, False), (1.0, 10.0, False)):
         radius = np.abs(np.linalg.eigvals(lagged_matrix(m, added, h))).max()
@@ -51,7 +51,9 @@ def test_lagged_added_mass_blows_up_once_it_exceeds_the_mass(h: float) -> None:
 @pytest.mark.parametrize(
     ("m", "added", "start"), [(11.0, 10.0, 10.0), (10.0, 11.0, 10.0), (1.0, 10.0, 1.0)]
 )
-def test_our_step_keeps_the_oscillator(m: float, added: float, start: float) -> None:
+def test_implicit_added_mass_is_bounded_and_of_second_order(
+    m: float, added: float, start: float
+) -> None:
     """S1 through the twin's own step: bounded, second order, whatever m_a is.
 
     From 10 m the lightest would go slack, so it starts from 1 m (the problem is linear).
@@ -73,7 +75,7 @@ def test_our_step_keeps_the_oscillator(m: float, added: float, start: float) -> 
     ("part", "trapezoidal", "ours"),
     [(0.1, 1.0, 0.9995), (0.5, 1.0, 0.8887), (1.0, 1.0, 0.6356), (10.0, 1.0, 0.0767)],
 )
-def test_spectral_radius(part: float, trapezoidal: float, ours: float) -> None:
+def test_spectral_radius_is_that_of_tr_bdf2(part: float, trapezoidal: float, ours: float) -> None:
     """S2: h/T 0.1, 0.5, 1 and 10. The table's Newmark and Bathe lie between 0.99 and 0.08.
 
     The exact radius is that of TR-BDF2's stability function (Hosea and Shampine 1996), with

@@ -1,4 +1,4 @@
-"""A correction by the factors of another stage: taken where it leaves every node in balance."""
+"""Reuse of the first stage's factors for the second stage: only where every node is balanced."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RIG = replace(
 
 
 @jit_entry
-def tried(rope: Any, boundary: Any, spoil: float, complete: float) -> int:
+def second_stage_by_first_factors(rope: Any, boundary: Any, spoil: float, complete: float) -> int:
     """A step up to the second stage's correction by the first one's factors; then its balance.
 
     Factors are multiplied by `spoil`; the share `complete` of the correction is added to motion.
@@ -67,27 +67,27 @@ def moving(request: Any) -> tuple[Any, Boundary]:
 
 
 def residual(rope: Any) -> Floats:
-    """What every free node is left with [N]."""
+    """Residual of every free node [N]."""
     n = int(rope.state.counts[rows.ELEMENTS])
     return np.asarray(np.abs(rope.work[rows.RESIDUAL : rows.RESIDUAL + 3, :n]).sum(axis=0))
 
 
-def test_factors_of_the_first_stage_serve_the_second(moving: tuple[Any, Boundary]) -> None:
-    """Every node is in balance with all loads taken anew, and was not before."""
+def test_factors_of_the_first_stage_solve_the_second(moving: tuple[Any, Boundary]) -> None:
+    """Every node is balanced under all loads after the correction, and was not before."""
     rope, boundary = moving
-    assert tried(rope, boundary, 1.0, 0.0) == 0
+    assert second_stage_by_first_factors(rope, boundary, 1.0, 0.0) == 0
     assert residual(rope).max() > rope.model.tolerance
-    assert tried(rope, boundary, 1.0, 1.0) == 0
+    assert second_stage_by_first_factors(rope, boundary, 1.0, 1.0) == 0
     assert residual(rope).max() < 2.0 * RESIDUAL_SHARE * rope.model.tolerance
 
 
-def test_factors_that_do_not_serve_are_refused(moving: tuple[Any, Boundary]) -> None:
-    """And the motion is the prediction's, to the bit."""
+def test_wrong_factors_are_rejected_and_the_prediction_stays(moving: tuple[Any, Boundary]) -> None:
+    """Factors of 0, NaN and 0.99 times the right ones leave the prediction bit-identical."""
     rope, boundary = moving
     start = rope.work.copy()  # which wakes start from
-    tried(rope, boundary, 1.0, 0.0)
+    second_stage_by_first_factors(rope, boundary, 1.0, 0.0)
     predicted = rope.work[: rows.NODE_ROWS].copy()
     for spoil in (0.0, np.nan, 0.99):
         rope.work[:] = start
-        assert tried(rope, boundary, spoil, 0.0) != 0
+        assert second_stage_by_first_factors(rope, boundary, spoil, 0.0) != 0
     assert np.array_equal(rope.work[: rows.NODE_ROWS], predicted)

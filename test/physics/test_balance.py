@@ -1,4 +1,4 @@
-"""Forces at rest add up. Energy and work: case P5 of `python -m validation`, and test_energy."""
+"""Forces in static equilibrium sum to zero. Energy and work: case P5 of `python -m validation`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ IN_FLOW = replace(SEA, current=CURRENT, area=(5.0, 5.0, 8.0), load=6e3, drag=(1.
 
 
 def water_at(rig: Rig, z: Vector) -> Vector:
-    """The current at heights z [m/s], (3, n); the end values hold outside the profile."""
+    """Return the current at heights z [m/s], (3, n); constant outside the profile."""
     heights = [row[0] for row in reversed(rig.current)]
     parts = [np.interp(z, heights, [row[1][k] for row in reversed(rig.current)]) for k in (0, 1)]
     return np.stack([*parts, np.zeros_like(z)])
@@ -43,8 +43,8 @@ def drag_on_rope(rig: Rig, shot: Snapshot) -> Vector:
     return np.asarray(force.sum(axis=1))
 
 
-def test_the_pull_balances_weight_and_drag() -> None:
-    """At rest in a turning current: pull on the hang-off = weight in water and drag below it."""
+def test_the_hang_off_force_is_weight_in_water_plus_drag() -> None:
+    """Static equilibrium in a turning current, drag by Morison's cross-flow principle; 1e-6."""
     shot = IN_FLOW.twin().snapshot()
     U = water_at(IN_FLOW, shot.payload_position_m[2:])[:, 0]
     total = drag_on_rope(IN_FLOW, shot)

@@ -1,4 +1,4 @@
-"""Friction of the seabed that sticks, against an elastic bar on a Coulomb bed."""
+"""Stick-slip friction of the seabed, against an elastic bar on a Coulomb bed."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def scene_of(bed: SeabedParams, *more: Any, rig: Rig = CHAIN) -> Scene:
 
 
 def pulled(scene: Scene, hold_s: float, monitors: Monitors | None = None) -> Twin:
-    """The twin after the winch has hauled PULL_M in, slowly, and held it."""
+    """Return the twin after the winch has slowly hauled in PULL_M and held it."""
     twin = Twin(scene, monitors) if monitors else Twin(scene)
     speeds = [(0.0, -SPEED), (PULL_M / SPEED, 0.0)]
     *_, _ = march(twin, still, PULL_M / SPEED + hold_s, speeds=speeds)
@@ -61,29 +61,29 @@ def expected(mu: float, pull_m: float) -> float:
 
 
 @pytest.mark.parametrize("bed", [FLAT, pytest.param(GRID, marks=pytest.mark.long)])
-def test_a_chain_that_is_pulled_along_the_bed(bed: SeabedParams) -> None:
-    """Tension √(2·μ·w·EA·δ) at the end, falling by μ·w a metre; what lies beyond feels nothing."""
+def test_tension_of_a_chain_pulled_along_the_bed(bed: SeabedParams) -> None:
+    """Tension √(2·μ·w·EA·δ) at the pulled end falls by μ·w per metre to zero; 1 %."""
     before = tensions(Twin(scene_of(bed, BedFrictionParams(slip_m=0.002))))
     twin = pulled(scene_of(bed, BedFrictionParams(slip_m=0.002)), 20.0)
-    found = tensions(twin) - before
+    actual = tensions(twin) - before
     top = expected(MU, PULL_M)
     assert top / (MU * CHAIN.weight) < 0.7 * LENGTH
-    assert found[-1] == pytest.approx(top, rel=0.01)
-    slope = np.polyfit(np.arange(20), found[-30:-10], 1)[0]
+    assert actual[-1] == pytest.approx(top, rel=0.01)
+    slope = np.polyfit(np.arange(20), actual[-30:-10], 1)[0]
     assert slope == pytest.approx(MU * CHAIN.weight, rel=0.01)
-    assert np.abs(found[:40]).max() < 1e-3 * top
+    assert np.abs(actual[:40]).max() < 1e-3 * top
 
 
-def test_it_holds_where_the_friction_of_the_bed_creeps() -> None:
-    """Over 80 s, at the anchor and at the pulled end."""
+def test_stick_friction_keeps_the_tension_where_viscous_friction_creeps() -> None:
+    """Tension at the anchor and at the pulled end stays for 80 s; smoothed friction loses 10 %."""
     creeps = with_nothing_below(scene_of(FLAT))  # the step of the shipped landing
-    found = []
+    results = []
     for scene in (scene_of(FLAT, BedFrictionParams()), creeps):
         twin = pulled(scene, 10.0)
         first = tensions(twin)
         twin.advance(round(80.0 / CHAIN.step))
-        found.append((first, tensions(twin)))
-    sticking, creeping = found
+        results.append((first, tensions(twin)))
+    sticking, creeping = results
     for end in (0, -1):
         first, last = (seen[end] for seen in sticking)
         assert last == pytest.approx(first, abs=1e-3 * expected(MU, PULL_M))
@@ -91,27 +91,28 @@ def test_it_holds_where_the_friction_of_the_bed_creeps() -> None:
     assert last < 0.9 * first
 
 
-def test_the_slip_distance_is_where_friction_is_mobilised() -> None:
-    """A bar on springs κ = μ·w/s a metre, held at its end: T = δ·√(EA·κ)·coth(L·√(κ/EA)), δ < s."""
+def test_tension_below_the_slip_distance_is_that_of_a_bar_on_springs() -> None:
+    """Springs κ = μ·w/s per metre, held at the end: T = δ·√(EA·κ)·coth(L·√(κ/EA)), δ < s; 1 %."""
     slip = 2.0
     twin = pulled(scene_of(FLAT, BedFrictionParams(slip_m=slip)), 20.0)
     before = tensions(Twin(scene_of(FLAT, BedFrictionParams(slip_m=slip))))
-    found = (tensions(twin) - before)[-1]
+    computed = (tensions(twin) - before)[-1]
     spring = MU * CHAIN.weight / slip
     exact = PULL_M * sqrt(CHAIN.EA * spring) / tanh(LENGTH * sqrt(spring / CHAIN.EA))
-    assert found == pytest.approx(exact, rel=0.01)
+    assert computed == pytest.approx(exact, rel=0.01)
 
 
 @pytest.mark.parametrize(("axial", "lateral"), [(0.3, 0.9), (0.9, 0.3)])
-def test_the_coefficient_along_the_rope(axial: float, lateral: float) -> None:
+def test_an_axial_pull_feels_the_axial_coefficient(axial: float, lateral: float) -> None:
+    """Tension √(2·μ_axial·w·EA·δ), whatever the lateral coefficient; 1 %."""
     friction = BedFrictionParams(axial=axial, lateral=lateral, slip_m=0.002)
     before = tensions(Twin(scene_of(FLAT, friction)))[-1]
-    found = tensions(pulled(scene_of(FLAT, friction), 20.0))[-1] - before
-    assert found == pytest.approx(expected(axial, PULL_M), rel=0.01)
+    actual = tensions(pulled(scene_of(FLAT, friction), 20.0))[-1] - before
+    assert actual == pytest.approx(expected(axial, PULL_M), rel=0.01)
 
 
-def test_across_the_rope_a_current_moves_it_by_its_share_of_the_slip() -> None:
-    """A current that comes up, of drag ½·ρ·d·C_d·U² a metre: s·drag/(μ_l·w), or off it goes.
+def test_a_cross_current_moves_a_rope_within_the_slip_distance() -> None:
+    """Displacement s·drag/(μ_l·w) below the friction limit, with drag ½·ρ·d·C_d·U²; free above.
 
     It comes up in 10 s as a live input: a factor of time would be a step of its own.
     """
@@ -132,8 +133,8 @@ def test_across_the_rope_a_current_moves_it_by_its_share_of_the_slip() -> None:
 @pytest.mark.parametrize(
     ("step_s", "share"), [(0.01, 1e-4), pytest.param(0.005, 1e-5, marks=pytest.mark.long)]
 )
-def test_energy_of_stick_and_slip(step_s: float, share: float) -> None:
-    """Pulled, held and let go: what friction takes and gives back closes the balance."""
+def test_energy_balance_of_stick_and_slip(step_s: float, share: float) -> None:
+    """The balance of a rope that is pulled, held and released closes with the work of friction."""
     scene = scene_of(FLAT, BedFrictionParams(slip_m=0.05), rig=replace(CHAIN, step=step_s))
     twin = Twin(scene, Monitors(energy=True))
     speeds = [(0.0, -0.1), (5.0, 0.0), (10.0, 0.1), (15.0, 0.0)]
@@ -143,18 +144,18 @@ def test_energy_of_stick_and_slip(step_s: float, share: float) -> None:
     assert abs(shot.energy.residual_j) < share * shot.energy.exchanged_j
 
 
-def test_a_branch_goes_on_as_the_whole() -> None:
-    """Friction remembers its displacement, and a branch takes it along."""
+def test_a_branch_keeps_the_friction_displacement() -> None:
+    """A branch is bit-identical to the twin that goes on."""
     twin = pulled(scene_of(FLAT, BedFrictionParams()), 2.0)
     other = twin.branch()
-    for one in (twin, other):
-        one.advance(200)
+    for run in (twin, other):
+        run.advance(200)
     assert np.array_equal(tensions(twin), tensions(other))
 
 
 @pytest.mark.long
 def test_an_anchored_line_at_rest_keeps_its_tension_for_an_hour() -> None:
-    """Within 0.1 % of the pull, everywhere, at every look; in 180,000 steps of 50 elements."""
+    """Tension stays within 0.1 % of the pull all along, in 180,000 steps of 50 elements."""
     rig = replace(CHAIN, elements=50)
     twin = pulled(scene_of(FLAT, BedFrictionParams(), rig=rig), 10.0)
     first = tensions(twin)

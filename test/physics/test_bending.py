@@ -1,4 +1,4 @@
-"""Bending: tangent, beams in closed form, a held end, energy, slack, payout."""
+"""Bending stiffness: tangent, closed forms of beams, clamp, energy, slack, payout."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ HELD = build(BendingParams(stiffness_n_m2=700.0, clamped_along=(1.0, -0.4, -2.0)
 
 @jit_entry
 def bend(effects: Any, work: Any, stage: Any, n: int) -> None:
-    """Forces and couplings of bending alone."""
+    """Add the forces and couplings of bending."""
     add_couplings(effects, work, stage, n)
 
 
 def bent(place: Vector, effect: Bending = HELD) -> Vector:
-    """Scratch of nodes at `place` (3, NODES), rest lengths 0.3 to 2 m, with bending's forces."""
+    """Return scratch of nodes at `place` (3, NODES) with rest lengths 0.3 to 2 m, after bending."""
     work = rows.new_work(NODES, rows.COUPLED_ROWS)
     work[rows.POSITION : rows.POSITION + 3] = place
     work[rows.REST] = np.random.default_rng(5).uniform(0.3, 2.0, NODES)
@@ -41,7 +41,7 @@ def bent(place: Vector, effect: Bending = HELD) -> Vector:
 
 
 def stiffness(work: Vector) -> Vector:
-    """p times the stiffness of the free nodes, from blocks and couplings."""
+    """Return p times the stiffness matrix of the free nodes, from blocks and couplings."""
     n = NODES - 1
     full = np.zeros((3 * n, 3 * n))
     for i in range(n):
@@ -55,24 +55,24 @@ def stiffness(work: Vector) -> Vector:
     return full
 
 
-def test_the_tangent_is_the_derivative_of_the_forces() -> None:
-    """Central differences over every coordinate of every node: exact, symmetric, not negative."""
-    place = np.random.default_rng(2).normal(0.0, 1.0, (3, NODES))
-    full, p = stiffness(bent(place)), some_stage().p
+def test_the_bending_tangent_is_the_derivative_of_its_forces() -> None:
+    """Central differences in every coordinate: equal to 1e-9, symmetric, positive semi-definite."""
+    position = np.random.default_rng(2).normal(0.0, 1.0, (3, NODES))
+    full, p = stiffness(bent(position)), some_stage().p
     residual = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
     for j in range(NODES - 1):
         for k in range(3):
             ends = []
             for sign in (1.0, -1.0):
-                moved = place.copy()
+                moved = position.copy()
                 moved[k, j] += sign * 0.5
                 ends.append(bent(moved)[residual, :-1].T.ravel())
             assert np.abs(full[3 * j + k] + p * (ends[0] - ends[1])).max() < 1e-9 * full.max()
     assert np.linalg.eigvalsh(full).min() > -1e-12 * full.max()
 
 
-def test_no_force_on_a_straight_rope_and_none_in_sum() -> None:
-    """A uniformly stretched rope feels nothing; any other none in sum, nor a moment, if hinged."""
+def test_bending_forces_vanish_on_a_straight_rope_and_in_sum() -> None:
+    """A hinged rope of any shape has no resultant force; a straight one no force at all."""
     hinged = HELD._replace(clamp=0.0)
     random = np.random.default_rng(4)
     work = bent(np.zeros((3, NODES)))
@@ -80,8 +80,8 @@ def test_no_force_on_a_straight_rope_and_none_in_sum() -> None:
     line = np.outer([0.3, -0.8, 1.2], s)
     residual = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
     assert np.abs(bent(line, hinged)[residual]).max() < 1e-9
-    place = random.normal(0.0, 1.0, (3, NODES))
-    force = bent(place, hinged)[residual]
+    position = random.normal(0.0, 1.0, (3, NODES))
+    force = bent(position, hinged)[residual]
     assert np.abs(force).max() > 1e3
     assert np.abs(force.sum(axis=1)).max() < 1e-9
     assert (bent(np.zeros((3, NODES)))[residual] == 0.0).all(), "all nodes in one place"
@@ -94,7 +94,7 @@ PULLED = 5e3  # N
 
 
 def beam_frequency(elements: int, mode: int) -> tuple[float, float]:
-    """Of a hinged beam under tension [Hz]: measured in free vibration, and in closed form.
+    """Return the frequency [Hz] of a hinged beam under tension: measured, and in closed form.
 
     f = n/(2L)·√(T/m + n²·pi²·EI/(m·L²)) (Timoshenko et al. 1974); with L and m of the unstretched
     rope the slope is on the stretched one, which takes 1 + strain off T.
@@ -121,7 +121,7 @@ def beam_frequency(elements: int, mode: int) -> tuple[float, float]:
 
 @pytest.mark.parametrize(("mode", "bending"), [(1, 0.05), (2, 0.18), (3, 0.37), (5, 0.86)])
 def test_frequency_of_a_beam_under_tension(mode: int, bending: float) -> None:
-    """Modes that bending raises by 5 to 86 %: second order in the element's length.
+    """Frequencies that bending raises by 5 to 86 % converge in second order in element length.
 
     From the expansion of sin the error of the discrete string is (n·pi/N)²/24, of the beam twice
     that; the step adds less than 1e-5.
@@ -144,7 +144,7 @@ HELD_CABLE = Rig(
 
 
 def hanging_cantilever(rig: Rig) -> tuple[float, float]:
-    """Place of the load [m] by the elastica EI·θ'' = (W + w·(L - s))·sin θ, θ from the vertical.
+    """Return the load's position [m] by the elastica EI·θ'' = (W + w·(L - s))·sin θ.
 
     θ(0) = 45 degrees where it is held, θ'(L) = 0; solved as a boundary value problem.
     """
@@ -156,15 +156,15 @@ def hanging_cantilever(rig: Rig) -> tuple[float, float]:
     def ends(top: Vector, low: Vector) -> Vector:
         return np.array([top[0] - 0.25 * math.pi, low[1]])
 
-    found = solve_bvp(slope, ends, np.linspace(0.0, L, 200), np.zeros((2, 200)), tol=1e-10)
-    assert found.success
+    computed = solve_bvp(slope, ends, np.linspace(0.0, L, 200), np.zeros((2, 200)), tol=1e-10)
+    assert computed.success
     s = np.linspace(0.0, L, 20001)
-    angle = found.sol(s)[0]
+    angle = computed.sol(s)[0]
     return float(np.trapezoid(np.sin(angle), s)), float(-np.trapezoid(np.cos(angle), s))
 
 
-def test_a_held_cable_bends_as_the_elastica() -> None:
-    """Held at 45 degrees, load below: large angles; second order, 5e-4 of the deflection at 50.
+def test_a_clamped_cable_bends_like_the_elastica() -> None:
+    """Clamped at 45° above a load: 1e-3 of the deflection at 50 elements, second order.
 
     The pull on the hang-off, shear included, is the weight.
     """
@@ -180,7 +180,7 @@ def test_a_held_cable_bends_as_the_elastica() -> None:
 
 
 def bending_energy(bench: Bench, rig: Rig) -> float:
-    """½·EI·∫κ² of the inner nodes and, where it is held, of half an element at the hang-off [J]."""
+    """Return the bending energy ½·EI·∫κ² with half an element at a clamp [J]."""
     rest = np.diff(bench.rope.state.s[: bench.n + 1])
     q = np.diff(bench.position) / rest
     assert rig.EI is not None
@@ -193,7 +193,7 @@ def bending_energy(bench: Bench, rig: Rig) -> float:
 
 
 def test_energy_of_a_bending_swing_in_vacuum() -> None:
-    """A held cable, its load thrown sideways: never more energy, and at most 1e-3 lost in 4 s."""
+    """A clamped cable whose load is thrown sideways never gains energy and loses 1e-3 in 4 s."""
     rig = replace(HELD_CABLE, EA=1e6, step=0.002, elements=40)
     bench = Bench(rig.scene())
     rest = energy(bench, rig) + bending_energy(bench, rig)
@@ -213,8 +213,8 @@ def test_energy_of_a_bending_swing_in_vacuum() -> None:
 
 
 @pytest.mark.parametrize("EI", [238.0, 1e5])
-def test_slack_is_no_harder_with_bending(EI: float) -> None:
-    """A light payload in 4 m of heave: folded and vanishing elements, every step converges.
+def test_slack_elements_converge_with_bending_stiffness(EI: float) -> None:
+    """A light payload in 4 m of heave folds the rope; every step converges.
 
     It takes no more solves than the same rope without bending (1.1 times: another motion).
     """
@@ -239,8 +239,8 @@ def test_slack_is_no_harder_with_bending(EI: float) -> None:
         *(pytest.param(*own, marks=pytest.mark.long) for own in ((STEEL, 1.5), (HMPE_SEA, 1.0))),
     ],
 )
-def test_no_jump_at_an_event(rope: Rig, heave: float) -> None:
-    """±1 m/s with elements of 10 m and a stiff rope, hinged: at most 0.01 % of the mean."""
+def test_bending_adds_no_tension_jump_at_splits_and_merges(rope: Rig, heave: float) -> None:
+    """Payout at ±1 m/s with stiff hinged elements of 10 m: at most 0.01 % of the mean tension."""
     assert JUMP == 1e-4
     rig = replace(
         rope, elements=round(rope.length / 10.0), damping=rope.EA * KELVIN_VOIGT_S, EI=1e5
@@ -248,8 +248,8 @@ def test_no_jump_at_an_event(rope: Rig, heave: float) -> None:
     assert_smooth(rig, heave, 5)
 
 
-def test_the_lower_part_of_a_cut_rope_falls_as_freely_with_bending_stiffness() -> None:
-    """In vacuum its momentum grows by its weight alone, while it swings and straightens."""
+def test_the_fallen_part_of_a_stiff_rope_falls_freely() -> None:
+    """In vacuum its momentum grows by its weight alone while it swings and straightens."""
     rig = replace(VACUUM, EI=2e5, length=100.0)
     twin = swinging(rig)
     twin.offer_cut(None, 33.0)
@@ -263,8 +263,8 @@ def test_the_lower_part_of_a_cut_rope_falls_as_freely_with_bending_stiffness() -
         last = now
 
 
-def test_the_force_on_the_hang_off_is_of_the_accepted_motion() -> None:
-    """Its part from bending is computed in scratch, where a deferred correction is not applied."""
+def test_the_hang_off_force_uses_the_accepted_positions() -> None:
+    """Bending at the hang-off is computed from scratch positions, which must equal the state's."""
     twin = replace(SEA, elements=20, EI=1e5).twin()
     deferred = 0
     for shot in march(twin, sine(2.0, 5.0), 3.0, every=1):

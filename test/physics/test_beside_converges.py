@@ -1,4 +1,4 @@
-"""The tension of a rope whose vortices are computed beside the step, over elements and step."""
+"""Convergence in elements and step of the tension with a VIV model outside the step."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ SECONDS, EVERY_S = 15.0, 0.1
 
 
 def tensions(name: str, times: int, step_s: float = 0.01) -> np.ndarray:
-    """At the top, ten a second, of the scene on so many times its elements in calm water [N]."""
+    """Top tension, ten a second, on `times` as many elements in calm water [N]."""
     scene = replace(load_scene(name), sea_state=SeaState())
     twin = Twin(variant(scene, times * scene.ropes[0].elements, step_s))
-    found = []
+    results = []
     for _ in range(round(SECONDS / EVERY_S)):
         twin.advance(round(EVERY_S / twin.step_s))
-        found.append(twin.snapshot().tension_top_n)
-    return np.array(found)
+        results.append(twin.snapshot().tension_top_n)
+    return np.array(results)
 
 
 def rms(values: np.ndarray) -> float:
@@ -31,14 +31,14 @@ def rms(values: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
-def test_the_error_falls_with_the_elements(name: str) -> None:
-    """In 15 s modes take over from each other four times, at the same second on every grid."""
+def test_viv_tension_converges_with_elements(name: str) -> None:
+    """Modes change four times in 15 s, at the same instants on every mesh."""
     own, twice, four = (tensions(name, times) for times in (1, 2, 4))
     assert rms(own - four) < 1e-5 * four.mean()
     assert rms(twice - four) < 0.6 * rms(own - four)
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
-def test_looks_and_searches_do_not_hang_on_the_step(name: str) -> None:
-    """A step of 10 ms and one of 2.5 ms have looks at the same instants, and the same modes."""
+def test_viv_sampling_is_independent_of_the_step(name: str) -> None:
+    """Steps of 10 ms and 2.5 ms sample at the same instants and find the same modes."""
     assert rms(tensions(name, 1) - tensions(name, 1, 0.0025)) < 3e-6 * 86e3

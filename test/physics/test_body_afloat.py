@@ -1,4 +1,4 @@
-"""A rigid body in the surface, against the forms of naval architecture for a box.
+"""A floating rigid body against naval architecture's closed forms for a box.
 
 Draught T = m/(ρ·a·b), metacentre GM = T/2 + b²/(12·T) - KG above the centre of gravity.
 """
@@ -34,19 +34,19 @@ RESTS = HEIGHT / 2.0 - DRAUGHT  # of its middle
 
 
 def inertia(across: float) -> float:
-    """Of the box about an axis along which it is not `across` wide [kg·m²]."""
+    """Moment of inertia about an axis along which the box is not `across` wide [kg·m²]."""
     return MASS / 12.0 * (across**2 + HEIGHT**2)
 
 
 def period_of(series: Vector, step: float) -> float:
-    """By zero crossings, linear in between [s]."""
+    """Return the period by linearly interpolated zero crossings [s]."""
     i = np.flatnonzero(series[:-1] * series[1:] < 0.0)
     at_zero = i + series[i] / (series[i] - series[i + 1])
     return float(2.0 * step * (at_zero[-1] - at_zero[0]) / (len(at_zero) - 1))
 
 
 def swing(hung: Adrift, seconds: float, reported: Any) -> Vector:
-    """The pose after each step, as the twin reports it."""
+    """Return the reported pose after each step."""
     seen = []
     for _ in range(round(seconds / hung.twin.step_s)):
         hung.twin.advance(1)
@@ -54,8 +54,8 @@ def swing(hung: Adrift, seconds: float, reported: Any) -> Vector:
     return np.array(seen)
 
 
-def test_it_floats_at_its_draught() -> None:
-    """At rest on a slack sling, upright; 1e-6 m."""
+def test_a_box_floats_at_its_draught() -> None:
+    """It rests upright on a slack sling; 1e-6 m."""
     shot = Twin(between(AT_SEA, BARGE, DEEP)).snapshot()
     assert shot.body is not None
     assert shot.body.leg_pull_n.max() == 0.0
@@ -63,8 +63,8 @@ def test_it_floats_at_its_draught() -> None:
     assert shot.body.turn[2, 2] == pytest.approx(1.0, abs=1e-12)
 
 
-def test_it_heaves_with_its_waterplane_and_makes_no_energy() -> None:
-    """ω² = ρ·g·a·b/(m + β·M_z) with the wetted share β = T/H; 0.1 %. Nothing is added in 25 s."""
+def test_heave_period_of_a_floating_box() -> None:
+    """ω² = ρ·g·a·b/(m + β·M_z), β = T/H the submergence ratio; 0.1 %, no energy gained in 25 s."""
     added = 9e3
     hung = Adrift(replace(AT_SEA, added=(1e3, 2e3, added)), BARGE, DEEP)
     hung.lay((0.0, 0.0, RESTS + 0.02), (0.0, 0.0, 0.0))
@@ -78,8 +78,8 @@ def test_it_heaves_with_its_waterplane_and_makes_no_energy() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1])
-def test_it_rolls_by_its_metacentric_height(axis: int) -> None:
-    """ω² = m·g·GM/I about either axis, KG 0.5 m; 0.2 %. Nothing is added in 20 s."""
+def test_roll_period_of_a_floating_box(axis: int) -> None:
+    """ω² = m·g·GM/I about either axis, KG 0.5 m; 0.2 %, no energy gained in 20 s."""
     across, KG = (WIDTH, LENGTH)[axis], 0.5
     hung = Adrift(
         AT_SEA,
@@ -100,7 +100,7 @@ def test_it_rolls_by_its_metacentric_height(axis: int) -> None:
     assert 0.95 * 0.01 < np.abs(angle[-200:]).max() <= 0.01 * (1.0 + 1e-3)
 
 
-def test_it_rights_itself_as_a_wall_sided_ship() -> None:
+def test_righting_arm_of_a_wall_sided_box() -> None:
     """GZ = (GM + BM/2·tan²φ)·sin φ at 8° (Barrass and Derrett 2012, Ship Stability); 0.2 %."""
     heel, step = math.radians(8.0), 1e-3
     hung = Adrift(replace(AT_SEA, step=step), BARGE, DEEP)
@@ -108,24 +108,24 @@ def test_it_rights_itself_as_a_wall_sided_ship() -> None:
     BM = WIDTH**2 / (12.0 * DRAUGHT)
     GZ = (DRAUGHT / 2.0 + BM - HEIGHT / 2.0 + 0.5 * BM * math.tan(heel) ** 2) * math.sin(heel)
     spin = swing(hung, 0.01, lambda pose: pose.spin[0])
-    found = (spin[-1] - spin[-6]) / (5.0 * step)
-    assert found == pytest.approx(-MASS * G * GZ / inertia(WIDTH), rel=2e-3)
+    computed = (spin[-1] - spin[-6]) / (5.0 * step)
+    assert computed == pytest.approx(-MASS * G * GZ / inertia(WIDTH), rel=2e-3)
 
 
-def test_it_slams_on_the_surface() -> None:
-    """½·ρ·C_s·A·v² up, besides weight and ρ·g·A·d, while it enters; 1 %. Nothing on its way up."""
+def test_slamming_force_at_water_entry() -> None:
+    """½·ρ·C_s·A·v² upward on entry, beside weight and ρ·g·A·d; 1 %. None on the way up."""
     step, deep = 1e-4, 0.01
     for v in (-1.5, 1.5):
         hung = Adrift(replace(AT_SEA, step=step), BARGE, DEEP, AREA)
         hung.lay((0.0, 0.0, HEIGHT / 2.0 - deep), (0.0, 0.0, 0.0), (0.0, 0.0, v))
         speed = swing(hung, 1e-3, lambda pose: pose.velocity[2])
-        found = (speed[-1] - speed[-6]) / (5.0 * step)
+        computed = (speed[-1] - speed[-6]) / (5.0 * step)
         sunk = deep - v * 7.5 * step
         slam = 0.5 * RHO * 5.0 * AREA * speed[-4] ** 2 if v < 0.0 else 0.0
-        assert found == pytest.approx((slam + RHO * G * AREA * sunk) / MASS - G, rel=1e-2)
+        assert computed == pytest.approx((slam + RHO * G * AREA * sunk) / MASS - G, rel=1e-2)
 
 
-def test_the_account_closes_through_the_surface() -> None:
+def test_energy_balance_through_the_surface() -> None:
     """Heaved through the surface on slings with slamming, drag and added mass; 1 %."""
     slings = tuple(
         Sling(to_m=(x, y, 0.6), length_m=5.0, stiffness_n_per_m=4e6,
@@ -147,8 +147,8 @@ def test_the_account_closes_through_the_surface() -> None:
     assert abs(shot.energy.residual_pct) < 1.0
 
 
-def test_it_settles_upright_from_its_side() -> None:
-    """Laid on its side it turns over and floats as it should; finite all the way, energy falls."""
+def test_a_box_laid_on_its_side_rights_itself() -> None:
+    """It ends upright at its draught; energy falls all the way."""
     rig: Rig = replace(AT_SEA, added=(1e3, 2e3, 9e3), area=(4.0, 5.0, 12.0))
     wet = replace(BARGE, added_inertia_kg_m2=None, turning_drag_m5=None)
     hung = Adrift(rig, wet, DEEP)

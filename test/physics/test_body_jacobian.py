@@ -1,4 +1,4 @@
-"""What a rigid body leaves on the hook is the derivative of its pull, whatever it does."""
+"""The block that a rigid body adds at the hook is the derivative of its pull."""
 
 from __future__ import annotations
 
@@ -32,27 +32,27 @@ XX, XY, XZ, YY, YZ, ZZ = range(6)
 
 
 def moving(seed: int) -> tuple[Any, Vector]:
-    """A body that turns, drifts and heels on taut slings, corners on deck and bed, half afloat."""
+    """Return a body that turns, drifts and heels on taut slings, in contact and half afloat."""
     deck = DeckParams(height_m=-90.0, penetration_m=0.05, friction=0.4)
     params = replace(params_of("rigid_body"), deck=deck)
     bed = SeabedParams(depth_m=500.0, slope=(0.2, -0.1), friction=0.5)
     zone = SplashZoneParams(height_m=1.0, bottom_area_m2=3.0)
     sheds = PayloadSheddingParams(strouhal=0.2, lift_coefficient=2.0, diameter_m=0.5)
     effects = build_effects(replace(SMALL.scene(), effects=(bed, params, zone, sheds)), FIGURES)
-    body = next(own for own in effects if isinstance(own, RigidBody))
+    body = next(effect for effect in effects if isinstance(effect, RigidBody))
     work, random = some_work(seed), np.random.default_rng(seed)
     stage = body.stage
     stage[at.SURFACE_Z] = 0.0
     stage[at.DECK_Z] = -1e3
     apply(effects, work.copy(), some_stage(), 0, 1)  # it is put to rest
-    for place, size in ((at.TURN_HAT, 0.1), (at.FLOW_NOW, 0.5), (at.FROZEN, 0.5)):
-        stage[place : place + 3] = random.normal(0.0, size, 3)
+    for position, size in ((at.TURN_HAT, 0.1), (at.FLOW_NOW, 0.5), (at.FROZEN, 0.5)):
+        stage[position : position + 3] = random.normal(0.0, size, 3)
     stage[at.FLOW_GROWS : at.FLOW_GROWS + 3] = random.normal(0.0, 1.0, 3)
     stage[at.P_HAT : at.P_HAT + 3] += random.normal(0.0, 600.0, 3)
     stage[at.L_HAT : at.L_HAT + 3] += random.normal(0.0, 300.0, 3)
     stage[at.DECK_Z] = stage[at.PLACE + 2] - 0.35
     stage[at.DECK_SPEED] = 0.2
-    bed = next(one for one in body.parts if isinstance(one, PlaneBed))
+    bed = next(part for part in body.parts if isinstance(part, PlaneBed))
     x, y, z = stage[at.PLACE : at.PLACE + 3]
     lifted = bed._replace(shape=bed.shape._replace(height=z - 0.4 - 0.2 * x + 0.1 * y))
     stage[at.SURFACE_Z : at.SURFACE_Y + 1] = z + 0.1, 0.05, -0.1
@@ -60,13 +60,15 @@ def moving(seed: int) -> tuple[Any, Vector]:
         stage[where : where + 3] = 0.05, -0.03, low
     stage[at.WET], stage[at.WET_HELD] = 0.6, 0.55
     stage[HAT], stage[WEIGHT] = 0.7, 0.02
-    parts = tuple(lifted if one is bed else one for one in body.parts)
-    effects = tuple(own._replace(parts=parts) if own is body else own for own in effects)
+    parts = tuple(lifted if part is bed else part for part in body.parts)
+    effects = tuple(
+        effect._replace(parts=parts) if effect is body else effect for effect in effects
+    )
     return effects, work
 
 
 def hooked(effects: Any, work: Vector) -> Vector:
-    """The pull on the hook less its inertia, and the block, (9,)."""
+    """Return the pull on the hook less its inertia, and the block, (9,)."""
     work = work.copy()
     apply(effects, work, some_stage(), 0, 1)
     return np.concatenate([
@@ -75,8 +77,8 @@ def hooked(effects: Any, work: Vector) -> Vector:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
-def test_the_block_is_the_derivative_of_the_pull(seed: int) -> None:
-    """Central differences over 0.1 m/s², up to the skew part that a block cannot hold; 1e-6."""
+def test_the_hook_block_is_the_derivative_of_the_pull(seed: int) -> None:
+    """Central differences over 0.1 m/s², without the skew part that a block cannot hold; 1e-6."""
     effects, work = moving(seed)
     b = hooked(effects, work)[3:]
     stage, step, columns = some_stage(), 0.1, []
@@ -91,9 +93,9 @@ def test_the_block_is_the_derivative_of_the_pull(seed: int) -> None:
         columns.append((ends[1] - ends[0]) / (2.0 * step))
     exact = np.array(columns).T
     symmetric = 0.5 * (exact + exact.T)
-    found = np.array([[b[XX], b[XY], b[XZ]], [b[XY], b[YY], b[YZ]], [b[XZ], b[YZ], b[ZZ]]])
+    computed = np.array([[b[XX], b[XY], b[XZ]], [b[XY], b[YY], b[YZ]], [b[XZ], b[YZ], b[ZZ]]])
     scale = np.abs(exact).max()
-    assert np.abs(found - symmetric).max() < 1e-6 * scale
+    assert np.abs(computed - symmetric).max() < 1e-6 * scale
     assert np.abs(symmetric - np.eye(3) * SMALL.load).max() > 0.05 * scale, "it must feel the body"
 
 
@@ -104,10 +106,10 @@ def _is_calm(body: Any, work: Any, stage: Any) -> bool:
 
 @pytest.mark.parametrize("size", [1.0, 30.0])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_is_calm_where_the_pull_is_as_foretold(seed: int, size: float) -> None:
-    """To within what is allowed, as the pull itself tells and the block foretells; 1 %."""
+def test_the_body_is_calm_within_tolerance_of_the_predicted_pull(seed: int, size: float) -> None:
+    """The limit lies where pull and prediction by the block differ by the tolerance; 1 %."""
     effects, work = moving(seed)
-    body, stage = next(own for own in effects if isinstance(own, RigidBody)), some_stage()
+    body, stage = next(effect for effect in effects if isinstance(effect, RigidBody)), some_stage()
     change = np.random.default_rng(seed).normal(0.0, size, 3)
     moved = work.copy()
     for row, weight in (
@@ -130,10 +132,10 @@ def test_it_is_calm_where_the_pull_is_as_foretold(seed: int, size: float) -> Non
     assert reported == [True, False]
 
 
-def test_a_body_without_balance_is_never_taken_for_balanced() -> None:
-    """Its pull is infinite: a maximum leaves out what is not a number."""
+def test_a_body_with_nan_balance_is_not_converged() -> None:
+    """Its pull is infinite, as a maximum would ignore NaN."""
     effects, work = moving(1)
-    body = next(own for own in effects if isinstance(own, RigidBody))
+    body = next(effect for effect in effects if isinstance(effect, RigidBody))
     body.stage[at.P_HAT] = np.nan
     assert np.all(np.isinf(hooked(effects, work)[:3]))
     body.tangent[at.ALLOWED] = np.inf
@@ -146,10 +148,10 @@ def _balance(body: Any, q: float, place: Any, speed: Any) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
-def test_newtons_matrix_is_the_derivative_of_the_balance(seed: int) -> None:
-    """Of the momenta's balance to velocity and turn rate, each entry to 1e-7 of its column."""
+def test_the_body_jacobian_is_the_derivative_of_its_momentum_balance(seed: int) -> None:
+    """Derivatives to velocity and turn rate, each entry to 1e-7 of its column."""
     effects, work = moving(seed)
-    body: Any = next(own for own in effects if isinstance(own, RigidBody))
+    body: Any = next(effect for effect in effects if isinstance(effect, RigidBody))
     stage, q = body.stage, some_stage().q
     hook = [work[row : row + 3, 0].copy() for row in (rows.POSITION, rows.VELOCITY)]
     hooked(effects, work)

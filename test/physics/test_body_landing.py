@@ -1,4 +1,4 @@
-"""A rigid body on the seabed: it rests, falls flat, holds and slides by closed forms."""
+"""A rigid body on the seabed: rests, falls flat, sticks and slides by closed forms."""
 
 from __future__ import annotations
 
@@ -40,8 +40,8 @@ SLINGS = tuple(
 SUBMERGED = replace(LINE, density=RHO, volume=VOLUME, step=0.0025)
 
 
-def test_it_rests_on_a_flat_bed() -> None:
-    """Pushes add up to m·g - ρ·g·V, their middle is below that of the weight less buoyancy."""
+def test_a_box_at_rest_on_a_flat_bed() -> None:
+    """Reactions sum to m·g - ρ·g·V, with their centre below that of weight less buoyancy."""
     body = replace(LOOSE, centre_of_gravity_m=(0.3, 0.0, -0.1))
     twin = Twin(between(SUBMERGED, body, BED))
     shot = twin.snapshot()
@@ -62,15 +62,15 @@ def test_it_rests_on_a_flat_bed() -> None:
 
 
 def test_soundings_below_a_body_are_those_below_the_rope() -> None:
-    """Heights of the same grid by the seabed's own function; to round-off."""
+    """Depths of the same grid by the rope's seabed function; to round-off."""
     given = Soundings(
         x_m=(-9.0, 0.0, 7.0), y_m=(-9.0, 8.0), depth_m=((30.0, 31.5, 29.0), (33.0, 30.5, 28.0))
     )
     bed = replace(BED, depth_m=None, soundings=given)
     scene = between(SUBMERGED, LOOSE, bed)
     effects = build_effects(scene, payload_figures(scene.payloads[0], RHO))
-    (grid,) = (own for own in effects if isinstance(own, Grid))
-    (body,) = (own for own in effects if isinstance(own, RigidBody))
+    (grid,) = (effect for effect in effects if isinstance(effect, Grid))
+    (body,) = (effect for effect in effects if isinstance(effect, RigidBody))
     pose = Pose(
         np.array([2.0, 1.0, -29.0]), np.zeros(3), np.zeros(4), np.zeros(3),
         Rotation.from_rotvec([0.4, -0.7, 1.0]).as_matrix(),
@@ -81,7 +81,7 @@ def test_soundings_below_a_body_are_those_below_the_rope() -> None:
 
 
 def test_a_tilted_box_falls_flat_and_makes_no_energy() -> None:
-    """From on edge, half a metre up; energy with what the soil stores falls all the time."""
+    """Released on edge half a metre up; energy, the soil's included, falls all the time."""
     hung = Adrift(SUBMERGED, LOOSE, BED)
     hung.lay((0.0, 0.0, -27.9), (0.35, -0.2, 0.4))
     own, bed, energy = hung.body, part_of(hung.body, PlaneBed), []
@@ -101,22 +101,22 @@ def test_a_tilted_box_falls_flat_and_makes_no_energy() -> None:
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_answers_turn_with_the_scene(mirrored: bool) -> None:
-    """A box aground in a slope's shallows, turned by 211° or mirrored in x: so are its answers."""
+def test_landing_is_invariant_under_rotation_and_mirroring(mirrored: bool) -> None:
+    """A box in a slope's shallows, turned by 211° or mirrored in x."""
     turn = Rotation.from_rotvec([0.0, 0.0, 0.0 if mirrored else 3.683]).as_matrix()
     side = -1.0 if mirrored else 1.0
     own, other = aground(np.eye(3), 1.0), aground(turn, side)
     follow = turn @ np.diag([side, 1.0, 1.0])
     scale = np.abs(own).max(axis=(0, 2), keepdims=True)[0]
-    for expected, found in zip(own, other, strict=True):
-        assert np.abs(found[:2] - expected[:2] @ follow.T).max() < 1e-8 * scale.max()
+    for expected, actual in zip(own, other, strict=True):
+        assert np.abs(actual[:2] - expected[:2] @ follow.T).max() < 1e-8 * scale.max()
         spin = side * expected[2] @ follow.T  # an axial vector
-        assert np.abs(found[2] - spin).max() < 1e-8 * scale[2].max()
+        assert np.abs(actual[2] - spin).max() < 1e-8 * scale[2].max()
 
 
 @pytest.mark.parametrize("length_m", [400.0, 12.0])
-def test_friction_lets_it_rest_on_a_slope_below_its_angle(length_m: float) -> None:
-    """Slings slack: it creeps by the closed form, as steadily a second later.
+def test_a_box_creeps_on_a_slope_below_the_friction_angle(length_m: float) -> None:
+    """Slings slack: creep velocity of the closed form, equal a second later.
 
     It leans downhill against its corners' springs: F·h over 4·k·b² - W·h, F along its own x and y.
     """
@@ -137,8 +137,8 @@ def test_friction_lets_it_rest_on_a_slope_below_its_angle(length_m: float) -> No
         twin.advance(400)
 
 
-def test_beyond_the_friction_angle_slings_hold_it_or_it_is_refused() -> None:
-    """With slack slings it would slide away; slings that end its slide leave it at rest."""
+def test_a_box_above_the_friction_angle_needs_slings() -> None:
+    """With slack slings the start is refused; with taut ones it rests."""
     steep = replace(BED, slope=(0.2, 0.0), friction=0.1)
     long = replace(LOOSE, size_m=(1.0, 0.8, 1.2), slings=(replace(SLACK, length_m=500.0),))
     with pytest.raises(SceneError, match="friction does not hold it and its slings are slack"):
@@ -150,7 +150,7 @@ def test_beyond_the_friction_angle_slings_hold_it_or_it_is_refused() -> None:
 
 
 def on_slope(friction: float) -> tuple[Adrift, Any]:
-    """Laid on a slope of 0.2, still; with the way down."""
+    """Return a body at rest on a slope of 0.2, and the downhill direction."""
     short = replace(LOOSE, slings=(replace(SLACK, length_m=4.0),))
     hung = Adrift(SUBMERGED, short, replace(BED, slope=(0.2, 0.0), friction=friction))
     hung.body.legs[0, at.LENGTH] = 400.0
@@ -160,16 +160,16 @@ def on_slope(friction: float) -> tuple[Adrift, Any]:
     return hung, np.array([-math.cos(lean), 0.0, -math.sin(lean)])
 
 
-def test_friction_holds_it_on_a_slope() -> None:
-    """It creeps at v_0·r/√(1 - r²), r the slope over μ: 4 mm/s; 1 %."""
+def test_creep_velocity_on_a_slope() -> None:
+    """Creep at v_0·r/√(1 - r²), r the slope over μ: 4 mm/s; 1 %."""
     hung, down = on_slope(0.5)
     hung.twin.advance(1600)
     r = 0.2 / 0.5
     assert hung.pose().velocity @ down == pytest.approx(0.01 * r / math.sqrt(1 - r * r), rel=1e-2)
 
 
-def test_it_slides_where_friction_is_too_little() -> None:
-    """At (W/m)·(sin - μ·cos); 1 %."""
+def test_acceleration_of_a_sliding_box() -> None:
+    """Acceleration (W/m)·(sin - μ·cos); 1 %."""
     hung, down = on_slope(0.1)
     hung.twin.advance(800)
     lean = math.atan(0.2)
@@ -177,8 +177,8 @@ def test_it_slides_where_friction_is_too_little() -> None:
     assert hung.pose().velocity @ down == pytest.approx(expected, rel=1e-2)
 
 
-def test_rope_and_slings_go_slack_when_it_is_set_down() -> None:
-    """Lowered 1 m onto the bed: the bed carries all, the rope the hook; nothing ever pulls it."""
+def test_rope_and_slings_go_slack_after_landing() -> None:
+    """Lowered 1 m: the bed carries the body, the rope the hook; tension is never negative."""
     winch = Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, least_line_out_m=5.0,
                   most_line_out_m=30.0)  # fmt: skip
     rig = replace(SUBMERGED, mass=1.0, EA=2e7, damping=2e4, ramp=1.0, winch=winch)

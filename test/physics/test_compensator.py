@@ -1,4 +1,4 @@
-"""Heave compensator at the hook, against closed forms and a separate integration."""
+"""Heave compensator at the hook, against closed forms and an independent integration."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def static_stroke(load_n: float, unit: CompensatorParams = PASSIVE) -> float:
 @pytest.mark.parametrize("share", [0.9, 1.0, 1.2])
 @pytest.mark.parametrize("exponent", [1.0, 1.4])
 def test_the_static_stroke(share: float, exponent: float) -> None:
-    """p·V^n = const: within 1e-6 of the closed form, for loads below and above that at mid stroke.
+    """Stroke by p·V^n = const for loads below and above that of mid stroke; 1e-6.
 
     An isothermal and an adiabatic spring share the code.
     """
@@ -61,10 +61,10 @@ def test_the_static_stroke(share: float, exponent: float) -> None:
     assert stroke(bench) == pytest.approx(static_stroke(held, unit), abs=1e-6)
 
 
-def test_the_water_pushes_the_rod_of_a_unit_that_is_not_compensated_for_depth() -> None:
-    """ρ·g·depth·A_rod adds to the gas, so that the unit retracts with depth; the other does not."""
+def test_water_pressure_retracts_a_unit_without_depth_compensation() -> None:
+    """ρ·g·depth·A_rod adds to the gas pressure; a depth-compensated unit is unaffected."""
     deep = replace(RIG, density=1025.0, hang_off=(0.0, 0.0, -964.0))
-    found = {}
+    results = {}
     for rod in (None, 0.005):
         bench = Bench(compensated(replace(PASSIVE, rod_area_m2=rod), deep))
         z = -bench.position[2, :2].mean()
@@ -73,8 +73,8 @@ def test_the_water_pushes_the_rod_of_a_unit_that_is_not_compensated_for_depth() 
         held = LOAD_N - 0.5 * 1025.0 * volume * GRAVITY
         pushed = 1025.0 * GRAVITY * z * (rod or 0.0)
         assert stroke(bench) == pytest.approx(static_stroke(held - pushed), abs=1e-6)
-        found[rod] = stroke(bench)
-    assert found[None] - found[0.005] > 1.0
+        results[rod] = stroke(bench)
+    assert results[None] - results[0.005] > 1.0
 
 
 def released(scene: Scene, lift_m: float, seconds: float) -> np.ndarray:
@@ -89,15 +89,15 @@ def released(scene: Scene, lift_m: float, seconds: float) -> np.ndarray:
     return np.array(found)
 
 
-def test_the_natural_period_of_small_motions() -> None:
+def test_natural_period_of_small_strokes() -> None:
     """ω² = k/M with k = n·p_0·A²/V_0, in series with the rope's own stiffness."""
-    found = frequency(released(compensated(), 0.01, 60.0), RIG.step)
+    computed = frequency(released(compensated(), 0.01, 60.0), RIG.step)
     k = 1.0 / (1.0 / SPRING + 1.0 / ROPE)
-    assert found == pytest.approx(sqrt(k / MASS) / (2.0 * pi), rel=5e-4)
+    assert computed == pytest.approx(sqrt(k / MASS) / (2.0 * pi), rel=5e-4)
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1.0, 3.0])
-def test_the_transmissibility_in_heave(ratio: float) -> None:
+def test_heave_transmissibility_of_spring_and_damper(ratio: float) -> None:
     """A payload on a spring and a damper below a heaving rope, at three frequencies.
 
     |X/Y|² = (k² + (c·ω)²)/((k - M·ω²)² + (c·ω)²); within 0.5 % for a heave of a centimetre.
@@ -113,15 +113,15 @@ def test_the_transmissibility_in_heave(ratio: float) -> None:
     t, z, heave = np.array(seen)[-round(2.0 * period / 0.02) :].T
     base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t)], axis=1)
     moved, lifted = (np.linalg.lstsq(base, own, rcond=None)[0][:2] for own in (z, heave))
-    found = float(np.hypot(*moved) / np.hypot(*lifted))
+    actual = float(np.hypot(*moved) / np.hypot(*lifted))
     expected = sqrt(
         (SPRING**2 + (c * omega) ** 2) / ((SPRING - MASS * omega**2) ** 2 + (c * omega) ** 2)
     )
-    assert found == pytest.approx(expected, rel=5e-3)
+    assert actual == pytest.approx(expected, rel=5e-3)
 
 
-def test_seals_that_stick_hold_a_small_heave_and_slide_in_a_large_one() -> None:
-    """Below their friction the unit is rigid; above it, it works."""
+def test_seal_friction_sticks_in_small_heave_and_slides_in_large() -> None:
+    """The unit is rigid below the seals' friction and works above it."""
     rubbing = replace(PASSIVE, friction_n=20e3, friction_slip_m=0.001)
     for amplitude, period, works in ((0.2, 12.0, False), (1.5, 8.0, True)):
         twin = Twin(compensated(rubbing, replace(RIG, ramp=10.0)))
@@ -133,7 +133,7 @@ def test_seals_that_stick_hold_a_small_heave_and_slide_in_a_large_one() -> None:
         assert works or np.ptp(strokes) < 0.003
 
 
-def test_what_the_seals_hold_at_rest_does_not_vanish() -> None:
+def test_static_seal_friction_does_not_decay() -> None:
     """A unit set down between the seals' two limits stays there for minutes."""
     rubbing = replace(PASSIVE, friction_n=20e3, damping_newton_seconds_per_m=2e4)
     strokes = released(compensated(rubbing), 0.8, 300.0)
@@ -144,8 +144,8 @@ def test_what_the_seals_hold_at_rest_does_not_vanish() -> None:
     assert 100.0 < abs(gas - LOAD_N) < 20e3
 
 
-def test_the_energy_balance() -> None:
-    """Gas, oil, seals, rod and stops: within 1e-3 of what is dissipated, between both stops."""
+def test_energy_balance_of_the_compensator() -> None:
+    """Gas, oil, seals, rod and both stops: residual below 1e-3 of what is dissipated."""
     unit = replace(
         PASSIVE, throttling_kg_per_m=2e4, damping_newton_seconds_per_m=3e3, friction_n=5e3,
         rod_area_m2=0.002,
@@ -164,7 +164,7 @@ def test_the_energy_balance() -> None:
 
 
 def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
-    """Without its load the gas drives the piston to its stop, and half of the unit hangs on it."""
+    """The gas drives the unloaded piston to its stop; half of the unit's mass stays on the rope."""
     unit = replace(PASSIVE, damping_newton_seconds_per_m=2e4)
     twin = Twin(compensated(unit))
     assert not twin.offer_cut(None, float("inf"))
@@ -179,8 +179,8 @@ def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
 
 
 @pytest.mark.parametrize("below_m", [20.0, 31.0])
-def test_a_cut_above_the_unit_lets_it_fall(below_m: float) -> None:
-    """Unit and payload fall freely, in the unit itself from its upper end; the rope hangs on."""
+def test_unit_and_payload_fall_freely_after_a_cut_above(below_m: float) -> None:
+    """The upper part of the rope stays."""
     twin = Twin(compensated())
     assert not twin.offer_cut(None, below_m)
     *_, shot = march(twin, still, 2.0)
@@ -193,22 +193,22 @@ def test_a_cut_above_the_unit_lets_it_fall(below_m: float) -> None:
     assert shot.compensator.at_stop == "retracted"
 
 
-def test_a_branch_continues_to_the_bit() -> None:
-    """The force that the seals hold is part of the state."""
+def test_a_compensator_branch_is_bit_identical() -> None:
+    """The force of stuck seals is part of the state."""
     twin = Twin(compensated(replace(PASSIVE, friction_n=20e3)))
     *_, _ = march(twin, sine(1.5, 8.0), 10.0)
     last = []
-    for one in (twin.branch(), twin):
-        one.advance(500)
-        last.append(one.snapshot())
+    for run in (twin.branch(), twin):
+        run.advance(500)
+        last.append(run.snapshot())
     first, second = (shot.compensator for shot in last)
     assert first is not None
     assert first == second
     assert first.friction_n != 0.0
 
 
-def test_another_mesh_keeps_the_unit() -> None:
-    """Half as many elements, and back: its stroke goes on, and it remains one element."""
+def test_remeshing_keeps_the_compensator() -> None:
+    """Half as many elements and back: the stroke continues and the unit stays one element."""
     twin = Twin(compensated(replace(PASSIVE, friction_n=5e3), replace(RIG, elements=12)))
     strokes = []
     for halvings in (0, 1, 0):
@@ -235,8 +235,8 @@ def active(**changes: float) -> ActiveCylinder:
 
 
 @pytest.mark.parametrize("period", [6.0, pytest.param(12.0, marks=pytest.mark.long)])
-def test_what_an_active_cylinder_leaves_of_the_heave(period: float) -> None:
-    """The closed form of the module's docstring, within 1 % of what the gas alone leaves."""
+def test_residual_heave_of_an_active_cylinder(period: float) -> None:
+    """The closed form of the module's docstring, within 1 % of the passive residual."""
     unit, omega, step = active(), 2.0 * pi / period, 0.01
     twin = Twin(compensated(replace(PASSIVE, active=unit), replace(RIG, step=step)))
     seen = [
@@ -250,13 +250,13 @@ def test_what_an_active_cylinder_leaves_of_the_heave(period: float) -> None:
     H = s * unit.washout_s / ((1.0 + s * unit.washout_s) * (1.0 + s * unit.lag_s))
     expected = (SPRING + s * K * (1.0 - unit.efficiency * H)) / (SPRING + MASS * s * s + s * K)
     passive = SPRING / abs(SPRING - MASS * omega**2)
-    found = (moved / lifted).conjugate()
+    actual = (moved / lifted).conjugate()
     assert abs(expected) < 0.5 * passive
-    assert abs(found - expected) < 0.01 * passive
+    assert abs(actual - expected) < 0.01 * passive
 
 
-def test_an_active_cylinder_keeps_within_force_speed_and_stroke() -> None:
-    """A heave of more than the stroke: it brakes ahead of the stops, and its force is bounded."""
+def test_an_active_cylinder_respects_force_speed_and_stroke_limits() -> None:
+    """A heave larger than the stroke: it brakes before the stops with bounded force."""
     unit = active(force_limit_n=3e4, speed_limit_m_per_s=0.8)
     twin = Twin(compensated(replace(PASSIVE, active=unit)), ENERGY)
     shots = list(march(twin, sine(1.5, 8.0), 60.0))
@@ -267,8 +267,8 @@ def test_an_active_cylinder_keeps_within_force_speed_and_stroke() -> None:
     assert abs(energy.residual_pct) < 0.1
 
 
-def test_lowering_is_no_heave() -> None:
-    """Paid out at a steady speed for minutes, the unit returns to mid stroke."""
+def test_steady_lowering_returns_the_unit_to_mid_stroke() -> None:
+    """Minutes of steady payout are not taken for heave."""
     winch = Winch(
         speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.2, least_line_out_m=20.0,
         most_line_out_m=300.0,

@@ -1,4 +1,4 @@
-"""A tension read with the hang-off one step late passes for a tension in a plot, and is none.
+"""Tension from a stale hang-off position is of first order only and grows with refinement.
 
 That the published one is of second order in step and element length: case P4 of validate.
 """
@@ -13,7 +13,7 @@ from validation.convergence import HEAVE, SECONDS, rms, slope, twin_of
 
 
 def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:
-    """Top element's tension with the hang-off of the step before less that with its own [N].
+    """Return the error of a tension computed with the hang-off of the previous step [N].
 
     Second: EA·v·h/l0, v the hang-off's mean speed over the step.
     """
@@ -32,8 +32,8 @@ def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:
     return np.array(late), np.array(predicted)
 
 
-def test_a_tension_read_one_step_late_fails_both() -> None:
-    """Its error is EA·v·h/l0: first order in the step, and it *grows* with the elements."""
+def test_a_tension_one_step_late_is_of_first_order_and_grows_with_elements() -> None:
+    """Its error is EA·v·h/l0: first order in the step, inverse in the element length."""
     late, predicted = stale_error(100, 0.01)
     assert np.abs(late - predicted).max() < 1e-3 * np.abs(predicted).max()
     assert np.abs(late).max() > 15e3, "the trap must be worth a test: 15 kN of 320"

@@ -1,4 +1,4 @@
-"""The cosine of the node loops: the C library's, and more than one at a time."""
+"""Vectorised cosine of the node loops against the C library's."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ PACKED_PRODUCT = re.compile(
 
 @jit_entry
 def cosines(x: Any, y: Any) -> None:
-    """y = cos x."""
+    """Compute y = cos x."""
     for i in range(x.shape[0]):
         y[i] = cosine(x[i])
 
 
-def test_it_is_the_cosine() -> None:
-    """To 5e-16, for phases of any sign up to 150,000 turns."""
+def test_the_cosine_is_that_of_the_c_library() -> None:
+    """Phases of any sign up to 150,000 turns; 5e-16."""
     random, quarters = np.random.default_rng(1), np.arange(-4000, 4000) * (0.5 * np.pi)
     wide = [random.uniform(-size, size, 20000) for size in (1.0, 30.0, 1e3, 1e6)]
     x = np.concatenate([quarters, *wide])
@@ -36,8 +36,8 @@ def test_it_is_the_cosine() -> None:
     assert np.isnan(y[:5]).all()
 
 
-def test_its_loop_is_vectorised() -> None:
-    """A call for each number would leave no packed product (cached code cannot be inspected)."""
+def test_the_cosine_loop_is_vectorised() -> None:
+    """A call per number would leave no packed product (cached code cannot be inspected)."""
     fresh = numba.njit(**OPTIONS)(cosines.py_func)
     fresh.compile("void(f8[::1], f8[::1])")
     (signature,) = fresh.signatures

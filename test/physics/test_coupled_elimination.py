@@ -1,4 +1,4 @@
-"""The solve where nodes reach two neighbours: against a dense solve, and the plain one."""
+"""Block-pentadiagonal solve, nodes coupled with two neighbours: against dense and tridiagonal."""
 
 from __future__ import annotations
 
@@ -15,24 +15,24 @@ from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_l
 
 @jit_entry
 def solve_coupled(work: Any, first: int, n: int) -> None:
-    """(A + K + couplings)·delta = R."""
+    """Solve (A + K + couplings)·delta = R."""
     eliminate_coupled(work, first, n)
 
 
 @jit_entry
 def solve_again(work: Any, first: int, n: int) -> None:
-    """The same for another R, by the factors that there are."""
+    """Solve for another R by the existing factors."""
     push_coupled(work, first, n)
 
 
 @jit_entry
 def less_links(work: Any, n: int) -> None:
-    """R less what other nodes' corrections make of it by the couplings."""
+    """Subtract from R what corrections of other nodes contribute through couplings."""
     take_links(work, n)
 
 
 def bent_chain(n: int, stiffness: float, seed: int) -> Vector:
-    """A chain with random bending springs k·(Δ²x)² at its inner nodes, as stiff as its elements."""
+    """Return a chain with random bending springs k·(Δ²x)², as stiff as its elements."""
     random = np.random.default_rng(seed)
     work = rows.new_work(n + 1, rows.COUPLED_ROWS)
     work[: rows.WORK_ROWS] = chain(n, stiffness, seed)
@@ -49,7 +49,7 @@ def bent_chain(n: int, stiffness: float, seed: int) -> Vector:
 
 
 def matrix(work: Vector, n: int) -> Vector:
-    """The whole matrix of the nodes 0 <= i < n."""
+    """Return the assembled matrix of the nodes 0 <= i < n."""
     full = np.zeros((3 * (n + 2), 3 * (n + 2)))
     for i in range(n):
         block = np.zeros((3, 3))
@@ -70,53 +70,53 @@ def matrix(work: Vector, n: int) -> Vector:
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [3, 4, 7, 60])
 @pytest.mark.parametrize("stiffness", [1e-2, 1.0, 1e3, 1e6])
-def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
-    """Free and fixed lower end; stiffness over mass up to 1e6, slack elements between."""
+def test_the_coupled_solve_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
+    """Free and fixed lower end; stiffness over mass up to 1e6, some elements slack."""
     for seed in range(5):
         work = bent_chain(n, stiffness, seed)
         free = slice(3 * first, 3 * n)
         right = work[rows.RESIDUAL : rows.RESIDUAL + 3, first:n].T.ravel()
         expected = np.linalg.solve(matrix(work, n)[free, free], right).reshape(-1, 3).T
         solve_coupled(work, first, n)
-        found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
-        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+        actual = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
+        assert np.abs(actual - expected).max() < 1e-9 * np.abs(expected).max()
         held = work[rows.CORRECTION : rows.CORRECTION + 3, [n, *range(first)]]
         assert (held == 0.0).all(), "hang-off and fixed end do not move"
 
 
 @pytest.mark.parametrize("first", [0, 1])
-def test_equals_the_plain_elimination_without_couplings(first: int) -> None:
-    """A chain that nothing couples gives what `eliminate` gives."""
+def test_the_coupled_solve_without_couplings_equals_the_tridiagonal_one(first: int) -> None:
+    """A chain with zero couplings gives the corrections of `eliminate`."""
     work = rows.new_work(61, rows.COUPLED_ROWS)
     work[: rows.WORK_ROWS] = chain(60, 1e3, 3)
     plain = work[: rows.WORK_ROWS].copy()
     solve(plain, first, 60)
     solve_coupled(work, first, 60)
-    place = slice(rows.CORRECTION, rows.CORRECTION + 3)
-    assert np.abs(work[place] - plain[place]).max() < 1e-11 * np.abs(plain[place]).max()
+    position = slice(rows.CORRECTION, rows.CORRECTION + 3)
+    assert np.abs(work[position] - plain[position]).max() < 1e-11 * np.abs(plain[position]).max()
 
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 60])
-def test_factors_serve_another_force(first: int, n: int) -> None:
-    """Corrections by old factors are those of a solve anew; of twice the force, twice as large."""
+def test_reused_factors_solve_another_right_hand_side(first: int, n: int) -> None:
+    """Corrections equal those of a fresh solve; for twice the force they double."""
     work = bent_chain(n, 1e3, n)
     solve_coupled(work, first, n)
-    place = slice(rows.CORRECTION, rows.CORRECTION + 3)
-    once = work[place].copy()
+    position = slice(rows.CORRECTION, rows.CORRECTION + 3)
+    once = work[position].copy()
     work[rows.RESIDUAL : rows.RESIDUAL + 3] *= 2.0
     solve_again(work, first, n)
-    assert np.abs(work[place] - 2.0 * once).max() < 1e-12 * np.abs(once).max()
+    assert np.abs(work[position] - 2.0 * once).max() < 1e-12 * np.abs(once).max()
     force = np.random.default_rng(7).normal(size=(3, work.shape[1]))
     anew = work.copy()
     for one in (work, anew):
         one[rows.RESIDUAL : rows.RESIDUAL + 3] = force
     solve_again(work, first, n)
     solve_coupled(anew, first, n)
-    assert np.abs(work[place] - anew[place]).max() < 1e-9 * np.abs(anew[place]).max()
+    assert np.abs(work[position] - anew[position]).max() < 1e-9 * np.abs(anew[position]).max()
 
 
-def test_couplings_take_their_share_of_the_residual() -> None:
+def test_couplings_are_subtracted_from_the_residual() -> None:
     """R - (couplings)·delta, by the whole matrix with and without them."""
     n = 9
     work = bent_chain(n, 10.0, 4)

@@ -1,4 +1,4 @@
-"""Currents in layers, over time and upward; drag over the Reynolds number, by current alone."""
+"""Layered, time-varying and vertical currents; drag by Reynolds number and by current alone."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ LAYERS = Layers(upper=(0.8, 0.2), lower=(-0.3, 0.1), split_z_m=-40.0, bottom_z_m
 BOTH = CurrentParams(layers=LAYERS)
 
 
-def found(effects: tuple[Any, ...], work: Vector, time: float = 3.0) -> Vector:
-    """Scratch after the hooks of these effects."""
+def scratch_after(effects: tuple[Any, ...], work: Vector, time: float = 3.0) -> Vector:
+    """Return scratch after the hooks of these effects."""
     work = work.copy()
     apply(effects, work, rows.Stage(time, 1e-4, 1e-2, 0.0), 0, NODES)
     return work
 
 
 def flow(params: CurrentParams, time: float = 3.0) -> Vector:
-    """Water velocity at the sample nodes, (3, NODES)."""
-    return found((build_current(params, None, WATER),), some_work(), time)[
+    """Return the water velocity at the sample nodes, (3, NODES)."""
+    return scratch_after((build_current(params, None, WATER),), some_work(), time)[
         rows.FLOW : rows.FLOW + 3
     ]
 
 
-def test_two_layers() -> None:
-    """The published form: one velocity above the split, another to the bottom, none below."""
+def test_a_two_layer_current() -> None:
+    """One velocity above the split, another down to the bottom, none below, as published."""
     z = some_work()[2]
     seen = flow(BOTH)
     for east, north, part in ((0.8, 0.2, z > -39.9), (-0.3, 0.1, (z < -40.1) & (z > -69.9)),
@@ -56,14 +56,14 @@ def test_two_layers() -> None:
 @pytest.mark.parametrize(
     ("time", "share"), [(-5.0, 0.0), (0.0, 0.0), (5.0, 0.5), (10.0, 1.0), (15.0, 0.75), (99.0, 0.5)]
 )
-def test_a_current_that_comes_and_goes(time: float, share: float) -> None:
-    """Ramps are linear between the rows and held beyond them."""
+def test_a_current_time_factor_is_linear_between_rows(time: float, share: float) -> None:
+    """It is constant beyond the first and last row."""
     params = replace(BOTH, over_time=((0.0, 0.0), (10.0, 1.0), (20.0, 0.5)))
     assert flow(params, time) == pytest.approx(share * flow(BOTH), abs=1e-12)
 
 
-def test_a_ramp_starts_from_rest_and_ends_in_the_tow() -> None:
-    """Hanging straight at t = 0; at the end the offset is that of the steady current, 0.5 %."""
+def test_a_current_ramp_ends_at_the_steady_offset() -> None:
+    """The rope hangs straight at t = 0 and ends at the offset of the steady current; 0.5 %."""
     rig = Rig(
         length=100.0, elements=20, mass=6.4, load=3e3, volume=0.3, density=1025.0, drag=(1.2, 0.01),
         area=(4.0,) * 3, added_mass=1.0, damping=1e5, step=0.05,
@@ -86,8 +86,8 @@ RISING = CurrentParams(
 
 
 @pytest.mark.parametrize("share", [1.0, 0.5])
-def test_a_vertical_component_over_the_depth(share: float) -> None:
-    """All three are linear between the rows; the horizontal ones to the bit as without it."""
+def test_vertical_current_is_linear_over_depth(share: float) -> None:
+    """Horizontal components are bit-identical to those without a vertical one."""
     over_time = () if share == 1.0 else ((0.0, 0.0), (10.0, 1.0))
     params = replace(RISING, over_time=over_time)
     level = replace(params, profile=tuple((z, velocity[:2]) for z, velocity in params.profile))
@@ -98,8 +98,8 @@ def test_a_vertical_component_over_the_depth(share: float) -> None:
     assert np.ptp(seen[2]) > 0.1 * share
 
 
-def test_only_the_relative_velocity_counts() -> None:
-    """Drag of rope and payload that move with the water is none; else as in still water."""
+def test_drag_depends_on_relative_velocity() -> None:
+    """Rope and payload that move with the water have no drag; otherwise as in still water."""
     up = (0.3, -0.2, 0.7)
     water = build_current(CurrentParams(profile=((0.0, up),)), None, WATER)
     load = SimpleNamespace(
@@ -114,14 +114,14 @@ def test_only_the_relative_velocity_counts() -> None:
     still = work.copy()
     still[rows.VELOCITY : rows.VELOCITY + 3] -= np.array(up)[:, None]
     part = slice(rows.RESIDUAL, rows.BLOCK + 6)
-    assert found((water, *force), work)[part] == pytest.approx(
-        found(force, still)[part], rel=1e-12, abs=1e-9
+    assert scratch_after((water, *force), work)[part] == pytest.approx(
+        scratch_after(force, still)[part], rel=1e-12, abs=1e-9
     )
 
 
 @pytest.mark.parametrize("upward", [0.8, -0.8])
-def test_a_rope_that_hangs_in_a_vertical_current(upward: float) -> None:
-    """Tension from the payload up: W - ½ρCdA·w·|w| + (weight - ½ρπd·Cdt·w·|w|)·s."""
+def test_tension_of_a_rope_in_a_vertical_current(upward: float) -> None:
+    """T(s) = W - ½ρCdA·w·|w| + (weight - ½ρπd·Cdt·w·|w|)·s from the payload up."""
     rig = Rig(
         length=400.0, elements=40, mass=6.4, load=3e3, volume=0.3, density=1025.0, drag=(1.2, 0.02),
         area=(4.0, 4.0, 5.0), damping=1e5, diameter=0.04, EA=5e7, tolerance=1e-6,
@@ -139,15 +139,15 @@ def test_a_rope_that_hangs_in_a_vertical_current(upward: float) -> None:
     assert np.abs(shot.payload_position_m[:2]).max() < 1e-9
 
 
-def test_drag_follows_the_reynolds_number() -> None:
-    """Factor by ln Re between rows, held beyond; the same factor on the whole of `normal`."""
+def test_drag_coefficient_by_reynolds_number() -> None:
+    """Linear in ln Re between rows, constant beyond; one factor on all of `normal`."""
     base = DragParams(normal=1.2, tangential=0.0)
     table = replace(base, over_reynolds=((1e3, 2.0), (1e5, 1.0), (1e6, 0.5)))
     built = build_drag(table, None, WATER)
     assert isinstance(built, ReynoldsDrag)
     work = some_work()
-    plain, other = (found((build_drag(p, None, WATER),), work) for p in (base, table))
-    bare = found((), work)
+    plain, other = (scratch_after((build_drag(p, None, WATER),), work) for p in (base, table))
+    bare = scratch_after((), work)
     v, t = work[rows.VELOCITY : rows.VELOCITY + 3], work[rows.TANGENT : rows.TANGENT + 3]
     speed = np.linalg.norm(v - (v * t).sum(axis=0) * t, axis=0)
     diameter = 4.0 / math.pi * work[rows.VOLUME] / work[rows.FRONTAL]
@@ -158,19 +158,19 @@ def test_drag_follows_the_reynolds_number() -> None:
     assert np.ptp(factor) > 0.1
 
 
-def test_drag_by_the_current_alone_does_not_damp() -> None:
-    """Method 1: the force of the current on a rope at rest, however it moves, and no block."""
+def test_drag_by_current_alone_has_no_damping() -> None:
+    """Force of the current on a rope at rest, whatever its motion, without a block."""
     params = DragParams(normal=1.2, tangential=0.02, relative=False)
     effects = (build_current(BOTH, None, WATER), build_drag(params, None, WATER))
     work = some_work()
     resting = work.copy()
     resting[rows.VELOCITY : rows.VELOCITY + 3] = 0.0
     full = (effects[0], build_drag(replace(params, relative=True), None, WATER))
-    seen, expected = found(effects, work), found(full, resting)
+    seen, expected = scratch_after(effects, work), scratch_after(full, resting)
     force = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
     assert seen[force] == pytest.approx(expected[force], rel=1e-12, abs=1e-12)
     blocks = slice(rows.BLOCK, rows.BLOCK + 6)
-    assert seen[blocks] == pytest.approx(found((), work)[blocks], rel=1e-12)
+    assert seen[blocks] == pytest.approx(scratch_after((), work)[blocks], rel=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -185,11 +185,11 @@ def test_drag_by_the_current_alone_does_not_damp() -> None:
         (CurrentParams(layers=replace(LAYERS, lower=(1.0,) * 4)), "has 4 components"),
     ],
 )
-def test_what_a_current_may_not_be(params: CurrentParams, words: str) -> None:
+def test_invalid_currents_are_rejected(params: CurrentParams, words: str) -> None:
     assert words in (params.check() or "")
 
 
-def test_what_drag_and_layers_may_not_be() -> None:
+def test_invalid_drag_and_layers_are_rejected() -> None:
     assert "order" in (replace(LAYERS, bottom_z_m=-30.0).check() or "")
     rows_back = DragParams(normal=1.0, tangential=0.0, over_reynolds=((1e5, 1.0), (1e4, 1.0)))
     assert "order the rows" in (rows_back.check() or "")

@@ -1,4 +1,4 @@
-"""A rope that is cut: nothing is lost, and both parts go on as closed forms say they do."""
+"""A cut rope: conservation at the cut, and closed forms of the motion of both parts."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ STUB = 1.0  # m of rope that stays on the payload of a rope cut at its end
 
 
 @pytest.mark.parametrize("at", [101.0, 207.3, 391.0])
-def test_nothing_is_lost_at_the_cut(at: float) -> None:
-    """Mass, momentum, stretch and height; of motion what the one element's ends differ by."""
+def test_a_cut_conserves_mass_momentum_and_energy(at: float) -> None:
+    """Mass, momentum, stretch and height stay; the cut element loses its relative motion."""
     twin = swinging(VACUUM)
     before = sums(twin.rope, VACUUM, VACUUM.load)
     n = int(twin.rope.state.counts[rows.ELEMENTS])
@@ -41,8 +41,8 @@ def test_nothing_is_lost_at_the_cut(at: float) -> None:
         assert before.motion - both.motion == pytest.approx(lost, rel=1e-3, abs=1e-6)
 
 
-def test_in_vacuum_the_lower_part_falls_freely_from_the_first_step_on() -> None:
-    """Its momentum grows by its weight, to round-off, however it whips; energy only falls."""
+def test_the_lower_part_falls_freely_in_vacuum() -> None:
+    """Its momentum grows by its weight to round-off from the first step on; energy only falls."""
     twin = swinging(VACUUM)
     twin.offer_cut(None, 250.0)
     before = sums(twin.rope, VACUUM, VACUUM.load)
@@ -58,8 +58,8 @@ def test_in_vacuum_the_lower_part_falls_freely_from_the_first_step_on() -> None:
         last = now
 
 
-def test_the_release_wave_moves_both_ends_at_their_speed() -> None:
-    """V = T/√(EA·m), until it has reached an end.
+def test_the_release_wave_velocity_after_a_cut() -> None:
+    """End velocity V = T/√(EA·m) until the wave has reached an end.
 
     Behind it the upper part moves with V and is as taut as its own weight makes it. In the lower
     part the wave meets tensions T - w·c·t, leaves rope that is slack, and that falls:
@@ -80,7 +80,7 @@ def test_the_release_wave_moves_both_ends_at_their_speed() -> None:
 
 
 @pytest.mark.parametrize("below", [math.inf, 80.0])
-def test_payload_and_rope_sink_at_their_terminal_speed(below: float) -> None:
+def test_terminal_velocity_of_payload_and_rope(below: float) -> None:
     """W + w·l = (½·ρ·CdA + ½·ρ·Ct·π·d·l)·v² while the rope trails taut behind the payload."""
     rig = replace(WATER, drag=(1.2, 0.1))
     twin = rig.twin()
@@ -97,18 +97,18 @@ def test_payload_and_rope_sink_at_their_terminal_speed(below: float) -> None:
     assert shot.tension_payload_n > 0.0, "the rope trails taut"
 
 
-def test_what_is_at_the_lower_end_comes_off() -> None:
-    """The same effects without it, so the same binary; they bring nothing any more."""
+def test_a_cut_removes_the_lower_end_effects() -> None:
+    """The upper part keeps the compiled effects, with parameters that do nothing."""
     effects = data_of("payload", "splash_zone", "net", "fairing")
     bare = without_load(effects)
-    assert [type(one) for one in bare] == [type(one) for one in effects]
+    assert [type(effect) for effect in bare] == [type(effect) for effect in effects]
     work = some_work()
     assert np.abs(loads(effects, work)[:, 0]).max() > 1e3
     assert (loads(bare, work) == loads((), work)).all()
 
 
-def test_every_effect_of_the_house_that_loads_the_lower_end_can_come_off() -> None:
-    """One that is not known there is reported by its name, not left on in silence."""
+def test_every_lower_end_effect_can_be_removed() -> None:
+    """An unknown effect is reported by its name."""
     for effect in EFFECTS:
         (before,) = data_of(effect.name)
         (after,) = without_load((before,))

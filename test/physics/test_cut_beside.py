@@ -1,4 +1,4 @@
-"""A rope cut while a model beside the step shakes it: what hangs on has modes of its own."""
+"""A rope cut while a modal VIV model shakes it: the remaining rope has modes of its own."""
 
 from __future__ import annotations
 
@@ -18,22 +18,22 @@ STEPS_PER_S = 100
 
 
 def shaken(name: str) -> Twin:
-    """After half a minute."""
+    """Return the twin after half a minute."""
     twin = Twin(load_scene(name))
     twin.advance(30 * STEPS_PER_S)
     return twin
 
 
 def growth_of(effects: tuple[object, ...]) -> np.ndarray:
-    """Of the drag, at the nodes."""
-    own = next(one for one in effects if isinstance(one, DragGrowth))
+    """Return the drag amplification at the nodes."""
+    own = next(effect for effect in effects if isinstance(effect, DragGrowth))
     return np.asarray(own.memory[GROWTH])
 
 
 @SCENES
 @pytest.mark.long
-def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str) -> None:
-    """Twenty seconds later they are those of a bare rope of its length and tension."""
+def test_modal_viv_after_a_cut_uses_the_remaining_rope(name: str) -> None:
+    """Modes 20 s later are those of a bare rope; the fallen part has no VIV."""
     twin = shaken(name)
     before = twin.snapshot().vibration
     assert before is not None
@@ -65,8 +65,8 @@ def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str)
 
 
 @SCENES
-def test_it_goes_on_to_the_bit(name: str) -> None:
-    """From a saved state and on a branch, right after the cut and later."""
+def test_a_cut_run_with_modal_viv_resumes_bit_identically(name: str) -> None:
+    """Saved states and branches, right after the cut and later."""
     twin = shaken(name)
     assert not twin.offer_cut(None, 300.0)
     others = []

@@ -1,4 +1,4 @@
-"""A rope cut above a rigid body: the body falls on with its slings, a bare rope hangs on."""
+"""A rope cut above a rigid body: the body falls with its slings, a bare rope remains."""
 
 from __future__ import annotations
 
@@ -39,12 +39,14 @@ WET = replace(
 
 
 def falling(twin: Twin) -> Any:
-    """The body of the part that falls."""
-    return next(own for own in fallen(twin).effects if type(own).__name__.startswith("RigidBody"))
+    """Return the rigid body of the fallen part."""
+    return next(
+        effect for effect in fallen(twin).effects if type(effect).__name__.startswith("RigidBody")
+    )
 
 
 def momentum(twin: Twin, rig: Any) -> Vector:
-    """Of rope, hook and body that fall [kg·m/s]."""
+    """Return the momentum of falling rope, hook and body [kg·m/s]."""
     rope = fallen(twin)
     n = int(rope.state.counts[rows.ELEMENTS])
     rest = np.diff(rope.state.s[: n + 1])
@@ -55,7 +57,7 @@ def momentum(twin: Twin, rig: Any) -> Vector:
 
 
 def set_swinging(twin: Twin) -> None:
-    """Rope and body move, the body turns."""
+    """Set rope and body in motion."""
     twin.advance(1)
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     twin.rope.state.nodes[3, 1:n] += np.sin(np.linspace(0.0, np.pi, n - 1))
@@ -63,8 +65,8 @@ def set_swinging(twin: Twin) -> None:
 
 
 @pytest.mark.parametrize("below", [20.0, 51.3, math.inf])
-def test_the_cut_leaves_the_body_as_it_is_and_compiles_nothing(below: float) -> None:
-    """To the bit: place, attitude, velocity, spin, the water at it; one more step needs no code."""
+def test_a_cut_keeps_the_body_state_and_compiles_nothing(below: float) -> None:
+    """Position, attitude, velocity, spin and water are bit-identical; no code is compiled."""
     twin = Twin(scene_of(WET, BODY))
     set_swinging(twin)
     body = body_in(twin)
@@ -80,8 +82,8 @@ def test_the_cut_leaves_the_body_as_it_is_and_compiles_nothing(below: float) -> 
     assert len(getattr(advance, "overloads", ())) == codes
 
 
-def test_how_the_time_is_cut_up_changes_no_bit() -> None:
-    """As a paced run does, and a restored one that begins anew within."""
+def test_a_falling_body_is_independent_of_the_call_pattern() -> None:
+    """Runs in pieces and restored runs are bit-identical."""
     shots = []
     for chunk in (1, 7, 64):
         twin = Twin(scene_of(WET, BODY))
@@ -99,8 +101,8 @@ def test_how_the_time_is_cut_up_changes_no_bit() -> None:
             assert (own.node_position_m == one.node_position_m).all()
 
 
-def test_in_vacuum_hook_slings_and_body_fall_freely() -> None:
-    """Momentum grows by their weight as slings spring back, to what a hook's balance may miss."""
+def test_hook_slings_and_body_fall_freely_in_vacuum() -> None:
+    """Momentum grows by weight as the slings spring back, within the hook's solver tolerance."""
     twin = Twin(scene_of(replace(HEAVY, step=0.005), DRY))
     set_swinging(twin)
     assert not twin.offer_cut(None, 35.0)
@@ -115,8 +117,8 @@ def test_in_vacuum_hook_slings_and_body_fall_freely() -> None:
         last = now
 
 
-def test_the_rope_above_is_as_one_with_nothing_at_its_end() -> None:
-    """The parked body brings nothing to the bit, and rests for good."""
+def test_the_remaining_rope_equals_a_bare_rope() -> None:
+    """The parked body contributes nothing and rests for good."""
     effects = data_of("rigid_body")
     assert np.abs(loads(effects, some_work())[:, 0]).max() > 1e3
     assert (loads(without_load(effects), some_work()) == loads((), some_work())).all()
@@ -134,7 +136,7 @@ def test_the_rope_above_is_as_one_with_nothing_at_its_end() -> None:
     assert twin.snapshot().tension_top_n == pytest.approx(weight, rel=0.02), "a bare rope"
 
 
-def test_body_hook_and_rope_sink_at_their_terminal_speed() -> None:
+def test_terminal_velocity_of_body_hook_and_rope() -> None:
     """W + w·l = (½·ρ·CdA + ½·ρ·Ct·π·d·l)·v², a light rope trailing; the body lies level."""
     body = replace(BODY, centre_of_gravity_m=(0.0, 0.0, -0.2), hook_mass_kg=0.0)
     rig = replace(WET, mass=0.4)
@@ -152,8 +154,8 @@ def test_body_hook_and_rope_sink_at_their_terminal_speed() -> None:
     assert (shot.body.leg_pull_n > 0.0).all(), "the rope trails taut"
 
 
-def test_through_the_surface_onto_the_bed() -> None:
-    """Energy is kept on the way, a slam at 10 m/s included; the bed carries the body in the end."""
+def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
+    """Energy closes, a slam at 10 m/s included; the bed carries the body in the end."""
     bed = SeabedParams(depth_m=30.0, payload_penetration_m=0.05, friction=0.4)
     rig = replace(WET, length=30.0, elements=10, hang_off=(0.0, 0.0, 40.0), mass=5.0, step=0.0025)
     twin = Twin(between(rig, BODY, bed, bottom_m2=2.0), ENERGY)

@@ -1,4 +1,4 @@
-"""A cut in multi-line systems: against one rope that is cut, and what must stay as it is."""
+"""Cuts in multi-line systems: against a single rope that is cut, conservation and refusals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def bridle() -> Scene:
 
 
 def heaved(twin: Twin, seconds: int) -> None:
-    """A heave of 0.3 m, known for so many seconds."""
+    """Feed a heave of 0.3 m for some seconds."""
     for k in range(20 * seconds):
         t = 0.05 * k
         assert not twin.offer_heave(round(t * 1e9), 0.3 * math.sin(t), 0.3 * math.cos(t))
@@ -50,8 +50,8 @@ def seen(scene: Path, text: str, rope: str) -> Floats:
     return np.array(shots)
 
 
-def test_a_rope_with_a_ring_is_cut_as_the_whole_rope(tmp_path: Path) -> None:
-    """Both parts, stepped apart there and together here, in heave, waves and splash zone.
+def test_a_cut_rope_with_a_ring_equals_a_cut_single_rope(tmp_path: Path) -> None:
+    """Both parts in heave, waves and splash zone.
 
     A second on places differ by 4e-5 m, the solver's tolerance, which grows as the rope folds.
     """
@@ -79,8 +79,10 @@ def figures(twin: Twin) -> tuple[float, Floats]:
 
 
 @pytest.mark.parametrize(("number", "above_m"), [(0, 333.0), (1, 4.4), (4, 1.2)])
-def test_nothing_is_lost_at_the_cut(bridle: Scene, number: int, above_m: float) -> None:
-    """Mass and momentum of all rope, wherever it is cut; the new ends lie in one place."""
+def test_a_cut_in_a_system_conserves_mass_and_momentum(
+    bridle: Scene, number: int, above_m: float
+) -> None:
+    """Mass and momentum of all ropes stay, wherever the cut; the new ends coincide."""
     twin = Twin(bridle)
     heaved(twin, 6)
     twin.advance(400)
@@ -96,19 +98,19 @@ def test_nothing_is_lost_at_the_cut(bridle: Scene, number: int, above_m: float) 
 
 
 def pulls(shot: Snapshot) -> dict[str, float]:
-    """Tension at the upper end of each rope [N]."""
+    """Return the tension at the upper end of each rope [N]."""
     return {rope.name: rope.tension_top_n for rope in shot.ropes}
 
 
-def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
-    """All of the weight is on the other leg, the balance closes, and a saved run is the run."""
+def test_the_other_leg_carries_the_load_after_a_cut(bridle: Scene) -> None:
+    """It carries all weight, the energy balance closes, and a saved run resumes identically."""
     twin = Twin(bridle, ENERGY)
     before = pulls(twin.snapshot())
     assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
     twin.advance(150)
     branch = Twin.restore(twin.capture(), bridle, ENERGY)
-    for one in (twin, branch):
-        one.advance(150)
+    for run in (twin, branch):
+        run.advance(150)
     shot, other = twin.snapshot(), branch.snapshot()
     for rope, same in zip(shot.ropes, other.ropes, strict=True):
         assert rope.node_position_m.tobytes() == same.node_position_m.tobytes()
@@ -124,11 +126,11 @@ def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
     assert after["leg_starboard"] == pytest.approx(two_legs, rel=0.02)
 
 
-def test_each_rope_has_its_own_length_and_name(bridle: Scene) -> None:
-    """What cannot be is refused in a sentence, also before a run."""
+def test_invalid_cuts_of_named_ropes_are_rejected(bridle: Scene) -> None:
+    """A wrong rope or length gets one sentence, also before a run."""
     twin = Twin(bridle)
-    said = twin.offer_cut(None, 3.0, "leg_prot")
-    assert "there is no rope 'leg_prot'; did you mean 'leg_port'?" in said
+    message = twin.offer_cut(None, 3.0, "leg_prot")
+    assert "there is no rope 'leg_prot'; did you mean 'leg_port'?" in message
     assert plan_for(bridle, "leg_port:4@3") == PlannedCut(3_000_000_000, 4.0, "leg_port")
     with pytest.raises(InputError, match=r"never longer than 8 m; give up to 7 m, or end"):
         plan_for(bridle, "leg_port:9@3")

@@ -1,4 +1,4 @@
-"""A rope cut while its vortices shake it: each part goes on with the wake of its own nodes."""
+"""A rope cut while its VIV model with memory shakes it: each part keeps its nodes' wakes."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ EACH = pytest.mark.parametrize("model", list(MODELS))
 
 
 def scene_of(model: str, speed: float = 0.5) -> Scene:
-    """The rig in a current of this speed, shaken so."""
+    """Return the rig in a current of this speed with this VIV model."""
     scene = replace(RIG, current=((0.0, (speed, 0.0)),)).scene()
     return replace(scene, effects=(*scene.effects, MODELS[model][0]))
 
 
 def shaken(model: str) -> Twin:
-    """It hangs in its vortices, and is paid out."""
+    """Return a rope that vibrates and is paid out."""
     twin = Twin(scene_of(model))
     assert not twin.offer_speed(None, 0.3)
     twin.advance(1000)
@@ -56,14 +56,14 @@ def shaken(model: str) -> Twin:
 
 
 def memory_of(rope: Rope) -> Any:
-    """Of the one effect that remembers."""
-    return next(own for own in rope.effects if has_state(own)).memory
+    """Return the internal variables of the one effect that has them."""
+    return next(effect for effect in rope.effects if has_state(effect)).memory
 
 
 @EACH
 @pytest.mark.parametrize("at", [12.0, 17.37])
-def test_every_node_keeps_its_wake(model: str, at: float) -> None:
-    """To the bit in both parts; at the cut it is between that of the nodes beside it."""
+def test_a_cut_keeps_the_wake_of_every_node(model: str, at: float) -> None:
+    """Bit-identical in both parts; at the cut it lies between those of the neighbouring nodes."""
     twin, k = shaken(model), MODELS[model][1]
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     s, memory = twin.rope.state.s[:n].copy(), memory_of(twin.rope).copy()
@@ -88,8 +88,8 @@ def test_every_node_keeps_its_wake(model: str, at: float) -> None:
 
 
 @EACH
-def test_both_parts_shed_along_all_of_their_rope(model: str) -> None:
-    """Strength per metre times rope, to half an element at the hang-off; 1 mm beyond the end."""
+def test_both_parts_shed_along_their_full_length(model: str) -> None:
+    """Strength per metre times length, to half an element at the hang-off."""
     _, _, row, per_metre = MODELS[model]
     twin = shaken(model)
     assert not twin.offer_cut(None, 17.83)
@@ -106,8 +106,8 @@ def test_both_parts_shed_along_all_of_their_rope(model: str) -> None:
 
 
 @EACH
-def test_a_rope_that_falls_along_itself_sheds_nothing(model: str) -> None:
-    """In still water: W + w·l = (½·ρ·CdA + ½·ρ·Ct·π·d·l)·v², as without vortices."""
+def test_an_axially_falling_rope_sheds_no_vortices(model: str) -> None:
+    """Terminal velocity W + w·l = (½·ρ·CdA + ½·ρ·Ct·π·d·l)·v², as without vortices."""
     rig = replace(RIG, current=((0.0, (0.0, 0.0)),), mass=1.0, winch=None)
     scene = rig.scene()
     twin = Twin(replace(scene, effects=(*scene.effects, MODELS[model][0])))
@@ -124,8 +124,8 @@ def test_a_rope_that_falls_along_itself_sheds_nothing(model: str) -> None:
 
 
 @EACH
-def test_the_balance_of_both_parts_closes(model: str) -> None:
-    """Over the cut and the fall, with what the vortices bring."""
+def test_energy_balance_of_both_parts_with_vortices(model: str) -> None:
+    """It closes over cut and fall, with the work of the vortices."""
     twin = Twin(scene_of(model), ENERGY)
     twin.advance(300)
     assert not twin.offer_cut(None, 12.0)
@@ -137,8 +137,8 @@ def test_the_balance_of_both_parts_closes(model: str) -> None:
 
 
 @EACH
-def test_it_goes_on_to_the_bit(model: str) -> None:
-    """However the time is cut up, from a saved state and on a branch."""
+def test_a_cut_run_with_wakes_resumes_bit_identically(model: str) -> None:
+    """In any call pattern, from a saved state and on a branch."""
     ends = []
     for chunk in (1, 7, 64):
         twin = Twin(scene_of(model))
@@ -155,8 +155,8 @@ def test_it_goes_on_to_the_bit(model: str) -> None:
     assert ends[0] == ends[1] == ends[2]
 
 
-def test_the_part_that_hangs_is_shaken_at_its_own_frequency() -> None:
-    """St·U·cos θ/d of the bare rope, which leans by θ, once it has forgotten the load."""
+def test_the_remaining_part_sheds_at_its_strouhal_frequency() -> None:
+    """St·U·cos θ/d of the bare rope, which leans by θ, after the transient."""
     twin = shaken("strouhal_forcing")
     assert not twin.offer_speed(None, 0.0)
     assert not twin.offer_cut(None, 12.0)

@@ -53,8 +53,8 @@ def density(*points: tuple[float, float]) -> DepthProfilesParams:
 
 
 @pytest.mark.parametrize("profile", [STRATIFIED, PYCNOCLINE])
-def test_a_rope_at_rest_in_stratified_water(profile: tuple[tuple[float, float], ...]) -> None:
-    """T = (M - ρ(-L)·V)·g + m·g·L - g·A·∫ρ dz, all but inextensible, at the top and half-way.
+def test_static_tension_in_stratified_water(profile: tuple[tuple[float, float], ...]) -> None:
+    """T = (M - ρ(-L)·V)·g + m·g·L - g·A·∫ρ dz, nearly inextensible, at the top and half-way.
 
     The rope is a little lighter than the deep water. Between two nodes a bend of the profile is
     seen at the nodes only.
@@ -65,13 +65,13 @@ def test_a_rope_at_rest_in_stratified_water(profile: tuple[tuple[float, float], 
     water = np.interp(fine, z, rho)
     mass = np.concatenate([[0.0], np.cumsum(0.5 * (water[1:] + water[:-1]) * np.diff(fine))])
     load = (FIBRE.load - np.interp(-2000.0, z, rho) * FIBRE.volume) * G
-    for depth, found in (
+    for depth, actual in (
         (0.0, twin.snapshot().tension_top_n),
         (1010.0, float(twin.rope.work[rows.TENSION, 49])),
     ):
         below = 2000.0 - depth
         expected = load + FIBRE.mass * G * below - G * AREA * np.interp(-depth, fine, mass)
-        assert found == pytest.approx(expected, abs=0.02 if profile is STRATIFIED else 3.0)
+        assert actual == pytest.approx(expected, abs=0.02 if profile is STRATIFIED else 3.0)
     plain = Twin(scene_of(FIBRE)).snapshot().tension_top_n
     assert abs(twin.snapshot().tension_top_n - plain) > 100.0
 
@@ -88,14 +88,14 @@ SEA = WavesParams(regular=RegularWave(height_m=3.0, period_s=7.0), ramp_s=2.0)
 
 
 def two_way(rig: Rig, *more: object, rising: float) -> Scene:
-    """A rope in waves, maybe through their surface, with a two-way payload."""
+    """Return a rope in waves, optionally through the surface, with a two-way payload."""
     scene = scene_of(rig, SEA, WettingParams(), *more)
     payload = replace(scene.payloads[0], rising=Rising(drag_area_m2=1.0, added_mass_kg=rising))
     return replace(scene, payloads=(payload,))
 
 
 def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
-    """Last positions, and top tension, of a rope through the surface."""
+    """Return the last positions and top tension of a rope through the surface."""
     added = AddedMassParams(normal=1.0, tangential=0.2)
     twin = Twin(two_way(rig, added, *more, rising=rising))
     *_, shot = march(twin, sine(1.0, 5.0), 8.0)
@@ -103,7 +103,7 @@ def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
 
 
 @pytest.mark.long
-def test_the_same_density_all_over_is_that_water() -> None:
+def test_a_constant_density_profile_equals_the_scene_density() -> None:
     """A profile of 1060 kg/m³ in a scene of 1025, and the scene of 1060, move alike.
 
     Buoyancy, drag, added mass across and along, waves, payload up and down, wetted rope. A
@@ -111,16 +111,16 @@ def test_the_same_density_all_over_is_that_water() -> None:
     """
     more = HEAVIER / RHO
     other = replace(TOWED, density=HEAVIER, added=tuple(more * a for a in TOWED.added))
-    found = moved(TOWED, density((-1.0, HEAVIER), (-9.0, HEAVIER)), rising=250.0)
+    actual = moved(TOWED, density((-1.0, HEAVIER), (-9.0, HEAVIER)), rising=250.0)
     expected = moved(other, rising=250.0 * more)
     plain = moved(TOWED, rising=250.0)
-    assert np.abs(found[0] - expected[0]).max() < 1e-6
-    assert found[1] == pytest.approx(expected[1], rel=1e-6)
+    assert np.abs(actual[0] - expected[0]).max() < 1e-6
+    assert actual[1] == pytest.approx(expected[1], rel=1e-6)
     assert np.abs(plain[0] - expected[0]).max() > 0.01
 
 
 @pytest.mark.long
-def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
+def test_a_constant_density_profile_in_a_multi_line_system() -> None:
     """A bridle below the surface: payloads by shape, joints and bars of steel.
 
     The shapes' added mass is that of the scene's water. Damping is given as a number: a fraction of
@@ -130,21 +130,21 @@ def test_the_same_density_all_over_is_that_water_where_ropes_meet() -> None:
     scene = load_scene("bridle_lift")
     damped = Damping(newton_seconds=5e5)
     scene = replace(scene, ropes=tuple(replace(line, damping=damped) for line in scene.ropes))
-    kept = tuple(own for own in scene.effects if not isinstance(own, WavesParams))
-    pulls, places = [], []
+    kept = tuple(effect for effect in scene.effects if not isinstance(effect, WavesParams))
+    pulls, positions = [], []
     for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)), RAMPED)), (HEAVIER, ())):
         water = replace(scene.environment, water_density_kg_per_m3=rho)
         twin = Twin(replace(scene, environment=water, effects=(*kept, *profile)))
         *_, shot = march(twin, sine(1.0, 5.0), 3.0)
         pulls.append(np.array([rope.tension_top_n for rope in shot.ropes]))
-        places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     assert pulls[1] == pytest.approx(pulls[2], rel=1e-6)
-    assert np.abs(places[1] - places[2]).max() < 1e-5
+    assert np.abs(positions[1] - positions[2]).max() < 1e-5
     assert np.abs(pulls[0] / pulls[2] - 1.0).max() > 1e-3
 
 
-def test_what_hangs_after_a_cut_weighs_as_much_as_it_did() -> None:
-    """(m·l - A·∫ρ dz)·g of the upper 100 m, without anything of the payload."""
+def test_weight_in_stratified_water_after_a_cut() -> None:
+    """(m·l - A·∫ρ dz)·g of the upper 100 m, without the payload."""
     rig = replace(
         TOWED, length=300.0, elements=60, mass=9.0, load=3000.0, hang_off=(0.0, 0.0, 0.0),
         current=STILL_WATER,
@@ -161,7 +161,7 @@ def test_what_hangs_after_a_cut_weighs_as_much_as_it_did() -> None:
     assert abs(expected - alike) > 5.0 * 2e-4 * expected
 
 
-def test_drag_over_depth_by_its_integral() -> None:
+def test_drag_factor_over_depth_by_its_integral() -> None:
     """Horizontal pull of a taut upright rope: ½·ρ·d·C_d·U²·∫f dz, f from 0 to 2.6 at the bottom.
 
     Its inclination of 0.7 mrad and its stretch of 1.5e-6 count for less than is asked.
@@ -179,8 +179,8 @@ def test_drag_over_depth_by_its_integral() -> None:
     assert shot.hang_off_force_n[1] == pytest.approx(1.04 * expected, rel=1e-4)
 
 
-def test_drag_along_the_rope_follows_the_factor() -> None:
-    """Power of a rope in a vertical motion that all of it shares: ½·ρ·π·d·C_t·w³·∫f dz."""
+def test_tangential_drag_factor_over_depth() -> None:
+    """Power of a rope in a uniform vertical motion: ½·ρ·π·d·C_t·w³·∫f dz."""
     profile = DepthProfilesParams(drag_factor=((0.0, 3.0), (-2000.0, 1.0)))
     rig = replace(FIBRE, load=3e3, drag=(1.2, 0.02))
     twins = [Twin(scene_of(rig, *own)) for own in ((), (profile, ALONG, DEEP))]
@@ -195,8 +195,8 @@ def test_drag_along_the_rope_follows_the_factor() -> None:
     assert rest - pulls[1] == pytest.approx(own * (2.0 - 12.0 / 1000.0), rel=2e-3)
 
 
-def test_the_bed_carries_what_lies_on_it_as_before() -> None:
-    """A rope at rest on the seabed sinks by w/(k·d), with the weight in the water that is there."""
+def test_seabed_penetration_in_stratified_water() -> None:
+    """A rope at rest on the seabed sinks by w/(k·d), with w in the local density."""
     rig = replace(
         FIBRE, length=100.0, elements=50, mass=20.0, hang_off=(99.999, 0.0, -49.99),
         fixed_at=(0.0, 0.0, -49.99), EA=4e7, load=0.0,
@@ -215,7 +215,7 @@ CHAIN = Rig(
 
 
 @pytest.mark.parametrize("along", [0.0, 0.5, 2.0])
-def test_axial_period_with_added_mass_along_the_rope(along: float) -> None:
+def test_axial_period_with_axial_added_mass(along: float) -> None:
     """x·tan x = (m + C·ρ·A)·L/M', as modes, and as the running twin rings.
 
     Its velocity is projected on the mode, with the masses.
@@ -241,13 +241,13 @@ def test_axial_period_with_added_mass_along_the_rope(along: float) -> None:
     swing = np.array(swing)
     up = np.flatnonzero((swing[:-1] < 0.0) & (swing[1:] >= 0.0))
     crossings = up + swing[up] / (swing[up] - swing[up + 1])
-    found = float(np.diff(crossings).mean()) * CHAIN.step
-    assert found == pytest.approx(2.0 * math.pi / omega, rel=1e-4)
+    computed = float(np.diff(crossings).mean()) * CHAIN.step
+    assert computed == pytest.approx(2.0 * math.pi / omega, rel=1e-4)
 
 
-def test_damping_by_the_first_axial_mode_knows_what_moves_along() -> None:
-    """c = 2·ζ·EA/ω, and ω is lower with the water that the rope takes along."""
-    found = []
+def test_fractional_damping_includes_axial_added_mass() -> None:
+    """c = 2·ζ·EA/ω, with ω lowered by the axial added mass."""
+    results = []
     for along in (0.0, 2.0):
         scene = scene_of(CHAIN, AddedMassParams(normal=1.0, tangential=along))
         line = replace(scene.ropes[0], damping=Damping(fraction_of_first_axial_mode=0.02))
@@ -258,14 +258,14 @@ def test_damping_by_the_first_axial_mode_knows_what_moves_along() -> None:
         x = brentq(lambda x, r=ratio: x * math.tan(x) - r, 1e-9, 0.5 * math.pi - 1e-9)
         omega = x * math.sqrt(CHAIN.EA / per_metre) / CHAIN.length
         (c,) = section_damping(scene, line, figures)
-        found.append(c)
+        results.append(c)
         assert c == pytest.approx(2.0 * 0.02 * CHAIN.EA / omega, rel=1e-6)
-    assert found[1] > 1.05 * found[0]
+    assert results[1] > 1.05 * results[0]
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("wet", [False, True])
-def test_energy_in_stratified_water(wet: bool) -> None:
+def test_energy_balance_in_stratified_water(wet: bool) -> None:
     """The balance closes to 1e-6 of what is exchanged, through a pycnocline in waves.
 
     wet: whether the rope is wetted in part, or all of it stays below the waves.

@@ -1,4 +1,4 @@
-"""Drag that grows at each node: against a closed form, its derivative, its work, and its way."""
+"""Drag amplification per node: closed form, derivative, work, and transport through the winch."""
 
 from __future__ import annotations
 
@@ -36,14 +36,16 @@ def shaken(rig: Rig) -> Scene:
 
 
 def growth_of(effects: tuple[Any, ...]) -> DragGrowth:
-    """The one among them."""
+    """Return the drag amplification effect among these."""
     return next(effect for effect in effects if isinstance(effect, DragGrowth))
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 0.0), (1.0, 1.0), (0.0, 1.0)])
-def test_the_lean_of_a_rope_whose_drag_grows(low: float, high: float) -> None:
-    """By g from the lower end to the upper one. Weightless, T = W all along: f·(1 + g)·cos² a per
-    metre across it turns the rope, so its lean a from the vertical is W·tan a = ∫f·(1 + g) ds.
+def test_static_lean_with_drag_amplification(low: float, high: float) -> None:
+    """Amplification g varies linearly from the lower end to the upper one.
+
+    Weightless, T = W all along: f·(1 + g)·cos² a per metre across it turns the rope, so its lean a
+    from the vertical is W·tan a = ∫f·(1 + g) ds.
 
     Laid so, it stays; with another growth it would begin to swing, in four seconds a third of its
     period.
@@ -53,13 +55,13 @@ def test_the_lean_of_a_rope_whose_drag_grows(low: float, high: float) -> None:
     s = state.s[: bench.n + 1]
     middle = 0.5 * (s[1:] + s[:-1])
     below = f * middle * (1.0 + low + 0.5 * (high - low) * middle / LENGTH)
-    place = np.zeros((2, bench.n + 1))
-    place[:, 1:] = np.cumsum(np.stack([-below, 0.0 * below + WEIGHT]) / np.hypot(below, WEIGHT)
+    position = np.zeros((2, bench.n + 1))
+    position[:, 1:] = np.cumsum(np.stack([-below, 0.0 * below + WEIGHT]) / np.hypot(below, WEIGHT)
                              * (1.0 + WEIGHT / WEIGHTLESS.EA) * np.diff(s), axis=1)  # fmt: skip
-    bench.position[0::2] = place - place[:, -1:]
+    bench.position[0::2] = position - position[:, -1:]
     bench.time = 1.0  # at 0 it begins with none
     set_growth(growth_of(bench.rope.effects), state, low + (high - low) * s[:-1] / LENGTH)
-    lean = place[0, 0] - place[0, -1]
+    lean = position[0, 0] - position[0, -1]
     bench.hold(400)
     assert bench.position[0, 0] - bench.position[0, -1] == pytest.approx(lean, rel=1e-3)
     assert lean > 3.0
@@ -67,8 +69,8 @@ def test_the_lean_of_a_rope_whose_drag_grows(low: float, high: float) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("seed", [1, 2])
-def test_block_and_work_are_those_of_its_force(name: str, seed: int) -> None:
-    """A = -dR/da, which is symmetric, and what it says of its energy is force times velocity."""
+def test_amplified_drag_block_and_power(name: str, seed: int) -> None:
+    """A = -dR/da is symmetric; the reported power is force times velocity."""
     random = np.random.default_rng(seed)
     effects, work = data_of(name), some_work(seed)
     (growth,) = effects
@@ -80,14 +82,14 @@ def test_block_and_work_are_those_of_its_force(name: str, seed: int) -> None:
         assert matrix(result[BLOCKS, node]) == pytest.approx(exact, abs=1e-6 * np.abs(exact).max())
     growth.memory[GROWTH, NODES - 1] = growth.memory[GROWTH, NODES - 2]
     force = (loads(effects, work) - loads((), work))[R]
-    place = seen(work, np.zeros((3, NODES)), 0.0)
+    position = seen(work, np.zeros((3, NODES)), 0.0)
     done = (force * three(work, rows.VELOCITY)).sum()
-    assert account_sum("power", effects, place) == pytest.approx(done, rel=1e-9)
+    assert account_sum("power", effects, position) == pytest.approx(done, rel=1e-9)
     assert done != 0.0
 
 
-def test_it_belongs_to_the_rope_through_splits_and_merges() -> None:
-    """Paid out by 10 m and hauled in by 20: every metre keeps its own, new ones have the top's."""
+def test_drag_amplification_moves_with_the_material() -> None:
+    """Paid out by 10 m, hauled in by 20: each metre keeps its value, new ones have the top's."""
     bench = Bench(shaken(WEIGHTLESS))
     state, growth = bench.rope.state, growth_of(bench.rope.effects)
     bench.hold(1)  # at 0 it begins with none

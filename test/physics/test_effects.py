@@ -1,4 +1,4 @@
-"""Every effect in EFFECTS: plain Python equals compiled, its Jacobian is its residual's, no 0/0."""
+"""Every effect: plain Python equals compiled code, blocks are derivatives, no division by zero."""
 
 from __future__ import annotations
 
@@ -65,13 +65,13 @@ def in_plain_python(file: Path, *rest: Path) -> Mapping[str, Vector]:
 
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """Results of each effect, and of a compensator, in plain Python."""
+    """Return the results of each effect, and of a compensator, in plain Python."""
     return in_plain_python(tmp_path_factory.mktemp("plain") / "plain.npz")
 
 
 @pytest.fixture(scope="module")
 def plain_long(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
-    """Those of the long run, bodies from where compiled code lets them rest."""
+    """Return the long run's results in plain Python; bodies start where compiled code rests."""
     folder = tmp_path_factory.mktemp("plain")
     at: dict[str, Vector] = {}
     with_bodies(at)
@@ -79,22 +79,22 @@ def plain_long(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]
     return in_plain_python(folder / "long.npz", folder / "rest.npz")
 
 
-def assert_equal(found: Vector, expected: Vector, relative: float) -> None:
-    """Equal up to `relative` of the largest value in each row of the last axis but one."""
+def assert_equal(actual: Vector, expected: Vector, relative: float) -> None:
+    """Assert equality to `relative` of the largest value per row of the last axis but one."""
     assert np.isfinite(expected).all()
     scale = np.abs(expected).max(axis=-1, keepdims=True)
-    assert (np.abs(found - expected) <= relative * scale + 1e-300).all()
+    assert (np.abs(actual - expected) <= relative * scale + 1e-300).all()
 
 
 def test_every_effect_has_a_case() -> None:
-    """A new effect is tested the day it is listed."""
+    """Every effect in EFFECTS has a row in PARAMS."""
     for effect in EFFECTS:
         assert isinstance(params_of(effect.name), effect.params)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_plain_python_equals_compiled(name: str, plain: Mapping[str, Vector]) -> None:
-    """The hooks of one effect, 1e-9."""
+    """Hooks of one effect; 1e-9."""
     compiled = alone(name)
     without = loads(besides(name), some_work())
     assert np.abs(compiled[0] - without).max() > 0.0, "the case must make the effect act"
@@ -206,7 +206,7 @@ def test_blocks_are_the_derivative_of_the_residual(name: str, seed: int) -> None
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_effect_divides_by_what_may_vanish(name: str) -> None:
+def test_no_effect_divides_by_zero(name: str) -> None:
     """Finite at rest in still water, at zero depth, out of the water, carried along by the water,
     moving along itself, lying along the flow, level and upright.
     """
@@ -246,20 +246,22 @@ BODY = ["current", "weight", "drag", "added_mass", "rigid_body"]
 @pytest.mark.parametrize(
     "turn", [Turn(211.3, False), Turn(130.0, True)], ids=["turned", "turned and mirrored"]
 )
-def test_answers_turn_with_every_effect(names: list[str], turn: Turn) -> None:
-    """All effects at once on a rope that heaves and is paid out: the answers turn with the scene.
+def test_all_effects_are_invariant_under_rotation_and_mirroring(
+    names: list[str], turn: Turn
+) -> None:
+    """All effects at once on a rope that heaves and is paid out.
 
     1e-8; found: 4e-12 in velocity, 2e-10 in tension. A lift of vortices has a hand and is left out
     where the scene is mirrored; what else these models do is there.
     """
     mirrorable = turn.side < 0.0
     own, other = (lowered(scene_of(names, mirrorable, one), 1.0) for one in (None, turn))
-    for expected, found in (
+    for expected, actual in (
         (turn.follow(own.node_position_m), other.node_position_m),
         (turn.follow(own.node_velocity_m_per_s), other.node_velocity_m_per_s),
         (turn.follow(own.hang_off_force_n), other.hang_off_force_n),
         (own.element_tension_n, other.element_tension_n),
     ):
-        assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max()
+        assert np.abs(actual - expected).max() < 1e-8 * np.abs(expected).max()
     aside = own.node_position_m - own.node_position_m[0]
     assert (np.abs(aside[:, :2]).max(axis=0) > 0.1).all(), "the case must be three-dimensional"

@@ -1,4 +1,4 @@
-"""The O(N) solve of a chain of 3×3 blocks against numpy's dense solve, and Newton's matrix."""
+"""Block-tridiagonal O(N) solve of a chain against numpy's dense solve."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ Vector = NDArray[np.float64]
 
 @jit_entry
 def solve(work: Any, first: int, n: int) -> None:
-    """(A + K)·delta = R with K from AXIAL, GEOMETRIC and DIRECTION."""
+    """Solve (A + K)·delta = R with K from AXIAL, GEOMETRIC and DIRECTION."""
     eliminate(work, first, n)
 
 
 @jit_entry
 def solve_again(work: Any, first: int, n: int) -> None:
-    """For another residual, by the factors of `solve`."""
+    """Solve for another residual by the factors of `solve`."""
     push(work, first, n)
 
 
 def chain(n: int, stiffness: float, seed: int) -> Vector:
-    """Scratch with random blocks of mass about 1 and element stiffness to match; some slack."""
+    """Return scratch with random blocks of mass about 1 and matching stiffness; some slack."""
     random = np.random.default_rng(seed)
     work = rows.new_work(n + 1)
     along = random.normal(0.0, 1.0, (3, n + 1))
@@ -47,7 +47,7 @@ def chain(n: int, stiffness: float, seed: int) -> Vector:
 
 
 def dense(work: Vector, first: int, n: int) -> Vector:
-    """The same by assembling the whole matrix; correction of the nodes first <= i < n."""
+    """Return the dense solution of the nodes first <= i < n."""
     matrix = np.zeros((3 * (n + 1), 3 * (n + 1)))
     for i in range(n):
         block = np.zeros((3, 3))
@@ -67,14 +67,14 @@ def dense(work: Vector, first: int, n: int) -> Vector:
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [2, 3, 4, 7, 60])
 @pytest.mark.parametrize("stiffness", [1e-2, 1.0, 1e3, 1e6])
-def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
-    """Free and fixed lower end; stiffness over mass up to 1e6, slack elements between."""
+def test_the_chain_solve_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
+    """Free and fixed lower end; stiffness over mass up to 1e6, some elements slack."""
     for seed in range(5):
         work = chain(n, stiffness, seed)
         expected = dense(work, first, n)
         solve(work, first, n)
-        found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
-        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+        actual = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
+        assert np.abs(actual - expected).max() < 1e-9 * np.abs(expected).max()
         held = work[rows.CORRECTION : rows.CORRECTION + 3, [n, *range(first)]]
         assert (held == 0.0).all(), "hang-off and fixed end do not move"
 
@@ -82,8 +82,8 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [2, 3, 8, 61])
 @pytest.mark.parametrize("stiffness", [1.0, 1e6])
-def test_factors_serve_another_residual(first: int, n: int, stiffness: float) -> None:
-    """Whatever the matrix has become by then."""
+def test_reused_factors_solve_another_residual(first: int, n: int, stiffness: float) -> None:
+    """The factors are those of the old matrix, whatever the matrix is by then."""
     work = chain(n, stiffness, seed=7)
     residual = np.random.default_rng(8).normal(0.0, 1.0, (3, n + 1))
     other = work.copy()
@@ -93,5 +93,5 @@ def test_factors_serve_another_residual(first: int, n: int, stiffness: float) ->
     work[rows.RESIDUAL : rows.RESIDUAL + 3] = residual
     work[rows.BLOCK : rows.BLOCK + 6] = work[rows.AXIAL : rows.GEOMETRIC + 1] = np.nan
     solve_again(work, first, n)
-    found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
-    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    actual = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
+    assert np.abs(actual - expected).max() < 1e-9 * np.abs(expected).max()

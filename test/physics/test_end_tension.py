@@ -1,4 +1,4 @@
-"""Tension at the lower end of a rope: at a payload, an anchor, a connection, on coarse meshes."""
+"""Tension at the lower end of a rope: payload, anchor and connection on coarse meshes."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ HANGING = Rig(
 )  # fmt: skip
 
 
-def test_a_payload_at_rest_is_carried_by_its_weight() -> None:
-    """To 1e-9, with ten elements; the lowest element itself carries 4.4 kN more."""
+def test_static_end_tension_is_the_payload_weight() -> None:
+    """1e-9 with ten elements; the lowest element itself carries 4.4 kN more."""
     shot = Twin(HANGING.scene()).snapshot()
     assert shot.tension_payload_n == pytest.approx(HANGING.load_weight, rel=1e-9)
     assert shot.node_tension_n[-1] == shot.tension_payload_n
@@ -27,17 +27,17 @@ def test_a_payload_at_rest_is_carried_by_its_weight() -> None:
     assert shot.element_tension_n[-1] == pytest.approx(HANGING.load_weight + half, rel=1e-6)
 
 
-def test_a_moving_payload_feels_what_its_own_motion_takes() -> None:
-    """M·a + W of a payload without drag, from its acceleration by differences of its velocity."""
+def test_dynamic_end_tension_is_weight_plus_inertia() -> None:
+    """M·a + W of a payload without drag, with a by differences of its velocity."""
     rig = replace(HANGING, damping=4e5)
     shots = list(march(Twin(rig.scene()), sine(1.0, 7.0), 12.0))
     v = np.array([shot.payload_velocity_m_per_s[2] for shot in shots])
-    found = np.array([shot.tension_payload_n for shot in shots])
+    actual = np.array([shot.tension_payload_n for shot in shots])
     stamps = np.array([shot.stamp_ns for shot in shots]) * 1e-9
     a = (v[2:] - v[:-2]) / (stamps[2:] - stamps[:-2])
     expected = rig.load_weight + rig.load * a
     late = slice(len(a) // 2, None)
-    assert np.abs(found[1:-1] - expected)[late].max() < 2e-3 * np.ptp(expected)
+    assert np.abs(actual[1:-1] - expected)[late].max() < 2e-3 * np.ptp(expected)
 
 
 def catenary(span: float, height: float, length: float, weight: float) -> float:
@@ -54,7 +54,7 @@ def catenary(span: float, height: float, length: float, weight: float) -> float:
 
 
 @pytest.mark.parametrize("elements", [34, 68])
-def test_an_anchor_feels_the_end_of_the_catenary(elements: int) -> None:
+def test_anchor_tension_is_that_of_the_catenary(elements: int) -> None:
     """Within 0.1 %; the lowest element alone is off by more."""
     rig = Rig(
         length=320.0, elements=elements, mass=120.0, EA=1e10, diameter=0.1, load=0.0,
@@ -66,8 +66,8 @@ def test_an_anchor_feels_the_end_of_the_catenary(elements: int) -> None:
     assert abs(shot.element_tension_n[-1] / exact - 1.0) > 5e-3
 
 
-def test_a_slack_end_carries_nothing() -> None:
-    """A light payload whose ship drops faster than it falls: 0 while the lowest part is slack."""
+def test_end_tension_of_a_slack_rope_is_zero() -> None:
+    """A light payload whose ship drops faster than it falls."""
     rig = replace(HANGING, load=300.0, volume=0.2, elements=20, length=100.0)
     shots = list(march(Twin(rig.scene()), sine(3.0, 3.0), 8.0))
     slack = [shot for shot in shots if shot.element_tension_n[-1] == 0.0]
@@ -76,8 +76,8 @@ def test_a_slack_end_carries_nothing() -> None:
 
 
 @pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
-def test_ends_at_connections_of_many_lines(name: str) -> None:
-    """At rest, the lower half element of a line takes off what the upper one adds: its weight."""
+def test_end_tensions_at_connections_balance(name: str) -> None:
+    """At rest both half elements differ by the line's weight."""
     shot = Twin(name).snapshot()
     for rope in shot.ropes:
         above = rope.tension_top_n - rope.element_tension_n[0]

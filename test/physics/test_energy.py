@@ -1,4 +1,4 @@
-"""The energy balance against closed forms, and what it says of the scheme."""
+"""Energy balance against closed forms, and its residual over the time step."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ FREE = replace(STEEL, elements=50, tolerance=1e-2, ramp=4.0)
 def balances(
     rig: Rig, heave: Heave, seconds: float, every: int = 10, speeds: Speeds = ()
 ) -> list[EnergyBalance]:
-    """The balance of a run after each `every` steps."""
+    """Return the energy balance after each `every` steps."""
     shots = march(Twin(rig.scene(), ENERGY), heave, seconds, every, speeds)
-    found = [shot.energy for shot in shots]
-    return [balance for balance in found if balance is not None]
+    computed = [shot.energy for shot in shots]
+    return [balance for balance in computed if balance is not None]
 
 
-def test_drag_takes_the_weight_times_the_terminal_speed() -> None:
-    """A payload under a slack rope falls at v = √(2·W/(ρ·CdA)); the water takes W·v."""
+def test_drag_power_at_terminal_velocity() -> None:
+    """A payload under a slack rope falls at v = √(2·W/(ρ·CdA)); drag dissipates W·v."""
     rig = replace(SPRING, area=(0.0, 0.0, 76.0))
     shots = list(march(Twin(rig.scene(), ENERGY), lift(-8.0, 3.0), 2.8, every=20))
     at_2_s, end = shots[9], shots[13]
@@ -46,8 +46,8 @@ def test_drag_takes_the_weight_times_the_terminal_speed() -> None:
     [(sine(1.5, 8.0), ()), (still, [(0.5, 2.0)]), (sine(1.5, 8.0), [(0.5, 1.0), (6.0, -1.0)])],
     ids=["heave", "payout", "both"],
 )
-def test_the_residual_falls_at_second_order(heave: Heave, speeds: Speeds) -> None:
-    """Without drag and damper, at 20, 10 and 5 ms; heave alone is better (third order).
+def test_the_energy_residual_is_of_second_order(heave: Heave, speeds: Speeds) -> None:
+    """Without drag and damper, at 20, 10 and 5 ms; heave alone is of third order.
 
     The study of payout (generalised-alpha) had 1.6e-4, 7.8e-5 and 3.7e-5 of T·dL.
     """
@@ -61,8 +61,8 @@ def test_the_residual_falls_at_second_order(heave: Heave, speeds: Speeds) -> Non
     assert np.all(orders > 1.8), (residual, exchanged)
 
 
-def test_payout_at_constant_speed_is_supplied_by_the_sheave() -> None:
-    """Vertical, vacuum: the hang-off takes T·V(1 + T/EA), the rope brings m·w²/2 + T²/(2·EA).
+def test_winch_power_at_constant_payout() -> None:
+    """In vacuum the hang-off takes T·V(1 + T/EA), the rope brings m·w²/2 + T²/(2·EA).
 
     What it brings is that of the top element, whose middle is half of it further down.
     """
@@ -82,25 +82,25 @@ def test_payout_at_constant_speed_is_supplied_by_the_sheave() -> None:
 
 @pytest.mark.parametrize("damper", [0.0, 5e5])
 @pytest.mark.parametrize("step", [0.02, 0.01])
-def test_a_snap_is_dissipated_numerically(damper: float, step: float) -> None:
-    """Positive in sum, never more than a trace below zero, and small beside what is exchanged."""
-    found = balances(replace(ROPE, damping=damper, step=step), lift(-3.0, 1.0), 5.0)
-    exchanged = found[-1].exchanged_j
-    residual = np.array([balance.residual_j for balance in found])
-    assert found[-1].residual_j > 2e-4 * exchanged
+def test_numerical_dissipation_of_a_snap_is_positive(damper: float, step: float) -> None:
+    """Never more than a trace below zero, and small beside the exchanged energy."""
+    computed = balances(replace(ROPE, damping=damper, step=step), lift(-3.0, 1.0), 5.0)
+    exchanged = computed[-1].exchanged_j
+    residual = np.array([balance.residual_j for balance in computed])
+    assert computed[-1].residual_j > 2e-4 * exchanged
     assert residual.min() > -1e-4 * exchanged
     assert residual.max() < 1e-2 * exchanged
-    assert (found[-1].damped_j > 5e-3 * exchanged) == (damper > 0.0)
+    assert (computed[-1].damped_j > 5e-3 * exchanged) == (damper > 0.0)
 
 
-def test_the_axial_damper_takes_what_its_mode_loses() -> None:
-    """The swing's energy falls as exp(-c/EA·ω²·t), and the damper accounts for all of it."""
+def test_axial_damper_dissipation() -> None:
+    """Energy falls as exp(-c/EA·ω²·t), all of it in the damper's account."""
     rig = replace(SPRING, damping=2e5, step=0.005, tolerance=1e-3)
     omega = math.sqrt(rig.EA / rig.length / (rig.load + rig.added[2]))
     periods = 4.0 * math.pi / omega
     every = round(periods / 8 / rig.step)
-    found = balances(rig, lift(-0.02, 0.2), 2.0 * periods, every)
-    one, other = found[3], found[11]  # two periods apart, the ship long at rest
+    computed = balances(rig, lift(-0.02, 0.2), 2.0 * periods, every)
+    one, other = computed[3], computed[11]  # two periods apart, the ship long at rest
     hanging = -0.02 * (rig.load_weight + rig.weight * rig.length)
     left = (other.change_j - hanging) / (one.change_j - hanging)
     assert left == pytest.approx(math.exp(-rig.damping / rig.EA * omega**2 * periods), rel=2e-2)

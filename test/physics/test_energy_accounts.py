@@ -1,4 +1,4 @@
-"""What every effect says of its energy agrees with the force of its kernels."""
+"""Reported energy and power of every effect agree with the forces of its kernels."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def three(work: Floats, row: int) -> Floats:
 
 
 def seen(work: Floats, turning: Floats, dt: float) -> Place:
-    """The nodes of `work` a moment later, as an account sees them."""
+    """Return the nodes of `work` a moment later, as an account reads them."""
     v, a = three(work, rows.VELOCITY), three(work, rows.ACCELERATION)
     tangent = three(work, rows.TANGENT) + dt * turning
     return Place(
@@ -84,7 +84,7 @@ OF_THE_NODES.remove("payload_contact")
 
 @pytest.mark.parametrize("name", OF_THE_NODES)
 @pytest.mark.parametrize("seed", [1, 2])
-def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int) -> None:
+def test_force_times_velocity_is_power_less_stored_energy_rate(name: str, seed: int) -> None:
     """F·v = power - d(kinetic + potential)/dt over all nodes, however they move and turn."""
     effects, work = data_of(*TOGETHER.get(name, (name,))), some_work(seed)
     effects = acting(name) if name in CURTAINS else effects
@@ -100,9 +100,9 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     work[rows.FLOW_RATE : rows.FLOW_RATE + 3] = moved[rows.FLOW_RATE : rows.FLOW_RATE + 3]
     done = float((force * three(work, rows.VELOCITY)).sum())
     effects = grown(effects, some_stage().time)
-    place = seen(work, turning, 0.0)
-    end = Place(*(row[..., :1] for row in place))
-    power = account_sum("power", effects, wetted(effects, place))
+    position = seen(work, turning, 0.0)
+    end = Place(*(row[..., :1] for row in position))
+    power = account_sum("power", effects, wetted(effects, position))
     power += account_sum("power_end", effects, end)
     later, before = (stored(effects, seen(work, turning, dt)) for dt in (DT, -DT))
     rate = (later - before) / (2.0 * DT)
@@ -110,8 +110,8 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
-    """Else its work would be called a numerical loss (`twin.ledger` refuses such a run)."""
+def test_every_effect_that_loads_the_rope_has_an_energy_account(name: str) -> None:
+    """Otherwise its work would count as numerical loss (`twin.ledger` rejects such a run)."""
     kind = type(data_of(name)[0])
     loading = bool(
         {"soak", "load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind))
@@ -122,7 +122,7 @@ def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
     )
 
 
-def test_an_account_is_given_once_and_of_a_known_kind() -> None:
+def test_duplicate_and_unknown_energy_accounts_are_rejected() -> None:
     with pytest.raises(ValueError, match="unknown account 'heat'"):
         account("heat", Weight)
     with pytest.raises(ValueError, match="Weight has registered its 'potential' already"):

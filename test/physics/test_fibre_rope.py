@@ -34,7 +34,7 @@ LENGTH = 100.0
 
 
 def held(strain: float, fibre: StiffnessTable, **figures: float) -> Scene:
-    """A rope without weight, held at both ends with this strain."""
+    """Return a weightless rope that is held at both ends with this strain."""
     rig = Rig(
         length=LENGTH, elements=4, mass=0.5, damping=1e4, gravity=0.0,
         fixed_at=(0.0, 0.0, -LENGTH * (1.0 + strain)), **figures,  # type: ignore[arg-type]
@@ -45,12 +45,12 @@ def held(strain: float, fibre: StiffnessTable, **figures: float) -> Scene:
 def moved(
     motion: Callable[[float], float], rate: Callable[[float], float]
 ) -> Callable[[float], tuple[float, float]]:
-    """The hang-off's motion, from strain over time."""
+    """Return the hang-off's motion for a strain history."""
     return lambda t: (LENGTH * motion(t), LENGTH * rate(t))
 
 
-def test_relaxes_to_the_static_curve() -> None:
-    """Stretched within 2 s and held: T = S(ε) + (E_d - EA)·e, e the convolution with exp(-t/τ)."""
+def test_stress_relaxation_to_the_static_curve() -> None:
+    """Stretched in 2 s and held: T = S(ε) + (E_d - EA)·e, e the convolution with exp(-t/τ)."""
     fibre = StiffnessTable(table=STRAIGHT, dynamic=LINEAR)
     start, more, over = 0.01, 0.005, 2.0
     motion = moved(lambda t: more * min(t / over, 1.0), lambda t: more / over if t < over else 0.0)
@@ -64,7 +64,7 @@ def test_relaxes_to_the_static_curve() -> None:
 
 
 @pytest.mark.parametrize("period", [10.0, 200.0])
-def test_harmonic_stiffness_and_loss(period: float) -> None:
+def test_storage_and_loss_modulus(period: float) -> None:
     """Storage and loss modulus of the standard linear solid (Zener 1948)."""
     fibre = StiffnessTable(table=STRAIGHT, dynamic=LINEAR)
     omega, swing, mean = 2.0 * pi / period, 0.002, 0.01
@@ -89,8 +89,8 @@ def test_harmonic_stiffness_and_loss(period: float) -> None:
     assert factor.imag == pytest.approx(complex_modulus.imag, rel=2e-2)
 
 
-def test_first_axial_mode_has_the_dynamic_stiffness() -> None:
-    """A load bobs with E_d at its mean tension, not with the tangent of the static curve."""
+def test_axial_frequency_by_the_dynamic_stiffness() -> None:
+    """E_d at the mean tension, not the tangent of the static curve."""
     stiff = DynamicStiffness(constant_n=30e6, per_mean_tension=100.0, relaxation_s=3600.0)
     fibre = StiffnessTable(table=STRAIGHT, dynamic=stiff)
     rig = Rig(length=LENGTH, elements=4, mass=1e-3, load=20e3, step=0.005)
@@ -108,8 +108,8 @@ def test_first_axial_mode_has_the_dynamic_stiffness() -> None:
     assert frequency(np.array(height), rig.step) == pytest.approx(expected, rel=2e-3)
 
 
-def test_amplitude_softens() -> None:
-    """E_d = a + b·M - c·A where the strain swings evenly: A is E_d times the strain amplitude."""
+def test_dynamic_stiffness_falls_with_amplitude() -> None:
+    """E_d = a + b·M - c·A, where A is E_d times the strain amplitude."""
     stiff = DynamicStiffness(
         constant_n=40e6, per_mean_tension=50.0, per_tension_amplitude=100.0, relaxation_s=60.0
     )
@@ -131,7 +131,7 @@ def test_amplitude_softens() -> None:
     assert factor.real == pytest.approx(STATIC + (E - STATIC) * lag.real, rel=3e-3)
 
 
-def test_working_curve_is_met_after_a_high_mean_tension() -> None:
+def test_working_curve_after_a_high_mean_tension() -> None:
     """Up the original curve, down the working curve, up again and on: the slow loop of Syrope."""
     table = ((0.0, 0.0), (0.02, 0.3e6), (0.06, 1.5e6))
     own = WorkingCurve(permanent=0.4, curvature=0.3, highest_mean_tension_n=0.2e6)
@@ -195,8 +195,8 @@ def test_energy_is_never_created() -> None:
     assert total[-1] < total[0] - 0.5 * scale
 
 
-def test_paid_out_and_hauled_in() -> None:
-    """Splits and merges leave no jump where the tension differs from the static curve."""
+def test_fibre_rope_payout_has_no_tension_jump() -> None:
+    """Splits and merges where the tension differs from the static curve."""
     fibre = StiffnessTable(
         table=STRAIGHT,
         dynamic=DynamicStiffness(constant_n=FAST, per_mean_tension=20.0, relaxation_s=5.0),
@@ -218,13 +218,13 @@ class FibreRig(Rig):
 
     def scene(self) -> Scene:
         """Return the scene with the rope's curves."""
-        given = {one.name: getattr(self, one.name) for one in fields(self)}
+        given = {field.name: getattr(self, field.name) for field in fields(self)}
         return tabled(Rig(**given), SYROPE)
 
 
 @pytest.mark.long
-def test_cut_in_three_it_keeps_its_memory() -> None:
-    """A multi-line system: the load bounces as on the whole rope."""
+def test_a_fibre_rope_in_three_parts_equals_the_whole() -> None:
+    """A multi-line system: the load bounces as on a single rope."""
     rig = FibreRig(
         length=100.0, elements=20, mass=2.9, load=20e3, EA=206e6, damping=1e6, tolerance=1e-3
     )
@@ -241,8 +241,8 @@ def test_cut_in_three_it_keeps_its_memory() -> None:
     assert np.abs(parts - whole).max() < 1e-6 * whole[:, PULL].max()
 
 
-def test_a_saved_state_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
-    """Memory is part of the state: restart equals unbroken, to the bit."""
+def test_a_fibre_rope_resumes_bit_identically(tmp_path: Path) -> None:
+    """Internal variables are part of the state."""
     scene = tabled(Rig(length=LENGTH, elements=6, mass=2.0, load=20e3, damping=1e5), SYROPE)
     motion = moved(lambda t: 0.01 * sin(t), lambda t: 0.01 * cos(t))
     unbroken = [shot.tension_top_n for shot in march(Twin(scene), motion, 8.0, every=1)]
@@ -254,8 +254,8 @@ def test_a_saved_state_goes_on_as_if_nothing_had_been(tmp_path: Path) -> None:
     assert [*first, *rest] == unbroken
 
 
-def test_without_dynamic_stiffness_the_curve_alone_counts() -> None:
-    """A working curve needs a dynamic stiffness; the reader says so."""
+def test_a_working_curve_needs_a_dynamic_stiffness() -> None:
+    """The reader rejects a working curve without one."""
     alone = StiffnessTable(table=STRAIGHT, working_curve=WorkingCurve(permanent=0.3))
     assert "give the dynamic stiffness too" in (alone.check() or "")
     assert replace(alone, dynamic=LINEAR).check() is None

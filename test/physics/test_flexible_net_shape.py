@@ -66,12 +66,12 @@ def height_of(row: int) -> float:
 
 
 def level(shot: Snapshot, row: int) -> tuple[Vector, Vector]:
-    """Nodes along a level in plan, (CHORDS + 1, 2), and tension per metre of height [N/m]."""
+    """Nodes of a level in plan, (CHORDS + 1, 2), and its tension per metre of height [N/m]."""
     named = {rope.name: rope for rope in shot.ropes}
     borders = [named[f"wall_level_{row}_{k}"] for k in range(COLUMNS)]
-    places = [borders[0].node_position_m[:1], *(one.node_position_m[1:] for one in borders)]
+    positions = [borders[0].node_position_m[:1], *(one.node_position_m[1:] for one in borders)]
     tension = np.concatenate([one.element_tension_n for one in borders]) / height_of(row)
-    return np.concatenate(places)[:, :2], tension
+    return np.concatenate(positions)[:, :2], tension
 
 
 class Panel(NamedTuple):
@@ -83,7 +83,7 @@ class Panel(NamedTuple):
 
 
 def pressure(along: float, across: float) -> Vector:
-    """Force per area of a panel whose chord has these parts along and across the flow [N/m²]."""
+    """Return the force per area on a panel from its chord along and across the flow [N/m²]."""
     constant, facing, lift = (0.5 * DENSITY * c for c in panel_coefficients("loeland", SOLIDITY))
     n = np.array([[across], [-along], [0.0]]) / math.hypot(along, across)
     flow = np.array([[SPEED], [0.0], [0.0]])
@@ -91,7 +91,7 @@ def pressure(along: float, across: float) -> Vector:
 
 
 def membrane(ends: tuple[Vector, Vector]) -> Vector:
-    """Balance of a polygon of panels, by scipy: its inner corners, (CHORDS - 1, 2) [m]."""
+    """Solve the balance of a polygon of panels by scipy: inner corners, (CHORDS - 1, 2) [m]."""
     rest = WIDTH / CHORDS
 
     def off(flat: Vector) -> Vector:
@@ -113,38 +113,38 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Snapshot:
 
 
 @pytest.mark.parametrize("row", range(ROWS + 1))
-def test_each_level_hangs_as_the_loaded_polygon(shot: Snapshot, row: int) -> None:
-    """Every panel at its own angle to the flow, between the ends that the lines hold."""
-    places, tension = level(shot, row)
-    expected = membrane((places[0], places[-1]))
-    assert places[1:-1] == pytest.approx(expected, abs=2e-4)
-    assert np.ptp(places[:, 0]) > 0.25
+def test_each_net_level_has_the_shape_of_a_loaded_polygon(shot: Snapshot, row: int) -> None:
+    """Every panel has its own angle to the flow; the ends are those of the lines."""
+    positions, tension = level(shot, row)
+    expected = membrane((positions[0], positions[-1]))
+    assert positions[1:-1] == pytest.approx(expected, abs=2e-4)
+    assert np.ptp(positions[:, 0]) > 0.25
     chord = np.hypot(*np.diff(expected, axis=0).T)
     inner = STIFFNESS * (chord / (WIDTH / CHORDS) - 1.0)
     assert tension[1:-1] == pytest.approx(inner, rel=2e-3)
 
 
-def test_the_middle_sags_as_the_parabola(shot: Snapshot) -> None:
-    """H = p·w²/(8·f) and the stretch to w·(1 + 8·f²/(3·w²)), Irvine 1981."""
-    places, tension = level(shot, 1)
-    w, p = float(places[-1, 1] - places[0, 1]), float(pressure(0.0, 1.0)[0])
+def test_the_middle_level_sags_like_a_parabola(shot: Snapshot) -> None:
+    """H = p·w²/(8·f) and length w·(1 + 8·f²/(3·w²)), Irvine 1981."""
+    positions, tension = level(shot, 1)
+    w, p = float(positions[-1, 1] - positions[0, 1]), float(pressure(0.0, 1.0)[0])
 
     def off(f: float) -> float:
         strain = w * (1.0 + 8.0 * f**2 / (3.0 * w**2)) / WIDTH - 1.0
         return p * w**2 / (8.0 * f) - STIFFNESS * strain
 
     f = float(brentq(off, 0.01, 2.0))
-    sag = float(places[CHORDS // 2, 0] - 0.5 * (places[0, 0] + places[-1, 0]))
+    sag = float(positions[CHORDS // 2, 0] - 0.5 * (positions[0, 0] + positions[-1, 0]))
     assert sag == pytest.approx(f, rel=0.03)  # panels near the lines stand at 10° to the flow
     assert tension.mean() == pytest.approx(p * w**2 / (8.0 * f), rel=0.03)
 
 
-def test_the_lines_hold_what_the_water_pushes(shot: Snapshot) -> None:
-    """Both ends of all levels pull with the drag of the net, but for the lines' own shares."""
+def test_the_lines_carry_the_net_drag(shot: Snapshot) -> None:
+    """End forces of all levels sum to the net's drag, less the lines' own shares."""
     pulled = pushed = 0.0
     for row in range(ROWS + 1):
-        places, tension = level(shot, row)
-        chord = np.diff(places, axis=0)
+        positions, tension = level(shot, row)
+        chord = np.diff(positions, axis=0)
         way = chord / np.hypot(*chord.T)[:, None]
         pulled += height_of(row) * (tension[0] * way[0, 0] - tension[-1] * way[-1, 0])
         load = np.array([pressure(a, b)[0] for a, b in chord])
@@ -152,7 +152,7 @@ def test_the_lines_hold_what_the_water_pushes(shot: Snapshot) -> None:
     assert pulled == pytest.approx(pushed, rel=0.005)
 
 
-def test_the_balance_closes_in_a_heave(tmp_path: Path) -> None:
+def test_energy_balance_of_a_flexible_net_in_heave(tmp_path: Path) -> None:
     twin = twin_of(tmp_path, energy=True)
     for k in range(80):
         t = 0.05 * k

@@ -1,4 +1,4 @@
-"""Forces of the water that build up: a factor of time on each of them, and on nothing else."""
+"""Fluid forces that build up: a time factor on each of them and on nothing else."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ TABLE = LoadCurve(over_time=((2.0, 0.5), (4.0, 1.5), (10.0, 1.0)))
 
 
 def ramped(scene: Scene, **curves: LoadCurve) -> Scene:
-    """A rig's scene with a fluid ramp, by the step of all that builds up."""
+    """Return a rig's scene with a fluid ramp, sharing one compiled step."""
     return in_time(scene, FluidRampParams(**curves))
 
 
@@ -47,12 +47,13 @@ def ramped(scene: Scene, **curves: LoadCurve) -> Scene:
     [(-3.0, 0.5), (2.0, 0.5), (3.0, 1.0), (7.0, 1.25), (10.0, 1.0), (99.0, 1.0)],
 )
 def test_a_load_curve_is_linear_between_its_rows(time: float, expected: float) -> None:
+    """Values between rows are interpolated; the ends hold beyond them."""
     ramp = build_ramp(FluidRampParams(water=TABLE), None, None)
     assert factors_at((ramp,), time)[WATER] == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_ramp_is_smooth() -> None:
-    """From 0 to 1, half of it at half the time, with first and second derivatives of 0 at both."""
+    """From 0 to 1, 0.5 at half the time, with zero first and second derivatives at both ends."""
     ramp = build_ramp(FluidRampParams(water=LoadCurve(ramp_s=8.0)), None, None)
     at = [factors_at((ramp,), t)[WATER] for t in (-1.0, 0.0, 4.0, 8.0, 20.0)]
     assert at == pytest.approx([0.0, 0.0, 0.5, 1.0, 1.0], abs=1e-15)
@@ -61,8 +62,8 @@ def test_a_ramp_is_smooth() -> None:
         assert abs(near - factors_at((ramp,), end)[WATER]) == pytest.approx(1e-8, rel=2e-2)  # 10·u³
 
 
-def test_every_force_of_the_water_is_scaled_and_nothing_else() -> None:
-    """R and block are those without the flow's forces, plus the factor times the difference."""
+def test_the_ramp_scales_every_fluid_force_and_nothing_else() -> None:
+    """R and block equal those without flow forces plus the factor times the difference."""
     names = ("weight", "added_mass", "waves", "drag", "payload", "net", "wind", "splash_zone")
     work = some_work()
     none, half, whole = (
@@ -75,7 +76,7 @@ def test_every_force_of_the_water_is_scaled_and_nothing_else() -> None:
 
 
 def _loaded(names: tuple[str, ...], curve: LoadCurve, work: np.ndarray) -> np.ndarray:
-    """Residual and block after these effects with a ramp."""
+    """Return residual and block after these effects with a ramp."""
     own = work.copy()
     effects = (*data_of(*names), build_ramp(FluidRampParams(water=curve), None, None))
     apply(effects, own, some_stage(), 0, work.shape[1] - 1)
@@ -83,7 +84,7 @@ def _loaded(names: tuple[str, ...], curve: LoadCurve, work: np.ndarray) -> np.nd
 
 
 def test_fairings_have_a_factor_of_their_own() -> None:
-    """Their drag is scaled by the product of both factors, that of the payload by one."""
+    """A fairing's drag is scaled by the product of both factors, the payload's by one."""
     work, seen = some_work(), []
     for names, water, own in (
         (("payload",), 1.0, None), (("payload",), 0.5, None),
@@ -100,8 +101,8 @@ def test_fairings_have_a_factor_of_their_own() -> None:
     assert scaled - half == pytest.approx(0.2 * (faired - whole), rel=1e-12)
 
 
-def test_a_run_begins_as_in_still_water_and_ends_in_the_current() -> None:
-    """Straight down at t = 0; at the end the offset is that of the steady current, 0.5 %."""
+def test_a_ramped_run_starts_in_still_water_and_ends_in_the_current() -> None:
+    """Straight down at t = 0; the final offset is that of the steady current; 0.5 %."""
     steady = Twin(RIG.scene()).snapshot().payload_position_m
     twin = Twin(ramped(RIG.scene(), water=LoadCurve(ramp_s=60.0)))
     assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
@@ -112,8 +113,8 @@ def test_a_run_begins_as_in_still_water_and_ends_in_the_current() -> None:
 
 
 @pytest.mark.long
-def test_ropes_that_meet_begin_as_in_still_water() -> None:
-    """A bridle in a current hangs plumb while its forces are none, and drifts off as they grow.
+def test_a_ramped_multi_line_system_starts_in_still_water() -> None:
+    """A bridle in a current hangs plumb at a factor of 0 and drifts off as the factor grows.
 
     A profile of the scene's own density changes nothing: test_depth_profiles has this step too.
     """
@@ -133,8 +134,8 @@ def test_ropes_that_meet_begin_as_in_still_water() -> None:
     assert np.linalg.norm(x[2] - x[0]) > np.linalg.norm(x[1] - x[0])
 
 
-def test_a_constant_factor_is_that_of_the_coefficients() -> None:
-    """Half of everything, to 1e-9 of the tension, after five seconds of heave."""
+def test_a_constant_factor_equals_scaled_coefficients() -> None:
+    """Half of every coefficient, to 1e-9 of the tension, after five seconds of heave."""
     half = replace(RIG, drag=(0.6, 0.005), area=(2.0,) * 3, tolerance=1e-6).scene()
     own = ramped(replace(RIG, tolerance=1e-6).scene(), water=LoadCurve(over_time=((0.0, 0.5),)))
     pulls = [
@@ -145,8 +146,8 @@ def test_a_constant_factor_is_that_of_the_coefficients() -> None:
     assert np.ptp(pulls[0]) > 100.0
 
 
-def test_the_lift_of_vortices_builds_up() -> None:
-    """No motion across before the strumming ramp begins; afterwards there is."""
+def test_the_ramp_scales_the_vortex_lift() -> None:
+    """No cross-flow motion before the VIV ramp begins; afterwards there is."""
     scene = replace(HAULED, tolerance=1e-6).scene()
     scene = replace(scene, effects=(*scene.effects, StrouhalForcingParams()))
     still_until = LoadCurve(over_time=((2.0, 0.0), (3.0, 1.0)))
@@ -159,8 +160,8 @@ def test_the_lift_of_vortices_builds_up() -> None:
     assert late > 1e-3
 
 
-def test_energy_is_kept_while_forces_grow() -> None:
-    """The account closes over the ramp, 0.1 % of the energy exchanged."""
+def test_energy_balance_during_the_ramp() -> None:
+    """The balance closes to 0.1 % of the energy exchanged."""
     twin = Twin(ramped(RIG.scene(), water=LoadCurve(ramp_s=20.0)), ENERGY)
     for shot in march(twin, sine(0.5, 6.0), 30.0, every=100):
         balance = shot.energy
@@ -197,7 +198,7 @@ def test_diagnostics_say_that_forces_are_scaled(tmp_path: Path) -> None:
         ("{water: {ramp_s: 3}}\n  - modal_vibration: {}", "does not scale the forces of `modal_v"),
     ],
 )
-def test_what_a_fluid_ramp_may_not_be(tmp_path: Path, effect: str, words: str) -> None:
+def test_invalid_fluid_ramps_are_rejected(tmp_path: Path, effect: str, words: str) -> None:
     path = tmp_path / "ramp.yaml"
     path.write_text(SMALL_SCENE.replace("time: {step", f"  - fluid_ramp: {effect}\ntime: {{step"))
     with pytest.raises(SceneError, match=words.replace("[", "\\[")):
@@ -213,17 +214,17 @@ def test_a_factor_that_does_not_end_at_one_is_warned_of(tmp_path: Path) -> None:
     assert "the forces stay at 0.5 times their own from 20 s on" in reported[0]
 
 
-def test_without_a_ramp_nothing_is_written_out() -> None:
-    """The kernels are called with the effects as they are; with one, with copies."""
+def test_without_a_ramp_effects_are_not_copied() -> None:
+    """Kernels get the effects themselves; with a ramp, copies."""
     built = data_of("drag", "payload"), data_of("drag", "payload", "fluid_ramp")
-    plain, scaled = (Growth([numba.typeof(own) for own in effects]) for effects in built)
+    plain, scaled = (Growth([numba.typeof(effect) for effect in effects]) for effects in built)
     assert plain.lines == []
     assert [plain.of(i) for i in (0, 1)] == ["effects[0]", "effects[1]"]
     assert scaled.of(0) == "Drag(share_0 * effects[0].kn, share_0 * effects[0].kt)"
     assert len(scaled.lines) == 1
 
 
-def test_a_field_is_declared_once() -> None:
+def test_a_scaled_field_is_declared_once() -> None:
     for kind, name in ((Drag, "kn"), (Curve, "slope")):
         with pytest.raises(ValueError, match="cannot be declared"):
             grows(kind, name)

@@ -46,8 +46,8 @@ def states(shot: object) -> dict[str, float]:
 
 
 @pytest.mark.long
-def test_it_holds_the_static_tension() -> None:
-    """At rest it has the stroke of p_0·A·(V_0/V)^n = falls·tension, line out as given."""
+def test_static_stroke_of_a_flying_sheave() -> None:
+    """Stroke of p_0·A·(V_0/V)^n = falls·tension at rest, at the given line out."""
     soft = replace(UNIT, gas_pressure_pa=0.95 * UNIT.gas_pressure_pa)
     *_, shot = march(twin_of(soft), still, 30.0)
     stroke = 2.0 + VOLUME * (1.0 - 0.95 ** (1.0 / EXPONENT)) / AREA
@@ -59,8 +59,8 @@ def test_it_holds_the_static_tension() -> None:
 @pytest.mark.parametrize(
     "period", [6.0, *(pytest.param(period, marks=pytest.mark.long) for period in (12.0, 30.0))]
 )
-def test_the_transmissibility_in_heave(period: float) -> None:
-    """Spring, damper and sheave act by 1/falls² on a rod with a mass: within 1 % of the heave."""
+def test_heave_transmissibility_of_a_flying_sheave(period: float) -> None:
+    """Spring, damper and sheave act by 1/falls² on a rod with a mass; within 1 % of the heave."""
     c, omega = 2.0 * 0.3 * sqrt(SPRING * MASS) * FALLS, 2.0 * pi / period
     twin = twin_of(replace(UNIT, damping_newton_seconds_per_m=c))
     seen = [
@@ -85,32 +85,32 @@ def test_the_transmissibility_in_heave(period: float) -> None:
     assert abs(moved / lifted - expected) < 0.01
 
 
-def test_it_stops_at_its_ends_and_says_so() -> None:
-    """A heave beyond falls times its stroke; it returns within it afterwards."""
-    twin, said, strokes = twin_of(replace(UNIT, stroke_m=1.0)), set(), []
+def test_a_flying_sheave_reports_its_stops() -> None:
+    """A heave beyond falls times its stroke; it returns within its stroke afterwards."""
+    twin, messages, strokes = twin_of(replace(UNIT, stroke_m=1.0)), set(), []
     for shot in march(twin, sine(3.0, 8.0), 40.0):
         strokes.append(states(shot)["passive_stroke_m"])
-        said.add(shot.winch_at_limit)
+        messages.add(shot.winch_at_limit)
     assert {"passive heave compensator extended to its end stop",
-            "passive heave compensator retracted to its end stop"} <= said  # fmt: skip
+            "passive heave compensator retracted to its end stop"} <= messages  # fmt: skip
     assert -0.2 < min(strokes) < 0.0
     assert 1.0 < max(strokes) < 1.2
 
 
-def test_a_branch_continues_to_the_bit() -> None:
+def test_a_flying_sheave_branch_is_bit_identical() -> None:
     """Stroke and seals are part of the state."""
     twin = twin_of(replace(UNIT, friction_n=5e4))
     *_, _ = march(twin, sine(1.0, 8.0), 10.0)
     last = []
-    for one in (twin.branch(), twin):
-        one.advance(500)
-        last.append(one.snapshot())
+    for run in (twin.branch(), twin):
+        run.advance(500)
+        last.append(run.snapshot())
     assert states(last[0]) == states(last[1])
     assert last[0].tension_top_n == last[1].tension_top_n
 
 
-def test_the_zero_of_a_kinked_function() -> None:
-    """By regula falsi, where the slope changes by seven orders."""
+def test_root_of_a_kinked_function() -> None:
+    """Regula falsi where the slope changes by seven orders."""
 
     def kinked(x: float) -> float:
         return x - 0.3 if x < 1.0 else 0.7 + 1e7 * (x - 1.0)
@@ -118,8 +118,8 @@ def test_the_zero_of_a_kinked_function() -> None:
     assert root(kinked, -5.0, 5.0) == pytest.approx(0.3, abs=1e-12)
 
 
-def test_behind_a_winch_that_renders_it_is_refused(tmp_path: Path) -> None:
-    """The tension feedback is for one of the two."""
+def test_a_flying_sheave_on_a_rendering_winch_is_rejected(tmp_path: Path) -> None:
+    """Only one of the two may use the tension feedback."""
     scene = share_dir() / "config" / "scenes" / "flying_sheave_lift.yaml"
     drive = (
         "winch:\n  drum: {core_radius_m: 0.8, turns_per_layer: 40}\n"

@@ -53,7 +53,7 @@ def scene_of(rig: Rig, *boxes: HullBox, **params: Any) -> Scene:
 
 
 def hull_of(twin: Twin) -> HullContact:
-    (hull,) = (own for own in twin.rope.effects if isinstance(own, HullContact))
+    (hull,) = (effect for effect in twin.rope.effects if isinstance(effect, HullContact))
     return hull
 
 
@@ -67,8 +67,8 @@ def forces_of(twin: Twin) -> Vector:
     return contact_forces(hull_of(twin), *nodes_of(twin))
 
 
-def test_a_rope_over_an_edge_at_rest() -> None:
-    """Horizontal force W·a/z at the hang-off, for a light rope that leaves at a over the depth z.
+def test_static_equilibrium_of_a_rope_over_an_edge() -> None:
+    """Horizontal force W·a/z at the hang-off of a light rope displaced by a at depth z.
 
     The hang-off carries what weighs and presses.
     """
@@ -90,8 +90,8 @@ KEEL = HullBox(centre_m=(-99.5, 0.0, -EDGE_M - 2.0), size_m=(200.0, 200.0, 4.0))
 
 
 @pytest.mark.parametrize("elements", [4, 7, 12, 28, 56, 112])
-def test_an_edge_between_nodes_holds_the_element_across_it(elements: int) -> None:
-    """W·a/(D + h·s²) at the share s of an element of h below a node at D, derived.
+def test_an_edge_between_nodes_loads_its_element(elements: int) -> None:
+    """W·a/(D + h·s²) at the fraction s of an element h below a node at D.
 
     The straight element hands 1 - s of the force to its upper node and s to the lower one. To
     W·a/z of a rope that bends at the edge that is first order: s·(1 - s)·h/z, at most h/(4·z).
@@ -115,8 +115,8 @@ PRESSED = replace(
 DRAG = 0.5 * 1025.0 * RIG.diameter * 1.2 * STREAM**2  # N/m
 
 
-def test_a_current_presses_a_rope_on_a_wall() -> None:
-    """Along the wall the rope sinks in by drag over stiffness, ½·ρ·d·C_d·U²/k."""
+def test_wall_penetration_under_a_current() -> None:
+    """Drag over contact stiffness, ½·ρ·d·C_d·U²/k."""
     twin = Twin(scene_of(PRESSED, WALL, stiffness_n_per_m2=1e4))
     position = nodes_of(twin)[0]
     lies = (position[2] < -59.0) & (position[2] > -74.0)
@@ -126,8 +126,8 @@ def test_a_current_presses_a_rope_on_a_wall() -> None:
     assert forces_of(twin)[0].sum() < -40.0 * DRAG
 
 
-def test_hauling_over_a_wall_costs_the_friction_of_what_presses() -> None:
-    """Tension at the top beyond the weight: μ·N while hauled in, less as much while paid out."""
+def test_friction_of_hauling_over_a_wall() -> None:
+    """Top tension is the weight plus μ·N while hauled in, less μ·N while paid out."""
     pulls, normal = [], []
     for speed in (-0.05, 0.05):
         scene = scene_of(PRESSED, WALL, friction=MU, slip_m=SLIP, stiffness_n_per_m2=1e4)
@@ -142,8 +142,8 @@ def test_hauling_over_a_wall_costs_the_friction_of_what_presses() -> None:
     assert rubbed > 2.0 * weight
 
 
-def test_a_rope_that_slips_less_than_the_slip_distance_is_held_elastically() -> None:
-    """An element on a wall: moved by half the slip it has half of μ·N, from the slip on all."""
+def test_wall_friction_is_elastic_below_the_slip_distance() -> None:
+    """Friction μ·N/2 at half the slip distance, μ·N from the slip distance on."""
     hull = build(
         HullContactParams(boxes=(WALL,), friction=MU, slip_m=SLIP, stiffness_n_per_m2=1e4),
         None,
@@ -155,9 +155,9 @@ def test_a_rope_that_slips_less_than_the_slip_distance_is_held_elastically() -> 
     work[rows.REST, :4] = 2.0
     hull.memory[KNOWN, -1], hull.memory[FRICTION, -1] = 3, 1.0
     for moved, share in ((0.5, 0.5), (1.0, 1.0), (4.0, 1.0)):
-        place = work[rows.POSITION : rows.POSITION + 3, :4].copy()
-        place[1] -= moved * SLIP
-        hull.memory[PLACE : PLACE + 3, :4] = place
+        position = work[rows.POSITION : rows.POSITION + 3, :4].copy()
+        position[1] -= moved * SLIP
+        hull.memory[PLACE : PLACE + 3, :4] = position
         force = loads((hull,), work, 1, 3)[3:6]
         assert force[0, 1] == pytest.approx(-1e4 * 0.1 * 2.0, rel=1e-3)
         assert force[1, 1] == pytest.approx(share * MU * force[0, 1], rel=1e-4)
@@ -182,8 +182,8 @@ def flown(damping: float, seconds: float, step: float = FLYING.step) -> tuple[Ve
     return *np.array(seen).T, twin  # type: ignore[return-value]
 
 
-def test_a_payload_bounces_off_the_wall() -> None:
-    """A mass on a spring: depth v·√(m/k), π·√(m/k) later it leaves at the speed it came with."""
+def test_rebound_of_a_payload_from_a_wall() -> None:
+    """A mass on a spring: depth v·√(m/k), rebound after π·√(m/k) at the approach speed."""
     x, v, _ = flown(0.0, 0.8)
     rest = sqrt(MASS / STIFFNESS)
     assert x.max() - 1.0 == pytest.approx(SPEED * rest, rel=1e-3)
@@ -192,14 +192,14 @@ def test_a_payload_bounces_off_the_wall() -> None:
     assert inside == pytest.approx(pi * rest, abs=2.0 * FLYING.step)
 
 
-def test_the_speed_after_the_wall_converges_in_second_order() -> None:
-    """Errors at 8 and 2 ms, 40 and 160 steps in contact: a factor of 16 at least."""
+def test_rebound_speed_is_of_second_order() -> None:
+    """Errors at 8 and 2 ms (40 and 160 steps in contact) differ by a factor of 16 or more."""
     coarse, fine = (abs(flown(0.0, 0.8, step)[1][-1] / SPEED + 1.0) for step in (0.008, 0.002))
     assert coarse / fine > 16.0
     assert fine < 2e-5
 
 
-def test_damping_takes_the_speed_that_it_should() -> None:
+def test_rebound_speed_with_contact_damping() -> None:
     """χ·v0 - ln(1 + χ·v0) = -χ·v1 - ln(1 - χ·v1) for N = k·d·(1 + χ·ḋ), by its own integral."""
     chi = 0.1
     _, v, _ = flown(chi, 0.8)
@@ -227,51 +227,51 @@ def lowered() -> tuple[list[Any], Twin]:
     return list(march(twin, sine(1.5, 7.0), 25.0, speeds=speeds)), twin
 
 
-def test_a_moonpool_holds_the_rope(lowered: tuple[list[Any], Twin]) -> None:
+def test_a_moonpool_confines_the_rope(lowered: tuple[list[Any], Twin]) -> None:
     """Inside the walls, within the penetration, however far the current carries the payload."""
     shots, twin = lowered
     assert shots[-1].solver.splits > 0
     assert shots[-1].solver.unconverged_substeps == 0
     for shot in shots[::50]:
-        place, heave = shot.node_position_m, shot.node_position_m[-1, 2]
+        position, heave = shot.node_position_m, shot.node_position_m[-1, 2]
         depth = np.linspace(-11.5, -18.5, 15) + heave
         for axis in (0, 1):
-            assert np.abs(np.interp(depth, place[:, 2], place[:, axis])).max() < 2.2
+            assert np.abs(np.interp(depth, position[:, 2], position[:, axis])).max() < 2.2
     assert shots[-1].payload_position_m[0] > 8.0
     normal = forces_of(twin)[3]
     assert normal.sum() > 5e3
-    (place,) = shots[-1].contacts
-    assert (place.name, place.normal_n) == ("hull", pytest.approx(normal.sum(), rel=1e-12))
-    assert -25.0 < place.position_m[2] < -8.0
+    (position,) = shots[-1].contacts
+    assert (position.name, position.normal_n) == ("hull", pytest.approx(normal.sum(), rel=1e-12))
+    assert -25.0 < position.position_m[2] < -8.0
 
 
-def test_energy_of_contact_with_heave_and_payout(lowered: tuple[list[Any], Twin]) -> None:
+def test_energy_balance_of_hull_contact(lowered: tuple[list[Any], Twin]) -> None:
     shots, _ = lowered
     energy = shots[-1].energy
     assert abs(energy.residual_j) < 1e-3 * energy.exchanged_j
 
 
-def test_a_rubbing_rope_goes_on_as_the_whole(
+def test_hull_friction_resumes_bit_identically(
     lowered: tuple[list[Any], Twin], tmp_path: Path
 ) -> None:
-    """Friction remembers its displacement; a branch and a saved state take it along, to the bit."""
+    """Branch and saved state keep the friction displacement."""
     twin = lowered[1]
     assert np.abs(hull_of(twin).memory[:3]).max() > 0.1 * SLIP
     twin.save(tmp_path / "saved")
     others = (twin.branch(), Twin.restore(tmp_path / "saved", HELD))
-    for one in (twin, *others):
-        one.advance(100)
+    for run in (twin, *others):
+        run.advance(100)
     for other in others:
         assert np.array_equal(twin.rope.state.nodes, other.rope.state.nodes)
 
 
-def test_a_rope_cut_below_the_hull_leaves_it(lowered: tuple[list[Any], Twin]) -> None:
-    """The upper part rubs on; the lower one falls, and no hull falls with it."""
+def test_the_fallen_part_has_no_hull_contact(lowered: tuple[list[Any], Twin]) -> None:
+    """The upper part rubs on; no hull falls with the lower one."""
     twin = lowered[1].branch()
     twin.offer_cut(None, 60.0)
     twin.advance(100)
     lower = fallen(twin)
-    (left,) = (own for own in lower.effects if isinstance(own, HullContact))
+    (left,) = (effect for effect in lower.effects if isinstance(effect, HullContact))
     n = int(lower.state.counts[rows.ELEMENTS]) + 1
     assert (contact_forces(left, lower.state.nodes[:3, :n], lower.state.nodes[3:6, :n],
                            lower.state.s[:n]) == 0.0).all()  # fmt: skip
@@ -279,7 +279,7 @@ def test_a_rope_cut_below_the_hull_leaves_it(lowered: tuple[list[Any], Twin]) ->
     assert forces_of(twin)[3].sum() > 0.0
 
 
-def test_blocks_bound_the_stiffness_of_an_element_on_a_wall() -> None:
+def test_wall_contact_blocks_bound_the_coupled_stiffness() -> None:
     """Row sums of the coupled stiffness; their difference is positive definite."""
     hull = build(
         HullContactParams(boxes=(WALL,), stiffness_n_per_m2=1e4, damping_s_per_m=0.2),
@@ -308,8 +308,8 @@ def test_blocks_bound_the_stiffness_of_an_element_on_a_wall() -> None:
 
 
 @pytest.mark.parametrize("slips", [0.5, 3.0])
-def test_blocks_bound_the_stiffness_of_friction(slips: float) -> None:
-    """Blocks along the wall bound it where an element sticks and where it slides on."""
+def test_wall_friction_blocks_bound_the_coupled_stiffness(slips: float) -> None:
+    """Blocks along the wall bound it where an element sticks and where it slides."""
     params = HullContactParams(boxes=(WALL,), stiffness_n_per_m2=1e4, damping_s_per_m=0.0)
     hull = build(params, None, type("Around", (), {"room": 8}))
     hull.memory[KNOWN, -1], hull.memory[FRICTION, -1] = 3, 1.0

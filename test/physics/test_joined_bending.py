@@ -1,4 +1,4 @@
-"""Bending in multi-line systems: a joint is a hinge; against closed forms and a dense solve."""
+"""Bending in multi-line systems, with joints as hinges: closed forms and a dense solve."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ ENDS = slice(rows.CORRECTION, rows.CORRECTION + 3)
 
 @jit_entry
 def condense(work: Any, first: int, n: int, left: Any) -> None:
-    """Eliminate in all three ways, each in its own scratch; what is left on the ends, by rows."""
+    """Eliminate in all three ways, each in its own scratch; return the reduced ends by rows."""
     Z, f = coupled_chains.eliminate_coupled_upward(work[0], first, n)
     D, g = coupled_chains.eliminate_coupled_downward(work[1], n)
     upper, force, lower, pushed, P = coupled_chains.eliminate_coupled_between(work[2], n)
@@ -47,7 +47,7 @@ def condense(work: Any, first: int, n: int, left: Any) -> None:
 
 @jit_entry
 def substitute(work: Any, first: int, n: int) -> None:
-    """The way back of all three."""
+    """Back-substitute all three eliminations."""
     coupled_chains.substitute_coupled_upward(work[0], first, n)
     coupled_chains.substitute_coupled_downward(work[1], n)
     coupled_chains.substitute_coupled_between(work[2], n)
@@ -60,7 +60,7 @@ def solve(system: Any) -> None:
 
 
 def full(six: Vector) -> Vector:
-    """A symmetric block from its six numbers."""
+    """Return a symmetric block from its six numbers."""
     block = np.zeros((3, 3))
     block[np.triu_indices(3)] = six
     return block + np.triu(block, 1).T
@@ -69,7 +69,9 @@ def full(six: Vector) -> Vector:
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [2, 3, 5, 40])
 @pytest.mark.parametrize("stiffness", [1e-2, 1e3, 1e6])
-def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
+def test_bent_rope_condensation_equals_the_dense_solve(
+    first: int, n: int, stiffness: float
+) -> None:
     """Onto the upper end, the lower one and both; stiffness over mass up to 1e6, slack elements."""
     chain = np.zeros((COUPLED_CHAIN_ROWS, n + 3))
     chain[: rows.COUPLED_ROWS, : n + 1] = bent_chain(n, stiffness, 3)[:, : n + 1]
@@ -88,15 +90,15 @@ def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
     )
     work[2, ENDS, 0], work[2, ENDS, n] = ends[:3], ends[3:]
     substitute(work, first, n)
-    for found, low, high in ((work[0], first, n + 1), (work[1], 0, n), (work[2], 0, n + 1)):
+    for actual, low, high in ((work[0], first, n + 1), (work[1], 0, n), (work[2], 0, n + 1)):
         free = slice(3 * low, 3 * high)
         expected = np.linalg.solve(whole[free, free], right[:, low:high].T.ravel())
         expected = expected.reshape(-1, 3).T
-        assert np.abs(found[ENDS, low:high] - expected).max() < 1e-9 * np.abs(expected).max()
+        assert np.abs(actual[ENDS, low:high] - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-def test_where_nothing_bends_there_is_no_code_for_it() -> None:
-    """Of the eliminations by links; where something does, there is."""
+def test_ropes_without_bending_compile_no_coupled_solve() -> None:
+    """Coupled eliminations are compiled only where an effect couples nodes."""
     bench = JointBench([Line(rig=HALF, low=(0.0, 0.0, -10.0), high=(0.0, 0.0, 0.0), lower=0)])
     stack, joints = bench.system.stack, bench.system.joints
     plain = assembly(solve, (Joined(stack._replace(effects=(Weight(1.0, 0.0),)), joints, None),))
@@ -113,7 +115,7 @@ PULLED = 5e3  # N
 
 
 def hinged_frequency() -> float:
-    """Of two beams under tension, hinged to each other and to the ground, the lowest mode [Hz].
+    """Return the lowest mode [Hz] of two beams under tension, hinged at both ends and between.
 
     y = A·sin(ax) + B·sinh(bx) in each, b² - a² = T/EI, a·b = ω·√(m/EI): no moment and no force on
     the hinge in the middle, b³·tanh(bL) = a³·tan(aL). T as in `test_bending`.
@@ -130,7 +132,7 @@ def hinged_frequency() -> float:
 
 
 def swung(elements: int, exact: float) -> float:
-    """The measured frequency of that mode [Hz], over four periods from its shape on."""
+    """Return the measured frequency of that mode [Hz], over four periods."""
     assert HALF.EI is not None
     rig = replace(HALF, elements=elements, step=1.0 / (1000.0 * exact))
     L, T = rig.length, PULLED / (1.0 + PULLED / rig.EA)
@@ -161,8 +163,8 @@ def swung(elements: int, exact: float) -> float:
     return frequency(np.array(swing), 5.0 * rig.step)
 
 
-def test_two_hinged_beams_swing_as_their_characteristic_equation_says() -> None:
-    """A kink at the joint that a beam without a hinge would not have; second order.
+def test_lowest_mode_of_two_hinged_beams() -> None:
+    """Characteristic equation b³·tanh(bL) = a³·tan(aL) of a kink at the joint; second order.
 
     Without the hinge it would be a quarter of a sine, 2 % faster.
     """
@@ -172,8 +174,8 @@ def test_two_hinged_beams_swing_as_their_characteristic_equation_says() -> None:
     assert abs(errors[1]) < 2e-4
 
 
-def test_a_ring_in_a_bent_cable_is_a_hinge() -> None:
-    """Held at 45 degrees above, a load on as much cable below the ring, which hangs straight.
+def test_a_cable_above_a_ring_bends_like_the_elastica() -> None:
+    """Clamped at 45° above; the cable and load below the ring hang straight.
 
     Above it the elastica with all of that as its load, 1e-3 of the deflection at 50 elements; the
     pulls on hang-off and ring are what hangs there.
@@ -196,8 +198,8 @@ def test_a_ring_in_a_bent_cable_is_a_hinge() -> None:
     assert pulls[1, rows.PULL_X :] == pytest.approx([0.0, 0.0, -weight], abs=1e-6 * weight)
 
 
-def test_the_pull_on_a_joint_is_the_whole_force() -> None:
-    """Shear included: what hangs on the ring gains momentum by its weight less that pull."""
+def test_the_joint_force_includes_shear() -> None:
+    """The momentum of what hangs on the ring grows by its weight less that force."""
     lower = replace(HELD_CABLE, clamp=None, load=5.0, step=2e-3)
     upper = replace(lower, load=0.0)
     bench = JointBench(
@@ -221,8 +223,8 @@ def test_the_pull_on_a_joint_is_the_whole_force() -> None:
     assert pull == pytest.approx(-needed, abs=2e-3), "the solver's tolerance"
 
 
-def test_the_energy_of_bent_ropes_that_meet_closes() -> None:
-    """A bridle in a heave, its slings stiffer than its hoist, which pays out."""
+def test_energy_balance_of_bent_ropes_in_a_bridle() -> None:
+    """In heave, with slings stiffer than the hoist, which pays out."""
     scene = fine("bridle_lift")
     own = BendingParams(stiffness_n_m2=2e4)
     all_of_them = BendingParams(stiffness_n_m2=700.0, clamped_along=(0.0, 0.1, -1.0))

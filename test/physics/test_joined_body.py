@@ -105,8 +105,8 @@ def heaved(twin: Twin, seconds: float, heave_m: float = 0.8) -> Snapshot:
     return twin.snapshot()
 
 
-def test_a_rope_in_two_parts_carries_the_body_like_the_whole_one(tmp_path: Path) -> None:
-    """Tension, place, attitude and slings, at rest and in a heave that slackens a sling."""
+def test_a_body_on_a_rope_in_two_parts_equals_one_on_a_single_rope(tmp_path: Path) -> None:
+    """Tension, position, attitude and slings, at rest and in a heave that slackens a sling."""
     shots = []
     for text in (WHOLE, PARTS):
         twin = Twin(scene_of(text + effects(), tmp_path))
@@ -123,8 +123,8 @@ def test_a_rope_in_two_parts_carries_the_body_like_the_whole_one(tmp_path: Path)
 
 @pytest.mark.long
 @pytest.mark.parametrize(("name", "low_m"), [("lift_off", 8.4), ("manifold_lift", 11.0)])
-def test_shipped_lifts_are_the_same_in_two_parts(name: str, low_m: float) -> None:
-    """Off a deck that heaves; through the surface in waves, above a seabed: 20 s.
+def test_shipped_lifts_equal_lifts_on_a_rope_in_two_parts(name: str, low_m: float) -> None:
+    """Off a heaving deck; through the surface in waves, above a seabed: 20 s.
 
     `pytest -n 0 -m long test/physics/test_joined_body.py`
     """
@@ -150,8 +150,8 @@ def test_shipped_lifts_are_the_same_in_two_parts(name: str, low_m: float) -> Non
 
 
 @pytest.mark.long
-def test_ropes_side_by_side_move_as_each_alone(tmp_path: Path) -> None:
-    """A point on one, the body on the other, which is not the first."""
+def test_separate_ropes_with_a_body_and_a_point_move_independently(tmp_path: Path) -> None:
+    """A point on one rope, the body on the second."""
     shots = []
     for text, point in ((BESIDE, POINT), (WHOLE, "")):
         twin = Twin(scene_of(text + effects(point), tmp_path))
@@ -173,8 +173,8 @@ def test_ropes_side_by_side_move_as_each_alone(tmp_path: Path) -> None:
     assert reported.transforms[0].rotation.w == 1.0
 
 
-def test_a_body_on_two_cranes_hangs_in_balance(tmp_path: Path) -> None:
-    """In still water the pulls carry its weight and that of hook and ropes, and close."""
+def test_static_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
+    """In still water the top tensions carry body, hook and ropes, and the balance closes."""
     text = effects().replace("[0.4, 0.1]", "[0.0, 0.0]").replace("[0.2, 0.1]", "[0.0, 0.0]")
     scene = scene_of(TWO_CRANES + text, tmp_path)
     twin = Twin(scene)
@@ -197,8 +197,8 @@ def test_a_body_on_two_cranes_hangs_in_balance(tmp_path: Path) -> None:
     assert (shot.body.hook_m == hook).all()
 
 
-def test_its_energy_closes_while_one_crane_pays_out(tmp_path: Path) -> None:
-    """Both ropes, the hook between them, slings and body in water that flows."""
+def test_energy_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
+    """One crane pays out; both ropes, hook, slings and body in flowing water."""
     winch = (
         "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.3, "
         "least_line_out_m: 40.0, most_line_out_m: 120.0}\n"
@@ -214,8 +214,8 @@ def test_its_energy_closes_while_one_crane_pays_out(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "point"), [(TWO_CRANES, ""), pytest.param(BESIDE, POINT, marks=pytest.mark.long)]
 )
-def test_a_run_goes_on_from_a_file_and_on_a_branch(text: str, point: str, tmp_path: Path) -> None:
-    """To the bit, with the body's hook at a connection, and with the body on the second rope."""
+def test_a_body_in_a_system_resumes_bit_identically(text: str, point: str, tmp_path: Path) -> None:
+    """Saved states and branches, with the hook at a connection and on the second rope."""
     scene = scene_of(text + effects(point), tmp_path)
     twin = Twin(scene)
     heaved(twin, 3.0)
@@ -232,8 +232,8 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(text: str, point: str, tmp_pa
             assert (own.node_position_m == other.node_position_m).all()
 
 
-def test_fewer_elements_and_longer_steps_keep_it(tmp_path: Path) -> None:
-    """Pose and pulls go on where they were, and stay close for two seconds."""
+def test_coarser_mesh_and_step_keep_the_body_motion(tmp_path: Path) -> None:
+    """Pose and tensions are continuous and stay close for two seconds."""
     twin = CoreTwin(scene_of(TWO_CRANES + effects(), tmp_path))
     twin.advance(100)
     same, other = twin.branch(), twin.branch()
@@ -252,8 +252,8 @@ def test_fewer_elements_and_longer_steps_keep_it(tmp_path: Path) -> None:
     assert two.payload_position_m == pytest.approx(one.payload_position_m, abs=2e-3)
 
 
-def test_its_error_interval_is_known(tmp_path: Path) -> None:
-    """The coarse solution has a body of its own, also on ropes too short to be coarser."""
+def test_the_error_interval_of_a_system_with_a_body_is_known(tmp_path: Path) -> None:
+    """The coarse solution has its own body, also on ropes too short to be coarsened."""
     twin = Twin(scene_of(TWO_CRANES + effects(), tmp_path), ERROR_INTERVAL)
     shot = heaved(twin, 28.0)
     assert shot.error_interval is not None, shot.no_error_interval
@@ -266,8 +266,8 @@ def test_its_error_interval_is_known(tmp_path: Path) -> None:
     assert watched.tension_top_n == alone.tension_top_n
 
 
-def test_its_modes_are_those_of_the_whole_rope(tmp_path: Path) -> None:
-    """Turning, pendulum and axial modes of a rope in two parts; two cranes have stiffer ones."""
+def test_modes_of_a_body_on_a_rope_in_two_parts(tmp_path: Path) -> None:
+    """Rotation, pendulum and axial modes equal those of a single rope; two cranes are stiffer."""
     whole = find_modes(scene_of(WHOLE + effects(), tmp_path), 6)
     parts = find_system_modes(scene_of(PARTS + effects(), tmp_path), 6)
     for one, other in zip(whole.lowest, parts.lowest, strict=True):
@@ -278,8 +278,8 @@ def test_its_modes_are_those_of_the_whole_rope(tmp_path: Path) -> None:
     assert cranes.lowest[2].period_s < 0.5 * parts.lowest[2].period_s
 
 
-def test_what_a_cut_crane_held_swings_to_the_other(tmp_path: Path) -> None:
-    """One of two ropes is cut: the body hangs on, turned and lower; nothing is lost at once."""
+def test_the_body_hangs_on_the_other_crane_after_a_cut(tmp_path: Path) -> None:
+    """Position and attitude stay at the cut; it ends lower, on one rope with more tension."""
     scene = scene_of(TWO_CRANES + effects(), tmp_path)
     twin = Twin(scene)
     before = heaved(twin, 1.0, 0.1)
@@ -302,6 +302,7 @@ def test_what_a_cut_crane_held_swings_to_the_other(tmp_path: Path) -> None:
 
 
 def test_a_body_falls_with_the_part_below_a_cut(tmp_path: Path) -> None:
+    """The body and its slings belong to the fallen part."""
     scene = scene_of(PARTS + effects(), tmp_path)
     twin = Twin(scene)
     before = heaved(twin, 1.0, 0.1)
@@ -326,7 +327,7 @@ SENTENCES = {
 
 
 @pytest.mark.parametrize("case", SENTENCES)
-def test_what_cannot_be_is_reported_in_a_sentence(case: str, tmp_path: Path) -> None:
+def test_invalid_bodies_in_systems_are_rejected(case: str, tmp_path: Path) -> None:
     text, point, old, new, words = SENTENCES[case]
     with pytest.raises(SceneError, match=words):
         scene_of((text + effects(point)).replace(old, new), tmp_path)

@@ -1,4 +1,4 @@
-"""Energy balance of multi-line systems: rope over sheaves, friction, tethers and bars."""
+"""Energy balance of multi-line systems: sheaves, friction, tethers and bars."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def fine(name: str) -> Scene:
 
 
 def balance(scene: Scene, seconds: float, winches: dict[str, float]) -> EnergyBalance:
-    """After a run in a heave of 1 m in 6 s, with these winches at these speeds."""
+    """Return the balance after a run in a heave of 1 m in 6 s, with these winch speeds."""
     twin, omega = Twin(scene, ENERGY), 2.0 * math.pi / 6.0
     for name, speed in winches.items():
         assert twin.offer_speed(0, speed, name) == ""
@@ -39,15 +39,15 @@ def balance(scene: Scene, seconds: float, winches: dict[str, float]) -> EnergyBa
             t = 0.5 * half + 0.05 * k
             twin.offer_heave(round(t * 1e9), math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(round(0.5 / twin.step_s))
-    found = twin.snapshot()
-    assert found.energy is not None
+    computed = twin.snapshot()
+    assert computed.energy is not None
     if len(winches) > 1:
-        assert min(found.solver.splits, found.solver.merges) > 0
-    return found.energy
+        assert min(computed.solver.splits, computed.solver.merges) > 0
+    return computed.energy
 
 
-def test_a_loop_over_a_tethered_sheave_closes() -> None:
-    """Both winches run, elements split and merge at the ship and at the sheave, rope rubs on it.
+def test_energy_balance_of_a_loop_over_a_tethered_sheave() -> None:
+    """Both winches run, elements split and merge at ship and sheave, with friction.
 
     Without the sheave's own terms it does not close: friction alone takes a thousand times the
     residual.
@@ -60,8 +60,8 @@ def test_a_loop_over_a_tethered_sheave_closes() -> None:
     assert energy.damped_j > 1000.0 * abs(energy.residual_j)
 
 
-def test_a_bridle_with_a_bar_closes() -> None:
-    """Joints, slings and a bar that pushes, while the hoist pays out."""
+def test_energy_balance_of_a_bridle_with_a_spreader_bar() -> None:
+    """Joints, slings and a bar in compression, while the hoist pays out."""
     energy = balance(fine("bridle_lift"), 6.0, {"winch": 0.5})
     assert energy.exchanged_j > 1e5
     assert abs(energy.residual_j) < 5e-6 * energy.exchanged_j
@@ -75,8 +75,8 @@ def borders(bench: JointBench, steps: int) -> Iterator[SystemBorder]:
         yield measure_system(bench.system, pulls, still, bench.time)
 
 
-def test_what_friction_takes_is_the_difference_of_the_pulls_times_the_way() -> None:
-    """Two loads over a post: F - F' = F'·(exp(μ·π) - 1), no wheel; the loads lose just that.
+def test_sheave_friction_dissipates_tension_difference_times_travel() -> None:
+    """Two loads over a fixed post: F - F' = F'·(exp(μ·π) - 1), which the loads lose.
 
     In a vacuum; the post is fixed, so nothing else takes or gives anything.
     """
@@ -97,8 +97,8 @@ def test_what_friction_takes_is_the_difference_of_the_pulls_times_the_way() -> N
     assert heat == pytest.approx(light * passed, rel=0.06)
 
 
-def test_a_tie_stores_the_work_of_its_pull_and_nothing_while_it_is_slack() -> None:
-    """A tether of 5 kN, 2 kN/m and 3 m: from slack to taut the stored energy rises by ∫F·dl."""
+def test_a_tether_stores_the_work_of_its_tension() -> None:
+    """A tether of 5 kN, 2 kN/m and 3 m from slack to taut: stored energy ∫F·dl, 0 while slack."""
     line = Line(rig=replace(STIFF, load=HEAVY), low=(0.0, 0.0, -20.0), high=(0.0, 0.0, 0.0))
     below = Line(
         rig=replace(STIFF, length=5.0, elements=3), low=(0.0, 0.0, -25.0), high=line.low, upper=0
@@ -106,11 +106,11 @@ def test_a_tie_stores_the_work_of_its_pull_and_nothing_while_it_is_slack() -> No
     held = tie(0, anchor=(0.0, 0.0, 0.0), force=-5e3, length=3.0, stiffness=2e3)
     bench = JointBench([replace(line, lower=0), below], held)
     pulls, still = np.zeros((2, rows.PULL_COLUMNS)), np.zeros(2)
-    place = bench.system.joints.nodes
+    position = bench.system.joints.nodes
     lengths = np.linspace(1.0, 9.0, 161)
     stored = []
     for length in lengths:
-        place[:3, 0] = (0.0, 0.0, -length)
+        position[:3, 0] = (0.0, 0.0, -length)
         stored.append(measure_system(bench.system, pulls, still, 0.0).elements[-1].stored[0])
     pull = np.maximum(-5e3 + 2e3 * (lengths - 3.0), 0.0)
     work = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(lengths) * (pull[1:] + pull[:-1]))])

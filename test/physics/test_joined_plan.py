@@ -1,4 +1,4 @@
-"""The linear solve of a multi-line system against a dense one, for trees, loops and links."""
+"""Linear solve of multi-line systems against a dense one: trees, loops and links."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ HELD = {"a cut rope": 2, "two ropes that do not meet": 1}  # a rope with a fixed
 
 @jit_entry
 def solve(system: Any, again: bool) -> None:
-    """Corrections for the residuals; again: with the factors of the last call."""
+    """Return corrections for the residuals; again: by the factors of the last call."""
     clear(system.joints)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
@@ -88,7 +88,7 @@ def system_of(name: str, tied: Vector | None = None) -> System:
 
 
 def fill(system: System, seed: int) -> None:
-    """Random elements, blocks and residuals; stiffness over mass up to 1e5."""
+    """Fill in random elements, blocks and residuals; stiffness over mass up to 1e5."""
     random = np.random.default_rng(seed)
     for rope in system.ropes:
         work, n = rope.work, int(rope.state.counts[rows.ELEMENTS])
@@ -122,7 +122,7 @@ def unknowns(system: System) -> list[list[int]]:
 
 
 def dense(system: System) -> list[Vector]:
-    """Corrections of all nodes of every rope, (3, n + 1) each, by a dense solve."""
+    """Return the dense solution for all nodes of every rope, (3, n + 1) each."""
     at = unknowns(system)
     size = 3 * (1 + max(max(own) for own in at))
     matrix, right = np.zeros((size, size)), np.zeros(size)
@@ -157,7 +157,7 @@ def dense(system: System) -> list[Vector]:
 
 
 def largest_difference(system: System) -> float:
-    """Between the corrections and the dense ones, relative to the largest."""
+    """Return the largest difference to the dense corrections, relative to the largest."""
     expected = dense(system)
     scale = max(float(np.abs(one).max()) for one in expected)
     return max(
@@ -167,7 +167,7 @@ def largest_difference(system: System) -> float:
 
 
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_the_plan_solves_what_the_dense_system_does(name: str) -> None:
+def test_the_system_solve_equals_the_dense_solve(name: str) -> None:
     system = system_of(name)
     renew_plan(system)
     joined = Joined(system.stack, system.joints, None)
@@ -184,8 +184,8 @@ def test_the_plan_solves_what_the_dense_system_does(name: str) -> None:
         assert largest_difference(system) < error
 
 
-def test_each_number_of_elements_has_its_own_plan() -> None:
-    """A plan that was found before is found again, and not taken for other ropes."""
+def test_each_mesh_has_its_own_elimination_plan() -> None:
+    """A plan is found again for the same mesh, and not used for another."""
     tree, loop = system_of("a tree"), system_of("a loop")
     renew_plan(tree)
     renew_plan(loop)
@@ -202,7 +202,7 @@ def test_each_number_of_elements_has_its_own_plan() -> None:
     assert np.array_equal(plan.ends, ends)
 
 
-def test_a_tether_belongs_to_the_dense_system() -> None:
+def test_a_tether_enters_the_reduced_system() -> None:
     """The tie belongs to the connection onto which the trees are eliminated."""
     held = tie(0, anchor=(0.0, 0.0, -20.0))
     held[TOWARDS : TOWARDS + 3, 0], held[AXIAL, 0], held[GEOMETRIC, 0] = (0.6, 0.0, 0.8), 40.0, 3.0
@@ -214,7 +214,7 @@ def test_a_tether_belongs_to_the_dense_system() -> None:
     assert system.joints.plan.sizes[[ROOTS, BETWEEN, ONTO, DENSE]].tolist() == [0, 0, 3, 1]
 
 
-def test_lanes_of_a_tree_end_together() -> None:
+def test_equal_legs_are_eliminated_in_parallel() -> None:
     """Three legs of equal length take half of their nodes' time, all but the root."""
     rig = replace(STIFF, length=20.0, elements=100)
     lines = legs(rig, rig, (-6.0, 0.0, 0.0), (6.0, 0.0, 0.0))

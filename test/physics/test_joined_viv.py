@@ -50,7 +50,7 @@ def line(name: str, rope: str, length: float, elements: int, more: str) -> str:
 
 
 def hanging(names: str, model: str, speed: float = 0.5) -> str:
-    """A scene of ropes that hang side by side, each with a tool: `a`, `b`, or both."""
+    """Return a scene of ropes side by side, each with a tool: `a`, `b`, or both."""
     ropes = {
         "a": line("a", "steel_wire_40mm", 150.0, 30, "to: tool_a"),
         "b": line("b", "steel_wire_40mm", 100.0, 16, "from: stern, to: tool_b"),
@@ -82,14 +82,14 @@ def run(text: str, folder: Path, seconds: float) -> Snapshot:
 
 def shaking(shot: Snapshot, number: int = 0) -> RopeVibration:
     """The vibration of a rope."""
-    found = shot.ropes[number].vibration if shot.ropes else shot.vibration
-    assert found is not None
-    return found
+    computed = shot.ropes[number].vibration if shot.ropes else shot.vibration
+    assert computed is not None
+    return computed
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_ropes_side_by_side_shake_as_each_alone(model: str, tmp_path: Path) -> None:
-    """Amplitude, frequency, drag and where the tool hangs, of 150 m and of 100 m of wire."""
+def test_modal_viv_of_separate_ropes_is_independent(model: str, tmp_path: Path) -> None:
+    """Amplitude, frequency, drag and tool position of 150 m and of 100 m of wire."""
     both = run(hanging("ab", model), tmp_path, 30.0)
     for number, name in enumerate("ab"):
         alone = run(hanging(name, model), tmp_path, 30.0)
@@ -99,27 +99,27 @@ def test_ropes_side_by_side_shake_as_each_alone(model: str, tmp_path: Path) -> N
         for values in ("cross_flow", "cross_flow_hz", "drag_amplification"):
             found, known = getattr(own, values), getattr(expected, values)
             assert found == pytest.approx(known, abs=1e-3 * known.max())
-        place = both.ropes[number].node_position_m
+        position = both.ropes[number].node_position_m
         moved = alone.node_position_m - alone.node_position_m[0]
-        assert place - place[0] == pytest.approx(moved, abs=1e-4)
+        assert position - position[0] == pytest.approx(moved, abs=1e-4)
 
 
 @pytest.mark.parametrize("model", WAKES)
-def test_ropes_side_by_side_shed_as_each_alone(model: str, tmp_path: Path) -> None:
-    """Places of all nodes; each rope has its own current of vortices, diameter and tension."""
+def test_wakes_of_separate_ropes_are_independent(model: str, tmp_path: Path) -> None:
+    """Positions of all nodes; each rope has its own tension and diameter."""
     both = run(hanging("ab", model), tmp_path, 20.0)
     calm = run(hanging("ab", model).replace(f"  - {model}: {{}}\n", ""), tmp_path, 20.0)
     for number, name in enumerate("ab"):
         alone = run(hanging(name, model), tmp_path, 20.0)
-        place = both.ropes[number].node_position_m
-        shaken = np.abs(place - calm.ropes[number].node_position_m).max()
+        position = both.ropes[number].node_position_m
+        shaken = np.abs(position - calm.ropes[number].node_position_m).max()
         moved = alone.node_position_m - alone.node_position_m[0]
         assert shaken > 2e-3
-        assert place - place[0] == pytest.approx(moved, abs=1e-2 * shaken)
+        assert position - position[0] == pytest.approx(moved, abs=1e-2 * shaken)
 
 
 def same(one: Snapshot, other: Snapshot) -> bool:
-    """Whether tension, nodes and vibration of all ropes are the same to the bit."""
+    """Return whether tension, nodes and vibration of all ropes are bit-identical."""
     rows = []
     for shot in (one, other):
         parts = [shot.hang_off_force_n]
@@ -142,8 +142,8 @@ TWO_CRANES = (
 )  # fmt: skip
 
 
-def test_ropes_that_meet_shake_between_their_ends(tmp_path: Path) -> None:
-    """At rest at cranes and ring; more drag drives the tool further than without."""
+def test_connected_ropes_vibrate_between_their_ends(tmp_path: Path) -> None:
+    """Nodes of vibration at cranes and ring; amplified drag moves the tool further."""
     shot = run(TWO_CRANES + WATER.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
     for number in range(3):
         own = shaking(shot, number)
@@ -160,7 +160,7 @@ def test_ropes_that_meet_shake_between_their_ends(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("model", [MODELS[1], *WAKES])
-def test_a_system_resumes_with_its_vibration(model: str, tmp_path: Path) -> None:
+def test_a_system_with_viv_resumes_bit_identically(model: str, tmp_path: Path) -> None:
     """Restored and branched twins are bit-identical to the one that went on."""
     twin = CoreTwin(scene_of(hanging("ab", model), tmp_path))
     twin.advance(137)
@@ -174,7 +174,7 @@ def test_a_system_resumes_with_its_vibration(model: str, tmp_path: Path) -> None
     assert same(shot, restored.snapshot())
 
 
-def test_a_coarse_solution_beside_it_leaves_it_alone(tmp_path: Path) -> None:
+def test_an_error_interval_does_not_change_the_viv_run(tmp_path: Path) -> None:
     """With an error interval all is bit-identical, and the interval is known."""
     shots = []
     for monitors in (NO_MONITORS, Monitors(error_interval=True)):
@@ -187,8 +187,8 @@ def test_a_coarse_solution_beside_it_leaves_it_alone(tmp_path: Path) -> None:
     assert shots[1].error_interval is not None or shots[1].no_error_interval
 
 
-def test_what_is_left_of_a_cut_rope_goes_on_shaking(tmp_path: Path) -> None:
-    """The other rope is not touched by it, the part that falls does not shake.
+def test_viv_of_the_remaining_ropes_after_a_cut(tmp_path: Path) -> None:
+    """The other rope is unaffected; the fallen part has no VIV.
 
     The current is sheared: in a uniform one a change of the flow by the tolerance of the step,
     which the ropes of a system share, moves a whole rope over the edge of a mode's band.
@@ -211,10 +211,8 @@ def test_what_is_left_of_a_cut_rope_goes_on_shaking(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("model", WAKES)
-def test_wakes_stay_with_their_rope_at_another_level_and_in_a_cut(
-    model: str, tmp_path: Path
-) -> None:
-    """A coarser mesh hardly changes the tension; the other rope of a cut one goes on as before.
+def test_wakes_survive_remeshing_and_cuts(model: str, tmp_path: Path) -> None:
+    """A coarser mesh changes the tension little; the other rope of a cut one goes on as before.
 
     It does so but for the tolerance of the step, which the ropes of a system share.
     """
@@ -237,7 +235,7 @@ def test_wakes_stay_with_their_rope_at_another_level_and_in_a_cut(
 
 
 @pytest.mark.parametrize("model", [MODELS[0], *WAKES])
-def test_the_energy_of_ropes_that_shake_closes(model: str, tmp_path: Path) -> None:
+def test_energy_balance_of_a_system_with_viv(model: str, tmp_path: Path) -> None:
     """With the drag that the vibration adds, which changes at every sampling."""
     twin = CoreTwin(scene_of(hanging("ab", model), tmp_path), Monitors(energy=True))
     twin.advance(1000)
@@ -247,7 +245,7 @@ def test_the_energy_of_ropes_that_shake_closes(model: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("model", [MODELS[0], WAKES[0]])
-def test_an_assessment_in_the_time_domain_is_that_of_each_alone(model: str, tmp_path: Path) -> None:
+def test_time_domain_viv_of_separate_ropes_is_independent(model: str, tmp_path: Path) -> None:
     """Motion, tension and drag of both wires, by a model outside the step and by one in it."""
     both = run_time_domain(scene_of(hanging("ab", model), tmp_path), 20.0, "stranded_wire")
     assert [one.line for one in both] == ["a", "b"]
@@ -263,8 +261,8 @@ def test_an_assessment_in_the_time_domain_is_that_of_each_alone(model: str, tmp_
 
 
 @pytest.mark.long
-def test_a_stretch_over_a_sheave_is_reported_from_its_upper_end(tmp_path: Path) -> None:
-    """The core counts it from there, the results do not."""
+def test_viv_over_a_sheave_is_reported_from_the_upper_end(tmp_path: Path) -> None:
+    """The core counts from the sheave, the results do not."""
     scene = load_scene("two_line_loop")
     lines = run_time_domain(replace(scene, sea_state=SeaState()), 20.0, "stranded_wire")
     assert [one.line for one in lines] == [line.name for line in scene.ropes]

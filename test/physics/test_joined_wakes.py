@@ -1,4 +1,4 @@
-"""VIV models with memory in multi-line systems: a cut rope vibrates like the whole one."""
+"""VIV models with internal variables in multi-line systems: a rope in parts equals the whole."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STEPS = 400
 
 
 def swayed(line_out: float) -> rows.Boundary:
-    """A hang-off that sways across the current, 0.05·sin³(2t) m, from rest."""
+    """Hang-off motion 0.05·sin³(2t) m across the current, from rest."""
     t = ROPE.step * np.arange(STEPS + 1)
     value, rate = np.zeros((2, STEPS + 1, rows.MOTIONS))
     value[:, 0] = 0.05 * np.sin(2.0 * t) ** 3
@@ -48,8 +48,8 @@ def whole(effects: tuple[Any, ...]) -> tuple[Vector, rows.Rope]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("model", [WakeOscillatorParams(start_per_s=0.0), StrouhalForcingParams()])
-def test_a_cut_rope_vibrates_like_the_whole_one(model: Any) -> None:
-    """In three parts, joined without mass, with calls of one step and of many."""
+def test_a_rope_in_three_parts_vibrates_like_the_whole_one(model: Any) -> None:
+    """Massless joints, with calls of one step and of many."""
     pull, rope = whole((model,))
     lines = [replace(line, more=(model,)) for line in cut(ROPE, (7, 20), (0.0, 0.0, 0.0))]
     bench, motion = JointBench(lines), swayed(ROPE.length)
@@ -60,10 +60,12 @@ def test_a_cut_rope_vibrates_like_the_whole_one(model: Any) -> None:
         some = (np.ascontiguousarray(table[:, first : last + 1]) for table in still)
         parts.append(bench.follow(rows.Boundary(*some))[0])
     x = rope.state.nodes[:3, : ROPE.elements + 1]
-    place = np.concatenate([bench.nodes(2), bench.nodes(1)[:, 1:], bench.nodes(0)[:, 1:]], axis=1)
+    position = np.concatenate(
+        [bench.nodes(2), bench.nodes(1)[:, 1:], bench.nodes(0)[:, 1:]], axis=1
+    )
     _, smooth = whole(())
     vibration = np.abs(x - smooth.state.nodes[:3, : ROPE.elements + 1]).max()
     assert vibration > 2e-3
-    assert np.abs(place - x).max() < 1e-4 * vibration
+    assert np.abs(position - x).max() < 1e-4 * vibration
     assert np.abs(np.concatenate(parts) - pull).max() < 1e-6 * pull[:, rows.PULL].max()
     assert bench.health[rows.SOLVES] <= 1.1 * rope.state.health[rows.SOLVES]

@@ -1,4 +1,4 @@
-"""Sea, splash zone and seabed at joints: a rope cut by a ring behaves as the whole one."""
+"""Sea, splash zone and seabed at joints: a rope with a massless ring equals a single rope."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ SECONDS, TURN = 28, 17
 
 
 def lowered(text: str, path: Path) -> list[Snapshot]:
-    """Pay out at 0.8 m/s for 17 s, then haul in, in a heave of 0.3 m; a look each second."""
+    """Pay out at 0.8 m/s for 17 s, then haul in, in a heave of 0.3 m; sample each second."""
     path.write_text(text, encoding="utf-8")
     twin, shots = Twin(load_scene(str(path))), []
     assert not twin.offer_heave(0, 0.0, 0.3)
@@ -81,8 +81,8 @@ def seen(shots: list[Snapshot]) -> Floats:
     return np.array(rows)
 
 
-def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
-    """Through surface and waves onto the bed and off it again: tension, place, the bed's push.
+def test_a_rope_with_a_ring_equals_a_single_rope_in_surface_and_seabed(tmp_path: Path) -> None:
+    """Through surface and waves onto the bed and off: tension, position, bed reaction.
 
     Without the waves' short cut, whose stretches end where a rope does.
     """
@@ -97,12 +97,12 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
 
 @jit_entry
 def left(system: Joined) -> int:
-    """Connections that are left with more than the tolerance."""
+    """Number of connections above the tolerance."""
     return int(count_unbalanced(system))
 
 
-def test_a_connection_whose_force_is_not_a_number_is_not_in_balance() -> None:
-    """One of three is below the tolerance of 5 N, one above, one not a number."""
+def test_a_connection_with_nan_force_is_not_converged() -> None:
+    """Tolerance 5 N: one of three connections is below, one above, one NaN."""
     rig = replace(STIFF, tolerance=5.0)
     depths, ends = [0.0, -20.0, -40.0, -60.0, -80.0], [LOOSE, 0, 1, 2, LOOSE]
     lines = [

@@ -60,8 +60,8 @@ def heaved(text: str, path: Path, seconds: float = 8.0) -> Floats:
 
 
 @pytest.mark.long
-def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
-    """Net and fairing at the payload: tension and place over 8 s of heave."""
+def test_a_payload_net_and_fairing_on_a_rope_with_a_ring(tmp_path: Path) -> None:
+    """Tension and position over 8 s of heave equal those of a single rope."""
     cut, whole = (heaved(ropes + LIFT, tmp_path / "scene.yaml") for ropes in (CUT, WHOLE))
     without = heaved(WHOLE + LIFT.replace("panels: 2", "panels: 1"), tmp_path / "scene.yaml")
     assert np.abs(without - whole).max() > 1e-2, "the net matters"
@@ -70,7 +70,7 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_nets_along_ropes_that_meet_are_that_of_the_whole_rope(tmp_path: Path) -> None:
+def test_net_curtains_on_connected_ropes_equal_one_curtain(tmp_path: Path) -> None:
     """Up to 16 m on each of the two ropes, which is all of the lower one: 32 m of the whole.
 
     1e-4 of what the lower net does: at the ring each rope's half node has a tangent of its own. The
@@ -177,18 +177,18 @@ FAIRING_OF_LOWER = FairingParams(face_m2=0.5, axis=(0.0, 1.0, 0.0))
     ],
     ids=["at the named payloads", "of their own", "at each payload"],
 )  # fmt: skip
-def test_the_pull_of_a_bridle_is_the_drag_of_its_nets_and_fairings(
+def test_the_horizontal_pull_of_a_bridle_is_its_net_and_fairing_drag(
     own: dict[str, str], fairing_of: str, nets: list[NetParams], fairings: list[FairingParams],
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    """In equilibrium, where nothing else has drag; payloads without them have none."""
-    found = pull_east_north(bridle(own, fairing_of), tmp_path / "scene.yaml")
+    """Static equilibrium where nothing else has drag."""
+    actual = pull_east_north(bridle(own, fairing_of), tmp_path / "scene.yaml")
     expected = sum(map(net_force, nets)) + sum(map(fairing_force, fairings))
-    assert found == pytest.approx(np.asarray(expected), abs=1e-4)
+    assert actual == pytest.approx(np.asarray(expected), abs=1e-4)
 
 
-def test_the_energy_of_a_bridle_with_nets_closes() -> None:
-    """In a heave of 1 m in 6 s, by the nets' and fairings' own power."""
+def test_energy_balance_of_a_bridle_with_nets() -> None:
+    """In a heave of 1 m in 6 s, with the power of nets and fairings."""
     scene = load_scene("bridle_lift")
     face = FairingParams(face_m2=4.0, payload="half_port")
     scene = replace(

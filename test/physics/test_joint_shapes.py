@@ -39,8 +39,8 @@ def test_leg_tensions_close_the_force_triangle(
     assert bench.tension(1) == pytest.approx(np.full(10, Tb), rel=1e-4)
 
 
-def test_slack_leg_carries_nothing() -> None:
-    """The shorter leg hangs straight down; the other reaches farther than it must."""
+def test_a_slack_leg_has_zero_tension() -> None:
+    """The shorter leg hangs straight down; the longer one is slack."""
     low = replace(STIFF, length=10.0, elements=5)
     bench = JointBench(legs(low, STIFF, (0.0, 0.0, 0.0), (4.0, 0.0, 0.0), tolerance=1e-3))
     rest(bench)
@@ -51,8 +51,8 @@ def test_slack_leg_carries_nothing() -> None:
     assert bench.tension(0)[0] == pytest.approx(W, abs=0.6 * own + sideways)
 
 
-def test_paying_out_one_of_two_hang_offs_turns_the_triangle() -> None:
-    """Load on two lines, one paid out by 5 m: the joint goes where the lengths say."""
+def test_joint_position_after_paying_out_one_of_two_lines() -> None:
+    """Load on two lines, one paid out by 5 m: the joint is where the lengths meet."""
     winch = replace(STIFF, mass=0.1, EA=1e9, step=0.02, damping=1e6, tolerance=50.0)
     bench = JointBench(legs(
         winch, winch, (-10.0, 0.0, 0.0), (10.0, 0.0, 0.0), mass=0.1, EA=1e9, step=0.02,
@@ -70,12 +70,12 @@ def test_paying_out_one_of_two_hang_offs_turns_the_triangle() -> None:
     assert bench.system.ropes[0].state.health[rows.SPLITS] == 0
     rest(bench)
     x = (20.0**2 - 25.0**2 + 20.0**2) / 40.0
-    place = [x - 10.0, 0.0, -math.sqrt(400.0 - x * x)]
-    assert bench.joints[:, 0] == pytest.approx(place, abs=5e-3)
+    position = [x - 10.0, 0.0, -math.sqrt(400.0 - x * x)]
+    assert bench.joints[:, 0] == pytest.approx(position, abs=5e-3)
 
 
 def test_two_payloads_on_one_line() -> None:
-    """Static tensions above and below the upper payload, and both axial modes of the two masses.
+    """Static tensions above and below the upper payload; both axial modes of two masses.
 
     Masses m1 (upper, on a spring k1) and m2 below it on k2, ropes of hardly any mass.
     """
@@ -108,8 +108,8 @@ def test_two_payloads_on_one_line() -> None:
         assert frequency(heights, bench.step) == pytest.approx(omega / (2 * math.pi), rel=2e-3)
 
 
-def test_spreader_bar_takes_the_legs_push() -> None:
-    """Two legs from one hook to the ends of a bar with a load each: T = W/cos α, bar W·tan α."""
+def test_spreader_bar_compression() -> None:
+    """Two legs from one hook to a bar with a load at each end: T = W/cos α, bar W·tan α."""
     leg = replace(LIGHT, length=10.0, load=HEAVY)
     half = 4.0
     drop = math.sqrt(100.0 - half**2)
@@ -131,7 +131,7 @@ def test_spreader_bar_takes_the_legs_push() -> None:
     assert 0.0 < aside < W / 500.0
 
 
-def test_tether_in_constant_tension_pulls_the_load_aside() -> None:
+def test_lateral_offset_by_a_constant_tension_tether() -> None:
     """A tugger of F on a load of W: tan of the line's angle is F·cos β/(W - F·sin β)."""
     F, anchor = 2e4, (30.0, 0.0, -10.0)
     lines = legs(replace(LIGHT, length=20.0), replace(LIGHT, length=50.0), (0.0, 0.0, 0.0),
@@ -147,8 +147,8 @@ def test_tether_in_constant_tension_pulls_the_load_aside() -> None:
     assert bench.tension(0)[0] == pytest.approx(math.hypot(pull[0], W - pull[2]), rel=1e-3)
 
 
-def test_rest_is_found_from_a_tangle() -> None:
-    """Ropes thrown about by metres, slack and stretched at random, come to the same rest."""
+def test_static_equilibrium_from_random_initial_shapes() -> None:
+    """Ropes displaced by metres, slack and stretched, reach the same equilibrium."""
     heavy = replace(STIFF, mass=5.0)
     lines = legs(heavy, replace(heavy, length=26.0), (-8.0, 0.0, 0.0), (8.0, 0.0, 0.0), mass=5.0)
     good = JointBench(lines)
@@ -166,8 +166,8 @@ def test_rest_is_found_from_a_tangle() -> None:
         assert np.abs(tangled.nodes(r) - good.nodes(r)).max() < 1e-6
 
 
-def test_rest_is_the_same_from_every_guess() -> None:
-    """As `python -m benchmarks statics` tells it."""
+def test_static_equilibrium_is_independent_of_the_initial_guess() -> None:
+    """The guesses of `python -m benchmarks statics`."""
     rows = list(joined_statics_rows(("two_line_lift",), nodes=60))
     assert [row["guess"] for row in rows] == list(JOINED_GUESSES)
     assert all(row["found"] for row in rows)

@@ -1,4 +1,4 @@
-"""Multi-line systems: against one rope, what must be conserved, order in step, random systems.
+"""Multi-line systems against a single rope: conservation, order in step, random systems.
 
 All systems here have three ropes, so that they share one compiled step.
 """
@@ -41,7 +41,7 @@ def waved(steps: int, amplitude: float, length: float, step: float) -> rows.Boun
 
 
 def both_ways(amplitude: float, steps: int) -> tuple[Vector, JointBench, rows.Rope, Vector]:
-    """The pull of one rope, and that of the same rope in three parts, under the same motion."""
+    """Pull of one rope, and of the same rope in three parts, under the same motion."""
     rope = build(ROPE.scene())
     n = ROPE.elements
     rope.state.nodes[:3, : n + 1] = np.array([0.0, 0.0, 1.0])[:, None] * (
@@ -56,20 +56,22 @@ def both_ways(amplitude: float, steps: int) -> tuple[Vector, JointBench, rows.Ro
     return whole, bench, rope, bench.follow(still)[0]
 
 
-def test_cut_rope_equals_the_whole_one() -> None:
-    """Joints without mass at two nodes change nothing: the same equations, solved in other order.
+def test_a_rope_in_three_parts_equals_the_whole_one() -> None:
+    """Massless joints at two nodes leave the equations as they are.
 
     Four seconds through slack and tension with sway; what is left is the Newton tolerance.
     """
     whole, bench, rope, parts = both_ways(0.1, 400)
     assert whole[:, rows.PULL].max() > 10e3
     assert np.abs(parts - whole).max() < 1e-7 * whole[:, rows.PULL].max()
-    place = np.concatenate([bench.nodes(2), bench.nodes(1)[:, 1:], bench.nodes(0)[:, 1:]], axis=1)
-    assert np.abs(place - rope.state.nodes[:3, : ROPE.elements + 1]).max() < 1e-9
+    position = np.concatenate(
+        [bench.nodes(2), bench.nodes(1)[:, 1:], bench.nodes(0)[:, 1:]], axis=1
+    )
+    assert np.abs(position - rope.state.nodes[:3, : ROPE.elements + 1]).max() < 1e-9
 
 
-def test_cut_rope_snaps_as_the_whole_one() -> None:
-    """Slack for half of the time; up to the first snap, before round-off has grown with it."""
+def test_a_rope_in_three_parts_snaps_like_the_whole_one() -> None:
+    """Slack for half of the time; compared up to the first snap, before round-off has grown."""
     whole, bench, _, parts = both_ways(2.0, 100)
     assert whole[:, rows.PULL].min() < 50.0
     assert whole[:, rows.PULL].max() > 20e3
@@ -77,7 +79,7 @@ def test_cut_rope_snaps_as_the_whole_one() -> None:
     assert bench.health[rows.SUBSTEPS_UNCONVERGED] == 0
 
 
-def test_ends_that_meet_coincide_to_the_bit() -> None:
+def test_connected_ends_coincide_bit_identically() -> None:
     """Position, velocity and acceleration after every step."""
     bench = JointBench(cut(ROPE, (7, 20), (0.0, 0.0, 0.0)))
     for _ in range(20):
@@ -124,8 +126,8 @@ def balance(bench: JointBench) -> tuple[Vector, Vector, float]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_free_star_keeps_momentum_and_energy(seed: int) -> None:
-    """No hang-off at all: momentum to round-off, spin and energy to the scheme's order."""
+def test_a_free_star_conserves_momentum_and_energy(seed: int) -> None:
+    """No hang-off: momentum to round-off, angular momentum and energy to the scheme's order."""
     bench = star(seed)
     momentum, spin, energy = balance(bench)
     bench.hold(1000)
@@ -136,8 +138,8 @@ def test_free_star_keeps_momentum_and_energy(seed: int) -> None:
     assert energy_after == pytest.approx(energy, rel=2e-3)
 
 
-def test_second_order_in_the_step() -> None:
-    """A smooth motion at steps of h, h/2, h/4 against h/16: the error falls by four."""
+def test_a_multi_line_system_is_of_second_order_in_the_step() -> None:
+    """A smooth motion at steps h, h/2 and h/4 against h/16: the error falls by four."""
 
     def end(step: float) -> Vector:
         base = replace(ROPE, length=10.0, elements=5, mass=2.0, step=step, tolerance=1e-8, EA=1e5)
@@ -171,13 +173,13 @@ def test_random_systems_stay_finite(
     masses: list[float], slack: list[float], heave: float, between: bool
 ) -> None:
     """Ropes too short or too long for their ends, with or without loads, in motion."""
-    places = [(-5.0, 0.0, 0.0), (5.0, 1.0, 0.0), (0.0, 0.0, -15.0), (2.0, 0.0, -25.0)]
+    positions = [(-5.0, 0.0, 0.0), (5.0, 1.0, 0.0), (0.0, 0.0, -15.0), (2.0, 0.0, -25.0)]
     ends = [(0, 2, LOOSE, 0), (1, 2, LOOSE, 0), (2, 3, 0, LOOSE)]
     if between:
         ends = [(0, 2, LOOSE, 0), (1, 3, LOOSE, 1), (2, 3, 0, 1)]
     lines = []
     for (top, foot, upper, lower), mass, more in zip(ends, masses, slack, strict=True):
-        high, low = places[top], places[foot]
+        high, low = positions[top], positions[foot]
         rig = Rig(length=more * math.dist(high, low), elements=8, mass=3.0, EA=2e7,
                   diameter=0.04, damping=2e4, load=mass, step=0.02)  # fmt: skip
         lines.append(Line(rig=rig, low=low, high=high, lower=lower, upper=upper))
@@ -193,8 +195,8 @@ def test_random_systems_stay_finite(
         assert (bench.tension(r) >= 0.0).all()
 
 
-def test_the_lower_part_of_a_cut_rope_is_one_that_hangs_on_a_joint_without_a_meeting() -> None:
-    """Its end is free: the twin's own way of stepping it against the joints', in a current."""
+def test_a_fallen_part_equals_a_rope_on_a_free_joint() -> None:
+    """Its end is free: the twin's own step against the joints', in a current."""
     rig = replace(WATER, current=((0.0, (0.8, 0.0)), (-300.0, (0.2, 0.4))), tolerance=1e-3)
     twin = rig.twin()
     twin.split(120.0)  # at a node

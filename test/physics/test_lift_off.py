@@ -31,8 +31,8 @@ HOISTED = replace(
 )  # fmt: skip
 
 
-def test_it_stands_on_the_deck_while_the_slings_are_slack() -> None:
-    """The deck carries m·g and gives as much as was said; the rope carries the hook; 1e-6."""
+def test_static_deck_reaction_with_slack_slings() -> None:
+    """The deck carries m·g at the given penetration; the rope carries the hook; 1e-6."""
     shot = Twin(scene_of(LINE, MODULE)).snapshot()
     assert shot.body is not None
     assert shot.body.leg_pull_n.max() == 0.0
@@ -41,8 +41,8 @@ def test_it_stands_on_the_deck_while_the_slings_are_slack() -> None:
     assert shot.tension_payload_n == pytest.approx(50.0 * G, rel=1e-2)
 
 
-def test_a_deck_that_heaves_pushes_with_its_acceleration() -> None:
-    """m·(g + d²z/dt²) of its own sine, and of the ship's; 1 % of the part that varies."""
+def test_deck_reaction_of_a_heaving_deck() -> None:
+    """m·(g + d²z/dt²) of the deck's own sine, and of the ship's; 1 % of the varying part."""
     amplitude, period = 0.4, 7.0
     omega = 2.0 * math.pi / period
     own = replace(DECK, heave=DeckHeave(amplitude_m=amplitude, period_s=period, ramp_s=4.0))
@@ -59,8 +59,8 @@ def test_a_deck_that_heaves_pushes_with_its_acceleration() -> None:
         assert np.abs(off).max() < 0.01 * MASS * amplitude * omega**2
 
 
-def test_it_falls_on_a_deck_without_damping() -> None:
-    """Highest push m·g·(1 + √(1 + 2·h/p)) after a fall of h; p: its weight presses it in so far."""
+def test_peak_reaction_of_a_fall_onto_an_undamped_deck() -> None:
+    """m·g·(1 + √(1 + 2·h/p)) after a fall of h, p the static penetration."""
     fall, p = 0.05, DECK.penetration_m
     body = replace(MODULE, deck=replace(DECK, damping_s_per_m=0.0))
     hung = Hung(replace(LINE, step=0.0005), body)
@@ -90,8 +90,8 @@ def lifted(seconds: float) -> Vector:
     return np.array(rows)
 
 
-def test_it_is_lifted_off_and_hit_again() -> None:
-    """Nothing ever pulls it down but its weight, and its momentum is what acted on it."""
+def test_momentum_balance_of_lift_off_and_re_hits() -> None:
+    """Only weight pulls it down, and its momentum is the impulse of all forces."""
     time, push, lift, v, clearance = lifted(34.0).T
     assert push.min() == 0.0
     assert lift.min() == 0.0

@@ -1,4 +1,4 @@
-"""Contact between ropes, against strings that collide: impedance, friction, energy, order."""
+"""Contact between ropes, against colliding strings: impedance, friction, energy, symmetry."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def crossed(
     velocity: tuple[float, float, float], contact: LineContactParams = CONTACT, rig: Rig = RIG,
     gap: float = 0.01, swap: bool = False,
 ) -> JointBench:  # fmt: skip
-    """Two taut strings, one along x that moves, above one along y; at each other's middles."""
+    """Two taut strings, one along x that moves, above one along y, crossing at their middles."""
     high, half = REACH + gap, 0.5 * SPAN
     upper = Line(
         rig=rig, low=(-half, 0.03, high), high=(half, 0.03, high), held=True, more=(contact,)
@@ -47,9 +47,9 @@ def crossed(
 
 
 def touch(bench: JointBench) -> Touch:
-    found = touch_of(bench.system.stack)
-    assert found is not None
-    return found
+    computed = touch_of(bench.system.stack)
+    assert computed is not None
+    return computed
 
 
 def pressed(bench: JointBench, seconds: float) -> Vector:
@@ -67,19 +67,19 @@ def gap_of(bench: JointBench) -> float:
     return float(np.interp(0.04, above[0], above[2]) - np.interp(0.03, below[1], below[2]))
 
 
-def test_strings_that_collide_press_by_their_impedance() -> None:
+def test_contact_force_of_colliding_strings() -> None:
     """F·(1/Z + 1/Z') = V with Z = 2·√(T·m), until the waves are back from the ends."""
     speed = 0.2
     bench = crossed((0.0, 0.0, -speed))
     pushes = pressed(bench, 0.8)
     assert pushes[60:].mean() == pytest.approx(speed * PLATEAU, rel=0.02)
     assert bench.health[rows.SUBSTEPS_UNCONVERGED] == 0
-    (place,) = system_contacts(bench.system)
-    assert (place.name, place.normal_n) == ("ropes", pushes[-1])
-    assert place.position_m[:2] == pytest.approx((0.04, 0.03), abs=0.01)
+    (position,) = system_contacts(bench.system)
+    assert (position.name, position.normal_n) == ("ropes", pushes[-1])
+    assert position.position_m[:2] == pytest.approx((0.04, 0.03), abs=0.01)
 
 
-def test_friction_slows_the_string_that_slides() -> None:
+def test_friction_decelerates_a_sliding_string() -> None:
     """A string that slides across the other at U loses μ·N/Z there: U - μ·V/2."""
     mu, U = 0.4, 0.2
     bench = crossed((0.0, U, -U), replace(CONTACT, friction=mu))
@@ -89,7 +89,7 @@ def test_friction_slows_the_string_that_slides() -> None:
 
 
 def met(step: float, damping: float) -> tuple[float, float]:
-    """At 5 m/s: the least height of the upper string, the energy gained of that of motion."""
+    """Least height of the upper string and energy gained over kinetic energy, at 5 m/s."""
     rig, speed = replace(RIG, elements=10, step=step, damping=0.0), 5.0
     contact = replace(CONTACT, damping_s_per_m=damping)
     bench = crossed((0.0, 0.0, -speed), contact, rig=rig)
@@ -102,22 +102,22 @@ def met(step: float, damping: float) -> tuple[float, float]:
     return least, (end - start) / (0.5 * rig.mass * SPAN * speed**2)
 
 
-def test_a_rope_that_meets_another_at_5_m_per_s_keeps_its_energy() -> None:
+def test_rope_contact_at_5_m_per_s_conserves_energy() -> None:
     """Within 1e-3, at a step that resolves the contact of 20 ms."""
     least, gained = met(0.002, 0.0)
     assert 0.03 < least < 0.07
     assert abs(gained) < 1e-3
 
 
-def test_a_step_that_moves_a_rope_through_another_does_not_pass_it() -> None:
-    """5 m/s at 40 ms: twice the diameter a step."""
+def test_ropes_do_not_pass_through_each_other_in_a_large_step() -> None:
+    """5 m/s at 40 ms: twice the diameter per step."""
     least, gained = met(0.04, 0.5)
     assert least > 0.0
     assert gained < 1e-3
 
 
-def test_damping_and_friction_are_what_the_balance_says() -> None:
-    """Stored energy falls by what damping and friction dissipate, within 1e-3."""
+def test_energy_balance_of_rope_contact() -> None:
+    """Stored energy falls by the dissipation of damping and friction, within 1e-3."""
     rig = replace(RIG, elements=10, step=0.0005, damping=0.0)
     bench = crossed((0.0, 1.0, -1.0), replace(CONTACT, friction=0.5, damping_s_per_m=2.0), rig=rig)
     still = np.zeros((2, 5)), np.zeros(2)
@@ -133,7 +133,7 @@ def test_damping_and_friction_are_what_the_balance_says() -> None:
     assert start - end == pytest.approx(lost, abs=1e-3 * motion)
 
 
-def test_the_order_of_the_ropes_does_not_matter() -> None:
+def test_rope_contact_is_independent_of_rope_order() -> None:
     """Two strings that cross, listed in either order, press and move alike."""
     one, other = (crossed((0.0, 0.5, -1.0), swap=swap) for swap in (False, True))
     for bench in (one, other):

@@ -36,19 +36,19 @@ def test_taut_string_in_water(end: tuple[float, float, float]) -> None:
 
     In any direction, as along x and z, where a straight rope has no plane of its own.
     """
-    found = find_modes(replace(STRING, fixed_at=end).scene(), 10)
+    computed = find_modes(replace(STRING, fixed_at=end).scene(), 10)
     chord = 502.5
     tension = STRING.EA * (chord / STRING.length - 1.0)
     area = 0.25 * math.pi * STRING.diameter**2
     mass = (STRING.mass + STRING.density * area) * STRING.length / chord
     exact = [n / (2.0 * chord) * math.sqrt(tension / mass) for n in range(1, 6)]
-    assert [m.frequency_hz for m in found.lowest[::2]] == pytest.approx(exact, rel=5e-3)
-    assert [m.frequency_hz for m in found.lowest[1::2]] == pytest.approx(exact, rel=5e-3)
+    assert [m.frequency_hz for m in computed.lowest[::2]] == pytest.approx(exact, rel=5e-3)
+    assert [m.frequency_hz for m in computed.lowest[1::2]] == pytest.approx(exact, rel=5e-3)
     for pair in range(5):
-        kinds = {mode.kind for mode in found.lowest[2 * pair : 2 * pair + 2]}
+        kinds = {mode.kind for mode in computed.lowest[2 * pair : 2 * pair + 2]}
         assert kinds == {"in-plane", "out-of-plane"}
-    assert found.lowest[0].largest_at_m == pytest.approx(250.0, abs=5.1)
-    assert found.lowest[0].in_plane_share + found.lowest[0].out_of_plane_share > 1.0 - 1e-9
+    assert computed.lowest[0].largest_at_m == pytest.approx(250.0, abs=5.1)
+    assert computed.lowest[0].in_plane_share + computed.lowest[0].out_of_plane_share > 1.0 - 1e-9
 
 
 def test_bar_with_end_mass() -> None:
@@ -72,18 +72,18 @@ def test_bar_with_end_mass() -> None:
     assert all(mode.axial_share > 0.9 and mode.kind == "axial" for mode in modes)
 
 
-def hanging_miss(elements: int) -> float:
+def largest_hanging_error(elements: int) -> float:
     """Largest relative error of the first five swings of a hanging rope, out of plane."""
     scene = replace(SWUNG, elements=elements).scene()
     exact = [w / (2.0 * math.pi) for w in HangingRope(SWUNG).frequencies(5)]
-    found = [m.frequency_hz for m in find_modes(scene, 10).lowest if m.kind == "out-of-plane"]
-    assert len(found) == 5
-    return float(np.abs(np.array(found) / exact - 1.0).max())
+    computed = [m.frequency_hz for m in find_modes(scene, 10).lowest if m.kind == "out-of-plane"]
+    assert len(computed) == 5
+    return float(np.abs(np.array(computed) / exact - 1.0).max())
 
 
 def test_hanging_rope_with_a_submerged_mass() -> None:
     """P7, Bessel functions: within 0.05 % at 200 elements, and of second order in their length."""
-    coarse, fine = hanging_miss(50), hanging_miss(200)
+    coarse, fine = largest_hanging_error(50), largest_hanging_error(200)
     assert fine < 5e-4
     assert math.log(coarse / fine, 4.0) == pytest.approx(2.0, abs=0.2)
 
@@ -105,44 +105,44 @@ def irvine(sag: float) -> float:
 def test_sagging_cable(span: float) -> None:
     """Out of plane a string; in plane, antisymmetric 2·string, symmetric Irvine's: within 1 %."""
     rig = replace(SAGGING, fixed_at=(span, 0.0, 0.0))
-    found = find_modes(rig.scene(), 8)
+    actual = find_modes(rig.scene(), 8)
     w, m = rig.mass * 9.81, rig.mass
-    place = found.place
-    sag = float(-place[:, 2].min())
+    position = actual.place
+    sag = float(-position[:, 2].min())
     H = w * span**2 / (8.0 * sag)
     long = span * (1.0 + 8.0 * (sag / span) ** 2)
     parameter = (w * span / H) ** 2 * span * rig.EA / (H * long)
     unit = math.sqrt(H / m) / span / (2.0 * math.pi)
-    out = [mode.frequency_hz for mode in found.lowest if mode.kind == "out-of-plane"]
+    out = [mode.frequency_hz for mode in actual.lowest if mode.kind == "out-of-plane"]
     assert out[:2] == pytest.approx([math.pi * unit, 2.0 * math.pi * unit], rel=1e-2)
-    inside = [mode.frequency_hz for mode in found.lowest if mode.kind == "in-plane"]
+    inside = [mode.frequency_hz for mode in actual.lowest if mode.kind == "in-plane"]
     expected = sorted([2.0 * math.pi * unit, irvine(parameter) * unit])
     assert inside[:2] == pytest.approx(expected, rel=1e-2)
 
 
-def test_axial_modes_of_a_slack_cable_are_each_named_once() -> None:
+def test_axial_modes_of_a_sagging_cable_are_reported_once() -> None:
     """Its stretch is shared by several modes: the first three of all that are mostly axial."""
     rig = replace(SAGGING, length=150.0, elements=75, fixed_at=(60.0, 0.0, -20.0))
-    found = find_modes(rig.scene(), 160)
-    axial = [mode.frequency_hz for mode in found.lowest if mode.kind == "axial"]
-    assert [mode.frequency_hz for mode in found.axial] == pytest.approx(axial[:3], rel=1e-6)
+    computed = find_modes(rig.scene(), 160)
+    axial = [mode.frequency_hz for mode in computed.lowest if mode.kind == "axial"]
+    assert [mode.frequency_hz for mode in computed.axial] == pytest.approx(axial[:3], rel=1e-6)
 
 
-def test_current_and_waves_stand_beside() -> None:
+def test_modes_list_strouhal_and_wave_frequency_ratios() -> None:
     """Strouhal 0.17·U/d where a mode moves most; the ratio is 1 for periods of 4 to 20 s."""
     rig = Rig(
         length=1000.0, elements=50, density=1025.0, volume=2.0, diameter=0.04,
         current=((0.0, (0.8, 0.0)),),
     )  # fmt: skip
-    found = find_modes(rig.scene(), 6)
-    assert found.strouhal_max_hz == pytest.approx(0.17 * 0.8 / 0.04, rel=1e-3)
-    for mode in found.lowest:
+    computed = find_modes(rig.scene(), 6)
+    assert computed.strouhal_max_hz == pytest.approx(0.17 * 0.8 / 0.04, rel=1e-3)
+    for mode in computed.lowest:
         assert mode.strouhal_hz == pytest.approx(3.4, rel=1e-3)
         ratio = max(mode.period_s / 20.0, 1.0) * min(mode.period_s / 4.0, 1.0)
         assert mode.wave_ratio == pytest.approx(ratio)
 
 
-def test_what_has_no_modes_is_reported() -> None:
+def test_slack_ropes_and_too_many_modes_are_rejected() -> None:
     """A slack rope, and more modes than there can be."""
     slack = replace(STRING, length=600.0)
     with pytest.raises(SceneError, match=r"slack at rest, so it has no natural frequency"):
@@ -151,8 +151,8 @@ def test_what_has_no_modes_is_reported() -> None:
         find_modes(STRING.scene(), 5000)
 
 
-def test_the_command_shows_them(capsys: pytest.CaptureFixture[str]) -> None:
-    """A table to read, and an object to go on with: deep_lift's first axial period among waves."""
+def test_the_modes_command_prints_table_and_json(capsys: pytest.CaptureFixture[str]) -> None:
+    """deep_lift's first axial period lies among wave periods."""
     assert main(["modes", "deep_lift", "--count", "4"]) == 0
     table = capsys.readouterr().out
     assert main(["modes", "deep_lift", "--count", "4", "--json"]) == 0
@@ -167,7 +167,7 @@ def test_the_command_shows_them(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
-def test_the_picture_is_drawn(tmp_path: Path) -> None:
+def test_the_modes_command_writes_a_png(tmp_path: Path) -> None:
     """A PNG of some size."""
     picture = tmp_path / "modes.png"
     assert main(["modes", "deep_lift", "--count", "2", "--out", str(picture)]) == 0
@@ -185,19 +185,19 @@ def test_beam_under_tension() -> None:
     errors = []
     for elements in (50, 100):
         scene = with_nothing_below(replace(rig, elements=elements).scene())
-        found = np.array([m.frequency_hz for m in find_modes(scene, 10).lowest[::2]])
-        errors.append(1.0 - found / exact)
+        computed = np.array([m.frequency_hz for m in find_modes(scene, 10).lowest[::2]])
+        errors.append(1.0 - computed / exact)
     assert errors[1].max() < 2e-3
     assert errors[0] == pytest.approx(4.0 * errors[1], rel=0.02)
 
 
 def swing(scene: Scene, number: int) -> float:
     """Frequency of a swing between the ends, out of plane [Hz]; 0 is the pendulum."""
-    found = find_modes(scene, 3 * number).lowest
-    return [mode.frequency_hz for mode in found if mode.kind == "out-of-plane"][number]
+    computed = find_modes(scene, 3 * number).lowest
+    return [mode.frequency_hz for mode in computed if mode.kind == "out-of-plane"][number]
 
 
-def test_published_riser() -> None:
+def test_seventh_mode_of_a_published_riser() -> None:
     """Seventh mode of riser_300m at 0.941 Hz (Le Cunff, Durand 1999); bending is 1.7 % of it."""
     scene = load_scene("riser_300m")
     seventh = swing(scene, 7)

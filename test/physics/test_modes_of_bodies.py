@@ -50,19 +50,19 @@ def test_a_pinned_body_is_a_double_pendulum() -> None:
         M = np.array([[MASS * l * l, MASS * l * h], [MASS * l * h, inertia + MASS * h * h]])
         squares = np.linalg.eigvals(np.linalg.solve(M, np.diag([MASS * G * l, MASS * G * h])))
         wanted += (2.0 * math.pi / np.sqrt(squares)).tolist()
-    found = find_modes(pinned(h), 5).lowest
-    assert [mode.period_s for mode in found] == pytest.approx(
+    computed = find_modes(pinned(h), 5).lowest
+    assert [mode.period_s for mode in computed] == pytest.approx(
         sorted(wanted, reverse=True), rel=2e-5
     )
-    kinds = [mode.kind for mode in found]
+    kinds = [mode.kind for mode in computed]
     assert kinds[0] == kinds[3] == kinds[4] == "turning"
     assert {kinds[1], kinds[2]} == {"in-plane", "out-of-plane"}
-    for mode in found:
+    for mode in computed:
         shares = mode.axial_share, mode.in_plane_share, mode.out_of_plane_share
         assert sum(shares) + mode.turning_share == pytest.approx(1.0)
 
 
-def test_a_body_bounces_on_rope_and_slings() -> None:
+def test_axial_mode_of_a_body_on_rope_and_slings() -> None:
     """One upright sling: m·ω² = 1/(l/EA + 1/k), with the mass of the water along z."""
     k, added = 4e5, 1500.0
     body = RigidBodyParams(
@@ -78,7 +78,7 @@ def test_a_body_bounces_on_rope_and_slings() -> None:
     )
 
 
-def test_buoyancy_above_the_centre_of_gravity_rights_it() -> None:
+def test_righting_mode_by_buoyancy() -> None:
     """A body held at its centre of gravity: I·ω² = B·b, B the lift at b above it."""
     lift = 1.2 * 1025.0 * G
     body = RigidBodyParams(
@@ -86,8 +86,8 @@ def test_buoyancy_above_the_centre_of_gravity_rights_it() -> None:
         pinned_at_m=(0.0, 0.0, 1e-6), pin_stiffness_n_per_m=1e11, **DRY,
     )  # fmt: skip
     rig = replace(RIG, density=1025.0, volume=1.2, load=4000.0)
-    found = [mode for mode in find_modes(scene_of(rig, body), 5).lowest if mode.period_s < 1e3]
-    turning = [mode for mode in found if mode.kind == "turning"]
+    computed = [mode for mode in find_modes(scene_of(rig, body), 5).lowest if mode.period_s < 1e3]
+    turning = [mode for mode in computed if mode.kind == "turning"]
     wanted = [2.0 * math.pi * math.sqrt(inertia / (lift * 0.4)) for inertia in (1300.0, 800.0)]
     assert [mode.period_s for mode in turning] == pytest.approx(wanted, rel=1e-3)
 
@@ -96,12 +96,12 @@ def test_buoyancy_above_the_centre_of_gravity_rights_it() -> None:
     ("name", "words"),
     [("lift_off", "stands on the deck"), ("manifold_lift", "not fully submerged")],
 )
-def test_a_body_that_does_not_hang_clear_has_no_such_modes(name: str, words: str) -> None:
+def test_modes_of_a_grounded_body_are_rejected(name: str, words: str) -> None:
     with pytest.raises(SceneError, match=words):
         find_modes(load_scene(name), 3)
 
 
-def test_modes_of_a_load_that_two_lines_hold(capsys: pytest.CaptureFixture[str]) -> None:
+def test_modes_of_a_body_on_two_lines(capsys: pytest.CaptureFixture[str]) -> None:
     """The command prints turning modes; an assessment of VIV in modes needs a point or an end."""
     assert main(["modes", "load_transfer", "--count", "4", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]

@@ -35,8 +35,10 @@ def lift() -> Scene:
 @pytest.mark.parametrize(
     ("effects", "within"), [((), 1e-5), ((BendingParams(stiffness_n_m2=1e6),), 5e-5)]
 )
-def test_a_rope_in_two_parts_is_the_rope(effects: tuple[BendingParams, ...], within: float) -> None:
-    """A ring of no mass in the middle changes no frequency; of a stiff rope, as a hinge, hardly."""
+def test_modes_of_a_rope_in_two_parts_are_those_of_the_rope(
+    effects: tuple[BendingParams, ...], within: float
+) -> None:
+    """A massless ring in the middle changes no frequency; of a stiff rope, as a hinge, little."""
     scene = lift()
     scene = replace(scene, effects=(*scene.effects, *effects))
     line = replace(scene.ropes[0], elements=40)
@@ -76,44 +78,44 @@ def hung_bar() -> Scene:
         winch=None,
         ship=replace(scene.ship, hang_off_m=(half, 0.0, 0.0)),
         effects=tuple(
-            replace(one, profile=((0.0, (1e-9, 0.0)),)) if hasattr(one, "profile") else one
-            for one in scene.effects
+            replace(effect, profile=((0.0, (1e-9, 0.0)),)) if hasattr(effect, "profile") else effect
+            for effect in scene.effects
         ),
     )
 
 
-def test_bifilar_pendulum() -> None:
-    """It swings both ways and twists with √(W/(M·L)); it bounces and rolls with √(EA/(L·M))."""
+def test_modes_of_a_bifilar_pendulum() -> None:
+    """Swing and twist √(W/(M·L)), bounce and roll √(EA/(L·M))."""
     scene = hung_bar()
     rope, stiffness = scene.ropes[0].rope, stiffness_n(scene.ropes[0])
     assert rope is not None
-    found = find_system_modes(scene, 3)
+    computed = find_system_modes(scene, 3)
     weight = (LOAD - 1.0 * scene.environment.water_density_kg_per_m3) * 9.80665
     stretched = LENGTH * (1.0 + weight / stiffness)
     swing = math.sqrt(weight / (LOAD * stretched)) / (2.0 * math.pi)
-    assert [mode.frequency_hz for mode in found.lowest] == pytest.approx([swing] * 3, rel=5e-3)
-    assert all(mode.kind == "swinging" for mode in found.lowest)
+    assert [mode.frequency_hz for mode in computed.lowest] == pytest.approx([swing] * 3, rel=5e-3)
+    assert all(mode.kind == "swinging" for mode in computed.lowest)
     mass = LOAD + rope.mass_kg_per_m * LENGTH / 3.0
     bounce = math.sqrt(stiffness / (LENGTH * mass)) / (2.0 * math.pi)
-    ours = [mode.frequency_hz for mode in found.stretching[:2]]
+    ours = [mode.frequency_hz for mode in computed.stretching[:2]]
     assert ours == pytest.approx([bounce] * 2, rel=2e-3)
-    assert all(mode.vertical_share > 0.99 for mode in found.stretching[:2])
+    assert all(mode.vertical_share > 0.99 for mode in computed.stretching[:2])
 
 
-def test_a_load_under_one_hook_spins_freely() -> None:
+def test_a_load_under_one_hook_has_a_zero_twist_mode() -> None:
     """Nothing holds the bridle's spin about the hoist: the first mode has no period."""
-    found = find_system_modes(load_scene("bridle_lift"), 2)
-    assert [mode.kind for mode in found.lowest] == ["free", "swinging"]
-    assert found.lowest[0].frequency_hz == 0.0
-    assert found.lowest[0].vertical_share < 1e-3
+    computed = find_system_modes(load_scene("bridle_lift"), 2)
+    assert [mode.kind for mode in computed.lowest] == ["free", "swinging"]
+    assert computed.lowest[0].frequency_hz == 0.0
+    assert computed.lowest[0].vertical_share < 1e-3
 
 
-def test_wheel_between_two_springs() -> None:
+def test_modes_of_a_wheel_between_two_springs() -> None:
     """A heavy wheel, a heavy sheave and two springs without mass: two frequencies."""
     scene = load_scene("two_line_loop")
     wheel, block = 2e5, 2e4
     sheave = replace(scene.sheaves[0], wheel_inertia_kg=wheel, mass_kg=block)
-    small = tuple(replace(one, mass_kg=1200.0) for one in scene.payloads)
+    small = tuple(replace(payload, mass_kg=1200.0) for payload in scene.payloads)
     scene = replace(scene, sheaves=(sheave,), payloads=small)
     soft = [line.length_m / stiffness_n(line) for line in scene.ropes]
     left, right = 1.0 / (soft[0] + soft[1]), 1.0 / (soft[2] + soft[3])
@@ -121,17 +123,19 @@ def test_wheel_between_two_springs() -> None:
     K = np.array([[left + right, right - left],
                   [right - left, left + right + sheave.tether.stiffness_n_per_m]])  # fmt: skip
     slow = np.linalg.eigvals(K / np.array([[wheel], [block]])).min()
-    found = find_system_modes(scene, 1).stretching[0]
-    assert found.frequency_hz == pytest.approx(math.sqrt(slow) / (2.0 * math.pi), rel=0.03)
+    computed = find_system_modes(scene, 1).stretching[0]
+    assert computed.frequency_hz == pytest.approx(math.sqrt(slow) / (2.0 * math.pi), rel=0.03)
 
 
-def test_more_modes_than_there_are() -> None:
+def test_more_modes_than_degrees_of_freedom_are_rejected() -> None:
     """One sentence says how many."""
     with pytest.raises(InputError, match=r"--count: 5000 of ropes with 3\d\d ways to move; give 1"):
         find_system_modes(lift(), 5000)
 
 
-def test_the_command_shows_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_the_modes_command_of_a_multi_line_scene(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
     """A table, an object with null for what is infinite, and a picture."""
     picture = tmp_path / "modes.png"
     assert main(["modes", "bridle_lift", "--count", "2", "--out", str(picture)]) == 0

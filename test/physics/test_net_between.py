@@ -1,4 +1,4 @@
-"""Nets between ropes: against nets held to a heading, and against the shape that they hang in."""
+"""Nets between ropes, against nets of fixed heading and the force of each panel."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ def heaved(twin: Twin, seconds: float = 4.0) -> Floats:
     return np.array(seen)
 
 
-def test_lines_side_by_side_have_the_net_that_a_heading_would_hold(tmp_path: Path) -> None:
-    """Two equal lines keep their distance: half of the width on each, held along the span."""
+def test_a_net_between_equal_lines_equals_nets_of_fixed_heading(tmp_path: Path) -> None:
+    """Two equal lines keep their distance: half of the width on each, along the span."""
     between = heaved(
         twin_of(spread("width_m: 6.0, between: [[line_0, line_1]]", (900.0, 900.0)), tmp_path)
     )
@@ -93,7 +93,7 @@ def test_lines_side_by_side_have_the_net_that_a_heading_would_hold(tmp_path: Pat
 def net_m(rope: rows.Rope) -> float:
     """Length of rope that carries net, as the nodes have it."""
     n = int(rope.state.counts[rows.ELEMENTS])
-    (net,) = (own for own in rope.effects if isinstance(own, NetCurtain))
+    (net,) = (effect for effect in rope.effects if isinstance(effect, NetCurtain))
     half = 0.5 * np.diff(rope.state.s[: n + 1])
     return float(net.memory[SHARE, : n + 1] @ (np.append(half, 0.0) + np.append(0.0, half)))
 
@@ -122,8 +122,8 @@ def shape_force(lines: list[Floats], pairs: list[tuple[int, int]]) -> Floats:
     return total
 
 
-def test_three_unequal_lines_hang_by_the_panels_between_them(tmp_path: Path) -> None:
-    """The forces at the tops are those of panels that turn with the lines' distances."""
+def test_top_forces_of_three_unequal_lines_with_nets(tmp_path: Path) -> None:
+    """The forces are those of panels that turn with the distances of the lines."""
     twin = twin_of(
         spread("width_m: 6.0, between: [[line_0, line_1], [line_1, line_2]]",
                (700.0, 1500.0, 900.0)), tmp_path,
@@ -140,7 +140,7 @@ def test_three_unequal_lines_hang_by_the_panels_between_them(tmp_path: Path) -> 
     assert pull[:2] == pytest.approx(expected[:2], rel=1e-5)
 
 
-def test_the_energy_of_a_net_between_lines_closes(tmp_path: Path) -> None:
+def test_energy_balance_of_a_net_between_lines(tmp_path: Path) -> None:
     """Unequal lines in heave, with the nets' own power."""
     twin = twin_of(
         spread("width_m: 6.0, between: [[line_0, line_1]]", (700.0, 1500.0)), tmp_path, energy=True
@@ -152,8 +152,8 @@ def test_the_energy_of_a_net_between_lines_closes(tmp_path: Path) -> None:
     assert abs(energy.residual_j) < 2e-5 * energy.exchanged_j
 
 
-def test_a_cut_line_keeps_its_part_of_the_net(tmp_path: Path) -> None:
-    """9 m stay on the upper part and 11 m go down; saved and restored it runs on to the bit."""
+def test_a_cut_line_divides_its_net(tmp_path: Path) -> None:
+    """9 m stay on the upper part and 11 m go down; a saved run resumes bit-identically."""
     text = spread("width_m: 6.0, between: [[line_0, line_1]]", (900.0, 900.0))
     twin = twin_of(text, tmp_path)
     assert not twin.offer_cut(500_000_000, 11.0, "line_0")
@@ -163,8 +163,8 @@ def test_a_cut_line_keeps_its_part_of_the_net(tmp_path: Path) -> None:
     assert shares == pytest.approx([9.0, 20.0, 11.0])
     twin.save(tmp_path / "state")
     other = Twin.restore(tmp_path / "state", load_scene(str(tmp_path / "scene.yaml")))
-    for one in (twin, other):
-        one.advance(100)
+    for run in (twin, other):
+        run.advance(100)
     for own, restored in zip(twin.snapshot().ropes, other.snapshot().ropes, strict=True):
         assert np.array_equal(own.node_position_m, restored.node_position_m)
 
@@ -178,7 +178,7 @@ def test_a_cut_line_keeps_its_part_of_the_net(tmp_path: Path) -> None:
         ("between: [[line_0, line_1], [line_0, line_1], [line_1, line_0]]", "has two sides"),
     ],
 )
-def test_what_ropes_a_net_may_be_between(nets: str, said: str, tmp_path: Path) -> None:
+def test_nets_between_wrong_ropes_are_rejected(nets: str, said: str, tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     path.write_text(spread("width_m: 6.0, heading_deg: 0.0", (900.0, 900.0)), encoding="utf-8")
     good = load_scene(str(path))

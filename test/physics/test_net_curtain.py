@@ -1,4 +1,4 @@
-"""Nets along a rope: closed forms in an even current, energy, a stretch that keeps its place."""
+"""Nets along a rope: closed forms in a uniform current, energy, material coordinates."""
 
 from __future__ import annotations
 
@@ -49,11 +49,11 @@ def hung(net: NetCurtainParams, rig: Rig = RIG, sea: WavesParams = CALM) -> Scen
 
 
 def curtain(twin: Twin) -> NetCurtain:
-    return next(own for own in twin.rope.effects if isinstance(own, NetCurtain))
+    return next(effect for effect in twin.rope.effects if isinstance(effect, NetCurtain))
 
 
 def net_m(twin: Twin) -> float:
-    """All length of rope that carries net, as the nodes have it."""
+    """Length of rope that carries net, by the nodes' shares."""
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     work = np.diff(twin.rope.state.s[: n + 1])
     lengths = 0.5 * (np.append(work, 0.0) + np.append(0.0, work))
@@ -63,7 +63,7 @@ def net_m(twin: Twin) -> float:
 @pytest.mark.parametrize(
     ("law", "drag", "lift"), [("aarsnes", 0.2600, 0.0532), ("loeland", 0.2886, 0.0679)]
 )
-def test_the_printed_figures_per_metre(law: str, drag: float, lift: float) -> None:
+def test_published_net_coefficients_per_metre(law: str, drag: float, lift: float) -> None:
     """Sn 0.2: an upright panel across the flow has the printed C_D; at 45° the printed C_L."""
     water = Surroundings(RHO, G, 0.0, room=NODES)
     for heading, normal, along in ((90.0, 0.0, drag), (45.0, lift, 0.04 + (drag - 0.04) / 2**0.5)):
@@ -71,14 +71,14 @@ def test_the_printed_figures_per_metre(law: str, drag: float, lift: float) -> No
         net.memory[SHARE] = 1.0
         work = rows.new_work(NODES, rows.COUPLED_ROWS)
         work[rows.TANGENT + 2], work[rows.LENGTH], work[rows.VELOCITY] = 1.0, 1.0, -2.0
-        found = (loads((net,), work) - loads((), work))[3:6, 3] / (0.5 * RHO * 4.0)
-        assert found[0] == pytest.approx(along, abs=5e-5)
-        assert abs(found[1]) == pytest.approx(normal, abs=5e-5)
-        assert found[2] == pytest.approx(-net.weight / (0.5 * RHO * 4.0))
+        computed = (loads((net,), work) - loads((), work))[3:6, 3] / (0.5 * RHO * 4.0)
+        assert computed[0] == pytest.approx(along, abs=5e-5)
+        assert abs(computed[1]) == pytest.approx(normal, abs=5e-5)
+        assert computed[2] == pytest.approx(-net.weight / (0.5 * RHO * 4.0))
 
 
-def test_a_free_net_and_its_weight_hang_in_closed_form() -> None:
-    """It trails: 0.04·½·ρ·width·U² a metre aside and its weight down; tan φ = H(s)/V(s)."""
+def test_static_shape_of_a_free_net() -> None:
+    """It trails: drag 0.04·½·ρ·width·U² per metre; tan φ = H(s)/V(s)."""
     net = replace(NET, heading_deg=None, twine_kg_per_m3=1380.0)
     twin = Twin(hung(net))
     shot = twin.snapshot()
@@ -95,7 +95,7 @@ def test_a_free_net_and_its_weight_hang_in_closed_form() -> None:
 
 
 def shape(law: tuple[float, float, float]) -> Floats:
-    """Forces in a rope with the held net, by Runge-Kutta from its weight up, (101, 2) [N].
+    """Forces in a rope with a fixed net, by Runge-Kutta from its weight up, (101, 2) [N].
 
     An independent integration of dF/ds = load(angle of F), every metre.
     """
@@ -130,8 +130,8 @@ def held() -> Twin:
     return Twin(hung(NET))
 
 
-def test_a_held_net_hangs_as_an_independent_integration_says(held: Twin) -> None:
-    """Tension and inclination over the rope; drag and lift turn with its slope."""
+def test_static_shape_of_a_fixed_net(held: Twin) -> None:
+    """Tension and inclination over the rope against a Runge-Kutta integration."""
     net = curtain(held)
     law = (net.along / PATH, net.facing / PATH, 0.5 * net.lift / PATH)
     forces = shape(law)
@@ -145,8 +145,8 @@ def test_a_held_net_hangs_as_an_independent_integration_says(held: Twin) -> None
     assert middles[-1, 0] / middles[-1, 1] > 0.3, "the rope must lean"
 
 
-def test_the_stretch_keeps_its_place_on_the_rope() -> None:
-    """20 m out and 15 m in again, with splits and merges: 50 m of net, 10 m above the weight."""
+def test_the_net_stays_on_its_length_of_rope_through_payout() -> None:
+    """20 m out and 15 m in, with splits and merges: 50 m of net, 10 m above the weight."""
     twin = Twin(hung(NET))
     assert net_m(twin) == pytest.approx(50.0)
     counts = set()
@@ -158,8 +158,8 @@ def test_the_stretch_keeps_its_place_on_the_rope() -> None:
     assert share[:10].tolist() == [0.0] * 5 + [0.5] + [1.0] * 4
 
 
-def test_parts_of_a_cut_rope_have_their_parts_of_the_net(tmp_path: Path) -> None:
-    """A cut 25 m up leaves 35 m on the winch's part; saved and restored it runs on to the bit."""
+def test_a_cut_divides_the_net_curtain(tmp_path: Path) -> None:
+    """A cut 25 m up leaves 35 m on the winch's part; a saved run resumes bit-identically."""
     scene = hung(NET)
     twin = Twin(scene)
     assert not twin.offer_cut(500_000_000, 75.0)
@@ -168,14 +168,14 @@ def test_parts_of_a_cut_rope_have_their_parts_of_the_net(tmp_path: Path) -> None
     assert net_m(twin) == pytest.approx(35.0)
     twin.save(tmp_path / "state")
     other = Twin.restore(tmp_path / "state", scene)
-    for one in (twin, other):
-        one.advance(50)
+    for run in (twin, other):
+        run.advance(50)
     assert np.array_equal(twin.snapshot().node_position_m, other.snapshot().node_position_m)
     assert net_m(other) == pytest.approx(35.0)
 
 
 @pytest.mark.parametrize("name", CURTAINS)
-def test_force_times_velocity_is_power_less_what_is_stored(name: str) -> None:
+def test_curtain_force_times_velocity_is_power_less_stored_energy_rate(name: str) -> None:
     """F·v = power - d(kinetic + potential)/dt, with half-covered nodes in accelerated water."""
     effects, work = acting(name), some_work(3)
     random = np.random.default_rng(3)
@@ -183,14 +183,14 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str) -> None:
     work[rows.FLOW_RATE : rows.FLOW_RATE + 3] = random.normal(0.0, 0.6, (3, NODES))
     force = (loads(effects, work) - loads((), work))[3:6]
     done = float((force * three(work, rows.VELOCITY)).sum())
-    place = seen(work, np.zeros((3, NODES)), 0.0)
-    later, before = (stored(effects, seen(work, 0.0 * place.flow, dt)) for dt in (DT, -DT))
+    position = seen(work, np.zeros((3, NODES)), 0.0)
+    later, before = (stored(effects, seen(work, 0.0 * position.flow, dt)) for dt in (DT, -DT))
     rate = (later - before) / (2.0 * DT)
     assert abs(done) > 1e3
-    assert done == pytest.approx(account_sum("power", effects, place) - rate, rel=1e-6)
+    assert done == pytest.approx(account_sum("power", effects, position) - rate, rel=1e-6)
 
 
-def test_the_energy_of_a_net_in_waves_closes() -> None:
+def test_energy_balance_of_a_net_in_waves() -> None:
     """Waves of 2 m, heave, payout: 5e-5 of what passes; found: 1.7e-5, falling with step²."""
     waves = WavesParams(regular=RegularWave(height_m=2.0, period_s=7.0), ramp_s=2.0)
     scene = hung(NET, replace(RIG, ramp=5.0), waves)
@@ -210,11 +210,11 @@ def test_the_energy_of_a_net_in_waves_closes() -> None:
         ({"twine_m": 0.008, "solidity": None}, "solidity 0.46 is above 0.35"),
     ],
 )
-def test_what_a_curtain_may_not_be(changed: dict[str, object], said: str) -> None:
+def test_invalid_net_curtains_are_rejected(changed: dict[str, object], said: str) -> None:
     assert said in (replace(NET, **changed).check() or "")  # type: ignore[arg-type]
 
 
-def test_where_a_curtain_may_not_be() -> None:
+def test_invalid_net_curtain_extents_are_rejected() -> None:
     """Longer than the least line out; on a rope that is not there."""
     reported = [(where, what) for where, what, _ in faults(hung(replace(NET, to_m=80.0)))]
     assert reported == [

@@ -1,4 +1,4 @@
-"""Nets against the printed figures, from every side; fairings by their own and by a tow speed."""
+"""Net panels against published coefficients, from every side; fairings by own and tow speed."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HALF = 0.5 * 1025.0 * 200.0  # ½·ρ·A
 
 
 def force(effect: Any, velocity: tuple[float, float, float]) -> Vector:
-    """On the lower end that moves so through still water."""
+    """Force on the lower end that moves through still water."""
     work = some_work()
     work[rows.VELOCITY : rows.VELOCITY + 3, 0] = velocity
     found: Vector = (loads((effect,), work) - loads((), work))[3:6, 0]
@@ -44,7 +44,7 @@ def pushed(params: NetParams, flow: tuple[float, float, float]) -> Vector:
 @pytest.mark.parametrize(
     ("law", "drag", "lift"), [("aarsnes", 0.2600, 0.0532), ("loeland", 0.2886, 0.0679)]
 )
-def test_the_printed_figures(law: str, drag: float, lift: float) -> None:
+def test_published_net_coefficients(law: str, drag: float, lift: float) -> None:
     """Sn 0.2: C_D across the flow and C_L at 45°, as printed; C_D 0.04 along the flow."""
     params = replace(PANEL, law=law)
     assert pushed(params, (2.0, 0.0, 0.0)) / (HALF * 4.0) == pytest.approx(
@@ -61,7 +61,7 @@ def test_the_printed_figures(law: str, drag: float, lift: float) -> None:
     assert at_45 @ np.array([root, root, 0.0]) == pytest.approx(facing, abs=5e-5)
 
 
-def test_a_net_from_its_back_from_below_and_turned() -> None:
+def test_net_forces_under_reversal_and_rotation() -> None:
     """Reversed flow reverses the force; a turned panel in turned flow has the turned force."""
     flow = (0.7, 0.4, -0.3)
     ahead, astern = pushed(PANEL, flow), pushed(PANEL, (-0.7, -0.4, 0.3))
@@ -74,7 +74,7 @@ def test_a_net_from_its_back_from_below_and_turned() -> None:
     assert up == pytest.approx([0.0, 0.0, 0.04 * HALF], abs=1e-9)
 
 
-def test_panels_behind_each_other() -> None:
+def test_wake_shielding_of_panels_in_a_row() -> None:
     """The n-th sees (1 - 0.46·C_D)^(n-1) of the speed: forces are a geometric series."""
     drag = 0.2886
     one, three = (pushed(replace(PANEL, panels=n), (1.0, 0.0, 0.0))[0] for n in (1, 3))
@@ -91,7 +91,7 @@ def test_solidity_of_a_mesh() -> None:
     )
 
 
-def test_a_towed_net_hangs_where_its_forces_say() -> None:
+def test_static_angle_of_a_towed_net() -> None:
     """At rest in a current: the lowest element points along drag and weight, 0.1 %."""
     rig = Rig(
         length=100.0, elements=10, mass=0.5, load=4e3, volume=0.5, density=1025.0, damping=1e5,
@@ -117,14 +117,14 @@ def test_a_towed_net_hangs_where_its_forces_say() -> None:
         (replace(PANEL, solidity=None, twine_m=0.02, bar_m=0.01), "leaves no mesh between knots"),
     ],
 )  # fmt: skip
-def test_what_a_net_may_not_be(params: NetParams, said: str) -> None:
+def test_invalid_nets_are_rejected(params: NetParams, said: str) -> None:
     assert said in (params.check() or "")
 
 
 FACE = FairingParams(face_m2=6.0, drag=0.8)
 
 
-def test_a_fairing_drags_by_its_own_speed() -> None:
+def test_fairing_drag_by_own_speed() -> None:
     k = 0.5 * 1025.0 * 0.8 * 6.0
     built = build_fairing(FACE, None, WATER)
     assert force(built, (1.0, 2.0, -1.5)) == pytest.approx([0.0, 0.0, k * 2.25])
@@ -133,7 +133,7 @@ def test_a_fairing_drags_by_its_own_speed() -> None:
     assert force(tilted, (1.0, 5.0, 2.0)) == pytest.approx([-0.6 * k * V * V, 0, -0.8 * k * V * V])
 
 
-def test_a_fairing_by_a_tow_speed() -> None:
+def test_fairing_drag_by_tow_speed() -> None:
     """Whatever the payload does; at 3 s of a ramp of 12 s a quarter of it."""
     k = 0.5 * 1025.0 * 0.8 * 6.0
     assert some_stage().time == 3.0
@@ -143,7 +143,7 @@ def test_a_fairing_by_a_tow_speed() -> None:
     assert force(slow, (0.0, 0.0, 0.0)) == pytest.approx([0.0, 0.0, 0.25 * k * 2.25])
 
 
-def test_what_a_fairing_may_not_be() -> None:
+def test_invalid_fairings_are_rejected() -> None:
     assert "zero vector" in (replace(FACE, axis=(0.0, 0.0, 0.0)).check() or "")
     assert "without a tow speed" in (replace(FACE, ramp_s=3.0).check() or "")
     scene = Rig(length=50.0, elements=5, load=100.0, volume=0.0).scene()

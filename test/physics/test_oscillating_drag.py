@@ -87,18 +87,20 @@ TWO = math.sqrt(2.0 * SIGMA2) * math.sqrt(SIGMA2 / RATES2) / D
     ("motion", "expected", "within"),
     [(regular, 1.2 * 6.0 / D, 0.02), (with_flow, 1.7 * 6.0 / D, 0.03), (two_waves, TWO, 0.08)],
 )
-def test_the_number_of_a_known_motion(motion: object, expected: float, within: float) -> None:
+def test_keulegan_carpenter_number_of_known_motions(
+    motion: object, expected: float, within: float
+) -> None:
     """U·T/d of a sine, with a mean flow added; of two sines by σ and Rice's period.
 
     What is left is how the fading mean follows the single cycles, 6 s and 9 s in 40 s; averaged
     over the last 45 s, a whole number of them.
     """
     twin = Twin(scene_of(PIPE, tide(motion, 255.0), drag_of(SMOOTH)))
-    found = []
+    results = []
     for shot in march(twin, still, 250.0, every=25):
         if shot.time_s > 250.0 - 90.0:
-            found.append(number_at(twin, 4))
-    assert np.mean(found) == pytest.approx(expected, rel=within)
+            results.append(number_at(twin, 4))
+    assert np.mean(results) == pytest.approx(expected, rel=within)
 
 
 @pytest.mark.parametrize(
@@ -109,7 +111,7 @@ def test_the_number_of_a_known_motion(motion: object, expected: float, within: f
         pytest.param((SMOOTH, ROUGH), 1e-2, 2.0, marks=pytest.mark.long),
     ],
 )
-def test_the_force_has_the_factor_of_number_and_roughness(
+def test_peak_drag_has_the_tabulated_factor(
     tables: tuple[RoughTable, ...], roughness: float | None, factor: float
 ) -> None:
     """At KC 12 the peak of the pull on the hang-off is that of the table's row; half-way between.
@@ -125,7 +127,7 @@ def test_the_force_has_the_factor_of_number_and_roughness(
     assert max(pulls) == pytest.approx(expected, rel=0.02)
 
 
-def test_a_steady_flow_has_the_last_row_from_the_start() -> None:
+def test_steady_flow_uses_the_last_row() -> None:
     """At rest and later: half of ½·ρ·d·C_d·U²·L with the factor 0.7, and nothing begins to move."""
     twin = Twin(scene_of(PIPE, tide(lambda t: 0.8, 0.1), drag_of(SMOOTH)))
     expected = 0.25 * 1025.0 * D * 0.8**2 * 0.7 * PIPE.length
@@ -135,40 +137,40 @@ def test_a_steady_flow_has_the_last_row_from_the_start() -> None:
     assert memory_of(twin)[MORE, :8] == pytest.approx(-0.3, abs=1e-9)
 
 
-def test_a_factor_of_one_changes_nothing() -> None:
+def test_drag_factors_of_one_change_nothing() -> None:
     """To the rounding, in waves."""
     sea = WavesParams(regular=RegularWave(height_m=4.0, period_s=8.0), ramp_s=4.0)
     rig = replace(PIPE, fixed_at=None, load=8e3, volume=1.0, EA=4e7, drag=(1.1, 0.02))
     plain = replace(rig.scene(), effects=(*rig.scene().effects, sea))
-    places = []
+    positions = []
     for scene in (plain, in_time(plain)):
         *_, shot = march(Twin(scene), still, 12.0)
-        places.append(shot.node_position_m)
-    assert np.ptp(places[0][:, 0]) > 0.1
-    assert np.abs(places[0] - places[1]).max() < 1e-9
+        positions.append(shot.node_position_m)
+    assert np.ptp(positions[0][:, 0]) > 0.1
+    assert np.abs(positions[0] - positions[1]).max() < 1e-9
 
 
 @pytest.mark.long
-def test_ropes_that_meet_have_numbers_of_their_own() -> None:
+def test_connected_ropes_have_their_own_keulegan_carpenter_numbers() -> None:
     """A bridle: with a factor of one as without; with a table, each node has its own factor."""
     scene = load_scene("bridle_lift")
     own = scene.listed(DragParams)
     assert own is not None
     table = replace(own, over_keulegan_carpenter=KeuleganCarpenter(tables=(SMOOTH,)))
-    places = []
+    positions = []
     for each in (scene, oscillating(scene, by_one(own)), oscillating(scene, table)):
         twin = Twin(each)
         *_, shot = march(twin, sine(1.0, 5.0), 4.0)
-        places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     n = int(twin.rope.state.counts[ELEMENTS])
     factors = memory_of(twin)[MORE, 1:n]
-    assert np.abs(places[0] - places[1]).max() < 1e-9
-    assert np.abs(places[0] - places[2]).max() > 1e-4
+    assert np.abs(positions[0] - positions[1]).max() < 1e-9
+    assert np.abs(positions[0] - positions[2]).max() > 1e-4
     assert np.ptp(factors) > 1e-3
 
 
 @pytest.mark.long
-def test_energy_with_factors_that_change() -> None:
+def test_energy_balance_with_varying_drag_factors() -> None:
     """A factor that is held over a step is late by a part of it: an error of the first order.
 
     At 5 ms it is below 3e-5 of what is exchanged, and it halves with the step. With a factor that

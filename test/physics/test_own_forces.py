@@ -1,4 +1,4 @@
-"""A force table of the user's own: what is read of it, what is refused, and what it moves."""
+"""A user's force table: reading, refusals, and the motion that it causes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ HEAD = "frequency,amplitude,C_Lv,C_a\n"
 
 
 def grid(f: Any = (0.1, 0.18, 0.3), a: Any = (0.0, 0.5, 1.0), **given: Any) -> str:
-    """A table: C_Lv 0.6 in the middle up to the amplitude before the last, else -0.2; C_a 1.
+    """Table with C_Lv 0.6 at mid band up to the second last amplitude, else -0.2; C_a 1.
 
     given: by name of a column, (frequency, amplitude, value) to put in.
     """
@@ -48,9 +48,9 @@ def text_of(keys: str) -> str:
 
 
 def params_of(scene: Scene) -> DecomposedForceParams:
-    found = scene.listed(DecomposedForceParams)
-    assert found is not None
-    return found
+    computed = scene.listed(DecomposedForceParams)
+    assert computed is not None
+    return computed
 
 
 NOT_THERE = "{table: {path: ./no.csv}}"
@@ -98,22 +98,22 @@ BROKEN: dict[str, tuple[str, str, str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("fault", BROKEN)
-def test_what_is_wrong_with_a_table_is_one_sentence(fault: str, tmp_path: Path) -> None:
-    keys, table, place, words = BROKEN[fault]
+def test_invalid_force_tables_are_rejected(fault: str, tmp_path: Path) -> None:
+    keys, table, position, words = BROKEN[fault]
     (tmp_path / "forces.csv").write_text(table)
-    assert_refused(text_of(keys), place, words, tmp_path)
+    assert_refused(text_of(keys), position, words, tmp_path)
 
 
-def test_a_table_beside_the_scene_is_found_with_its_own_band(tmp_path: Path) -> None:
+def test_a_force_table_file_and_its_power_in_band(tmp_path: Path) -> None:
     """Zeros of the straight lines 0.6 to -0.2 at half D; read again once the file has changed."""
     (tmp_path / "forces.csv").write_text(grid())
     scene = load_scene(written(tmp_path, text_of(BESIDE)))
     own = params_of(scene).table
     assert own is not None
     assert own.path == str(tmp_path / "forces.csv")
-    found = own.figures()
-    assert found.band == pytest.approx((0.1 + 0.08 * 0.25, 0.18 + 0.12 * 0.75))
-    assert (found.centre, found.amplitude) == (0.18, 0.5)
+    computed = own.figures()
+    assert computed.band == pytest.approx((0.1 + 0.08 * 0.25, 0.18 + 0.12 * 0.75))
+    assert (computed.centre, computed.amplitude) == (0.18, 0.5)
     assert strouhal_number(scene) == 0.18
     (tmp_path / "forces.csv").write_text(grid(f=(0.1, 0.2, 0.3)) + "# changed\n")
     assert own.figures().centre == 0.2
@@ -121,7 +121,7 @@ def test_a_table_beside_the_scene_is_found_with_its_own_band(tmp_path: Path) -> 
     assert given.figures()[1:] == ((0.13, 0.22), 0.15, 0.25)
 
 
-def test_studies_know_the_content_and_not_the_place(tmp_path: Path) -> None:
+def test_the_digest_depends_on_table_content_not_path(tmp_path: Path) -> None:
     """Scenes without a table keep their digest; one with it has another where its table changes."""
     assert "table" not in repr(DecomposedForceParams())
     digests = []
@@ -137,7 +137,7 @@ def riser(speed: float = SPEED, n: int = 180) -> Span:
     return Span(s, T * same[1:], M * same[1:], D * same, speed * same, EI)
 
 
-def test_the_table_of_the_package_is_read_as_it_is_without_the_key() -> None:
+def test_the_default_table_given_explicitly_changes_nothing() -> None:
     """Band 0.125 to 0.2, centre 0.17: the zeros and the largest value of that table, to the bit."""
     own = DecomposedForceParams(table=OwnTable(path="fitted_forces"))
     models = [decomposed_of(params, DENSITY) for params in (own, DecomposedForceParams())]
@@ -150,7 +150,7 @@ def test_the_table_of_the_package_is_read_as_it_is_without_the_key() -> None:
     assert np.abs(responses[0].motion).max() > 0.01 * D
 
 
-def test_a_lift_of_the_table_moves_a_mode_as_in_closed_form(tmp_path: Path) -> None:
+def test_steady_amplitude_by_a_tabulated_lift(tmp_path: Path) -> None:
     """C_Lv 0.25 below 1.5 D: the steady riser moves by F/(2·m·ω²·ζ), F = 4/π·½·C_Lv·ρ·D·U²."""
     lift, knots = 0.25, (0.05, 0.051, 0.399, 0.4)
     rows = [(f, a, lift if 0.05 < f < 0.4 and a < 2.0 else 0.0)
@@ -161,9 +161,9 @@ def test_a_lift_of_the_table_moves_a_mode_as_in_closed_form(tmp_path: Path) -> N
     assert table.check() is None
     params = DecomposedForceParams(table=table, damping_fraction=ZETA)
     span, model = riser(), decomposed_of(params, DENSITY)
-    found = analyse(span, model)
-    k = found.dominant - 1
-    omega, water = 2.0 * pi * found.frequency[k], DENSITY * 0.25 * pi * D**2
+    actual = analyse(span, model)
+    k = actual.dominant - 1
+    omega, water = 2.0 * pi * actual.frequency[k], DENSITY * 0.25 * pi * D**2
     push = 0.5 * lift * DENSITY * D * SPEED**2 * 4.0 / pi
     expected = push / (2.0 * ZETA * omega**2 * (M + water))
     assert 0.1 * D < expected < 1.4 * D
@@ -174,5 +174,5 @@ def test_a_lift_of_the_table_moves_a_mode_as_in_closed_form(tmp_path: Path) -> N
         response.advance(response.step_s)
         motion[row] = response.motion
     amplitude = np.sqrt(2.0) * motion[count // 2 :].std(axis=0)
-    antinode = np.abs(found.modes.shape[:, k]) > 0.999
+    antinode = np.abs(actual.modes.shape[:, k]) > 0.999
     np.testing.assert_allclose(amplitude[antinode], expected, rtol=0.02)

@@ -44,7 +44,7 @@ def in_water(rope: Rope) -> float:
     return (rope.mass_kg_per_m - RHO * pi / 4.0 * rope.hydrodynamic_diameter_m**2) * G
 
 
-def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
+def test_buoyancy_of_a_buoy_above_its_chain(tmp_path: Path) -> None:
     """By the step of test_cut_joined."""
     shot = at_rest(BUOY, tmp_path, STILL, CALM)
     assert shot.seabed is not None
@@ -59,8 +59,8 @@ def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
     assert shot.tension_payload_n == pytest.approx(rope, rel=0.02)
 
 
-def test_each_crane_carries_its_end(tmp_path: Path) -> None:
-    """By the step of bridle_lift."""
+def test_two_crane_tensions(tmp_path: Path) -> None:
+    """Tension of each crane: its load, half of the beam, its wire; 1e-3."""
     shot = at_rest(CRANES, tmp_path, STILL)
     beam = 20000.0 * (1.0 - RHO / 7850.0)
     wire = 100.0 * in_water(rope_preset("steel_wire_76mm"))
@@ -79,7 +79,7 @@ def level_catenary(depth: float, length: float, span: float) -> float:
 
 
 @pytest.mark.long
-def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
+def test_a_laid_cable_is_a_catenary(tmp_path: Path) -> None:
     shot = at_rest(CABLE, tmp_path)
     w = (30.0 - RHO * pi / 4.0 * 0.12**2) * G
     depth, length = 300.0, 450.0
@@ -102,7 +102,7 @@ def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_touchdown_moves_on_within_coarse_elements(tmp_path: Path) -> None:
+def test_the_touchdown_point_moves_continuously_on_coarse_elements(tmp_path: Path) -> None:
     """Of 9 m each, while the lower end goes 10 m away and two nodes are picked up."""
     (tmp_path / "own.yaml").write_text(CABLE)
     scene = load_scene(tmp_path / "own.yaml")
@@ -116,18 +116,18 @@ def test_the_touchdown_moves_on_within_coarse_elements(tmp_path: Path) -> None:
         assert touchdown.layback_m == pytest.approx(a * asinh(hangs / a), abs=0.2)
 
 
-def test_a_tow_is_the_sum_of_weight_and_drag_from_the_fish_up(tmp_path: Path) -> None:
+def test_tow_tension_is_weight_and_drag(tmp_path: Path) -> None:
     shot = at_rest(TOW, tmp_path)
     rope, flow = rope_preset("whoi_cable_17mm"), np.array([-2.0, 0.0])
     d, w = rope.hydrodynamic_diameter_m, in_water(rope)
     pull = np.array([-0.5 * RHO * 0.2 * 4.0, -(1000.0 - 0.25 * RHO) * G])
-    place, step = np.zeros(2), 500.0 / 5000
+    position, step = np.zeros(2), 500.0 / 5000
     for _ in range(5000):
         up = -pull / np.hypot(*pull)
         along = (flow @ up) * up
         across = flow - along
         drag = 1.5 * np.hypot(*across) * across + 0.02 * pi * np.hypot(*along) * along
         pull = pull + (0.5 * RHO * d * drag - np.array([0.0, w])) * step
-        place = place + up * step
-    assert -shot.payload_position_m[[0, 2]] == pytest.approx(place, rel=2e-3)
+        position = position + up * step
+    assert -shot.payload_position_m[[0, 2]] == pytest.approx(position, rel=2e-3)
     assert shot.tension_top_n == pytest.approx(np.hypot(*pull), rel=2e-3)

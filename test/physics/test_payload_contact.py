@@ -1,4 +1,4 @@
-"""Contact between payloads, against collisions of two masses and pendulums that lean."""
+"""Contact between payloads, against two-body collisions and leaning pendulums."""
 
 from __future__ import annotations
 
@@ -51,8 +51,8 @@ class Touching(Line):
         rope = replace(self, more=(self.contact,)).bare()
         joint_of = {body.name: int(body.name) for body in self.contact.bodies}
         effects = tuple(
-            placed(own, self.contact, joint_of) if isinstance(own, PayloadContact) else own
-            for own in rope.effects
+            placed(effect, self.contact, joint_of) if isinstance(effect, PayloadContact) else effect
+            for effect in rope.effects
         )
         return rope._replace(effects=effects)
 
@@ -64,7 +64,7 @@ def flying(
     contact: PayloadContactParams, *, aside: float = 0.0, gap: float = 0.01, step: float = 0.001,
     velocity: Point = (SPEED, 0.0, 0.0),
 ) -> JointBench:  # fmt: skip
-    """Payload 0 flies at payload 1, whose centre is as far aside."""
+    """Payload 0 flies at payload 1, whose centre is offset sideways."""
     start = ((0.0, 0.0, -1000.0), (sqrt(REACH**2 - aside**2) + gap, aside, -1000.0))
     bench = JointBench(
         [
@@ -90,7 +90,7 @@ def border(bench: JointBench) -> SystemBorder:
 
 
 def meet(bench: JointBench, seconds: float) -> tuple[float, int, float]:
-    """Step on; return the deepest penetration [m], steps in contact, energy dissipated [J]."""
+    """Step on; return the deepest penetration [m], steps in contact and energy dissipated [J]."""
     deepest, inside, rubbed = 0.0, 0, [border(bench).rubbed]
     for _ in range(round(seconds / bench.step)):
         bench.hold(1)
@@ -102,8 +102,8 @@ def meet(bench: JointBench, seconds: float) -> tuple[float, int, float]:
     return deepest, inside, bench.step * (sum(rubbed) - 0.5 * (rubbed[0] + rubbed[-1]))
 
 
-def test_two_payloads_collide_elastically() -> None:
-    """Speeds by momentum and energy; v·√(m/k) deep for π·√(m/k), with m the reduced mass."""
+def test_elastic_collision_of_two_payloads() -> None:
+    """Speeds by momentum and energy; depth v·√(m/k) and duration π·√(m/k), m the reduced mass."""
     bench, (one, other) = flying(CONTACT), MASSES
     start = border(bench).store.total
     deepest, inside, _ = meet(bench, 0.3)
@@ -119,7 +119,7 @@ def test_two_payloads_collide_elastically() -> None:
 
 
 @pytest.mark.parametrize("chi", [0.05, 0.5])
-def test_damping_takes_what_its_closed_form_says(chi: float) -> None:
+def test_contact_damping_in_closed_form(chi: float) -> None:
     """∫v·dv/(1 + χ·v) over the contact is 0 (derived from Hunt and Crossley 1975, n = 1)."""
     bench = flying(replace(CONTACT, damping_s_per_m=chi))
     start = border(bench).store.total
@@ -136,8 +136,8 @@ def test_damping_takes_what_its_closed_form_says(chi: float) -> None:
     assert start - border(bench).store.total == pytest.approx(lost, abs=1e-3 * start)
 
 
-def test_friction_gives_its_share_of_the_impulse() -> None:
-    """While one slides past the other: tangential impulse μ times the normal one."""
+def test_friction_impulse_of_a_sliding_contact() -> None:
+    """Tangential impulse is μ times the normal one."""
     mu = 0.1
     stiff = replace(CONTACT, friction=mu, stiffness_n_per_m=1e10)
     bench = flying(stiff, aside=0.5, gap=1e-4, step=1e-5)  # so short that n hardly turns
@@ -155,8 +155,8 @@ def test_friction_gives_its_share_of_the_impulse() -> None:
     assert start - border(bench).store.total == pytest.approx(lost, abs=1e-3 * start)
 
 
-def test_frictionless_bodies_slide_off_each_other_with_energy_and_spin_kept() -> None:
-    """Elastic and oblique: kinetic energy and angular momentum are those of before."""
+def test_oblique_frictionless_collision_conserves_energy_and_spin() -> None:
+    """Kinetic energy and angular momentum after the contact equal those before."""
     bench = flying(CONTACT, aside=0.7)
     centre = bench.joints[:, 1].copy()
 
@@ -170,8 +170,8 @@ def test_frictionless_bodies_slide_off_each_other_with_energy_and_spin_kept() ->
     assert spin() == pytest.approx(turned, rel=1e-4, abs=1e-4 * abs(turned[2]))
 
 
-def test_a_step_that_moves_a_body_through_another_does_not_pass_it() -> None:
-    """At 100 m/s and 20 ms: more than both radii a step."""
+def test_bodies_do_not_pass_through_each_other_in_a_large_step() -> None:
+    """At 100 m/s and 20 ms: more than both radii per step."""
     bench = flying(
         replace(CONTACT, damping_s_per_m=0.5), step=0.02, gap=0.2, velocity=(100.0, 0.0, 0.0)
     )
@@ -190,7 +190,7 @@ def gather(system: Any, stage: Any) -> None:
     gather_connections(system, stage)
 
 
-def test_where_nothing_is_listed_there_is_no_code_for_it() -> None:
+def test_systems_without_contact_compile_no_contact_code() -> None:
     """No symbol of the effect's kernels in the step's part between ropes."""
     system, stage = flying(CONTACT).system, rows.Stage(0.0, 1.0, 1.0, 0.0)
     stack = system.stack
@@ -211,8 +211,8 @@ LEANING = Rig(
 
 
 @pytest.mark.parametrize("elements", [4, 10])
-def test_pendulums_that_lean_on_each_other_rest_at_the_closed_form(elements: int) -> None:
-    """Alike and 1 m apart above: N = W·tan a, with REACH - N/K between the centres."""
+def test_static_equilibrium_of_two_touching_pendulums(elements: int) -> None:
+    """Equal and 1 m apart above: N = W·tan a, distance of the centres REACH - N/K."""
     rig, half = replace(LEANING, elements=elements), 0.5
     bench = JointBench(
         [
@@ -230,23 +230,23 @@ def test_pendulums_that_lean_on_each_other_rest_at_the_closed_form(elements: int
         return 2.0 * (half + L * np.sin(a)) - (REACH - W * np.tan(a) / K)
 
     a = float(brentq(off, 0.0, 0.1))
-    (place,) = system_contacts(bench.system)
-    assert place.name == "payloads"
-    assert place.normal_n == pytest.approx(W * np.tan(a), rel=1e-3)
+    (position,) = system_contacts(bench.system)
+    assert position.name == "payloads"
+    assert position.normal_n == pytest.approx(W * np.tan(a), rel=1e-3)
     assert bench.joints[0, 1] == pytest.approx(half + L * np.sin(a), abs=1e-5)
-    assert place.position_m[0] == pytest.approx(0.5 * (RADII[0] - RADII[1]), abs=1e-5)
+    assert position.position_m[0] == pytest.approx(0.5 * (RADII[0] - RADII[1]), abs=1e-5)
     bench.hold(200)
     (later,) = system_contacts(bench.system)
-    assert later.normal_n == pytest.approx(place.normal_n, rel=1e-3)
+    assert later.normal_n == pytest.approx(position.normal_n, rel=1e-3)
 
 
-def test_bodies_apart_feel_nothing() -> None:
-    """Payloads out of reach move to the bit as if the scene did not list the contact's bodies."""
+def test_bodies_out_of_reach_are_unaffected() -> None:
+    """Bit-identical to a scene that does not list the contact's bodies."""
     far = flying(CONTACT, gap=5.0)
     off = flying(replace(CONTACT, stiffness_n_per_m=1e2), gap=5.0)
     for bench in (far, off):
         bench.hold(100)
     assert (far.system.joints.nodes == off.system.joints.nodes).all()
-    (place,) = system_contacts(far.system)
-    assert place.normal_n == 0.0
-    assert np.isnan(place.position_m).all()
+    (position,) = system_contacts(far.system)
+    assert position.normal_n == 0.0
+    assert np.isnan(position.position_m).all()

@@ -49,7 +49,7 @@ def by_number(drag: object = DRAG, added: object = ADDED) -> PayloadOscillationP
 
 
 def memory_of(twin: Twin) -> np.ndarray:
-    (own,) = (one for one in twin.rope.effects if isinstance(one, PayloadOscillation))
+    (own,) = (effect for effect in twin.rope.effects if isinstance(effect, PayloadOscillation))
     return np.asarray(own.memory[:, 0])
 
 
@@ -61,7 +61,7 @@ def memory_of(twin: Twin) -> np.ndarray:
         pytest.param(3.2, 1.0, 1.8, marks=pytest.mark.long),
     ],
 )
-def test_a_heaving_payload_has_the_factors_of_its_number(
+def test_factors_of_a_heaving_payload_by_keulegan_carpenter_number(
     amplitude: float, drag: float, added: float
 ) -> None:
     """T = W + (M + c_A·A)·a + c_D·½·ρ·CdA·|v|·v, fitted to a period; KC = 2π·a/L in all of it."""
@@ -91,44 +91,44 @@ SEA = WavesParams(regular=RegularWave(height_m=3.0, period_s=7.0), ramp_s=4.0)
 SOFT = replace(STIFF, length=30.0, EA=4e7, diameter=0.05, mass=9.0, hang_off=(0.0, 0.0, 2.0))
 
 
-def test_factors_of_one_change_nothing() -> None:
-    """To the rounding, in waves."""
-    places = []
+def test_payload_factors_of_one_change_nothing() -> None:
+    """In waves, to round-off."""
+    positions = []
     for scene in (plain_of(SOFT, SEA), scene_of(SOFT, SEA, by_number(EVEN, EVEN))):
         *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
-        places.append(shot.node_position_m)
-    assert np.abs(places[0] - places[1]).max() < 1e-9
+        positions.append(shot.node_position_m)
+    assert np.abs(positions[0] - positions[1]).max() < 1e-9
 
 
 @pytest.mark.long
-def test_payloads_of_ropes_that_meet_have_their_own() -> None:
-    """A bridle: with factors of one as without; with tables it moves otherwise."""
+def test_connected_payloads_have_their_own_factors() -> None:
+    """A bridle: factors of one change nothing, tables change the motion."""
     scene = load_scene("bridle_lift")
-    places = []
+    positions = []
     for each in (
         scene, oscillating(scene, by_number(EVEN, EVEN)), oscillating(scene, by_number())
     ):  # fmt: skip
         *_, shot = march(Twin(each), sine(1.0, 5.0), 4.0)
-        places.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
-    assert np.abs(places[0] - places[1]).max() < 1e-9
-    assert np.abs(places[0] - places[2]).max() > 1e-4
+        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+    assert np.abs(positions[0] - positions[1]).max() < 1e-9
+    assert np.abs(positions[0] - positions[2]).max() > 1e-4
 
 
-def test_constant_factors_are_other_figures() -> None:
-    """Twice the drag and 1.5 times the added mass, given by tables of one row or by the payload."""
+def test_constant_factors_equal_scaled_coefficients() -> None:
+    """Twice the drag and 1.5 times the added mass, by tables of one row or by the payload."""
     more = by_number(((3.0, 2.0),), ((3.0, 1.5),))
     other = replace(
         SOFT, added=tuple(1.5 * a for a in SOFT.added), area=tuple(2.0 * a for a in SOFT.area)
     )
-    places = []
+    positions = []
     for scene in (scene_of(SOFT, SEA, more), plain_of(other, SEA), plain_of(SOFT, SEA)):
         *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
-        places.append(shot.node_position_m)
-    assert np.abs(places[0] - places[1]).max() < 1e-7
-    assert np.abs(places[0] - places[2]).max() > 0.01
+        positions.append(shot.node_position_m)
+    assert np.abs(positions[0] - positions[1]).max() < 1e-7
+    assert np.abs(positions[0] - positions[2]).max() > 0.01
 
 
-def test_energy_with_factors_that_change() -> None:
+def test_energy_balance_with_varying_payload_factors() -> None:
     """A factor held over a step is late by a part of it: an error of first order, below 1e-4."""
     shares = []
     for step in (0.01, 0.005):

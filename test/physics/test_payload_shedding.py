@@ -53,7 +53,7 @@ def shedding(
 
 def of_payload(twin: Twin) -> PayloadShedding:
     """The kernel data of the vortices."""
-    (found,) = (own for own in twin.rope.effects if isinstance(own, PayloadShedding))
+    (found,) = (effect for effect in twin.rope.effects if isinstance(effect, PayloadShedding))
     return found
 
 
@@ -84,8 +84,8 @@ def test_a_pendulum_is_driven_at_the_strouhal_frequency() -> None:
     assert frequency == pytest.approx(0.2 * SPEED / WIDE, rel=1e-3)
 
 
-def test_the_phase_follows_a_current_that_changes() -> None:
-    """It is 2π·St/D times the way of the water past the payload, 0.1 %."""
+def test_shedding_phase_in_a_varying_current() -> None:
+    """2π·St/D times the distance that the water has moved past the payload; 0.1 %."""
     slower = ((0.0, 1.0), (10.0, 0.2), (20.0, 0.2))
     twin = Twin(shedding(over_time=slower, lift_coefficient=1e-3))
     twin.advance(1000)
@@ -93,16 +93,16 @@ def test_the_phase_follows_a_current_that_changes() -> None:
     assert of_payload(twin).memory[0, 0] == pytest.approx(2.0 * math.pi * 0.2 * way, rel=1e-3)
 
 
-def test_flow_along_the_rope_does_not_push_it() -> None:
-    """In a vertical current the payload hangs still, however fast."""
+def test_axial_flow_sheds_no_force() -> None:
+    """In a vertical current the payload hangs still, at any speed."""
     twin = Twin(shedding(replace(PENDULUM, current=((0.0, (0.0, 0.0, 1.5)),)), lift_coefficient=1))
     twin.advance(500)
     assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
     assert of_payload(twin).memory[0, 0] > 10.0
 
 
-def test_the_force_is_across_flow_and_rope() -> None:
-    """With the current to the north-east the swing is to the north-west and back."""
+def test_the_shedding_force_is_normal_to_flow_and_rope() -> None:
+    """In a current to the north-east the swing is north-west and south-east."""
     part = SPEED * math.sqrt(0.5)
     rig = replace(PENDULUM, current=((0.0, (part, part, 0.0)),), area=(0.0, 0.0, 0.0))
     shots = march(Twin(shedding(rig)), still, 20.0, every=10)
@@ -111,8 +111,8 @@ def test_the_force_is_across_flow_and_rope() -> None:
     assert np.abs(x - y).max() > 1e-4
 
 
-def test_energy_is_that_of_the_force() -> None:
-    """The account closes, 0.1 % of what is exchanged."""
+def test_energy_balance_of_payload_shedding() -> None:
+    """The balance closes to 0.1 % of what is exchanged."""
     for shot in march(Twin(shedding(), ENERGY), still, 60.0, every=500):
         balance = shot.energy
     assert balance is not None
@@ -120,8 +120,8 @@ def test_energy_is_that_of_the_force() -> None:
     assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
 
 
-def test_a_fluid_ramp_scales_it() -> None:
-    """Half the factor is half the swing."""
+def test_a_fluid_ramp_scales_the_shedding_force() -> None:
+    """Half the factor gives half the swing."""
     swings = []
     for factor in (1.0, 0.5):
         shots = march(Twin(shedding(factor=factor)), still, 30.0, every=10)
@@ -129,7 +129,7 @@ def test_a_fluid_ramp_scales_it() -> None:
     assert swings[1] == pytest.approx(0.5 * swings[0], rel=2e-3)
 
 
-def test_of_several_payloads_one_may_shed() -> None:
+def test_one_of_several_payloads_may_shed() -> None:
     scene = load_scene("two_line_lift")
     names = [payload.name for payload in scene.payloads]
     for payload in ("", *names):
@@ -150,14 +150,14 @@ OWN = "payload_shedding: {strouhal: 0.2, lift_coefficient: 0.3, diameter_m: 2, a
         (OWN.replace("0.2", "7") + "}", "0.01 to 1"),
     ],
 )
-def test_what_shedding_may_not_be(tmp_path: Path, own: str, words: str) -> None:
+def test_invalid_payload_shedding_is_rejected(tmp_path: Path, own: str, words: str) -> None:
     path = tmp_path / "sheds.yaml"
     path.write_text(GOOD.replace("  - weight: {}\n", f"  - weight: {{}}\n  - {own}\n"))
     with pytest.raises(SceneError, match=words):
         load_scene(str(path))
 
 
-def test_a_rigid_body_has_its_own_area(tmp_path: Path) -> None:
+def test_an_area_key_for_a_rigid_body_is_rejected(tmp_path: Path) -> None:
     scene = Path("config/scenes/manifold_lift.yaml")
     path = tmp_path / "body.yaml"
     path.write_text(
@@ -203,8 +203,8 @@ def test_a_body_sheds_with_its_projected_area() -> None:
 
 
 @pytest.mark.long
-def test_a_body_is_pushed_at_the_strouhal_frequency() -> None:
-    """Its swing across the current has that frequency, 0.1 %, and its account closes, 0.1 %."""
+def test_a_body_swings_at_the_strouhal_frequency() -> None:
+    """Cross-flow swing at that frequency and energy balance; 0.1 %."""
     twin = Twin(with_body(), ENERGY)
     shots = list(march(twin, still, 400.0, every=25))
     y = np.array([shot.payload_position_m[1] for shot in shots if shot.body is not None])
@@ -218,7 +218,7 @@ def test_a_body_is_pushed_at_the_strouhal_frequency() -> None:
 
 
 @pytest.mark.long
-def test_a_body_in_still_water_is_not_pushed() -> None:
+def test_a_body_in_still_water_sheds_no_force() -> None:
     scene = scene_of(replace(BODY_RIG, current=((0.0, (0.0, 0.0)),)), HUNG)
     twin = Twin(replace(scene, effects=(*scene.effects, replace(SHEDS, area_m2=None))))
     twin.advance(200)

@@ -1,4 +1,4 @@
-"""A payload that rises by other figures than it sinks: its force, its derivative, its speeds."""
+"""A payload with separate ascent and descent coefficients: force, derivative, steady speeds."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ def effect(figures: PayloadFigures) -> Any:
 
 
 def force(figures: PayloadFigures, work: Vector) -> Vector:
-    found = loads((effect(figures),), work) - loads((), work)
-    return found[3:6, 0]
+    computed = loads((effect(figures),), work) - loads((), work)
+    return computed[3:6, 0]
 
 
-def test_what_does_not_differ_is_the_plain_payload() -> None:
-    """So nothing changes for scenes that do not ask; both kinds can be stepped in lanes."""
+def test_equal_ascent_coefficients_give_the_one_way_payload() -> None:
+    """Scenes without ascent coefficients keep their effect; both kinds can be stepped in lanes."""
     assert type(effect(SINKING)) is Payload
     same = replace(SINKING, drag_area_rising_m2=SINKING.drag_area_m2[2])
     assert type(effect(same)) is Payload
@@ -55,7 +55,7 @@ def test_what_does_not_differ_is_the_plain_payload() -> None:
 
 
 @pytest.mark.parametrize(("w", "other"), [(-3.0, SINKING), (3.0, RISING)])
-def test_each_way_has_its_own_figures(w: float, other: PayloadFigures) -> None:
+def test_ascent_and_descent_use_their_own_coefficients(w: float, other: PayloadFigures) -> None:
     """At 3 m/s the blend has gone but for δ²/(2·w²) = 1.4e-4 of half the difference."""
     work = some_work()
     work[rows.VELOCITY + 2, 0] = w
@@ -63,7 +63,7 @@ def test_each_way_has_its_own_figures(w: float, other: PayloadFigures) -> None:
 
 
 @pytest.mark.parametrize("w", [-1.0, -0.06, -0.01, 0.0, 0.02, 0.3])
-def test_blocks_are_the_derivative_of_the_residual(w: float) -> None:
+def test_two_way_blocks_are_the_derivative_of_the_residual(w: float) -> None:
     """A = -dR/da, its symmetric part, by central differences, turning or not."""
     work = some_work()
     work[rows.VELOCITY + 2, 0] = w
@@ -83,7 +83,7 @@ def test_blocks_are_the_derivative_of_the_residual(w: float) -> None:
 
 
 @pytest.mark.parametrize("w", [-1.0, -0.03, 0.02, 0.7])
-def test_energy_accounts_close(w: float) -> None:
+def test_two_way_power_is_force_times_velocity(w: float) -> None:
     """F·v = power - d(kinetic + potential)/dt."""
     work, effects = some_work(), (effect(BOTH),)
     work[rows.VELOCITY + 2, 0] = w
@@ -121,8 +121,8 @@ def towed(speed: float) -> float:
     return last.tension_payload_n
 
 
-def test_steady_lowering_and_hauling() -> None:
-    """Beside the tension at rest: ½·ρ·CdA·w² with the area of the way it goes, blended at 1 m/s."""
+def test_tension_of_steady_lowering_and_hauling() -> None:
+    """Static tension plus ½·ρ·CdA·w² with the area of that direction, blended at 1 m/s."""
     share = 1.0 / math.sqrt(1.0 + 0.05**2)
     sinking, rising = (0.5 * 1025.0 * (2.5 + sign * 1.5 * share) for sign in (1.0, -1.0))
     at_rest = towed(0.0)
@@ -167,7 +167,7 @@ def lone(rising: str, length_m: float) -> str:
 
 
 @pytest.mark.long
-def test_payloads_side_by_side_rise_as_each_alone(tmp_path: Path) -> None:
+def test_separate_two_way_payloads_rise_independently(tmp_path: Path) -> None:
     """One that differs in ascent, and one that does not, in one scene."""
     both = hauled(
         "about: x\nsource: x\nlook_at: x\nropes:\n"
@@ -186,7 +186,7 @@ def test_payloads_side_by_side_rise_as_each_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_grab_in_lanes_equals_one_alone() -> None:
+def test_a_two_way_payload_in_lanes_equals_a_single_twin() -> None:
     """To the bit; half a minute, nearly all of it to compile: `pytest -m long` on this file."""
     scene = replace(splashing(), effects=())
     scene = replace(load_scene("still_water"), payloads=scene.payloads, sea_state=SeaState(
@@ -200,7 +200,7 @@ def test_a_grab_in_lanes_equals_one_alone() -> None:
     assert together.figures() == alone.figures()
 
 
-def test_a_grab_by_hoerners_hemispheres() -> None:
+def test_grab_coefficients_by_hoerners_hemispheres() -> None:
     open_one = Grab(width_m=2.0, length_m=3.0, height_m=1.5, solid_m3=0.8)
     full = replace(open_one, closed=True, solid_m3=4.0)
     assert open_one.drag_area_m2()[2] == pytest.approx(1.42 * 6.0)
@@ -209,14 +209,14 @@ def test_a_grab_by_hoerners_hemispheres() -> None:
     held = open_one.added_mass_m3()[2] - full.added_mass_m3()[2]
     assert held == pytest.approx(math.pi / 6.0 * 9.0)
     assert "more than its outline" in (replace(full, solid_m3=9.5).check() or "")
-    found = payload_figures(PayloadScene(name="grab", mass_kg=6e3, shape=open_one), 1025.0)
-    assert found.differs_rising
-    assert found.rising_added_mass_kg == found.added_mass_kg[2]
+    computed = payload_figures(PayloadScene(name="grab", mass_kg=6e3, shape=open_one), 1025.0)
+    assert computed.differs_rising
+    assert computed.rising_added_mass_kg == computed.added_mass_kg[2]
     reported = PayloadScene(name="grab", mass_kg=6e3, shape=open_one, drag_area_m2=(1.0, 1.0, 2.0))
     assert not payload_figures(reported, 1025.0).differs_rising
 
 
-def test_what_rising_may_not_be() -> None:
+def test_invalid_ascent_coefficients_are_rejected() -> None:
     assert "no value is given" in (Rising().check() or "")
     scene = splashing()
     ((where, what, right),) = faults(scene)

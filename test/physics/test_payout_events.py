@@ -1,4 +1,4 @@
-"""Splits and merges at the sheave: no jump in tension, none in momentum, none in mass."""
+"""Splits and merges at the sheave: no jump in tension, momentum or mass."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ EVENTS = [
 
 
 @pytest.mark.parametrize(("rope", "heave", "element"), EVENTS)
-def test_no_jump_at_an_event(rope: Rig, heave: float, element: float) -> None:
+def test_no_tension_jump_at_splits_and_merges(rope: Rig, heave: float, element: float) -> None:
     """±1 m/s, elements of 2, 10 and 30 m: at most 0.01 % of the mean."""
     rig = replace(rope, elements=round(rope.length / element), damping=rope.EA * KELVIN_VOIGT_S)
     assert_smooth(rig, heave, 2 if element > 20.0 else 5)
@@ -50,7 +50,7 @@ def test_no_jump_at_an_event(rope: Rig, heave: float, element: float) -> None:
         pytest.param(HMPE_SEA, 30.0, marks=pytest.mark.long),
     ],
 )
-def test_no_jump_in_a_current(rope: Rig, element: float) -> None:
+def test_no_tension_jump_at_splits_and_merges_in_a_current(rope: Rig, element: float) -> None:
     """The same across a current of 1 m/s, where a bent pair is longer than its chord.
 
     Without the length offsets 30 m of HMPE jump by 0.8 % (PAYOUT.md, section 5).
@@ -60,7 +60,7 @@ def test_no_jump_in_a_current(rope: Rig, element: float) -> None:
 
 
 def assert_smooth(rig: Rig, heave: float, least_events: int) -> None:
-    """Pay out, haul in, and look at each event: of short ones half the time has many."""
+    """Pay out, haul in, and check the jump at each event."""
     half = 38.0 if rig.length > 5.0 * rig.elements else 20.0
     speeds = [(2.0, 1.0), (2.0 + half, -1.0)]
     shots = march(rig.twin(), sine(heave, 8.0), 2.0 * half - 1.0, speeds=speeds)
@@ -86,8 +86,8 @@ def test_depth_after_280_splits() -> None:
     assert shot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * L, rel=1e-9)
 
 
-def test_rope_is_neither_made_nor_lost() -> None:
-    """The rest lengths sum to the line out, and only the top element's is not the nominal one."""
+def test_payout_conserves_rope_length() -> None:
+    """Rest lengths sum to the line out; only the top element differs from the nominal length."""
     rig = replace(SEA, length=200.0, elements=20)
     counts = set()
     speeds = [(0.0, 1.0), (60.0, -1.5)]
@@ -132,7 +132,7 @@ def motion(rig: Rig, speed: float, sway: float) -> rows.Boundary:
 
 
 def first_event(rig: Rig, speed: float, sway: float) -> Event:
-    """March to the first split or merge and take that step once more without it."""
+    """Run to the first split or merge and repeat that step without it."""
     bench = Bench(rig.scene())
     prescribed = motion(rig, speed, sway)
     for k in range(len(prescribed.value) - 1):
@@ -152,7 +152,7 @@ def first_event(rig: Rig, speed: float, sway: float) -> Event:
 
 @pytest.mark.parametrize("rope", [STEEL, HMPE])
 @pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_momentum_at_an_event(rope: Rig, speed: float) -> None:
+def test_momentum_at_a_split_or_merge(rope: Rig, speed: float) -> None:
     """Vertical, 10 m: within 1e-3 N·s of more than 500."""
     rig = replace(rope, length=200.0, elements=20, damping=rope.EA * KELVIN_VOIGT_S)
     event = first_event(rig, speed, sway=0.0)
@@ -161,7 +161,7 @@ def test_momentum_at_an_event(rope: Rig, speed: float) -> None:
 
 
 @pytest.mark.parametrize("speed", [1.0, -1.0])
-def test_momentum_at_an_event_across_the_flow(speed: float) -> None:
+def test_momentum_at_a_split_or_merge_in_a_current(speed: float) -> None:
     """In a current and with sway: within 1e-4 of it."""
     rig = replace(SEA, length=200.0, elements=20, damping=SEA.EA * KELVIN_VOIGT_S)
     event = first_event(rig, speed, sway=1.0)
@@ -169,7 +169,7 @@ def test_momentum_at_an_event_across_the_flow(speed: float) -> None:
 
 
 @pytest.mark.parametrize("speed", [1.5, -1.5])
-def test_tensions_are_of_the_motion_that_there_is(speed: float) -> None:
+def test_tensions_match_the_current_positions_after_every_step(speed: float) -> None:
     """After every step, also one with an event, T is that of the nodes' own places and speeds.
 
     An element whose length offset fades is left out: it does so at the step's end.

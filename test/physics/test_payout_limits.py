@@ -1,4 +1,4 @@
-"""Hauling in to the least line out, paying out again, and the limits of the winch."""
+"""Hauling in to the minimum payout, paying out again, and the limits of the winch."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def hauled_in(heave: float) -> tuple[Twin, Snapshot]:
     return twin, shot
 
 
-def test_the_least_line_out_is_never_passed() -> None:
+def test_the_minimum_payout_is_never_passed() -> None:
     """It brakes within its acceleration limit and stops at the limit, not beyond."""
     _, shot = hauled_in(0.0)
     least = WINCH.least_line_out_m
@@ -31,8 +31,8 @@ def test_the_least_line_out_is_never_passed() -> None:
 
 
 @pytest.mark.parametrize(("step", "speed"), [(0.01, 1.0), (0.02, 2.0), (0.1, 3.0)])
-def test_the_most_line_out_is_never_passed(step: float, speed: float) -> None:
-    """The same at the other end, at any speed and step."""
+def test_the_maximum_payout_is_never_passed(step: float, speed: float) -> None:
+    """The same braking at the other limit, at any speed and step."""
     rig = replace(SHORT, step=step, winch=replace(WINCH, most_line_out_m=80.0))
     twin = rig.twin()
     assert twin.offer_speed(0, speed) == ""

@@ -16,7 +16,7 @@ MARCH_S = 5e-4
 
 
 def faded_in(amplitude: float, period: float, duration: float) -> Motion:
-    """The hang-off as the scene fades it in: heave times u³·(10 - 15u + 6u²), and its rate."""
+    """Heave with the scene's ramp u³·(10 - 15u + 6u²), and its rate."""
     heave = sine(amplitude, period)
 
     def at(time: float) -> tuple[float, float]:
@@ -45,7 +45,7 @@ def published(rig: Rig, amplitude: float) -> tuple[Vector, int]:
     ].solver.merges
 
 
-def test_the_exact_solution_itself() -> None:
+def test_the_travelling_wave_solution_before_the_first_echo() -> None:
     """Before the first echo an accelerating winch lowers the pull by I·a, less the rope it adds.
 
     -Z·a = -6119 N/s for steel (a 0.3 m/s²); here w·V is added as it is.
@@ -60,7 +60,7 @@ def test_the_exact_solution_itself() -> None:
 
 
 @pytest.mark.parametrize(("rig", "most"), [(STEEL, 5e-4), (HMPE, 1.3e-3)])
-def test_top_tension_is_that_of_the_travelling_waves(rig: Rig, most: float) -> None:
+def test_top_tension_under_payout_equals_travelling_waves(rig: Rig, most: float) -> None:
     """10 m elements, 10 ms, winch acceleration in steps of 0.3 m/s², heave 1.5 m in 8 s."""
     computed, events = published(rig, 1.5)
     reference = exact(rig, 1.5)

@@ -1,4 +1,4 @@
-"""Top tension under heave against figures that outside codes share."""
+"""Top tension under heave against values on which independent codes agree."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rigs import top_tension
 @pytest.mark.parametrize(
     ("elements", "step"), [(100, 0.02), pytest.param(250, 0.01, marks=pytest.mark.long)]
 )
-def test_smooth_2km(elements: int, step: float) -> None:
+def test_top_tension_of_smooth_2km(elements: int, step: float) -> None:
     """Mean, highest and lowest top tension from 40 to 120 s within 0.05 %.
 
     Explicit integration with 1000 elements: 167.573, 205.23 and 129.86 kN; three outside codes
@@ -24,7 +24,7 @@ def test_smooth_2km(elements: int, step: float) -> None:
     assert twin.snapshot().solver.unconverged_substeps == 0
 
 
-def test_smooth_5km() -> None:
+def test_peak_tension_of_smooth_5km() -> None:
     """5 km of buoyant rope, whose axial period of 7 s amplifies the heave: peak 227.48 kN."""
     twin, heave = reference("smooth_5km", 1000, 0.02)
     assert top_tension(twin, heave, 60.0).max() == pytest.approx(227.48e3, rel=5e-4)

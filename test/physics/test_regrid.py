@@ -1,4 +1,4 @@
-"""A rope carried over to half the elements and back: mass, momentum, energy, marks, tension."""
+"""Remeshing to half the elements and back: mass, momentum, energy, marks, tension."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def motion(twin: Twin, load: float) -> float:
 
 @settings(max_examples=25)
 @given(moving_twins())
-def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) -> None:
+def test_coarsening_conserves_mass_marks_and_momentum(twin: Twin) -> None:
     """What the hang-off's own half element takes of the momentum is counted by the lever rule."""
     before, rest, mass, velocity, tension = parts(twin)
     load = float(twin.scene.payloads[0].mass_kg)
@@ -110,7 +110,9 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
 
 @settings(max_examples=25)
 @given(moving_twins(40, 90, (20e3,)), st.sampled_from([COARSE, TWICE]))
-def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, level: AccuracyLevel) -> None:
+def test_the_hang_off_force_is_continuous_through_remeshing(
+    twin: Twin, level: AccuracyLevel
+) -> None:
     """The first step on other elements, down and up again, against that on the same ones.
 
     A taut rope with 20 t: within 0.1 % where 20 elements or more are left, as at every level. (With
@@ -123,8 +125,8 @@ def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, level: Accura
     up.set_level(TOP)
     assert len(up.inspect().tension) == len(same.inspect().tension)
     assert np.allclose(parts(up)[1], parts(same)[1], rtol=0.0, atol=1e-9)
-    for one in (same, down, up):
-        one.advance(1)
+    for run in (same, down, up):
+        run.advance(1)
     here, scale = same.inspect().pull[rows.PULL], float(same.inspect().pull[rows.PULL])
     assume(float(same.inspect().tension.min()) > 0.0)
     least = 1e-3 if len(down.inspect().tension) >= 20 else 4e-3
@@ -134,9 +136,7 @@ def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, level: Accura
 
 @settings(max_examples=10)
 @given(st.integers(12, 40), st.lists(st.floats(-1.0, 1.0), min_size=6, max_size=6), st.booleans())
-def test_settling_on_other_elements_brings_no_energy(
-    elements: int, kicks: list[float], up: bool
-) -> None:
+def test_remeshing_adds_no_energy(elements: int, kicks: list[float], up: bool) -> None:
     """A rope in vacuum without a damper, kicked at random, with its hang-off held still."""
     twin = Rig(length=300.0, elements=elements).twin()
     n = int(twin.rope.state.counts[rows.ELEMENTS])
@@ -160,12 +160,12 @@ def test_settling_on_other_elements_brings_no_energy(
 
 def store(twin: Twin) -> tuple[float, float, float]:
     """Kinetic, elastic and potential energy."""
-    found = measure(twin.rope, twin.inspect().pull[1:4], twin.time_ns * 1e-9, 0.0).store
-    return found.kinetic, found.elastic, found.potential
+    computed = measure(twin.rope, twin.inspect().pull[1:4], twin.time_ns * 1e-9, 0.0).store
+    return computed.kinetic, computed.elastic, computed.potential
 
 
 @pytest.mark.long
-def test_ends_of_sections_stay_nodes_and_come_back_with_the_marks() -> None:
+def test_section_ends_stay_nodes_through_remeshing() -> None:
     """hybrid_lift: chain, fibre by a table of stiffness, wire; paid out over a joint meanwhile."""
     twin = Twin(load_scene("hybrid_lift"))
     marks = twin.rope.state.s[: len(twin.inspect().tension)].copy()
@@ -184,7 +184,7 @@ def test_ends_of_sections_stay_nodes_and_come_back_with_the_marks() -> None:
     twin.advance(100)
 
 
-def test_a_slack_rope_is_carried_over_too() -> None:
+def test_a_slack_rope_is_remeshed() -> None:
     rig = Rig(length=500.0, elements=41, damping=2e5, load=500.0, density=1025.0, drag=(1.2, 0.01),
               area=(4.0, 4.0, 4.0), ramp=2.0)  # fmt: skip
     twin = rig.twin()

@@ -1,4 +1,4 @@
-"""Ropes with a body, with VIV models, and multi-line systems, on other accuracy levels and back."""
+"""Remeshing of ropes with a body or VIV models and of multi-line systems, and back."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def tops_n(twin: Twin) -> Floats:
 
 
 def motion_kept(twin: Twin) -> list[Floats]:
-    """Return the motion of lower ends, connections, hang-off and body, which a level keeps."""
+    """Motion of lower ends, connections, hang-off and body, which remeshing must not change."""
     kept = [rope.state.nodes[: rows.VELOCITY, 0].copy() for rope in ropes_of(twin)]
     kept += [table[0].copy() for table in twin.inspect().boundary]
     kept.append(tops_n(twin))
@@ -89,7 +89,7 @@ def motion_kept(twin: Twin) -> list[Floats]:
     return kept
 
 
-def test_motion_and_tension_go_on_where_they_were(moving: Twin) -> None:
+def test_motion_and_tension_are_continuous_through_remeshing(moving: Twin) -> None:
     """The bounds of a single rope: 0.1 % at the first step, down and up, at every upper end."""
     same, down, up = (moving.branch() for _ in range(3))
     down.set_level(halved(moving))
@@ -98,36 +98,36 @@ def test_motion_and_tension_go_on_where_they_were(moving: Twin) -> None:
     for other in (down, up):
         pairs = zip(motion_kept(other), motion_kept(same), strict=True)
         assert all(np.array_equal(*pair) for pair in pairs)
-    counts = [[int(rope.state.counts[rows.ELEMENTS]) for rope in ropes_of(one)]
-              for one in (same, down, up)]  # fmt: skip
+    counts = [[int(rope.state.counts[rows.ELEMENTS]) for rope in ropes_of(run)]
+              for run in (same, down, up)]  # fmt: skip
     assert counts[2] == counts[0]
     assert all(
         less in (count // 2, (count + 1) // 2) for count, less in zip(*counts[:2], strict=True)
     )
-    for one in (same, down, up):
-        one.advance(1)
+    for run in (same, down, up):
+        run.advance(1)
     scale = tops_n(same)
     for other in (down, up):
         assert (np.abs(tops_n(other) - scale) < 1e-3 * scale).all()
 
 
-def test_longer_steps_on_fewer_elements_stay_close(moving: Twin) -> None:
+def test_coarser_step_and_mesh_stay_close(moving: Twin) -> None:
     """Twice the step and half the elements for a second, and back for another."""
     same, other = moving.branch(), moving.branch()
     for level in (halved(moving, times=2), scene_level(moving.scene)):
         other.set_level(level)
-        for one in (same, other):
-            one.advance(SECOND_NS // one.step_ns)
+        for run in (same, other):
+            run.advance(SECOND_NS // run.step_ns)
         assert other.time_ns == same.time_ns
         assert other.top_pull_n == pytest.approx(same.top_pull_n, rel=2e-3)
-    shots = [one.snapshot() for one in (same, other)]
+    shots = [run.snapshot() for run in (same, other)]
     assert shots[1].solver.unconverged_substeps == shots[0].solver.unconverged_substeps
     if shots[0].body is not None and shots[1].body is not None:
         quaternions = [shot.body.quaternion for shot in shots if shot.body is not None]
         assert np.allclose(*quaternions, rtol=0.0, atol=1e-3)
 
 
-def test_a_saved_state_of_any_level_goes_on_to_the_bit(moving: Twin, tmp_path: Path) -> None:
+def test_a_saved_state_of_any_level_resumes_bit_identically(moving: Twin, tmp_path: Path) -> None:
     """Two levels down, one up, and on the scene's own again after both."""
     twin = moving.branch()
     for number, halvings in enumerate((2, 1, 0)):
@@ -139,14 +139,14 @@ def test_a_saved_state_of_any_level_goes_on_to_the_bit(moving: Twin, tmp_path: P
         again = Twin.restore(path, twin.scene)
         again.snapshot()
         assert again.level == twin.level
-        for one in (twin, again):
-            one.advance(20)
+        for run in (twin, again):
+            run.advance(20)
         assert digest([again.snapshot()]) == digest([twin.snapshot()])
 
 
 def memory_of(rope: Rope) -> Floats:
     """The internal variables of the one effect that has them."""
-    (found,) = [own.memory for own in rope.effects if numbers_carried(type(own))]
+    (found,) = [effect.memory for effect in rope.effects if numbers_carried(type(effect))]
     return np.asarray(found)
 
 
@@ -160,7 +160,7 @@ def wakes(twin: Twin) -> list[tuple[Any, int]]:
 
 
 @pytest.mark.parametrize("moving", list(SHAKEN), indirect=True)
-def test_every_rope_takes_its_variables_to_another_level(moving: Twin) -> None:
+def test_internal_variables_survive_remeshing(moving: Twin) -> None:
     """At nodes that stay, and where it ends at a connection, which carries loads too."""
     twin = moving.branch()
     before = [(rope, memory_of(rope)) for rope in ropes_of(moving)]
@@ -169,7 +169,7 @@ def test_every_rope_takes_its_variables_to_another_level(moving: Twin) -> None:
     loaded = loaded_ends(twin.joined.system(twin.rope))
     assert sum(loaded) >= 2
     for (old, fine), rope, end in zip(before, ropes_of(twin), loaded, strict=True):
-        k = next(filter(None, (numbers_carried(type(own)) for own in rope.effects)))
+        k = next(filter(None, (numbers_carried(type(effect)) for effect in rope.effects)))
         n, coarse = int(rope.state.counts[rows.ELEMENTS]), memory_of(rope)
         assert coarse[3 * k, -1] == n + end
         m = int(fine[3 * k, -1])
@@ -181,7 +181,7 @@ def test_every_rope_takes_its_variables_to_another_level(moving: Twin) -> None:
 
 
 @pytest.mark.parametrize("moving", WITH_VARIABLES, indirect=True)
-def test_internal_variables_belong_to_the_material(moving: Twin) -> None:
+def test_internal_variables_move_with_the_material(moving: Twin) -> None:
     """At nodes that stay they are kept; between, they lie between those of the neighbours."""
     assert wakes(moving)
     twin = moving.branch()
@@ -201,7 +201,7 @@ def test_internal_variables_belong_to_the_material(moving: Twin) -> None:
             assert row[: len(s)].min() >= was[: len(s)].min()
 
 
-def test_levels_of_ropes_that_meet_halve_each_that_can_be() -> None:
+def test_levels_of_a_system_halve_every_rope_that_can_be() -> None:
     """bridle_lift: 100 elements, 8 and 6 in the legs, which keep three."""
     scene = load_scene("bridle_lift")
     assert [elements_at(scene, halvings) for halvings in range(3)] == [

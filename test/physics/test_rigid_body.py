@@ -45,7 +45,7 @@ def started_with(hung: Hung, v: Any, spin: Any) -> tuple[Vector, Vector]:
 
 
 def top(inertia: tuple[float, float, float], spin: Any, step: float = 0.01) -> Hung:
-    """A body that spins freely."""
+    """A freely spinning body."""
     body = RigidBodyParams(
         size_m=(4.0, 3.0, 1.0), inertia_kg_m2=inertia, slings=(SLACK,), **NO_WATER
     )
@@ -58,7 +58,7 @@ def angular_momentum(hung: Hung) -> Vector:
     return np.asarray(pose.turn @ hung.body.inertia @ pose.spin)
 
 
-def test_a_free_asymmetric_top_keeps_momentum_and_turns_over() -> None:
+def test_a_free_asymmetric_top_tumbles_and_conserves_momentum() -> None:
     """About the axis of the middle moment it tumbles; energy is off by the square of the step."""
     off = []
     for step in (0.02, 0.01):
@@ -87,7 +87,7 @@ def test_a_symmetric_top_precesses() -> None:
     assert np.linalg.norm(hung.pose().quaternion) == pytest.approx(1.0, abs=1e-15)
 
 
-def test_a_body_adrift_in_still_water_keeps_the_momenta_of_both() -> None:
+def test_a_free_body_in_still_water_conserves_kirchhoffs_momenta() -> None:
     """Kirchhoff: P, L about a point that stays, and energy, with other added mass along each axis.
 
     The moment (v - u) × p turns it broadside: without it neither L nor energy would be kept.
@@ -126,7 +126,7 @@ def kirchhoff(hung: Hung) -> tuple[Vector, Vector, float]:
     return P, L, energy
 
 
-def test_drag_ends_a_spin_and_a_drift_as_its_axis_says() -> None:
+def test_drag_decay_of_spin_and_drift_per_axis() -> None:
     """x(t) = x₀/(1 + k·|x₀|·t/M) about and along each axis, other figures rising than sinking."""
     body = RigidBodyParams(
         size_m=(4.0, 3.0, 1.0), slings=(SLACK,), turning_drag_m5=(20.0, 30.0, 40.0)
@@ -156,7 +156,7 @@ def test_drag_ends_a_spin_and_a_drift_as_its_axis_says() -> None:
 PIN = RigidBodyParams(size_m=(3.0, 2.0, 1.5), pinned_at_m=(0.0, 0.0, 2.5), **NO_WATER)
 
 
-def test_rope_and_body_swing_as_a_double_pendulum() -> None:
+def test_rope_and_body_swing_like_a_double_pendulum() -> None:
     """Both modes of (g - L·ω²)·α = d·ω²·β, m·g·d·β = ω²·(m·L·d·α + (I + m·d²)·β); 3e-4.
 
     α: the rope's lean, β: the body's, d: from pin to centre of gravity. With a short rope the lower
@@ -178,21 +178,23 @@ def test_rope_and_body_swing_as_a_double_pendulum() -> None:
             for _ in range(1600):
                 hung.twin.advance(1)
                 turns.append(hung.pose().quaternion[1])
-            found = math.sqrt(square) * crossing_period(np.array(turns), rig.step) / (2 * math.pi)
-            assert found == pytest.approx(1.0, abs=3e-4)
+            computed = (
+                math.sqrt(square) * crossing_period(np.array(turns), rig.step) / (2 * math.pi)
+            )
+            assert computed == pytest.approx(1.0, abs=3e-4)
 
 
 def lean(hung: Hung, alpha: float, beta: float, square: float) -> None:
     """Rope and body lean about y in a mode at rest, with the forces that it has there."""
     state, n = hung.twin.rope.state, int(hung.twin.rope.state.counts[rows.ELEMENTS])
-    place = state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
-    top_z = place[2, -1]
+    position = state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+    top_z = position[2, -1]
     state.nodes[rows.VELOCITY : rows.NODE_ROWS, :n] = 0.0
-    place[0] = -alpha * (top_z - place[2])
-    state.nodes[rows.ACCELERATION, :n] = -square * place[0, :n]
+    position[0] = -alpha * (top_z - position[2])
+    state.nodes[rows.ACCELERATION, :n] = -square * position[0, :n]
     record, body = hung.record, hung.body
-    arm = place[2, 0] - record[at.X + 2]
-    record[at.X] = place[0, 0] - arm * beta
+    arm = position[2, 0] - record[at.X + 2]
+    record[at.X] = position[0, 0] - arm * beta
     record[at.Q : at.Q + 4] = Rotation.from_rotvec([0.0, beta, 0.0]).as_quat()
     hung.let_go((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     record[at.FORCE] = -square * body.m * record[at.X]
@@ -206,7 +208,7 @@ def crossing_period(x: Vector, step: float) -> float:
     return float(2.0 * step * (at_zero[-1] - at_zero[0]) / (len(at_zero) - 1))
 
 
-def test_a_body_heaves_on_sling_and_rope_with_its_added_mass() -> None:
+def test_heave_period_of_a_body_on_sling_and_rope() -> None:
     """ω² = k/(m + M_z), rope and sling in series; 2e-4."""
     sling = Sling(to_m=(0.0, 0.0, 0.5), length_m=6.0, stiffness_n_per_m=4e5)
     rig = replace(LINE, length=50.0, EA=2e7, density=RHO, added=(1e3, 1e3, 5e3), tolerance=1e-3)
@@ -223,7 +225,7 @@ def test_a_body_heaves_on_sling_and_rope_with_its_added_mass() -> None:
     assert crossing_period(np.array(heights), period / 200.0) == pytest.approx(period, rel=2e-4)
 
 
-def test_it_rests_with_weight_less_buoyancy_below_the_pin() -> None:
+def test_static_attitude_on_one_sling() -> None:
     """(m·r_G - ρV·r_B)/(m - ρV) hangs plumb under the pin, and the rope carries the rest; 1e-6."""
     g, b = np.array([0.35, -0.15, -0.3]), np.array([-0.2, 0.1, 0.15])
     rig = replace(LINE, density=RHO, volume=0.9)
@@ -238,7 +240,7 @@ def test_it_rests_with_weight_less_buoyancy_below_the_pin() -> None:
     assert shot.tension_payload_n == pytest.approx((m - displaced) * G, rel=3e-5)
 
 
-def test_a_current_leans_it() -> None:
+def test_static_lean_in_a_current() -> None:
     """tan β = drag·3/(W·2.5) with drag 0.5 m below the centre of gravity; 1e-4."""
     body = replace(PIN, centre_of_drag_m=(0.0, 0.0, -0.5))
     rig = replace(LINE, density=RHO, area=(3.0, 3.0, 3.0), current=((0.0, (0.7, 0.0)),), volume=0.2)
@@ -262,7 +264,7 @@ TEMPLATE = RigidBodyParams(
 )
 
 
-def test_it_rests_on_four_slings_where_they_balance_its_weight() -> None:
+def test_static_equilibrium_on_four_slings() -> None:
     """Force and moment of springs at scipy's attitude are nil, and any change stores energy.
 
     Of four slings of other lengths three carry it and one is slack.
@@ -287,12 +289,12 @@ def test_it_rests_on_four_slings_where_they_balance_its_weight() -> None:
     for change in np.vstack([np.eye(6), -np.eye(6)])[[0, 1, 2, 3, 4, 6, 7, 8, 9, 10]]:
         assert springs(rest + 1e-4 * change)[2] > energy
     force, _, _ = pulls_of(body, hook, np.zeros(3))
-    found = np.linalg.norm(force, axis=1)
-    assert found == pytest.approx(np.linalg.norm(pull, axis=1), abs=0.1)
-    assert found.min() == 0.0 < np.sort(found)[1]
+    computed = np.linalg.norm(force, axis=1)
+    assert computed == pytest.approx(np.linalg.norm(pull, axis=1), abs=0.1)
+    assert computed.min() == 0.0 < np.sort(computed)[1]
 
 
-def test_slack_slings_do_not_push_and_the_account_closes() -> None:
+def test_slack_slings_have_no_force_and_the_energy_balance_closes() -> None:
     """Heave that slackens the slings: no pull below 0, and energy is neither made nor lost."""
     rig = replace(
         LINE, length=40.0, mass=3.0, diameter=0.03, EA=2e7, damping=2e4, density=RHO, volume=0.25,
@@ -312,7 +314,7 @@ def test_slack_slings_do_not_push_and_the_account_closes() -> None:
     assert shot.energy.exchanged_j > 1e4
 
 
-def test_a_light_body_on_stiff_slings_is_as_easy_as_any() -> None:
+def test_a_light_body_on_stiff_slings_converges() -> None:
     """10 kg on four slings of 1e7 N/m, whose bounce has 16 periods in a step: all converge."""
     slings = tuple(replace(one, length_m=5.0, stiffness_n_per_m=1e7) for one in SLINGS)
     body = replace(TEMPLATE, slings=slings, hook_mass_kg=0.0)
@@ -324,7 +326,7 @@ def test_a_light_body_on_stiff_slings_is_as_easy_as_any() -> None:
     assert min(tensions) > 0.7 * 10.0 * G
 
 
-def test_it_goes_on_from_a_saved_state_to_the_bit() -> None:
+def test_a_body_resumes_bit_identically() -> None:
     """Restored and branched, beside the run that was not interrupted."""
     scene = scene_of(replace(LINE, ramp=1.0), TEMPLATE)
     twin = Twin(scene)
@@ -336,5 +338,5 @@ def test_it_goes_on_from_a_saved_state_to_the_bit() -> None:
             pass
     expected = pose_of(body_in(twin))
     for one in others:
-        for found, wanted in zip(pose_of(body_in(one)), expected, strict=True):
-            assert (found == wanted).all()
+        for actual, wanted in zip(pose_of(body_in(one)), expected, strict=True):
+            assert (actual == wanted).all()

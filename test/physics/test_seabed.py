@@ -1,4 +1,4 @@
-"""The seabed: rests, slides, bounces and lifts off as closed forms and a fine integration say."""
+"""The seabed: rest, sliding, rebound and lift-off against closed forms and a fine integration."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def pushes(bed: SeabedParams, work: Any) -> Any:
 
 
 @given(seed=st.integers(0, 1000), chi=st.floats(0.0, 10.0), east=st.floats(-1.0, 1.0))
-def test_it_never_pulls(seed: int, chi: float, east: float) -> None:
+def test_the_seabed_never_pulls(seed: int, chi: float, east: float) -> None:
     """Whatever the motion: along the normal it pushes or does nothing; above it nothing."""
     bed = SeabedParams(depth_m=45.0, slope=(east, 0.2), damping_s_per_m=chi)
     work = some_work(seed)
@@ -57,7 +57,7 @@ def test_it_never_pulls(seed: int, chi: float, east: float) -> None:
     assert (np.linalg.norm(sliding, axis=0) <= bed.friction * along * (1.0 + 1e-12)).all()
 
 
-def test_a_grid_is_its_plane() -> None:
+def test_a_sounding_grid_of_a_plane_equals_the_plane() -> None:
     """Soundings of a plane push as the plane does, and tell the same clearance."""
     x, y = (-200.0, -20.0, 30.0, 200.0), (-300.0, 5.0, 300.0)
     depth = tuple(tuple(45.0 - 0.1 * a + 0.05 * b for a in x) for b in y)
@@ -97,7 +97,7 @@ def test_a_rope_laid_on_the_bed_is_a_catenary() -> None:
     assert np.abs(tension[-40:] / H - 1.0).max() < 1e-3  # what lies carries H
 
 
-def test_a_payload_bounces_as_hunt_and_crossley_say() -> None:
+def test_rebound_of_a_payload_by_hunt_and_crossley() -> None:
     """A payload meets the bed at 1 m/s: motion and rebound of the ODE."""
     mass, chi = 5e3, 1.0
     k = mass * G / 0.05

@@ -1,4 +1,4 @@
-"""A rope of two kinds whose joint passes the sheave, out and in again."""
+"""A rope of two sections whose junction passes the sheave, out and in again."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def jump(shots: list[Snapshot], at: int) -> float:
 
 
 @PAIRS
-def test_a_joint_through_the_sheave(low: Rig, high: Rig) -> None:
+def test_a_section_junction_through_the_sheave(low: Rig, high: Rig) -> None:
     """It becomes a node, stays one, and goes; the tension follows the weight that is out.
 
     The rope leaves the sheave with V·(1 + strain), and the strain changes there: a wave of Z·V·Δε
@@ -60,7 +60,7 @@ def test_a_joint_through_the_sheave(low: Rig, high: Rig) -> None:
 
 
 @PAIRS
-def test_it_hangs_as_the_closed_form_says(low: Rig, high: Rig) -> None:
+def test_static_tension_and_depth_of_two_sections(low: Rig, high: Rig) -> None:
     """Paid out past the joint and at rest: tension and depth of two ropes, each with its EA."""
     rig = replace(short(low, 205.0), damping=20e6)
     twin = Twin(joined(rig, high, JOINT))
@@ -90,7 +90,7 @@ def carried(bench: Bench, V: float) -> Carried:
 
 
 @PAIRS
-def test_mass_and_momentum_at_the_joint(low: Rig, high: Rig) -> None:
+def test_mass_and_momentum_at_the_section_junction(low: Rig, high: Rig) -> None:
     """The step in which the joint becomes a node, with and without that.
 
     Mass: the centimetres above the joint become of their own kind. Momentum: beyond that what the
@@ -124,7 +124,7 @@ def test_mass_and_momentum_at_the_joint(low: Rig, high: Rig) -> None:
     assert change < wave * step
 
 
-def test_hauled_in_to_two_metres_and_out_again() -> None:
+def test_hauling_in_to_two_metres_and_paying_out() -> None:
     """Under heave, past the joint: nearly the payload's weight, then what a fresh rope shows."""
     winch = replace(WINCH, least_line_out_m=2.0)
     rig = replace(SEA, length=40.0, elements=8, damping=SEA.EA * KELVIN_VOIGT_S, winch=winch)

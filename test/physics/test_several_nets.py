@@ -59,10 +59,10 @@ def twin_of(nets: str, folder: Path, speed: float = 0.5) -> Twin:
 def lines(shot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
     """Places of the sinkers [m], and tension at the tops of the two lines [N]."""
     tops = [rope.element_tension_n[0] for rope in shot.ropes if rope.name in ("left", "right")]
-    return np.array([one.position_m for one in shot.payloads]), np.array(tops)
+    return np.array([payload.position_m for payload in shot.payloads]), np.array(tops)
 
 
-def test_two_nets_that_meet_are_the_one_that_they_make(tmp_path: Path) -> None:
+def test_two_adjacent_nets_equal_one_net(tmp_path: Path) -> None:
     """Two half borders between the same connections carry what the whole one does."""
     whole = twin_of(ONE, tmp_path).snapshot()
     parts = twin_of(TWO, tmp_path).snapshot()
@@ -74,7 +74,7 @@ def test_two_nets_that_meet_are_the_one_that_they_make(tmp_path: Path) -> None:
     assert halves.min() > 100.0
 
 
-def test_a_net_of_other_meshes_has_its_own_drag(tmp_path: Path) -> None:
+def test_each_net_has_the_drag_of_its_solidity(tmp_path: Path) -> None:
     """With bars twice as long the upper net pulls with its own solidity, as it would alone."""
     wide = TWO.replace("bar_m: 0.03", "bar_m: 0.06").replace("bar_m: 0.06", "bar_m: 0.03", 1)
     alone = {
@@ -89,19 +89,19 @@ def test_a_net_of_other_meshes_has_its_own_drag(tmp_path: Path) -> None:
     assert together - bare == pytest.approx(drift["foot"] + drift["head"] - 2.0 * bare, rel=0.03)
 
 
-def test_winches_lower_a_net_by_what_they_pay_out(tmp_path: Path) -> None:
+def test_winches_lower_a_net_by_the_payout(tmp_path: Path) -> None:
     """In still water: sinkers 1 m lower, and 1 m of rope's weight more at the tops.
 
     The net follows by its drag, which draws the lines together alike.
     """
     twin_of(TWO, tmp_path, speed=0.0)
     run = UnpacedRun(RunOptions(scene=str(tmp_path / "scene.yaml"), speed=0.0))
-    places, tops = lines(run.twin.snapshot())
+    positions, tops = lines(run.twin.snapshot())
     while run.twin.time_ns < 30_000_000_000:
         run.advance_slot()
     after, pulled = lines(run.twin.snapshot())
-    assert (after - places)[:, 2] == pytest.approx(-1.0, abs=2e-3)
-    assert after.sum(axis=0)[:2] == pytest.approx(places.sum(axis=0)[:2], abs=1e-4)
+    assert (after - positions)[:, 2] == pytest.approx(-1.0, abs=2e-3)
+    assert after.sum(axis=0)[:2] == pytest.approx(positions.sum(axis=0)[:2], abs=1e-4)
     rope = load_scene(str(tmp_path / "scene.yaml")).ropes[0].rope
     assert rope is not None
     area = 0.25 * np.pi * (rope.hydrodynamic_diameter_m or 0.0) ** 2

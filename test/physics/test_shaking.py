@@ -1,4 +1,4 @@
-"""Models that a scene lists and that are computed beside the step: what they tell and do."""
+"""VIV models of a scene that are computed after the step: results, sampling, resumption."""
 
 from __future__ import annotations
 
@@ -65,18 +65,18 @@ def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
     down, up = np.maximum(np.append(step[:1], step[:-1]), half), np.maximum(step, half)
     growth = 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
     part = np.linspace(-1.0, 1.0, 4001)
-    found = []
+    results = []
     for at, low, high in zip(below[:-1], down, up, strict=True):
         side = np.where(part < 0.0, low, high)
-        place = at + part * side
-        place = np.where(place > 0.0, -place, place)
-        place = np.where(place < below[0], 2.0 * below[0] - place, place)
+        position = at + part * side
+        position = np.where(position > 0.0, -position, position)
+        position = np.where(position < below[0], 2.0 * below[0] - position, position)
         weight = (1.0 - np.abs(part)) * side
-        found.append((np.interp(place, s, growth) * weight).sum() / weight.sum())
-    return np.array(found)
+        results.append((np.interp(position, s, growth) * weight).sum() / weight.sum())
+    return np.array(results)
 
 
-def test_it_shakes_as_the_study_of_the_scene_does() -> None:
+def test_live_viv_equals_the_frequency_domain_assessment() -> None:
     """`rope_twin viv` has the rope at rest: without growth of the drag the twin is that, too."""
     scene = shaken(ModalVibrationParams(drag_growth=(0.0, 1.0)))
     shot, _ = settled(scene)
@@ -89,7 +89,7 @@ def test_it_shakes_as_the_study_of_the_scene_does() -> None:
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_the_rope_leans_by_the_drag_that_grew(model: Any) -> None:
+def test_mean_offset_with_drag_amplification(model: Any) -> None:
     """As far as a rope whose drag coefficient is that much larger all along, on the mean."""
     shot, twin = settled(shaken(model))
     growth = grown(twin)
@@ -107,13 +107,13 @@ def test_the_rope_leans_by_the_drag_that_grew(model: Any) -> None:
     factor = 1.0 + float((growth * share).sum() / share.sum())
     own = CABLE.scene()
     more = DragParams(normal=1.2 * factor, tangential=0.02)
-    dragged = tuple(more if isinstance(one, DragParams) else one for one in own.effects)
+    dragged = tuple(more if isinstance(effect, DragParams) else effect for effect in own.effects)
     found, plain = float(shot.node_position_m[-1, 0]), lean(own)
     assert found == pytest.approx(lean(replace(own, effects=dragged)), rel=0.03)
     assert found > 1.7 * plain
 
 
-def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
+def test_nodal_drag_amplification_integrates_between_nodes() -> None:
     """Six nodes to some thirty half waves: the sum over them is the integral, within 0.1 %."""
     model = ModalVibrationParams()
     scene = shaken(model, replace(CABLE, elements=5).scene())
@@ -132,7 +132,7 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
 
 
 @pytest.mark.parametrize("model", [MODELS[0], pytest.param(MODELS[1], marks=pytest.mark.long)])
-def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None:
+def test_the_time_domain_assessment_equals_the_live_twin(model: Any) -> None:
     """`rope_twin viv --time-domain` looks at the motion itself, the twin reports live."""
     scene = shaken(model, replace(CABLE, diameter=0.032).scene())
     (found,) = run_time_domain(scene, 30.0, "stranded_wire")
@@ -163,14 +163,14 @@ def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_it_goes_on_from_a_state_and_from_a_branch_to_the_bit(model: Any) -> None:
+def test_viv_resumes_bit_identically(model: Any) -> None:
     """Under heave and payout, saved between two searches; watched for wear it is the same run."""
     scene = shaken(model, replace(CABLE, diameter=0.032, winch=WINCH).scene())
     course: Any = (sine(0.3, 6.0), 6.0, 1, [(2.0, 2.0)])
     twin, worn = Twin(scene), watched(scene, "", "stranded_wire")
-    for own in (twin, worn):
-        list(march(own, *course))
-        own.advance(17)
+    for run in (twin, worn):
+        list(march(run, *course))
+        run.advance(17)
     others = [Twin.restore(twin.capture(), scene), twin.branch(), worn]
     others.append(Twin.restore(worn.capture(), scene, asked_for("", "stranded_wire")))
     (last,) = list(march(twin, sine(0.3, 6.0), 4.0, 200))
@@ -188,8 +188,8 @@ def test_it_goes_on_from_a_state_and_from_a_branch_to_the_bit(model: Any) -> Non
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("every_s", [1.0, 0.2])
-def test_what_is_followed_was_found_before_in_equal_shares(model: Any, every_s: float) -> None:
-    """No look pays for a search that others should have made."""
+def test_mode_search_cost_is_spread_evenly(model: Any, every_s: float) -> None:
+    """No sample pays for a search that others should have made."""
     rig = replace(CABLE, diameter=0.032, current=((0.0, (1.2, 0.0)),))
     twin = Twin(shaken(replace(model, modes_every_s=every_s), rig.scene()))
     assert twin.viv_drag is not None
@@ -209,7 +209,7 @@ def test_what_is_followed_was_found_before_in_equal_shares(model: Any, every_s: 
     assert all(left[number] > 3 for number in begun)
 
 
-def test_a_rope_that_goes_slack_keeps_its_modes_and_says_so() -> None:
+def test_a_slack_rope_keeps_its_modes_and_is_reported() -> None:
     twin = Twin(shaken(ModalVibrationParams()))
     notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
     assert any("elements are slack" in note for note in notes)
@@ -217,7 +217,7 @@ def test_a_rope_that_goes_slack_keeps_its_modes_and_says_so() -> None:
     assert twin.snapshot().solver.unconverged_substeps == 0
 
 
-def test_without_a_current_it_keeps_still() -> None:
+def test_no_viv_without_a_current() -> None:
     """And shakes when one comes: looks are made for it then."""
     scene = replace(CABLE, current=((0.0, (0.0, 0.0)),)).scene()
     twin = Twin(shaken(DecomposedForceParams(), scene))
@@ -230,7 +230,7 @@ def test_without_a_current_it_keeps_still() -> None:
     assert grown(twin).max() > 0.3
 
 
-def test_its_vibration_is_reported_without_an_option() -> None:
+def test_viv_of_a_scene_model_is_reported_without_an_option() -> None:
     """To ask for it changes nothing; a second model is rejected."""
     scene = shaken(ModalVibrationParams())
     plain, asked = Twin(scene), watched(scene, TIME_DOMAIN)

@@ -24,7 +24,7 @@ PULL = rows.PULL
 
 
 @pytest.mark.parametrize("inertia", [0.0, 300.0])
-def test_atwood_machine_accelerates_as_its_loads_demand(inertia: float) -> None:
+def test_acceleration_of_an_atwood_machine(inertia: float) -> None:
     """Loads m and M on 2L of rope, w a metre, over a wheel of inertia J over radius squared.
 
     (m + M + 2wL + J)·u'' = (m - M)·g + 2wg·u for an inextensible rope; from 1 s on, by when the
@@ -42,7 +42,7 @@ def test_atwood_machine_accelerates_as_its_loads_demand(inertia: float) -> None:
     assert flow(bench)[0] == pytest.approx(expected, rel=1e-4)
 
 
-def test_pulls_are_equal_beside_the_sheave_and_the_rope_keeps_its_length() -> None:
+def test_a_frictionless_sheave_has_equal_tensions_and_constant_length() -> None:
     """At every step of an Atwood machine, through splits and merges."""
     bench = atwood(EA=1e6)
     let_run(bench)
@@ -54,7 +54,7 @@ def test_pulls_are_equal_beside_the_sheave_and_the_rope_keeps_its_length() -> No
 
 
 @pytest.mark.parametrize(("left", "right"), [(500.0, 900.0), (900.0, 500.0)])
-def test_friction_is_that_of_a_rope_on_a_post(left: float, right: float) -> None:
+def test_sheave_friction_by_euler_eytelwein(left: float, right: float) -> None:
     """F/F' = exp(mu·pi) (Euler, Eytelwein) while the rope slides.
 
     To 5e-4: friction takes the pulls as they are before a stage's last correction.
@@ -67,7 +67,7 @@ def test_friction_is_that_of_a_rope_on_a_post(left: float, right: float) -> None
     assert pull / other == pytest.approx(1.0 / ratio if right > left else ratio, rel=5e-4)
 
 
-def test_rope_that_friction_can_hold_creeps() -> None:
+def test_rope_held_by_friction_creeps() -> None:
     """520 against 500 kg with F/F' = 1.37 at most: slower than the speed it is smoothed over."""
     bench = atwood(friction=0.1)
     let_run(bench)
@@ -75,7 +75,7 @@ def test_rope_that_friction_can_hold_creeps() -> None:
     assert abs(flow(bench)[1]) < 2e-3
 
 
-def test_steady_circulation_is_smooth() -> None:
+def test_tensions_of_steady_circulation_are_smooth() -> None:
     """1 m/s for 20 s: each rope's pull, with splits at one side of the sheave, merges at the other.
 
     The aim is 0.1 % of the pull; the bound is what was measured, 2e-6.
@@ -89,7 +89,7 @@ def test_steady_circulation_is_smooth() -> None:
     assert line(bench, 1) + line(bench, 2) == pytest.approx(200.0, abs=1e-9)
 
 
-def test_running_rope_pulls_harder_by_its_stream_of_momentum() -> None:
+def test_running_rope_adds_its_momentum_flux_to_the_tension() -> None:
     """The sheave's weight is carried by F + F' - 2·m·V²: F is m·V² more than at rest."""
     bench = loop(gap=0.2)
     still = bench.hold(1)[1, 0, PULL]
@@ -97,7 +97,7 @@ def test_running_rope_pulls_harder_by_its_stream_of_momentum() -> None:
     assert pull - still == pytest.approx(6.4 * 9.0, rel=0.01)
 
 
-def test_running_back_is_the_mirror_image() -> None:
+def test_reversed_circulation_mirrors_the_tensions() -> None:
     """Pulls of both directions are the same with the ropes in the other order."""
     forth, back = (circulate(loop(), speed, 12.0) for speed in (1.0, -1.0))
     assert np.abs(forth - back[::-1]).max() < 1e-7 * forth.max()
@@ -149,7 +149,7 @@ def balance(bench: JointBench) -> tuple[Vector, Vector, float]:
 
 
 @pytest.mark.parametrize(("elements", "left_open"), [(6, 4e-4), (12, 2e-4)])
-def test_free_rope_and_sheave_keep_momentum_spin_and_energy(
+def test_a_free_rope_and_sheave_conserve_momentum_and_energy(
     elements: int, left_open: float
 ) -> None:
     """Nothing outside acts: what the rope brings to the sheave is what the sheave takes.
@@ -166,7 +166,7 @@ def test_free_rope_and_sheave_keep_momentum_spin_and_energy(
     assert energy_after == pytest.approx(energy, rel=left_open)
 
 
-def test_second_order_in_the_step() -> None:
+def test_a_running_sheave_is_of_second_order_in_the_step() -> None:
     """Flow and pull of a loop set going, at steps of h, h/2 and h/4 against h/16."""
 
     def end(step: float) -> Vector:
@@ -180,14 +180,14 @@ def test_second_order_in_the_step() -> None:
     assert errors[1] / errors[2] > 3.0
 
 
-def test_one_correction_solves_a_stage_of_steady_running() -> None:
+def test_newton_converges_at_once_in_steady_running() -> None:
     """The blocks are the balance's derivatives: Newton is there at once."""
     bench = loop()
     circulate(bench, 1.0, 10.0)
     assert bench.health[rows.SOLVES_MAX] == 1
 
 
-def test_states_restored_go_on_to_the_bit() -> None:
+def test_restored_sheave_states_resume_bit_identically() -> None:
     """The ropes' states and the joints' nodes are all that a restart needs."""
     bench = loop()
     circulate(bench, 1.0, 11.0)
@@ -212,7 +212,7 @@ def test_a_rope_that_has_run_out_is_refused() -> None:
         assert np.isfinite(rope.state.nodes).all()
 
 
-def test_rest_of_a_fine_loop_costs_few_solves_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_statics_of_a_fine_loop_start_on_a_coarse_mesh(monkeypatch: pytest.MonkeyPatch) -> None:
     """It is found on few elements first: 29 solves of 400 elements, 451 without; the same rest."""
     bench, spent = laid_loop(elements=100), []
 
@@ -230,19 +230,19 @@ def test_rest_of_a_fine_loop_costs_few_solves_of_it(monkeypatch: pytest.MonkeyPa
     assert sum(spent) < 100
 
 
-def test_a_loop_is_found_from_its_lengths_alone() -> None:
+def test_statics_of_a_loop_from_its_lengths_alone() -> None:
     """The guess reaches the wheel from the lower ends of its ropes; the rest is that as laid."""
     laid, guessed = laid_loop(), laid_loop()
-    place = laid.still(0).value[:, 0]
-    expected = solve_joined_statics(laid.system, place)
+    position = laid.still(0).value[:, 0]
+    expected = solve_joined_statics(laid.system, position)
     set_initial_guess(guessed.system)
-    end = solve_joined_statics(guessed.system, place)
+    end = solve_joined_statics(guessed.system, position)
     assert end.found
     assert end.tension_n == pytest.approx(expected.tension_n, rel=1e-9)
     assert guessed.joints == pytest.approx(laid.joints, abs=1e-6)
 
 
-def test_ropes_that_cannot_run_over_a_wheel_are_refused() -> None:
+def test_invalid_reeving_is_rejected() -> None:
     """Another joint, or another make."""
     bench = atwood()
     with pytest.raises(ValueError, match="does not end at joint 1"):
@@ -252,7 +252,7 @@ def test_ropes_that_cannot_run_over_a_wheel_are_refused() -> None:
         reeve(bench.system, [Wheel(0, 0, 1)])
 
 
-def test_no_sheave_leaves_no_code() -> None:
+def test_systems_without_sheaves_compile_no_sheave_code() -> None:
     """A system without sheaves has None for them, and the hooks compile to nothing but a return."""
     hooks = (
         (sheaves.pass_end, 6), (sheaves.add_sheaves, 3), (sheaves.condense_flow, 5),

@@ -1,4 +1,4 @@
-"""The hang-off of a ship with six degrees of freedom, and on a way from a table."""
+"""Hang-off motion of a ship with six degrees of freedom, and by prescribed motion from a table."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ triples = st.tuples(numbers, numbers, numbers)
 
 
 @given(axis=triples, angle=st.floats(0.05, 1.0), arm=triples, rate=st.floats(-1.0, 1.0))
-def test_a_turning_arm_is_rodrigues(axis: Triple, angle: float, arm: Triple, rate: float) -> None:
+def test_lever_arm_rotation_by_rodrigues_formula(
+    axis: Triple, angle: float, arm: Triple, rate: float
+) -> None:
     """About a fixed axis k: R·r = r·cos θ + (k × r)·sin θ + k·(k·r)·(1 - cos θ), ω × (R·r)."""
     k = np.array(axis)
     k[2] += 2.0
@@ -40,10 +42,10 @@ def test_a_turning_arm_is_rodrigues(axis: Triple, angle: float, arm: Triple, rat
     r = 20.0 * np.array(arm)
     turn = (*(math.sin(0.5 * angle) * k), math.cos(0.5 * angle))
     pose = ShipPose(0, (1.0, 2.0, 3.0), (0.0, 0.0, 0.0), turn, tuple(rate * k))
-    place, velocity = hang_off_motion(pose, tuple(r))
+    position, velocity = hang_off_motion(pose, tuple(r))
     turned = r * math.cos(angle) + np.cross(k, r) * math.sin(angle)
     turned += k * (k @ r) * (1.0 - math.cos(angle))
-    assert place == pytest.approx(turned - r + np.arange(1.0, 4.0), abs=1e-12)
+    assert position == pytest.approx(turned - r + np.arange(1.0, 4.0), abs=1e-12)
     assert velocity == pytest.approx(rate * np.cross(k, turned), abs=1e-12)
 
 
@@ -52,13 +54,13 @@ def on_waves(heading_deg: float = 30.0) -> tuple[ShipOnWaves, Waves]:
     scene = load_scene("ship_6dof")
     riding = OnWaves(responses="vessel_120m", heading_deg=heading_deg)
     scene = replace(scene, sea_state=SeaState(on_waves=riding))
-    waves = next(own for own in scene.effects if isinstance(own, WavesParams))
+    waves = next(effect for effect in scene.effects if isinstance(effect, WavesParams))
     sea = open_sea(scene)
     assert isinstance(sea, ShipOnWaves)
     return sea, components_of(waves, scene.environment.gravity_m_per_s2)
 
 
-def test_variances_are_responses_times_the_spectrum() -> None:
+def test_motion_variances_by_rao_times_spectrum() -> None:
     """m0 of each motion is Σ |A|²·a²/2 of the waves' components; the wave's is Hs²/16."""
     sea, waves = on_waves()
     times = np.arange(0.0, 20_000.0, 1.7)
@@ -72,7 +74,7 @@ def test_variances_are_responses_times_the_spectrum() -> None:
     assert 8.0 * waves.amplitude_m @ waves.amplitude_m == pytest.approx(2.5**2, rel=0.01)
 
 
-def test_in_long_waves_a_ship_follows_the_water() -> None:
+def test_a_ship_follows_long_waves() -> None:
     """A wave of 4 km from the beam: heave and sway are the water's, roll is its slope.
 
     η = a·cos(k·y - ω·t) at the hull gives heave a, sway a quarter behind it and roll +∂η/∂y.
@@ -86,7 +88,7 @@ def test_in_long_waves_a_ship_follows_the_water() -> None:
     assert answer[2, 2] == pytest.approx(heave_response(hull, f)[0], rel=1e-12)
 
 
-def test_the_table_is_what_its_head_says() -> None:
+def test_the_shipped_rao_table_is_reproducible() -> None:
     """config/responses/vessel_120m.csv is made by box_responses, to its digits."""
     path = share_dir() / "config" / "responses" / "vessel_120m.csv"
     read = read_responses("vessel_120m")
@@ -95,14 +97,14 @@ def test_the_table_is_what_its_head_says() -> None:
     assert np.abs(read.answer - made.answer).max() < 1e-4
 
 
-def test_mirrored_waves_mirror_the_ship() -> None:
+def test_mirrored_waves_mirror_the_motions() -> None:
     """From the other side: surge, heave and pitch alike, sway, roll and yaw turned round."""
     table, f = read_responses("vessel_120m"), np.array([0.08, 0.11, 0.2])
     port, starboard = (table.at(f, np.full(3, side)) for side in (1.1, -1.1))
     assert starboard == pytest.approx(port * np.array([[1], [-1], [1], [-1], [1], [-1]]))
 
 
-def test_a_pose_turns_as_its_rates_say() -> None:
+def test_pose_rates_are_derivatives_of_the_pose() -> None:
     """Over 10 ms the orientation changes by the body's rate of turn, position by the velocity."""
     sea, _ = on_waves()
     step = 1e-2
@@ -119,7 +121,7 @@ def test_a_pose_turns_as_its_rates_say() -> None:
 RIG = Rig(length=50.0, elements=5, step=0.02, density=0.0)
 
 
-def test_the_hang_off_goes_where_the_pose_and_the_arm_say() -> None:
+def test_hang_off_motion_by_pose_and_lever_arm() -> None:
     """Roll ±10° in 8 s under an arm of 18 m to port: heave and way aside, and their speeds."""
     scene = replace(RIG.scene(), ship=Ship(reference_m=(0.0, -18.0, -12.0), motion_ramp_s=0.0))
     twin, omega, most = Twin(scene), 2.0 * math.pi / 8.0, math.radians(10.0)
@@ -144,14 +146,16 @@ def test_the_hang_off_goes_where_the_pose_and_the_arm_say() -> None:
     assert twin.snapshot().node_position_m[0] == pytest.approx(value, abs=1e-12)
 
 
-def test_each_hang_off_goes_where_its_own_arm_says() -> None:
+def test_each_hang_off_has_its_own_lever_arm() -> None:
     """Two winches 12 m apart on a ship that rolls, pitches and turns: each as a point of it does.
 
     Also as studies prescribe it, and from a saved state on.
     """
     scene = load_scene("two_line_lift")
     riding = replace(scene.ship, reference_m=(-20.0, -18.0, -12.0), motion_ramp_s=0.0)
-    waves = next(own for own in load_scene("ship_6dof").effects if isinstance(own, WavesParams))
+    waves = next(
+        effect for effect in load_scene("ship_6dof").effects if isinstance(effect, WavesParams)
+    )
     sea = SeaState(on_waves=OnWaves(responses="vessel_120m", heading_deg=30.0))
     posed = replace(
         scene, ship=riding, sea_state=sea, effects=(*scene.effects, replace(waves, ramp_s=0.0))
@@ -162,22 +166,22 @@ def test_each_hang_off_goes_where_its_own_arm_says() -> None:
         assert offer(twin, sample) == ""
     twin.advance(round(0.5 / twin.step_s))
     other = Twin.restore(twin.capture(), twin.scene)
-    for one in (twin, other):
-        one.advance(round(0.5 / twin.step_s))
-        shot, pose = one.snapshot(), ship.pose(1_000_000_000)
+    for run in (twin, other):
+        run.advance(round(0.5 / twin.step_s))
+        shot, pose = run.snapshot(), ship.pose(1_000_000_000)
         for rope, at in ((0, scene.ship.hang_off_m), (1, scene.hang_offs[0].at_m)):
             arm = np.array(at) - riding.reference_m
             moved, _ = hang_off_motion(pose, tuple(arm))
-            found = shot.ropes[rope].node_position_m[0] - at
-            assert found == pytest.approx(moved, abs=1e-6)
-            assert np.abs(found[:2]).max() > 1e-3, "it moves aside too"
+            computed = shot.ropes[rope].node_position_m[0] - at
+            assert computed == pytest.approx(moved, abs=1e-6)
+            assert np.abs(computed[:2]).max() > 1e-3, "it moves aside too"
     course = Course(posed, 1.0, 0.1).motion(twin.step_s)
     for rope in (0, 1):
         ends = twin.snapshot().ropes[rope].node_position_m[0]
         assert course.value[rope, -1, : rows.LINE] == pytest.approx(ends, abs=1e-12)
 
 
-def test_a_way_is_followed() -> None:
+def test_prescribed_motion_from_a_table() -> None:
     """A circle given every 5 s: the spline is off by 5·(ω·Δt)⁴/384 of the radius at most."""
     scene = replace(load_scene("deep_tow_turn"), ship=Ship(motion_ramp_s=0.0))
     sea, twin = open_sea(scene), Twin(scene)
@@ -204,7 +208,7 @@ def fed(scene: Scene, until_ns: int) -> Twin:
     return twin
 
 
-def test_studies_and_twins_see_the_same_motion() -> None:
+def test_studies_and_live_twins_use_the_same_motion() -> None:
     """A course, as accuracy studies step it, prescribes what a twin that is fed prescribes."""
     scene = load_scene("ship_6dof")
     twin = fed(scene, 2_000_000_000)
@@ -215,21 +219,21 @@ def test_studies_and_twins_see_the_same_motion() -> None:
         assert (twin.inspect().boundary.rate[0] == course.rate[row]).all()
 
 
-def test_a_saved_state_keeps_the_way_aside() -> None:
+def test_a_saved_state_keeps_the_horizontal_motion() -> None:
     """A twin that goes on from a saved state moves on as the one that was saved."""
     scene = load_scene("deep_tow_turn")
     twin = fed(scene, 4_000_000_000)
     twin.advance(100)
     other = Twin.restore(twin.capture(), scene)
-    for one in (twin, other):
-        one.advance(100)
+    for run in (twin, other):
+        run.advance(100)
     assert (other.inspect().boundary.value[0] == twin.inspect().boundary.value[0]).all()
     assert twin.inspect().boundary.value[0, 0] > 0.0
     assert other.snapshot().tension_top_n == twin.snapshot().tension_top_n
 
 
-def test_series_tell_how_far_they_reach() -> None:
-    """Samples of a way become a series with east and north, one for each."""
+def test_motion_series_have_horizontal_columns() -> None:
+    """Samples of a prescribed motion become a series with east and north columns."""
     sea = open_sea(load_scene("deep_tow_turn"))
     assert sea is not None
     series = series_of(sea.between(FIRST_NS, 10_000_000_000))

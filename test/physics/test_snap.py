@@ -19,7 +19,7 @@ from rigs import march
         ("slack_5km", 1000, 0.02, 355.19, 1e-3),
     ],
 )
-def test_peak_of_the_snap_scenes(
+def test_peak_tension_of_the_snap_scenes(
     scene: str, elements: int, step: float, peak_kn: float, within: float
 ) -> None:
     """60 s of each scene; no unconverged substep is accepted."""

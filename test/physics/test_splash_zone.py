@@ -44,7 +44,7 @@ def end_force(z: float, velocity: float = 0.0, acceleration: float = 0.0) -> Any
 @pytest.mark.parametrize(
     ("z", "share"), [(9.0, 0.0), (1.51, 0.0), (0.75, 0.25), (0.0, 0.5), (-1.5, 1.0), (-40.0, 1.0)]
 )
-def test_weight_inertia_and_drag_follow_the_wetted_share(z: float, share: float) -> None:
+def test_weight_inertia_and_drag_scale_with_submergence(z: float, share: float) -> None:
     """-(m + βA)·a - β·k·|v|·v - (m - βρV)·g, moving up so that nothing slams; to round-off."""
     v, a = 0.7, 0.3
     found, block = end_force(z, v, a)
@@ -56,7 +56,7 @@ def test_weight_inertia_and_drag_follow_the_wetted_share(z: float, share: float)
     assert block == pytest.approx(20e3 + share * (1e4 + 2e-2 * k * v) + partly, rel=1e-9)
 
 
-def test_slamming() -> None:
+def test_slamming_force_in_the_splash_zone() -> None:
     """½·ρ·C_s·A·v² while it enters, nothing above, below, or on the way out."""
     for z in (1.0, -1.0):
         share = 0.5 - z / 3.0
@@ -101,7 +101,7 @@ def test_lowering_through_calm_water() -> None:
     assert z[-1] < -4.0
 
 
-def test_waves_wet_the_body_where_they_are() -> None:
+def test_buoyancy_follows_the_wave_elevation() -> None:
     """At the height of the mean surface a wave of 1 m changes the buoyancy by its elevation."""
     sea = WavesParams(regular=RegularWave(height_m=1.0, period_s=9.0), ramp_s=4.0)
     calm_z, calm = lowered(CALM)

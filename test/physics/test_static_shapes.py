@@ -49,7 +49,7 @@ def test_elastic_catenary(length: float) -> None:
     assert shot.tension_payload_n == pytest.approx(tension[-1], rel=1e-3)
 
 
-def test_half_a_line_equals_the_whole() -> None:
+def test_half_a_level_line_equals_the_whole_line() -> None:
     """A level line is two half lines that meet at its lowest point."""
     whole = replace(LINE, length=1300.0, fixed_at=(1000.0, 0.0, 0.0)).twin().snapshot()
     assert whole.node_tension_n[1:-1] == pytest.approx(whole.node_tension_n[-2:0:-1], rel=1e-6)
@@ -62,7 +62,7 @@ def test_half_a_line_equals_the_whole() -> None:
     assert half.hang_off_force_n == pytest.approx(whole.hang_off_force_n, rel=1e-6, abs=1e-3)
 
 
-def test_rest_does_not_depend_on_damping() -> None:
+def test_static_equilibrium_is_independent_of_damping() -> None:
     """A light load that a current carries far aside hangs the same with and without damping."""
     rig = Rig(
         length=6.2, elements=60, mass=15.4, EA=4.4e8, diameter=0.0015, load=4.0, density=1025.0,

@@ -1,4 +1,4 @@
-"""Statics: forces at rest worked out here in numpy, over ropes, waters and guesses at large."""
+"""Static equilibrium: nodal balance recomputed in numpy, for drawn ropes, waters and guesses."""
 
 from __future__ import annotations
 
@@ -56,13 +56,13 @@ def drag_forces(rig: Rig, place: Vector, along: Vector, rest: Vector) -> Vector:
 def left_over(rig: Rig, rope: Rope) -> tuple[float, float]:
     """Largest unbalanced force at a node and largest tension [N], from the places alone."""
     n = rig.elements
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
     rest = np.full(n, rig.length / n)
-    span = np.diff(place, axis=1)
+    span = np.diff(position, axis=1)
     length = np.linalg.norm(span, axis=0)
     along = span / length
     tension = np.maximum(rig.EA * (length - rest) / rest, 0.0)
-    force = drag_forces(rig, place, along, rest) + tension * along
+    force = drag_forces(rig, position, along, rest) + tension * along
     force[:, 1:] -= (tension * along)[:, :-1]
     if rig.fixed_at is not None:
         force[:, 0] = 0.0
@@ -110,11 +110,11 @@ GUESSES: list[Guess] = [as_built, horizontal, half_down, coiled, upward, folded]
 def rest_of(rig: Rig, guess: Guess = as_built) -> tuple[Rope, Equilibrium]:
     """The rig's rope at rest, from a guess; a fixed lower end stays where it is."""
     rope = build(rig.scene())
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : rig.elements + 1]
-    low = place[:, 0].copy()
-    guess(place, rig)
+    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : rig.elements + 1]
+    low = position[:, 0].copy()
+    guess(position, rig)
     if rig.fixed_at is not None:
-        place[:, 0] = low
+        position[:, 0] = low
     return rope, solve_statics(rope, rig.length)
 
 
@@ -154,7 +154,7 @@ ropes = st.builds(
 
 @settings(max_examples=80, deadline=None)
 @given(rig=ropes, guess=st.sampled_from(GUESSES))
-def test_a_rope_with_a_payload_rests(rig: Rig, guess: Guess) -> None:
+def test_a_rope_with_a_payload_is_in_static_equilibrium(rig: Rig, guess: Guess) -> None:
     """Whatever the rope, the water and the guess: heavy, light, floating, in storm currents.
 
     Left out is what a twin refuses: a rope that floats with more than its payload weighs.
@@ -171,7 +171,7 @@ def test_a_rope_with_a_payload_rests(rig: Rig, guess: Guess) -> None:
     bearing=st.floats(0.0, 6.3),
     dip=st.floats(0.0, 1.3),
 )
-def test_a_rope_between_two_points_rests(
+def test_a_rope_between_two_points_is_in_static_equilibrium(
     rig: Rig, guess: Guess, slack: float, bearing: float, dip: float
 ) -> None:
     """From taut to three times the distance between its ends, up to 75° steep.
@@ -193,18 +193,18 @@ LIGHT = replace(DEEP, load=550.0, volume=0.5, drag=(1.5, 0.05), current=((0.0, (
 
 
 @pytest.mark.parametrize("rig", [DEEP, LIGHT], ids=["20 t", "50 kg in 2 m/s"])
-def test_all_guesses_end_in_one_shape(rig: Rig) -> None:
+def test_all_initial_guesses_give_one_static_shape(rig: Rig) -> None:
     """1,000 elements, to a micrometre, within a dozen rounds (one costs some 3 ms at most)."""
-    places = []
+    positions = []
     for guess in GUESSES:
         rope, end = rest_of(rig, guess)
         assert end.rounds <= 12
         assert end.left_m <= 1e-9 * rig.length
-        places.append(rope.state.nodes[:3, : rig.elements + 1].copy())
-    assert np.abs(np.array(places) - places[0]).max() < 1e-6
+        positions.append(rope.state.nodes[:3, : rig.elements + 1].copy())
+    assert np.abs(np.array(positions) - positions[0]).max() < 1e-6
 
 
-def test_what_rests_is_left_alone() -> None:
+def test_statics_leave_an_equilibrium_unchanged() -> None:
     """A second search starts at rest and moves nothing; so does a slack rope without weight."""
     rope, _ = rest_of(DEEP)
     before = rope.state.nodes.copy()
@@ -215,7 +215,7 @@ def test_what_rests_is_left_alone() -> None:
     assert (end.found, end.rounds, end.tension_n) == (True, 0, 0.0)
 
 
-def test_no_equilibrium_is_reported() -> None:
+def test_missing_equilibrium_is_reported() -> None:
     """Forces that are not finite leave no shape at rest: one sentence, and no start."""
     scene = replace(DEEP, elements=10).scene()
     rope = build(scene)
@@ -226,16 +226,16 @@ def test_no_equilibrium_is_reported() -> None:
         solve_scene_statics(scene, rope)
 
 
-def test_rest_on_a_bed_is_found_from_any_guess() -> None:
+def test_static_equilibrium_on_a_seabed_from_any_guess() -> None:
     """Moored partly on the bed, slack on it, landed, with loose rope beside: one tension, at rest.
 
     300 elements; how a slack moored rope ends is a catenary of no horizontal pull: T_top = w·h.
     """
-    found = list(statics_rows(ON_A_BED, nodes=300))
-    assert all(row["found"] and row["residual_n"] < 1e-7 * row["tension_n"] for row in found)
-    assert max(row["rounds"] for row in found) <= 40  # one costs 2 ms with 1,000 elements
+    computed = list(statics_rows(ON_A_BED, nodes=300))
+    assert all(row["found"] and row["residual_n"] < 1e-7 * row["tension_n"] for row in computed)
+    assert max(row["rounds"] for row in computed) <= 40  # one costs 2 ms with 1,000 elements
     for name in ON_A_BED:
-        tensions = [row["tension_n"] for row in found if row["scene"] == name]
+        tensions = [row["tension_n"] for row in computed if row["scene"] == name]
         assert tensions == pytest.approx([tensions[0]] * len(tensions), rel=1e-6)
         if name == "moored slack":
             weight = (20.0 - 1025.0 * math.pi * 0.05**2 / 4.0) * 9.80665
@@ -243,10 +243,10 @@ def test_rest_on_a_bed_is_found_from_any_guess() -> None:
             assert weight * (100.0 - 1.5 * element) < tensions[0] < weight * 100.0
 
 
-def test_timing_rows_tell_scene_guess_and_residual() -> None:
+def test_statics_timing_rows_have_scene_guess_and_residual() -> None:
     """`statics_rows`: every guess ends at rest in the same tension; times are shown, not judged."""
-    found = list(statics_rows(["smooth_2km"], nodes=100))
-    assert [row["guess"] for row in found] == list(STUDY_GUESSES)
-    assert all(row["found"] and row["residual_n"] < 1e-6 * row["tension_n"] for row in found)
-    tensions = [row["tension_n"] for row in found]
+    computed = list(statics_rows(["smooth_2km"], nodes=100))
+    assert [row["guess"] for row in computed] == list(STUDY_GUESSES)
+    assert all(row["found"] and row["residual_n"] < 1e-6 * row["tension_n"] for row in computed)
+    tensions = [row["tension_n"] for row in computed]
     assert tensions == pytest.approx([tensions[0]] * len(tensions), rel=1e-8)

@@ -24,16 +24,16 @@ def _riser(speed: np.ndarray) -> Span:
     return Span(s, T * same[1:], M * same[1:], D * same, speed, EI)
 
 
-def test_a_lift_that_knows_no_amplitude_moves_a_mode_as_in_closed_form() -> None:
+def test_steady_amplitude_with_constant_lift() -> None:
     """F/(2·m·ω²·ζ) of the driven mode, with F the share of ½·C_L·ρ·D·U² in it: 4/π."""
     ends = np.array([0.01, 5.0]), np.array([0.0, 9.0])
     table = ForceTable(*ends, np.full((2, 2), LIFT), np.ones((2, 2)))
     model = replace(decomposed(varying=False), table=table, structural=ZETA)
     span = _riser(np.full(181, 0.4))
-    found = analyse(span, model)
-    k = found.dominant - 1
-    moved, shape = D * steady_amplitude(span, model), found.modes.shape[:, k]
-    omega, water = 2.0 * pi * found.frequency[k], DENSITY * 0.25 * pi * D**2
+    actual = analyse(span, model)
+    k = actual.dominant - 1
+    moved, shape = D * steady_amplitude(span, model), actual.modes.shape[:, k]
+    omega, water = 2.0 * pi * actual.frequency[k], DENSITY * 0.25 * pi * D**2
     push = 0.5 * LIFT * DENSITY * D * 0.4**2 * 4.0 / pi
     expected = push / (2.0 * ZETA * omega**2 * (M + water))
     antinode = np.abs(shape) > 0.999
@@ -42,7 +42,9 @@ def test_a_lift_that_knows_no_amplitude_moves_a_mode_as_in_closed_form() -> None
 
 
 @pytest.mark.parametrize(("varying", "margin"), [(False, 0.005), (True, 0.012)])
-def test_the_stepped_response_settles_there(varying: bool, margin: float) -> None:
+def test_the_time_domain_response_converges_to_the_harmonic_balance(
+    varying: bool, margin: float
+) -> None:
     """Mean rms along the riser in a shear [D], stepped by Bathe and read over ten periods."""
     span, model = _riser(np.linspace(0.0, 0.54, 91)), decomposed(varying)
     balanced = steady_amplitude(span, model) / np.sqrt(2.0)

@@ -1,4 +1,4 @@
-"""Stiffness by a table: statics, waves and energy follow it; a straight table is EA itself."""
+"""Tabulated axial stiffness: statics, waves and energy; a straight table equals constant EA."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def _tabled(law, strain) -> np.ndarray:
     return out
 
 
-def test_it_rises_through_its_points() -> None:
+def test_table_interpolation_is_monotone_and_smooth() -> None:
     """Points are met, tension and tangent rise steadily between them, both without a jump."""
     law = HMPE.cubics
     strain = np.linspace(-0.002, 0.010, 240001)
@@ -98,7 +98,7 @@ def stored(table: StiffnessTable, strain: float) -> float:
     )
 
 
-def test_energy_of_a_bounce_is_kept() -> None:
+def test_energy_of_a_bounce_is_conserved() -> None:
     """One heavy payload on an undamped light rope: kinetic, elastic and potential sum up."""
     rig = replace(RIG, length=100.0, elements=3, mass=1e-3, damping=0.0, step=0.002)
     bench = Bench(tabled(rig, HMPE))
@@ -115,7 +115,7 @@ def test_energy_of_a_bounce_is_kept() -> None:
     assert energy[-1] < energy[0] + 1e-4 * swing
 
 
-def test_the_energy_balance_knows_the_table() -> None:
+def test_the_energy_account_uses_the_table() -> None:
     """Tension and stored energy of its account against the kernel's law and the integral."""
     strain = np.array([-0.001, 0.0, 0.0005, 0.0015, 0.006, 0.012])
     law, section = HMPE.cubics, np.zeros(6, dtype=int)
@@ -124,7 +124,7 @@ def test_the_energy_balance_knows_the_table() -> None:
     assert energy == pytest.approx([stored(HMPE, max(float(e), 0.0)) for e in strain], rel=1e-12)
 
 
-def test_a_straight_table_is_the_stiffness_itself() -> None:
+def test_a_straight_table_equals_constant_stiffness() -> None:
     """The same tensions under heave, through slack, payout and haul-in, to round-off."""
     straight = StiffnessTable(table=((0.0, 0.0), (0.002, 0.412e6), (0.01, 2.06e6)))
     rig = replace(RIG, length=200.0, elements=20)
@@ -133,7 +133,7 @@ def test_a_straight_table_is_the_stiffness_itself() -> None:
     assert table == pytest.approx(plain, rel=1e-6, abs=1.0)
 
 
-def test_solves_through_a_snap() -> None:
+def test_a_table_converges_through_a_snap() -> None:
     """A light load that falls slack and snaps: converged, with little more work than EA needs."""
     rig = replace(RIG, load=2e3, length=1000.0)
     counts = []
@@ -144,7 +144,7 @@ def test_solves_through_a_snap() -> None:
     assert counts[1] < 1.5 * counts[0]
 
 
-def test_paid_out_and_hauled_in() -> None:
+def test_tabled_rope_payout_has_no_tension_jump() -> None:
     """Splits and merges leave no jump: at most 0.01 % of the mean."""
     rig = replace(RIG, length=205.0, elements=20)
     twin = Twin(tabled(replace(rig, winch=WINCH), HMPE))
@@ -163,18 +163,20 @@ class TabledRig(Rig):
 
     def scene(self) -> Scene:
         """Return the scene with the table."""
-        return tabled(Rig(**{one.name: getattr(self, one.name) for one in fields(self)}), HMPE)
+        return tabled(
+            Rig(**{field.name: getattr(self, field.name) for field in fields(self)}), HMPE
+        )
 
 
 @pytest.mark.long
-def test_cut_in_three_it_keeps_its_table() -> None:
+def test_a_tabled_rope_in_three_parts_equals_the_whole() -> None:
     """A multi-line system takes the table of each rope: the load bounces as on the whole rope."""
     rig = TabledRig(
         length=100.0, elements=20, mass=2.9, load=20e3, EA=206e6, damping=1e6, tolerance=1e-3
     )
     rope, steps = build(rig.scene()), 30
-    place = rope.state.s[: rig.elements + 1] - rig.length
-    rope.state.nodes[2, : rig.elements + 1] = place
+    position = rope.state.s[: rig.elements + 1] - rig.length
+    rope.state.nodes[2, : rig.elements + 1] = position
     bench = JointBench(cut(rig, (8, 14), (0.0, 0.0, 0.0)))
     motion = bench.still(steps)
     motion.value[0, :, rows.LINE] = rig.length

@@ -1,4 +1,4 @@
-"""Strouhal forcing: against Runge and Kutta, in second order, and what its kernels say."""
+"""Strouhal forcing against Runge-Kutta: second order, block and power."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def frequency_at(shed: Any, speed: float, per_diameter: float) -> Any:
     return strouhal.frequency(shed, speed, per_diameter)
 
 
-def test_reynolds_ranges() -> None:
+def test_strouhal_number_by_reynolds_range() -> None:
     """None up to Re 40; St 0.2 to 1e6; above it linear."""
     params = StrouhalForcingParams(drag=1.0, strouhal_rise=0.9, viscosity_m2_per_s=1e-6)
     around = type("Water", (), {"water_density_kg_per_m3": 1000.0, "drag_normal": 0.0, "room": 4})
@@ -41,8 +41,8 @@ def test_reynolds_ranges() -> None:
     assert frequency_at(shed, 40.0 * 1e-6 / 0.1, per_diameter) == 0.0
     for re, number in ((41.0, 0.2), (1e5, 0.2), (1e6, 0.2), (2e6, 0.3), (1e7, 1.1)):
         speed = re * 1e-6 / 0.1
-        found = frequency_at(shed, speed, per_diameter) / (speed * per_diameter)
-        assert found == pytest.approx(number, rel=1e-12)
+        computed = frequency_at(shed, speed, per_diameter) / (speed * per_diameter)
+        assert computed == pytest.approx(number, rel=1e-12)
 
 
 def integrated(cylinder: Cylinder, seconds: float, step: float, limit: float | None) -> Vector:
@@ -77,22 +77,22 @@ def stepped(cylinder: Cylinder, seconds: float, limit: float | None) -> Vector:
 
 
 @pytest.mark.parametrize("limit", [None, LIMIT])
-def test_it_is_of_second_order_and_what_the_equations_say(limit: float | None) -> None:
+def test_strouhal_forcing_converges_to_runge_kutta_in_second_order(limit: float | None) -> None:
     """Eight periods near resonance: some 1 % of a diameter at 10 ms, a fourth at half the step."""
     speed = 0.5
     exact = integrated(Cylinder(speed=speed), 8.0, 1e-3, limit)
     errors = []
     for step in (0.02, 0.01, 0.005):
-        found = stepped(Cylinder(speed=speed, step=step), 8.0, limit)
+        computed = stepped(Cylinder(speed=speed, step=step), 8.0, limit)
         every = round(step / 1e-3)
-        errors.append(float(np.abs(found - exact[every - 1 :: every]).max()) / DIAMETER)
+        errors.append(float(np.abs(computed - exact[every - 1 :: every]).max()) / DIAMETER)
     assert np.abs(exact[:, 1]).max() > 0.3 * DIAMETER
     assert errors[1] < 0.01
     assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.4)
     assert errors[1] / errors[2] == pytest.approx(4.0, abs=0.4)
 
 
-def test_the_limiter_holds_the_amplitude() -> None:
+def test_the_limiter_bounds_the_amplitude() -> None:
     """Fixed λ answers with more than the limited one, which stays below its end."""
     free, held = (np.abs(integrated(Cylinder(speed=0.5), 20.0, 2e-3, a)[5000:, 1]).max()
                   for a in (None, LIMIT))  # fmt: skip
@@ -118,7 +118,7 @@ def shedding(seed: int) -> tuple[tuple[Any, ...], Vector]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
+def test_strouhal_block_is_the_derivative_of_the_force(seed: int) -> None:
     """The symmetric part of -dF/da, through φ as well; λ is fixed, for what m adds is dropped."""
     effects, work = shedding(seed)
     effects = (effects[0]._replace(per_limit=0.0),)
@@ -126,19 +126,19 @@ def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
     for node in range(NODES - 1):
         exact = jacobian(effects, work, node)
         symmetric = 0.5 * (exact + exact.T)
-        found = matrix(result[BLOCKS, node])
-        assert np.abs(found - symmetric).max() < 1e-6 * np.abs(exact).max()
+        computed = matrix(result[BLOCKS, node])
+        assert np.abs(computed - symmetric).max() < 1e-6 * np.abs(exact).max()
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
+def test_strouhal_power_is_force_times_velocity(seed: int) -> None:
     """With the vortices as they are: the rate of a stage's phase is not in it."""
     effects, work = shedding(seed)
     force = (loads_at_rest(effects, work) - loads_at_rest((), work))[R]
     assert np.abs(force).max() > 1.0
-    place = seen(work, np.zeros((3, NODES)), 0.0)
+    position = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
-    assert done == pytest.approx(account_sum("power", effects, place), rel=1e-6)
+    assert done == pytest.approx(account_sum("power", effects, position), rel=1e-6)
 
 
 def loads_at_rest(effects: tuple[Any, ...], work: Vector) -> Vector:

@@ -46,7 +46,7 @@ ROWS = {
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_figures(name: str) -> None:
+def test_study_scenes_have_the_table_values(name: str) -> None:
     row, scene = ROWS[name], load_scene(name)
     line, payload = scene.ropes[0], payload_figures(scene.payloads[0], RHO)
     assert (line.length_m, line.rope.mass_kg_per_m, line.rope.axial_stiffness_n) == (
@@ -66,7 +66,7 @@ def test_figures(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROWS)
-def test_forces_on_the_rope(name: str) -> None:
+def test_study_scene_drag_and_added_mass_coefficients(name: str) -> None:
     """Cdn·d, Cdt·d and Ca·d² are 1.2·d, 0.01·d and d² of the nominal diameter.
 
     The scene's own are on the diameter of the rope's volume.

@@ -1,4 +1,4 @@
-"""Mirrored and turned scenes give mirrored and turned answers, to round-off."""
+"""Mirrored and rotated scenes give mirrored and rotated results, to round-off."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def rotation(degrees: float) -> Vector:
     [np.diag([-1.0, 1.0]), np.array([[0.0, 1.0], [1.0, 0.0]]), rotation(37.0), rotation(211.3)],
     ids=["mirrored in x", "mirrored in x = y", "turned by 37", "turned by 211.3"],
 )
-def test_answers_turn_with_the_scene(rig: Rig, turn: Vector) -> None:
+def test_results_are_invariant_under_rotation_and_mirroring(rig: Rig, turn: Vector) -> None:
     """Positions, velocities and the pull follow; tensions stay."""
     plain, other = lowered(rig), lowered(transformed(rig, turn))
     full = np.eye(3)
@@ -67,7 +67,7 @@ def test_answers_turn_with_the_scene(rig: Rig, turn: Vector) -> None:
         (follow(plain.hang_off_force_n), other.hang_off_force_n),
         (plain.element_tension_n, other.element_tension_n),
     ]
-    for expected, found in pairs:
-        assert np.abs(found - expected).max() < ROUND_OFF * np.abs(expected).max()
+    for expected, actual in pairs:
+        assert np.abs(actual - expected).max() < ROUND_OFF * np.abs(expected).max()
     sideways = np.abs(plain.node_position_m[:, 1] - plain.node_position_m[0, 1]).max()
     assert sideways > 0.1, "the case must be three-dimensional"

@@ -1,4 +1,4 @@
-"""The tightest bend against circles, catenaries and folds; which bend it is; what is remembered."""
+"""Minimum bend radius against circles, catenaries and folds; its position; what is stored."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def on_circle(radius: float, angles: Vector) -> tuple[Vector, Vector]:
 
 
 @pytest.mark.parametrize("elements", [3, 10, 100])
-def test_a_circle_has_its_radius_on_any_elements(elements: int) -> None:
+def test_bend_radius_of_a_circle_on_any_mesh(elements: int) -> None:
     bend = curvatures(*on_circle(2.5, np.linspace(0.0, 5.0, elements + 1)))
     assert 1.0 / bend[1:-1] == pytest.approx(2.5, rel=1e-12)
     assert bend[[0, -1]] == pytest.approx(0.0)
 
 
-def test_unequal_elements_err_by_second_order() -> None:
+def test_bend_radius_on_unequal_elements_is_of_second_order() -> None:
     steps = np.array([0.1, 0.2, 0.1, 0.2, 0.1])
     error = [
         abs(2.5 * curvatures(*on_circle(2.5, share * np.cumsum(steps)))[1:-1] - 1.0).max()
@@ -44,13 +44,13 @@ def test_unequal_elements_err_by_second_order() -> None:
     assert error[0] / error[1] == pytest.approx(4.0, rel=0.01)
 
 
-def test_a_held_end_bends_over_half_an_element() -> None:
+def test_bend_radius_at_a_clamp() -> None:
     nodes, arc = on_circle(2.5, np.linspace(0.0, 1.0, 21))
     bend = curvatures(nodes, arc, np.array([0.0, 1.0, 0.0]))
     assert bend[0] == pytest.approx(1.0 / 2.5, rel=1e-3)
 
 
-def test_a_catenary_is_bent_tightest_where_it_is_level() -> None:
+def test_minimum_bend_radius_of_a_catenary() -> None:
     """1/a = w/H there; at the arc length s from there a + s²/a."""
     s = np.linspace(-100.0, 100.0, 201)
     nodes = np.stack([70.0 * np.arcsinh(s / 70.0), 0.0 * s, np.hypot(70.0, s)], axis=1)
@@ -58,7 +58,7 @@ def test_a_catenary_is_bent_tightest_where_it_is_level() -> None:
     assert radius == pytest.approx((70.0 + s * s / 70.0)[1:-1], rel=1e-4)
 
 
-def test_no_radius_below_half_an_element_is_reported() -> None:
+def test_reported_bend_radius_is_at_least_half_an_element() -> None:
     """Of a rope folded back on itself; one that has shrunk to a point is no division by zero."""
     arc = np.array([0.0, 3.0, 6.0])
     there_and_back = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
@@ -109,7 +109,7 @@ time: {step_s: 0.01}
 """
 
 
-def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
+def test_a_bend_below_the_mbr_is_warned_of(tmp_path: Path) -> None:
     """In diagnostics and at the end; remembered, saved, and taken up again."""
     free = Twin(swung()).snapshot().bends[0]
     assert free.now.minimum_m == 0.0
@@ -121,16 +121,16 @@ def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
         shot = twin.snapshot()
         assert shot.bends[0].now == replace(free.now, minimum_m=least)
         (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
-        said = summarise(twin, shot, None)
+        message = summarise(twin, shot, None)
         words = f"below the MBR of {least:g} m"
         assert row.level == level
-        assert (words in row.message, words in said.as_text()) == (level == Level.WARN,) * 2
-        assert RunSummary.from_values(said.row().values) == said
+        assert (words in row.message, words in message.as_text()) == (level == Level.WARN,) * 2
+        assert RunSummary.from_values(message.row().values) == message
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", scene).snapshot().bends == shot.bends
 
 
-def test_a_stiff_rope_that_would_be_compressed_is_warned_of(
+def test_compression_of_a_stiff_rope_is_warned_of(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A cantilever has no tension: all of it gets shorter, and its straight shape is not its own.
@@ -145,9 +145,9 @@ def test_a_stiff_rope_that_would_be_compressed_is_warned_of(
     (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
     assert row.level == Level.WARN
     assert "4 m would be in compression" in row.message
-    said = summarise(twin, shot, None)
-    assert "\nat the end, 4 m would be in compression" in said.as_text()
-    assert RunSummary.from_values(said.row().values) == said
+    message = summarise(twin, shot, None)
+    assert "\nat the end, 4 m would be in compression" in message.as_text()
+    assert RunSummary.from_values(message.row().values) == message
     hanging = Twin(swung())
     assert hanging.snapshot().bends[0].compressed_m == 0.0
     assert "compression" not in summarise(hanging, hanging.snapshot(), None).as_text()
@@ -155,7 +155,7 @@ def test_a_stiff_rope_that_would_be_compressed_is_warned_of(
     assert "\nwarning: effects bending: in static equilibrium, 4 m " in capsys.readouterr().out
 
 
-def test_the_tightest_of_all_snapshots_is_kept() -> None:
+def test_the_smallest_radius_of_all_snapshots_is_stored() -> None:
     twin = Twin(swung())
     first = twin.snapshot().bends[0].now
     twin.rope.state.nodes[:2, :20] = 0.0  # straight but for its top
@@ -167,7 +167,7 @@ def test_the_tightest_of_all_snapshots_is_kept() -> None:
     assert straight.tightest == later.tightest
 
 
-def test_each_section_has_its_own_minimum_and_a_joint_the_larger() -> None:
+def test_each_section_has_its_mbr_and_a_junction_the_larger() -> None:
     scene = swung()
     line = scene.ropes[0]
     assert line.rope is not None
@@ -179,24 +179,24 @@ def test_each_section_has_its_own_minimum_and_a_joint_the_larger() -> None:
     assert minimum_radii(hung).tolist() == [4.0] * 11 + [1.0] * 10
 
 
-def test_a_straight_rope_has_no_bend_and_says_so() -> None:
+def test_a_straight_rope_reports_no_bend() -> None:
     scene = limited(load_scene("still_water"), 0.5)
     twin = Twin(scene)
     twin.rope.state.nodes[:2] = 0.0
     shot = twin.snapshot()
     assert math.isinf(shot.bends[0].now.radius_m)
-    said = summarise(twin, shot, None)
-    assert "straight" in said.as_text()
-    assert '"radius_m": null' in said.as_json()
+    message = summarise(twin, shot, None)
+    assert "straight" in message.as_text()
+    assert '"radius_m": null' in message.as_json()
 
 
-def test_a_minimum_only_judges() -> None:
+def test_an_mbr_does_not_invalidate_studies() -> None:
     """No study and no study of a scene ages when it is given."""
     scene = load_scene("still_water")
     assert scene_digest(limited(scene, 0.5)) == scene_digest(scene)
 
 
-def test_both_parts_of_a_rope_that_is_cut_are_looked_at() -> None:
+def test_both_parts_of_a_cut_rope_report_bends() -> None:
     twin = Twin(limited(load_scene("still_water"), 0.5))
     twin.snapshot()
     twin.offer_cut(None, 400.0)

@@ -1,4 +1,4 @@
-"""The touchdown point against catenaries, taut legs and polygons whose answer is known."""
+"""Touchdown point against catenaries, taut legs and polygons in closed form."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def found_at(length: float, shift: float, rise: float = 0.0) -> float:
 
 
 @pytest.mark.parametrize("rise", [0.0, 0.1, -0.2])
-def test_it_is_the_catenarys_within_half_an_element(rise: float) -> None:
+def test_touchdown_of_a_catenary_within_half_an_element(rise: float) -> None:
     """Of nodes on the curve itself, which are not a polygon in balance; and it converges."""
     worst = [
         max(
@@ -65,7 +65,7 @@ def discrete(hung_share: float, length: float, free: int = 6) -> tuple[Vector, V
     return nodes, length * np.arange(free + 4), height
 
 
-def test_it_moves_on_evenly_while_a_node_is_laid_down() -> None:
+def test_touchdown_moves_evenly_while_a_node_is_laid() -> None:
     """Exactly the weight that hangs: half an element above that node, and its share."""
     for share in np.linspace(0.02, 1.0, 50):
         nodes, arc, height = discrete(float(share), 3.0)
@@ -73,7 +73,7 @@ def test_it_moves_on_evenly_while_a_node_is_laid_down() -> None:
         assert at_m == pytest.approx(3.0 * (6.0 - 0.5 + share), abs=1e-9)
 
 
-def test_no_jump_when_a_node_lands() -> None:
+def test_touchdown_is_continuous_when_a_node_lands() -> None:
     """The first node of the bed is another one just before and after."""
     before, _ = touchdown_at(*discrete(1.0, 3.0, free=5))
     after, _ = touchdown_at(*discrete(1e-9, 3.0, free=6))
@@ -82,7 +82,7 @@ def test_no_jump_when_a_node_lands() -> None:
 
 @pytest.mark.parametrize("steep_deg", [10.0, 45.0, 90.0])
 @pytest.mark.parametrize("rise", [0.0, 0.15])
-def test_a_straight_leg_meets_the_bed_where_it_cuts_it(steep_deg: float, rise: float) -> None:
+def test_touchdown_of_a_straight_leg(steep_deg: float, rise: float) -> None:
     arc, steep = np.arange(0.0, 40.0, 4.0), math.radians(steep_deg)
     slope = math.tan(steep - math.atan(rise)) if steep_deg < 90.0 or rise else math.inf
     meets = 18.7
@@ -95,21 +95,21 @@ def test_a_straight_leg_meets_the_bed_where_it_cuts_it(steep_deg: float, rise: f
     assert math.degrees(angle) == pytest.approx(steep_deg, abs=1e-6)
 
 
-def test_between_straight_and_level_nothing_jumps() -> None:
+def test_touchdown_is_continuous_between_straight_and_level() -> None:
     """The slope of the lowest element goes within the next one, or less and less of it."""
     arc, lowest = np.arange(0.0, 28.0, 4.0), 0.1
-    places, angles = [], []
+    positions, angles = [], []
     for above in lowest * np.linspace(3.0, 0.5, 251):
         height = np.array([above + lowest, lowest, 0.0, 0.0, 0.0, 0.0]) * 4.0 - 0.1
         nodes = np.stack([arc[:6], 0.0 * height, height], axis=1)
         at_m, angle = touchdown_at(nodes, arc[:6], height)
-        places.append(at_m)
+        positions.append(at_m)
         angles.append(angle)
     cut = 8.0 - 0.1 / lowest
-    assert places[0] == pytest.approx(6.0 + 4.0 * 0.5), "half of it goes within half an element"
-    assert max(places) == pytest.approx(6.0 + 4.0, abs=0.05)
-    assert places[-1] == pytest.approx(cut)
-    assert np.abs(np.diff(places)).max() < 0.05
+    assert positions[0] == pytest.approx(6.0 + 4.0 * 0.5), "half of it goes within half an element"
+    assert max(positions) == pytest.approx(6.0 + 4.0, abs=0.05)
+    assert positions[-1] == pytest.approx(cut)
+    assert np.abs(np.diff(positions)).max() < 0.05
     assert (angles[0], angles[-1]) == (0.0, pytest.approx(math.atan(lowest)))
     assert np.abs(np.diff(angles)).max() < 0.01 * 0.11
 
@@ -120,7 +120,7 @@ def hung(nodes: Vector, arc: Vector) -> RopeShape:
     return RopeShape("leg", scene.ropes[0], None, nodes, arc, tension)  # type: ignore[arg-type]
 
 
-def test_what_is_reported_it() -> None:
+def test_touchdown_is_reported() -> None:
     arc = np.arange(0.0, 231.0, 3.0)
     nodes, _ = catenary(arc)
     reported = touchdown_of(hung(nodes, arc), LEVEL)
@@ -133,7 +133,7 @@ def test_what_is_reported_it() -> None:
     )
 
 
-def test_a_rope_from_its_anchor_up_is_the_same_rope() -> None:
+def test_touchdown_of_a_rope_listed_from_its_anchor() -> None:
     """Line out counts from its upper end, which lies on the bed; the layback is the buoy's."""
     arc = np.arange(0.0, 231.0, 3.0)
     nodes, _ = catenary(arc)
@@ -147,7 +147,7 @@ def test_a_rope_from_its_anchor_up_is_the_same_rope() -> None:
     assert up.tension_n == pytest.approx(down.tension_n)
 
 
-def test_there_is_none_where_nothing_touches_or_both_ends_lie() -> None:
+def test_no_touchdown_without_contact_or_with_both_ends_on_the_bed() -> None:
     arc = np.arange(0.0, 231.0, 3.0)
     nodes, _ = catenary(arc)
     assert touchdown_of(hung(nodes + np.array([0.0, 0.0, 1.0]), arc), LEVEL) is None
@@ -155,20 +155,20 @@ def test_there_is_none_where_nothing_touches_or_both_ends_lie() -> None:
     assert touchdown_of(hung(arch, arc), LEVEL) is None
 
 
-def test_without_a_seabed_there_is_nothing() -> None:
+def test_no_touchdown_without_a_seabed() -> None:
     shot = Twin(load_scene("still_water")).snapshot()
     assert (shot.seabed, shot.touchdowns, shot.bends) == (None, (), ())
 
 
 @pytest.mark.parametrize("name", ["hybrid_lift", "two_line_lift", "two_line_loop"])
-def test_the_arc_length_is_that_of_the_line_out(name: str) -> None:
+def test_reported_arc_length_sums_to_the_line_out(name: str) -> None:
     """Also of ropes that have run over a sheave; elements are as long as they hang, but stretch."""
     twin = Twin(load_scene(name))
     twin.offer_speed(None, 0.5)
     twin.advance(300)
     shot = twin.snapshot()
     ropes = twin.inspect().ropes.shapes(twin.rope, shot)
-    out = [one.line_out_m for one in shot.ropes] or [shot.line_out_m]
+    out = [rope.line_out_m for rope in shot.ropes] or [shot.line_out_m]
     for hanging, line_out in zip(ropes, out, strict=True):
         assert hanging.arc_m[-1] == pytest.approx(line_out, rel=1e-9)
         chords = np.sqrt((np.diff(hanging.position_m, axis=0) ** 2).sum(axis=1))

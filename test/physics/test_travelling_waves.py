@@ -1,4 +1,4 @@
-"""Travelling waves of vortices: against an integrator and closed forms; what its kernels say."""
+"""Travelling-wave VIV model: against an integrator and closed forms; block and power."""
 
 from __future__ import annotations
 
@@ -60,11 +60,11 @@ def integrated(cylinder: Cylinder, seconds: float) -> float:
         force = lift * math.cos(omega * t) * (0.7 - 0.7 * A) - c * v - k * y
         return [v, force / M, (v * v - s) * omega / (2.0 * math.pi * PARAMS.periods)]
 
-    found = solve_ivp(rate, (0.0, seconds), [0.0, 0.0, 0.0], rtol=1e-9, atol=1e-12)
-    return float(found.y[0, -1])
+    computed = solve_ivp(rate, (0.0, seconds), [0.0, 0.0, 0.0], rtol=1e-9, atol=1e-12)
+    return float(computed.y[0, -1])
 
 
-def test_second_order() -> None:
+def test_travelling_waves_are_of_second_order_in_the_step() -> None:
     """Phase and amplitude are solved in the stage: the error falls fourfold with the step."""
     exact = integrated(RESONANT, 4.0)
     steps = (0.02, 0.01, 0.005)
@@ -74,7 +74,7 @@ def test_second_order() -> None:
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.3)
 
 
-def test_amplitude_at_resonance() -> None:
+def test_amplitude_at_resonance_by_power_balance() -> None:
     """½·ρ·d·U²·(C0 - C1·a) = c·ω·a·d: there the lift feeds what the structure damps."""
     omega = shedding(RESONANT)
     lift = 0.5 * DENSITY * DIAMETER * RESONANT.speed**2
@@ -109,7 +109,7 @@ def in_motion(seed: int) -> tuple[tuple[Any, ...], Vector]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
+def test_travelling_wave_block_is_the_derivative_of_the_force(seed: int) -> None:
     """-dF/da through velocity and amplitude; the tangent is given here. 1e-6."""
     effects, work = in_motion(seed)
     result = loads(effects, work)
@@ -119,16 +119,16 @@ def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
+def test_travelling_wave_power_is_force_times_velocity(seed: int) -> None:
     """With the mean square that the end of a step has."""
     effects, work = in_motion(seed)
     memory = waves_of(effects).memory
     memory[tw.SQUARE], memory[tw.SHARE] = memory[tw.SQUARE_HAT], 0.0
     force = (loads(effects, work) - loads((), work))[R]
     assert np.abs(force).max() > 1.0
-    place = seen(work, np.zeros((3, NODES)), 0.0)
+    position = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
-    assert done == pytest.approx(account_sum("power", effects, place), rel=1e-7)
+    assert done == pytest.approx(account_sum("power", effects, position), rel=1e-7)
 
 
 def hauled(**given: Any) -> Twin:
@@ -138,7 +138,7 @@ def hauled(**given: Any) -> Twin:
 
 
 @pytest.mark.parametrize("by_half_waves", [True, False])
-def test_waves_belong_to_the_rope_through_splits_and_merges(by_half_waves: bool) -> None:
+def test_wave_phase_is_continuous_through_splits_and_merges(by_half_waves: bool) -> None:
     """Paid out and hauled in at 1 m/s under heave: it moves, converges, and no phase jumps."""
     twin = hauled(by_half_waves=by_half_waves)
     memory = waves_of(twin.rope.effects).memory
@@ -154,7 +154,7 @@ def test_waves_belong_to_the_rope_through_splits_and_merges(by_half_waves: bool)
     assert twin.snapshot().solver.unconverged_substeps == 0
 
 
-def test_half_waves_share_their_upper_end() -> None:
+def test_nodes_of_a_half_wave_share_one_frequency() -> None:
     """From the hang-off down: one ω until the phase has turned by π, then the next."""
     scene = replace(HAULED, current=((0.0, (1.0, 0.0)), (-30.0, (0.2, 0.0)))).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams())))
@@ -171,7 +171,7 @@ def test_half_waves_share_their_upper_end() -> None:
         assert (held == omega).sum() == pytest.approx(half, abs=1.6)
 
 
-def test_a_rope_at_rest_stays_so_while_nothing_flows() -> None:
+def test_a_rope_at_rest_in_still_water_stays_at_rest() -> None:
     scene = replace(HAULED, current=((0.0, (0.0, 0.0)),)).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams())))
     twin.advance(200)
@@ -193,7 +193,7 @@ def at_start(speeds: tuple[float, float], **given: Any) -> tuple[Vector, Vector,
     return phase, omega, 2.0 * math.pi * params.strouhal * flow[1:] / LCD_CABLE.diameter
 
 
-def test_phase_starts_as_that_of_a_standing_or_a_travelling_wave() -> None:
+def test_initial_phase_of_standing_and_travelling_waves() -> None:
     """Five half waves of 1.7 Hz: 0, -π, -2π ... or falling all the way by the same."""
     phase, omega, _ = at_start((0.2, 0.2))
     assert omega == pytest.approx(2.0 * math.pi * 1.7, rel=1e-3)
@@ -204,7 +204,7 @@ def test_phase_starts_as_that_of_a_standing_or_a_travelling_wave() -> None:
 
 
 @pytest.mark.parametrize(("bottom", "top"), [(0.2, 1.5), (1.5, 0.0), (1.5, 1e-3)])
-def test_a_half_wave_has_the_pace_of_its_fastest_place(bottom: float, top: float) -> None:
+def test_a_half_wave_has_the_frequency_of_its_fastest_node(bottom: float, top: float) -> None:
     """Its upper end's where the current falls with depth; and none stands still below a still top.
 
     A half wave is long where the flow is slow: each of its nodes has at least its own pace.

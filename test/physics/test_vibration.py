@@ -17,7 +17,7 @@ CABLE = Rig(
 )  # fmt: skip
 
 
-def test_its_span_is_the_twins_rope() -> None:
+def test_the_line_model_equals_the_twins_rope() -> None:
     """Tension, payload and length; frequencies of a hanging rope rise with its load."""
     twin = CABLE.twin()
     span = line_model(twin.rope)

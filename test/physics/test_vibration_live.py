@@ -1,4 +1,4 @@
-"""Models beside a running twin: modes searched in parts, followed as the rope changes, and kept."""
+"""VIV models of a running twin: mode search in parts, followed through changes, resumed."""
 
 from __future__ import annotations
 
@@ -51,20 +51,20 @@ def fine_span(ends: bool = True) -> Span:
 
 @pytest.mark.parametrize(("ends", "EI"), [(True, 0.0), (False, 0.0), (True, 5e3), (False, 1e5)])
 @pytest.mark.parametrize("part", [1, 7, 400])
-def test_modes_found_in_parts_are_those_found_at_once(part: int, ends: bool, EI: float) -> None:
+def test_a_mode_search_in_parts_equals_one_at_once(part: int, ends: bool, EI: float) -> None:
     span = fine_span(ends)._replace(stiffness=EI)
     whole = find_lateral_modes(span, 3.0)
     search = ModeSearch(span, 3.0, part)
     assert search.left > 10 / part
     search.go_on()
-    found = search.found()
-    assert len(found.frequency) == len(whole.frequency) > 15
-    assert found.frequency == pytest.approx(whole.frequency, rel=1e-9)
-    assert np.abs(found.shape - whole.shape).max() < 1e-6
+    computed = search.found()
+    assert len(computed.frequency) == len(whole.frequency) > 15
+    assert computed.frequency == pytest.approx(whole.frequency, rel=1e-9)
+    assert np.abs(computed.shape - whole.shape).max() < 1e-6
 
 
 @pytest.mark.parametrize("varying", [True, False])
-def test_what_drives_a_rope_is_the_same_in_parts(varying: bool) -> None:
+def test_an_excitation_search_in_parts_equals_one_at_once(varying: bool) -> None:
     span, model = fine_span()._replace(speed=np.linspace(0.1, 0.5, 202)), decomposed(varying)
     span = span._replace(mass=0.5 * span.mass)
     whole = ExcitationSearch(span, model).found()
@@ -73,31 +73,31 @@ def test_what_drives_a_rope_is_the_same_in_parts(varying: bool) -> None:
     for _ in range(promised):
         search.go_on()
     assert (search.left, promised > 5) == (0, True)
-    found = search.found()
-    assert found.dominant == whole.dominant > 5
-    assert found.frequency == pytest.approx(whole.frequency, rel=1e-5)
-    assert found.power == pytest.approx(whole.power, rel=1e-4)
-    np.testing.assert_allclose(found.zones, whole.zones, atol=1e-6)
+    computed = search.found()
+    assert computed.dominant == whole.dominant > 5
+    assert computed.frequency == pytest.approx(whole.frequency, rel=1e-5)
+    assert computed.power == pytest.approx(whole.power, rel=1e-4)
+    np.testing.assert_allclose(computed.zones, whole.zones, atol=1e-6)
 
 
-def test_what_is_near_what_is_driven_is_all_that_is_driven() -> None:
+def test_a_search_near_driven_modes_finds_all_driven_modes() -> None:
     """Fewer modes are looked for, and those that the current feeds are the same."""
     span, model = fine_span()._replace(speed=np.linspace(0.1, 0.5, 202)), decomposed()
     span = span._replace(mass=0.5 * span.mass)
     whole = ExcitationSearch(span, model).found()
     near = near_driven(whole)
     assert near is not None
-    found = ExcitationSearch(span, model, 5, near).found()
-    kept = len(found.power)
+    computed = ExcitationSearch(span, model, 5, near).found()
+    kept = len(computed.power)
     assert kept < 0.8 * len(whole.power)
     assert not whole.zones[:, kept:].any()
     fed = whole.power > POWER_MIN * whole.power.max()
-    assert found.power[fed[:kept]] == pytest.approx(whole.power[fed], rel=1e-4)
-    np.testing.assert_allclose(found.zones, whole.zones[:, :kept], atol=1e-6)
+    assert computed.power[fed[:kept]] == pytest.approx(whole.power[fed], rel=1e-4)
+    np.testing.assert_allclose(computed.zones, whole.zones[:, :kept], atol=1e-6)
 
 
-def test_a_model_keeps_its_elements_while_their_number_is_about_right() -> None:
-    """1.25 times as many would do, or half: it is then the same on grids that differ a little."""
+def test_the_line_model_keeps_its_mesh_within_a_range() -> None:
+    """Up to 1.25 times as many elements or half as many: one mesh for grids that differ little."""
     span = line_model(CABLE.twin().rope)
     length = float(span.s[-1])
     assert len(span.tension) < 98
@@ -107,7 +107,7 @@ def test_a_model_keeps_its_elements_while_their_number_is_about_right() -> None:
         assert fine.s[-1] == span.s[-1]
 
 
-def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -> None:
+def test_decomposed_response_is_continuous_when_modes_are_updated() -> None:
     """Phases, motion and what was read of it are carried over; to another, it goes on near."""
     span = fine_span()
     one, other = (DecomposedResponse(span, decomposed()) for _ in range(2))
@@ -127,7 +127,7 @@ def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -
     assert 0.2 < other.amplitude.max() < 1.5
 
 
-def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
+def test_live_response_of_a_static_rope_equals_constant_tension() -> None:
     scene = CABLE.scene()
     twin = watched(scene, FREQUENCY_DOMAIN)
     alone = ModalResponse(line_model(Twin(scene).rope), Shedding())
@@ -142,7 +142,7 @@ def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
     assert seen.in_line is None
 
 
-def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state() -> None:
+def test_live_viv_follows_payout_and_resumes_bit_identically() -> None:
     """To the bit, also if saved between two searches; and the twin's own run is untouched."""
     scene = replace(CABLE, winch=WINCH).scene()
     course: Any = (sine(0.3, 6.0), 8.0, 1, [(2.0, 2.0)])
@@ -151,8 +151,8 @@ def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state() -> Non
     assert [shot.tension_top_n for shot in march(twin, *course)] == plain
     twin.advance(17)
     again = Twin.restore(twin.capture(), scene, asked_for(FREQUENCY_DOMAIN))
-    for one in (twin, again):
-        for _ in march(one, sine(0.3, 6.0), 6.0, 1):
+    for run in (twin, again):
+        for _ in march(run, sine(0.3, 6.0), 6.0, 1):
             pass
     seen, same = shaking(twin.snapshot()), shaking(again.snapshot())
     assert len(seen.cross_flow) > 43
@@ -162,14 +162,14 @@ def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state() -> Non
     assert seen.solves == same.solves == 15
 
 
-def test_slack_keeps_the_modes_that_it_had_and_says_so() -> None:
+def test_slack_keeps_the_last_modes_and_is_reported() -> None:
     twin = watched(CABLE.scene(), FREQUENCY_DOMAIN)
     notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
     assert any("elements are slack" in note for note in notes)
     assert "" in notes
 
 
-def test_the_bending_of_the_vibration_wears_the_rope() -> None:
+def test_viv_bending_fatigue_damage() -> None:
     """Stress of a wave on the rope: E·d/2·k²·A, k² = m·ω²/T; rainflow of it over the run."""
     twin = watched(replace(CABLE, diameter=0.032).scene(), FREQUENCY_DOMAIN, "stranded_wire")
     twin.advance(1000)
@@ -188,7 +188,7 @@ def test_the_bending_of_the_vibration_wears_the_rope() -> None:
     assert 0.4 * expected < grown < 1.6 * expected
 
 
-def test_a_scene_that_shakes_its_rope_itself_gets_no_second_model() -> None:
+def test_a_second_viv_model_is_rejected() -> None:
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
     with pytest.raises(InputError, match=r"own wake_oscillator computes.*ask for time-domain"):

@@ -1,4 +1,4 @@
-"""Forces apart in phase: the table, the pre-analysis and the integrators, against closed forms."""
+"""Force-decomposition VIV model: force table, pre-analysis and integrators, in closed form."""
 
 from __future__ import annotations
 
@@ -67,36 +67,36 @@ def test_broken_tables_are_refused(tmp_path: Path) -> None:
 
 def test_true_frequency() -> None:
     """f = f_dry·√(m*/(m* + C_a)) of a uniform riser, with the C_a that the table has there."""
-    found = analyse(riser(), decomposed())
+    actual = analyse(riser(), decomposed())
     ratio = M / (1025.0 * 0.25 * pi * D**2)
-    n = np.arange(1, len(found.frequency) + 1)
+    n = np.arange(1, len(actual.frequency) + 1)
     dry = 0.5 * n / L * np.sqrt((T + EI * (n * pi / L) ** 2) / M)
     np.testing.assert_allclose(
-        found.frequency, dry * np.sqrt(ratio / (ratio + found.added_mass)), rtol=0.02
+        actual.frequency, dry * np.sqrt(ratio / (ratio + actual.added_mass)), rtol=0.02
     )
-    reduced = found.frequency * D / 0.4
+    reduced = actual.frequency * D / 0.4
     _, expected = forces_at(fitted_forces(), np.full_like(reduced, 0.5), reduced)
-    np.testing.assert_allclose(found.added_mass, expected, atol=1e-4)
+    np.testing.assert_allclose(actual.added_mass, expected, atol=1e-4)
 
 
 def test_power_of_a_uniform_current() -> None:
     """Π = |Q|²/(2R): Q = ½·C_Lv·ρ·D·U²·2L/π in the band, R = 2·m·ω·ζ·L/2."""
     fixed = decomposed(varying=False)
-    found = analyse(riser(n=360), fixed)
-    for mode in np.flatnonzero(found.power):
-        f, phi = found.frequency[mode], found.modes.shape[:, mode]
+    analysis = analyse(riser(n=360), fixed)
+    for mode in np.flatnonzero(analysis.power):
+        f, phi = analysis.frequency[mode], analysis.modes.shape[:, mode]
         (lift,), _ = forces_at(fixed.table, np.array([0.5]), np.array([f * D / 0.4]))
         Q = 0.5 * lift * 1025.0 * D * 0.16 * L * np.abs(phi).mean()
-        R = 2.0 * fixed.structural * 2.0 * pi * f * found.modes.mass[mode]
-        assert found.power[mode] == pytest.approx(0.5 * Q * Q / R, rel=0.01)
-    assert found.dominant == 11
-    assert (found.zones.sum(axis=1) <= 1).all()
+        R = 2.0 * fixed.structural * 2.0 * pi * f * analysis.modes.mass[mode]
+        assert analysis.power[mode] == pytest.approx(0.5 * Q * Q / R, rel=0.01)
+    assert analysis.dominant == 11
+    assert (analysis.zones.sum(axis=1) <= 1).all()
 
 
-def test_still_water_drives_nothing() -> None:
-    found = analyse(riser(speed=0.0), decomposed())
-    assert found.dominant == 0
-    assert not found.driven.any()
+def test_still_water_excites_no_mode() -> None:
+    analysis = analyse(riser(speed=0.0), decomposed())
+    assert analysis.dominant == 0
+    assert not analysis.driven.any()
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,9 @@ def test_still_water_drives_nothing() -> None:
     ],
     ids=["trapezoidal", "newmark", "bathe"],
 )
-def test_spectral_radii(integrator: Integrator, radii: tuple[float, ...]) -> None:
+def test_spectral_radii_of_the_integrators(
+    integrator: Integrator, radii: tuple[float, ...]
+) -> None:
     """[SJTU] figure 3-2 at h/T 0.1, 0.5, 1 and 10: each step's matrix, column by column."""
     omega = 2.0 * pi
     parts = Matrices(np.ones(1), np.zeros(1), np.array([[0.0], [0.0], [omega**2]]))
@@ -123,7 +125,7 @@ def test_spectral_radii(integrator: Integrator, radii: tuple[float, ...]) -> Non
 
 
 @pytest.mark.parametrize("integrator", [newmark(0.25, 0.5), bathe], ids=["trapezoidal", "bathe"])
-def test_second_order(integrator: Integrator) -> None:
+def test_the_integrators_are_of_second_order(integrator: Integrator) -> None:
     """A damped, forced mass against its closed form: the error falls fourfold."""
     omega, damping, force = 2.0, 0.3, 1.5
     parts = Matrices(np.ones(1), np.array([damping]), np.array([[0.0], [0.0], [omega**2]]))
@@ -142,14 +144,14 @@ def test_second_order(integrator: Integrator) -> None:
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_bands_are_the_matrix() -> None:
+def test_banded_matrix_equals_the_full_one() -> None:
     matrix = stiffness(riser(n=12)).tocsr()[1:-1, 1:-1]
     bands = upper_bands(matrix, 3)
     for k in range(3):
         np.testing.assert_array_equal(bands[2 - k, k:], matrix.toarray().diagonal(k))
 
 
-def test_response_follows_its_drive() -> None:
+def test_response_is_the_dominant_mode_in_uniform_current() -> None:
     """Uniform current: it moves in the dominant mode at its frequency, below the lift's zero."""
     span = riser(n=60)
     response = DecomposedResponse(span, decomposed(varying=False))
@@ -161,18 +163,20 @@ def test_response_follows_its_drive() -> None:
     late = motion[count // 2 :]
     spectrum = np.abs(np.fft.rfft(late, axis=0)).sum(axis=1)
     peak = np.fft.rfftfreq(len(late), response.step_s)[spectrum.argmax()]
-    found = response.excitation
-    mode = found.dominant - 1
-    assert peak == pytest.approx(found.frequency[mode], rel=0.05)
+    computed = response.excitation
+    mode = computed.dominant - 1
+    assert peak == pytest.approx(computed.frequency[mode], rel=0.05)
     assert 0.3 < late.std(axis=0).max() < 1.0
-    inside = np.abs(found.modes.shape[1:-1, mode]) > 0.5
-    np.testing.assert_allclose(response.omega[inside] / (2.0 * pi), found.frequency[mode], rtol=0.1)
+    inside = np.abs(computed.modes.shape[1:-1, mode]) > 0.5
+    np.testing.assert_allclose(
+        response.omega[inside] / (2.0 * pi), computed.frequency[mode], rtol=0.1
+    )
 
 
 def test_fixed_added_mass_is_that_of_the_modes() -> None:
     """With C_a fixed the true frequency is the mode's own, and the water moved is C_a times it."""
     model: Decomposed = replace(decomposed(varying=False), fixed_added_mass=2.0)
-    found = analyse(riser(n=90), model)
-    np.testing.assert_array_equal(found.frequency, found.modes.frequency)
+    analysis = analyse(riser(n=90), model)
+    np.testing.assert_array_equal(analysis.frequency, analysis.modes.frequency)
     wet = riser().node_mass + 2.0 * displaced(riser(), 1025.0)
-    np.testing.assert_allclose(found.modes.mass, wet @ found.modes.shape**2, rtol=1e-6)
+    np.testing.assert_allclose(analysis.modes.mass, wet @ analysis.modes.shape**2, rtol=1e-6)

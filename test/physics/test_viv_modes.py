@@ -1,4 +1,4 @@
-"""Modes and modal response to vortices against closed forms and scipy's integrators."""
+"""Modal VIV model: modes and response against closed forms and scipy's integrators."""
 
 from __future__ import annotations
 
@@ -27,34 +27,34 @@ def string(n: int = 200, speed: float = 0.0, stiffness: float = 0.0) -> Span:
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 5e4])
-def test_string_and_beam(stiffness: float) -> None:
+def test_frequencies_of_string_and_beam(stiffness: float) -> None:
     """n/(2L)·√(T/m + n²π²EI/(mL²)), second order in the element length."""
     n = np.arange(1, 9)
     exact = 0.5 * n / L * np.sqrt(T / M + (n * pi / L) ** 2 * stiffness / M)
     errors = []
     for elements in (100, 200):
         span = string(elements, stiffness=stiffness)
-        found = find_lateral_modes(span, 1.02 * exact[-1])
-        assert len(found.frequency) == 8
-        errors.append(np.abs(found.frequency / exact - 1.0).max())
-        np.testing.assert_allclose(found.mass, 0.5 * M * L, rtol=5e-3)
+        computed = find_lateral_modes(span, 1.02 * exact[-1])
+        assert len(computed.frequency) == 8
+        errors.append(np.abs(computed.frequency / exact - 1.0).max())
+        np.testing.assert_allclose(computed.mass, 0.5 * M * L, rtol=5e-3)
     assert errors[0] < 1.5e-2
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_hanging_chain() -> None:
+def test_frequencies_of_a_hanging_chain() -> None:
     """A free lower end: ω = j_{0,n}/2·√(g/L), and its end swings most."""
     n = 2000
     s = np.linspace(0.0, 100.0, n + 1)
     tension = 9.81 * M * 0.5 * (s[1:] + s[:-1])
     span = Span(s, tension, np.full(n, M), np.ones(n + 1), np.zeros(n + 1), end_mass=0.0)
     exact = 0.5 * jn_zeros(0, 4) * np.sqrt(9.81 / 100.0) / (2.0 * pi)
-    found = find_lateral_modes(span, 1.01 * exact[-1])
-    np.testing.assert_allclose(found.frequency, exact, rtol=2e-3)
-    assert (np.abs(found.shape).argmax(axis=0) == 0).all()
+    computed = find_lateral_modes(span, 1.01 * exact[-1])
+    np.testing.assert_allclose(computed.frequency, exact, rtol=2e-3)
+    assert (np.abs(computed.shape).argmax(axis=0) == 0).all()
 
 
-def test_refining_keeps_the_rope() -> None:
+def test_refinement_keeps_weight_and_ends() -> None:
     """Weight of a rope whose tension falls linearly, and its ends."""
     span = string(7)._replace(tension=np.linspace(1e3, 7e3, 7))
     fine = refined(span, 1.0)
@@ -63,7 +63,7 @@ def test_refining_keeps_the_rope() -> None:
     assert fine.mass @ np.diff(fine.s) == pytest.approx(span.mass @ np.diff(span.s))
 
 
-def test_recursion_is_the_integral() -> None:
+def test_the_recursion_equals_scipys_integral() -> None:
     """One mode under lift that does not change: as scipy integrates its equation, any step."""
     shedding = Shedding(
         lift=lambda amplitude: np.full_like(amplitude, 1.0), factor=0.5, zones=dominant_zones
@@ -89,7 +89,7 @@ def test_recursion_is_the_integral() -> None:
 
 
 @pytest.mark.parametrize("damped", [0.89, 0.91, 1.0, 1.0 + 1e-14, 1.001, 3.0, 40.0])
-def test_strongly_damped_modes_too(damped: float) -> None:
+def test_the_recursion_of_strongly_damped_modes(damped: float) -> None:
     """Below, at and beyond critical, from a motion, in any step: as scipy integrates them."""
     omega, mass, angle, force, start = 3.0, 20.0, 0.4, 7.0, (0.3, 0.5)
 
@@ -111,15 +111,15 @@ def test_strongly_damped_modes_too(damped: float) -> None:
         one,
     )
     for steps in (1, 40, 1000):
-        place, speed = start
-        state = ModalState(np.array([place]), np.array([-speed / omega]), np.array([angle]))
+        position, speed = start
+        state = ModalState(np.array([position]), np.array([-speed / omega]), np.array([angle]))
         for _ in range(steps):
             advance_modes(2.0 / steps, np.ones(1), drive, state, np.zeros(1), np.empty((2, 1)))
-        found = [state.place[0], -omega * state.rate[0]]
-        assert found == pytest.approx(exact, rel=1e-8, abs=1e-10)
+        computed = [state.place[0], -omega * state.rate[0]]
+        assert computed == pytest.approx(exact, rel=1e-8, abs=1e-10)
 
 
-def test_no_motion_is_lost_where_the_current_falls() -> None:
+def test_motion_continues_when_the_current_falls() -> None:
     """The modes of a faster current stay for a minute, and with them its motion."""
     fast, slow = string(speed=0.6), string(speed=0.05)
     response = ModalResponse(fast, Shedding(structural=1e-5))
@@ -134,7 +134,7 @@ def test_no_motion_is_lost_where_the_current_falls() -> None:
     assert len(response.frequency) < modes / 4
 
 
-def test_amplitude_ends_where_lift_feeds_damping() -> None:
+def test_steady_amplitude_by_power_balance() -> None:
     """½·∫½ρdU²C_l(A/d)|φ| ds·ω·a = ½·C·(ω·a)²: the first-harmonic balance of power."""
     response = ModalResponse(string(speed=0.2), Shedding(zones=dominant_zones))
     response.advance(60.0)
@@ -148,7 +148,7 @@ def test_amplitude_ends_where_lift_feeds_damping() -> None:
     assert fed @ response.span.node_length == pytest.approx(damping * omega * a, rel=0.02)
 
 
-def test_zones() -> None:
+def test_excitation_zones_of_competing_modes() -> None:
     """Nearest modes share the rope; the dominant or leading one takes its band; all take theirs."""
     frequency, shedding = np.array([1.0, 2.0]), np.array([0.2, 1.1, 1.4, 2.1, 2.2])
     locked = np.array([[0, 0], [1, 0], [1, 1], [1, 1], [0, 1]], dtype=float)
@@ -165,7 +165,7 @@ def test_zones() -> None:
     assert all_zones(frequency, shedding, locked, moved) is locked
 
 
-def test_damping_outside_the_band() -> None:
+def test_venugopal_damping_outside_the_band() -> None:
     """Venugopal's three parts, typed out for one place and mode."""
     water, omega, d = Shedding(), np.array([2.0 * pi]), np.array([0.1])
 
@@ -182,14 +182,14 @@ def test_damping_outside_the_band() -> None:
     assert damping(0.6) == (0.0, 0.0)
 
 
-def test_still_water_moves_nothing() -> None:
+def test_no_modal_response_in_still_water() -> None:
     response = ModalResponse(string(), Shedding())
     response.advance(10.0)
     assert response.time_s == 10.0
     assert not response.motion.any()
 
 
-def test_following_the_same_rope_keeps_its_motion() -> None:
+def test_mode_update_keeps_position_and_velocity() -> None:
     """Modes found again: same place, same velocity; other tension: same place at that instant."""
     response = ModalResponse(string(speed=0.2), Shedding())
     response.advance(30.0)
@@ -204,7 +204,7 @@ def test_following_the_same_rope_keeps_its_motion() -> None:
     assert response.amplitude.max() > 0.5
 
 
-def test_amplitudes_limit_themselves() -> None:
+def test_lift_vanishes_at_one_diameter() -> None:
     """Lift vanishes at one diameter and takes power beyond."""
     lift = Lift()
     np.testing.assert_allclose(lift(np.array([0.0, 0.5, 1.0])), [0.3, 0.7, 0.0], atol=1e-12)
@@ -215,7 +215,7 @@ def test_amplitudes_limit_themselves() -> None:
     assert 0.9 < response.amplitude.max() < 1.5
 
 
-def test_slack_rope_is_refused() -> None:
+def test_modes_of_a_slack_rope_are_rejected() -> None:
     slack = string()._replace(tension=np.full(200, 0.0))
     with pytest.raises(InputError, match="200 of 200 elements are slack"):
         find_lateral_modes(slack, 1.0)

@@ -1,4 +1,4 @@
-"""The wake oscillator: against Runge and Kutta, in second order, and what its kernels say."""
+"""Wake oscillator against Runge-Kutta: second order, block and power."""
 
 from __future__ import annotations
 
@@ -76,21 +76,21 @@ def integrated(cylinder: Cylinder, seconds: float, step: float) -> Vector:
     return states[:, :2]
 
 
-def test_it_is_of_second_order_and_what_the_equations_say() -> None:
+def test_the_wake_oscillator_converges_to_runge_kutta_in_second_order() -> None:
     """Twelve periods up to lock-in at one diameter: 0.013 D at 10 ms, a fourth at half the step."""
     exact = integrated(Cylinder(), 12.0, 1e-3)
     assert 1.0 < np.abs(exact[:, 1]).max() / DIAMETER < 1.1
     errors = []
     for step in (0.04, 0.02, 0.01):
-        found = stepped(Cylinder(step=step), 12.0)
+        computed = stepped(Cylinder(step=step), 12.0)
         every = round(step / 1e-3)
-        errors.append(float(np.abs(found - exact[every - 1 :: every]).max()) / DIAMETER)
+        errors.append(float(np.abs(computed - exact[every - 1 :: every]).max()) / DIAMETER)
     assert errors[-1] < 0.013
     assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.3)
     assert errors[1] / errors[2] == pytest.approx(4.0, abs=0.3)
 
 
-def test_it_starts_anew_at_time_zero_and_brings_no_lift_at_rest() -> None:
+def test_the_wake_restarts_at_time_zero_without_lift() -> None:
     """Two runs from rest are one; the rope at rest hangs straight down the current."""
     scene = Cylinder().scene(WakeOscillatorParams())
     one, two = Twin(scene), Twin(scene)
@@ -124,7 +124,7 @@ def with_wake(seed: int, moving: bool) -> tuple[tuple[Any, ...], Vector]:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
+def test_wake_block_is_the_derivative_of_the_force(seed: int) -> None:
     """The symmetric part of -dF/da, through q as well, 1e-6."""
     effects, work = with_wake(seed, True)
     for _ in range(4):  # each evaluation starts from the q of the one before
@@ -137,17 +137,17 @@ def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
+def test_wake_power_is_force_times_velocity(seed: int) -> None:
     effects, work = with_wake(seed, False)
     force = (loads(effects, work) - loads((), work))[R]
     assert np.abs(force).max() > 1.0
-    place = seen(work, np.zeros((3, NODES)), 0.0)
+    position = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
-    assert done == pytest.approx(account_sum("power", effects, place), rel=1e-9)
+    assert done == pytest.approx(account_sum("power", effects, position), rel=1e-9)
 
 
 @given(seed=st.integers(0, 10**6), speed=st.sampled_from([0.0, 1e-12, 1e-3, 1.0, 30.0]))
-def test_still_water_is_given_no_work(seed: int, speed: float) -> None:
+def test_the_wake_does_no_work_on_still_water(seed: int, speed: float) -> None:
     """The lift is across the relative velocity, whatever q: none at rest, no work where none flows.
 
     To round-off of the tangent: 1e-12 of force times speed.
@@ -168,7 +168,7 @@ def test_still_water_is_given_no_work(seed: int, speed: float) -> None:
 
 
 @pytest.mark.parametrize("left", [0.0, 1e-9, 1e-3])
-def test_a_wake_stands_where_its_water_stops(left: float) -> None:
+def test_the_wake_decays_when_the_current_stops(left: float) -> None:
     """From lock-in to no current at once: q stays bounded, and the vibration dies away.
 
     Carried as q and q' it grew in proportion to time, to thousands.
@@ -191,7 +191,7 @@ def test_a_wake_stands_where_its_water_stops(left: float) -> None:
     assert twin.snapshot().solver.unconverged_substeps == 0
 
 
-def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
+def test_wakes_move_with_the_material_through_splits_and_merges() -> None:
     """Paid out and hauled in at 1 m/s the wakes of old nodes are kept, new ones lie between."""
     scene = replace(HAULED, winch=HAULING).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
@@ -212,7 +212,7 @@ def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
     assert twin.snapshot().solver.unconverged_substeps == 0
 
 
-def test_the_angle_between_upright_and_inclined_is_a_key() -> None:
+def test_wake_parameters_change_at_the_inclination_key() -> None:
     """(A, ε) of a node by its inclination to the normal of the flow, about 45° and about 30°."""
     shed = getattr(_shed, "py_func", _shed)
     for critical in (45.0, 30.0):

@@ -1,4 +1,4 @@
-"""Waves against Airy's closed forms, written out here in numpy, and what they do to a rope."""
+"""Waves against Airy's closed forms, written out here in numpy, and their loads on a rope."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def kernel_at(params: WavesParams, place: Vector, time: float) -> tuple[Vector, 
     period=st.floats(2.0, 25.0),
     depth=st.floats(5.0, 5000.0),
 )
-def test_dispersion(period: float, depth: float) -> None:
+def test_dispersion_relation(period: float, depth: float) -> None:
     """ω² = g·k·tanh(k·h), against a bracketing solver."""
     omega = 2.0 * math.pi / period
     exact = brentq(lambda k: G * k * math.tanh(k * depth) - omega**2, 1e-9, 1e2, xtol=1e-15)
@@ -93,7 +93,7 @@ def _functions(x: Vector, out: Vector) -> None:
         out[2, i] = decay(-abs(x[i]) % 60.0 - 60.0)
 
 
-def test_own_cosine_and_exponential() -> None:
+def test_kernel_cosine_and_exponential() -> None:
     """1e-13 of numpy's within a turn; 1e-10 over a day of angles, which are rounded themselves."""
     near, far = np.linspace(-math.pi, math.pi, 2001), np.linspace(-1e5, 1e5, 20001)
     out = np.zeros((3, len(near)))
@@ -110,18 +110,18 @@ def test_own_cosine_and_exponential() -> None:
 
 
 @pytest.mark.parametrize("depth", [None, 40.0])
-def test_one_wave_is_airys(depth: float | None) -> None:
+def test_a_single_wave_equals_airy_theory(depth: float | None) -> None:
     """At and below the surface, crest to trough, deep water and 40 m: 1e-12 of a·ω.
 
     After hours an angle of 4,000 rad is rounded by 5e-13 itself.
     """
     params = replace(DRY, depth_m=depth, heading_deg=30.0, neglected_m_per_s=0.0)
     z = np.linspace(-39.0, 1.0, 30)
-    place = np.stack([np.linspace(-50.0, 50.0, 30), np.linspace(30.0, -10.0, 30), z])
+    position = np.stack([np.linspace(-50.0, 50.0, 30), np.linspace(30.0, -10.0, 30), z])
     sea = components_of(params, G)
     for time in (0.0, 1.3, 5000.7):
-        _, u, w = airy(sea, place, time)
-        found, found_rate = kernel_at(params, place, time)
+        _, u, w = airy(sea, position, time)
+        found, found_rate = kernel_at(params, position, time)
         assert np.abs(found - u)[:, 1:].max() < 1e-12 * 1.5 * sea.omega[0]
         assert np.abs(found_rate - w)[:, 1:].max() < 1e-12 * 1.5 * sea.omega[0] ** 2
 
@@ -133,8 +133,8 @@ def test_published_form_of_a_deep_wave() -> None:
     k = 4.0 * math.pi**2 * f**2 / G
     for time in (0.0, 1.0, 3.5):
         eta = 1.5 * math.cos(2.0 * math.pi * f * time)
-        place = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, eta - 20.0]])
-        u, _ = kernel_at(params, place, time)
+        position = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, eta - 20.0]])
+        u, _ = kernel_at(params, position, time)
         expected = math.pi * 3.0 * f * math.exp(-20.0 * k) * math.cos(2.0 * math.pi * f * time)
         assert u[0, 1] == pytest.approx(expected, abs=1e-9)
 
@@ -143,18 +143,20 @@ def test_published_form_of_a_deep_wave() -> None:
     ("spacing", "slope"),
     [(2.0, (0.05, -0.02)), (0.2, (0.0, 0.0)), (2.0, (0.8, 0.6)), (3.0, (0.02, 0.0))],
 )
-def test_what_nodes_leave_out_is_bounded(spacing: float, slope: tuple[float, float]) -> None:
+def test_error_of_neglected_components_is_bounded(
+    spacing: float, slope: tuple[float, float]
+) -> None:
     """200 components: under `neglected_m_per_s` off the full sum, which itself is far larger.
 
     On a steep rope, an upright one of fine elements, where most nodes take what a cubic gives, one
     at 45°, and one whose nodes all turn angles; the water's acceleration by as much.
     """
     z = np.arange(-400.0, 0.0, spacing)
-    place = np.stack([slope[0] * z, slope[1] * z, z])
+    position = np.stack([slope[0] * z, slope[1] * z, z])
     sea = components_of(SEA, G)
     for neglected in (1e-2, 1e-4):
-        _, u, du = airy(sea, place, 77.7)
-        found, rate = kernel_at(replace(SEA, neglected_m_per_s=neglected), place, 77.7)
+        _, u, du = airy(sea, position, 77.7)
+        found, rate = kernel_at(replace(SEA, neglected_m_per_s=neglected), position, 77.7)
         off = np.sqrt(((found - u) ** 2).sum(axis=0))[1:]
         assert off.max() <= neglected
         assert off.max() > 0.0
@@ -162,13 +164,13 @@ def test_what_nodes_leave_out_is_bounded(spacing: float, slope: tuple[float, flo
         assert np.abs(u).max() > 0.3
 
 
-def test_a_sea_without_short_cuts_is_airys() -> None:
+def test_a_sea_without_neglect_equals_airy_theory() -> None:
     """The full sum of 200 components to 1e-12 of what they are together, along a steep rope."""
     z = np.linspace(-60.0, 1.0, 62)
-    place = np.stack([0.05 * z, -0.02 * z, z])
+    position = np.stack([0.05 * z, -0.02 * z, z])
     sea = components_of(SEA, G)
-    _, u, du = airy(sea, place, 77.7)
-    found, rate = kernel_at(replace(SEA, neglected_m_per_s=0.0), place, 77.7)
+    _, u, du = airy(sea, position, 77.7)
+    found, rate = kernel_at(replace(SEA, neglected_m_per_s=0.0), position, 77.7)
     speed = sea.amplitude_m * sea.omega
     assert np.abs(found - u)[:, 1:].max() < 1e-12 * speed.sum()
     assert np.abs(rate - du)[:, 1:].max() < 1e-12 * (speed * sea.omega).sum()
@@ -176,17 +178,19 @@ def test_a_sea_without_short_cuts_is_airys() -> None:
 
 @pytest.mark.parametrize("depth", [None, 25.0])
 @pytest.mark.parametrize("stretching", ["none", "linear"])
-def test_kinematics_up_to_the_surface(stretching: str, depth: float | None) -> None:
+def test_wave_kinematics_up_to_the_surface_by_stretching(
+    stretching: str, depth: float | None
+) -> None:
     """Sums written out agree below and above the mean level and above the surface."""
     params = replace(SEA, stretching=stretching, depth_m=depth, neglected_m_per_s=0.0)
     z = np.linspace(-24.0, 4.0, 57)
-    place = np.stack([0.05 * z, -0.02 * z, z])
+    position = np.stack([0.05 * z, -0.02 * z, z])
     sea = components_of(params, G)
     speed, highest = sea.amplitude_m * sea.omega, []
     for time in (70.0, 72.0, 74.0, 77.7):
-        eta, u, du = airy(sea, place, time, stretching)
+        eta, u, du = airy(sea, position, time, stretching)
         highest.append(eta.max())
-        found, rate = kernel_at(params, place, time)
+        found, rate = kernel_at(params, position, time)
         assert np.abs(found - u)[:, 1:].max() < 1e-12 * speed.sum()
         assert np.abs(rate - du)[:, 1:].max() < 1e-12 * (speed * sea.omega).sum()
     assert min(highest) < -0.3
@@ -194,18 +198,18 @@ def test_kinematics_up_to_the_surface(stretching: str, depth: float | None) -> N
 
 
 @pytest.mark.parametrize("stretching", ["none", "linear"])
-def test_short_cuts_are_bounded_with_other_stretching(stretching: str) -> None:
+def test_error_of_neglected_components_is_bounded_with_other_stretching(stretching: str) -> None:
     """Under `neglected_m_per_s` off the full sum, as with Wheeler's."""
     z = np.arange(-60.0, 3.0, 0.5)
-    place = np.stack([0.05 * z, -0.02 * z, z])
+    position = np.stack([0.05 * z, -0.02 * z, z])
     params = replace(SEA, stretching=stretching)
-    _, u, du = airy(components_of(params, G), place, 77.7, stretching)
-    found, rate = kernel_at(replace(params, neglected_m_per_s=1e-3), place, 77.7)
+    _, u, du = airy(components_of(params, G), position, 77.7, stretching)
+    found, rate = kernel_at(replace(params, neglected_m_per_s=1e-3), position, 77.7)
     assert np.sqrt(((found - u) ** 2).sum(axis=0))[1:].max() <= 1e-3
     assert np.sqrt(((rate - du) ** 2).sum(axis=0))[1:].max() <= 1e-3
 
 
-def test_crossing_seas_add_up() -> None:
+def test_crossing_seas_superpose() -> None:
     """A wind sea, a swell across it and a regular wave: the sum of each alone, none stretched."""
     swell = WaveSystem(
         jonswap=Jonswap(significant_height_m=1.5, peak_period_s=14.0), components=60, seed=9,
@@ -216,13 +220,13 @@ def test_crossing_seas_add_up() -> None:
     )
     base = replace(SEA, stretching="none", neglected_m_per_s=0.0)
     z = np.linspace(-50.0, -0.5, 30)
-    place = np.stack([0.3 * z, 0.1 * z, z])
-    whole = kernel_at(replace(base, also=(swell, regular)), place, 33.0)
+    position = np.stack([0.3 * z, 0.1 * z, z])
+    whole = kernel_at(replace(base, also=(swell, regular)), position, 33.0)
     parts = [base]
     for own in (swell, regular):
         figures = {f.name: getattr(own, f.name) for f in dataclasses.fields(own)}
         parts.append(WavesParams(**figures, ramp_s=0.0, stretching="none", neglected_m_per_s=0.0))
-    alone = [kernel_at(part, place, 33.0) for part in parts]
+    alone = [kernel_at(part, position, 33.0) for part in parts]
     for k in range(2):
         assert np.abs(whole[k] - sum(own[k] for own in alone))[:, 1:].max() < 1e-11
     height = components_of(replace(base, also=(swell, regular)), G).significant_height_m
@@ -234,11 +238,11 @@ def test_phase_of_a_regular_wave() -> None:
     """A quarter period ahead: the crest of 90° passed the origin a quarter of a period before."""
     later = replace(DRY, regular=RegularWave(height_m=3.0, period_s=8.0, phase_deg=-90.0))
     z = np.linspace(-30.0, 0.0, 12)
-    place = np.stack([0.0 * z, 0.0 * z, z])
-    found, expected = kernel_at(later, place, 4.5), kernel_at(DRY, place, 6.5)
+    position = np.stack([0.0 * z, 0.0 * z, z])
+    found, expected = kernel_at(later, position, 4.5), kernel_at(DRY, position, 6.5)
     np.testing.assert_allclose(found[0][:, 1:], expected[0][:, 1:], atol=1e-12)
     trough = replace(DRY, regular=RegularWave(height_m=3.0, period_s=8.0, phase_deg=180.0))
-    assert kernel_at(trough, place, 0.0)[0][0, -1] < 0.0
+    assert kernel_at(trough, position, 0.0)[0][0, -1] < 0.0
 
 
 @pytest.mark.parametrize(
@@ -248,24 +252,24 @@ def test_phase_of_a_regular_wave() -> None:
         ({"also": (WaveSystem(jonswap=SEA.jonswap, components=1900),)}, "2100 components in all"),
     ],
 )
-def test_a_sea_that_cannot_be(given: dict[str, Any], words: str) -> None:
+def test_invalid_waves_are_rejected(given: dict[str, Any], words: str) -> None:
     assert words in str(replace(SEA, **given).check())
 
 
-def test_waves_over_a_bed_that_all_troughs_together_would_lay_dry() -> None:
+def test_wave_kinematics_in_depth_below_the_sum_of_amplitudes() -> None:
     """200 components whose amplitudes sum up to more than the depth are there down to the bed."""
     params = replace(SEA, depth_m=8.0)
     sea = components_of(params, G)
     assert sea.amplitude_m.sum() > 8.0
-    place = np.stack([np.zeros(16), np.zeros(16), np.linspace(-7.5, 0.5, 16)])
-    _, u, _ = airy(sea, place, 77.7)
-    found, _ = kernel_at(params, place, 77.7)
+    position = np.stack([np.zeros(16), np.zeros(16), np.linspace(-7.5, 0.5, 16)])
+    _, u, _ = airy(sea, position, 77.7)
+    found, _ = kernel_at(params, position, 77.7)
     assert np.abs(u).max() > 0.3
     off = np.sqrt(((found - u) ** 2).sum(axis=0))[1:]
     assert off.max() <= params.neglected_m_per_s
 
 
-def test_a_spectrum_taken_apart_keeps_its_height() -> None:
+def test_spectral_components_keep_the_significant_height() -> None:
     """Hs of the components is the spectrum's, and the surface's over three hours within 3 %."""
     sea = components_of(SEA, G)
     assert sea.significant_height_m == pytest.approx(2.5, rel=2e-3)
@@ -276,7 +280,7 @@ def test_a_spectrum_taken_apart_keeps_its_height() -> None:
     assert math.degrees(mean) == pytest.approx(20.0, abs=6.0)
 
 
-def test_a_measured_sea() -> None:
+def test_significant_height_of_a_measured_spectrum() -> None:
     """The buoy's spectrum: Hs of the components is the file's."""
     measured = Measured(file="ndbc_46042_1996", column="1996-10-16T00Z")
     sea = components_of(WavesParams(measured=measured), G)
@@ -285,7 +289,7 @@ def test_a_measured_sea() -> None:
     )
 
 
-def test_inertia_on_an_upright_rope() -> None:
+def test_wave_inertia_force_on_an_upright_rope() -> None:
     """The sum over a deep upright rope is ρ·A·(1 + Ca)·a·g: ∫ a·ω²·e^{kz} dz = a·ω²/k.
 
     No drag, still rope; at the zero crossing, when the surface is at rest level and the
@@ -304,7 +308,7 @@ def test_inertia_on_an_upright_rope() -> None:
     assert work[rows.RESIDUAL, 1:].sum() == pytest.approx(expected, rel=1e-5)
 
 
-def test_a_weightless_ball_goes_with_the_water() -> None:
+def test_a_neutrally_buoyant_ball_follows_the_water_orbit() -> None:
     """(ρV + A)·a of the water over (m + A) with m = ρV is the water's own motion.
 
     A ball of the water's density on a rope that carries nothing (neutral, soft, slack), 15 m deep

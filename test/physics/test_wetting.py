@@ -1,4 +1,4 @@
-"""A rope that hangs through the surface: its dry part in air, wind on it, waves at it."""
+"""A surface-piercing rope: dry part in air, wind, waves."""
 
 from __future__ import annotations
 
@@ -52,13 +52,13 @@ def nodes_of(twin: Twin) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("above_m", [1.7, 30.0, 80.0, 151.3])
-def test_a_rope_at_rest_carries_its_dry_weight_above_the_surface(above_m: float) -> None:
+def test_static_tension_of_a_surface_piercing_rope(above_m: float) -> None:
     """T = W + w·(wet length) + m·g·(dry length), with the wet length read off the shape."""
     scene = scene_of(replace(WIRE, hang_off=(0.0, 0.0, above_m)), WettingParams())
     twin = Twin(scene)
     twin.advance(1)
-    s, place = nodes_of(twin)
-    wet = np.interp(0.0, place[2], s)
+    s, position = nodes_of(twin)
+    wet = np.interp(0.0, position[2], s)
     wet_weight = (WIRE.mass - 1025.0 * AREA) * WIRE.gravity
     expected = WIRE.load_weight + wet_weight * wet + WIRE.mass * WIRE.gravity * (200.0 - wet)
     assert twin.top_pull_n == pytest.approx(expected, rel=1e-6)
@@ -66,18 +66,18 @@ def test_a_rope_at_rest_carries_its_dry_weight_above_the_surface(above_m: float)
     assert by_hand_n == pytest.approx(twin.top_pull_n, rel=1e-4)
 
 
-def test_below_the_surface_nothing_changes() -> None:
+def test_wetting_leaves_a_submerged_rope_unchanged() -> None:
     """To the bit, in motion."""
     deep = replace(WIRE, hang_off=(0.0, 0.0, -20.0))
     twins = [Twin(scene_of(deep, *more)) for more in ((), (WettingParams(),))]
-    places = []
+    positions = []
     for twin in twins:
         *_, _ = march(twin, sine(1.0, 5.0), 3.0)
-        places.append(nodes_of(twin)[1].copy())
-    assert np.array_equal(*places)
+        positions.append(nodes_of(twin)[1].copy())
+    assert np.array_equal(*positions)
 
 
-def test_above_the_surface_there_is_no_water() -> None:
+def test_a_dry_rope_equals_one_in_zero_density() -> None:
     """A rope between two points in the air moves as one in a water of no density."""
     high = replace(WIRE, hang_off=(0.0, 0.0, 300.0), fixed_at=(60.0, 0.0, 120.0), load=0.0)
     dry = Twin(scene_of(high, WettingParams()))
@@ -104,7 +104,7 @@ def two_part_period(tension: float, dry: float, wet: float, half_m: float) -> fl
     return 2.0 * pi / float(brentq(miss, 0.8 * guess, 1.2 * guess))
 
 
-def test_a_rope_half_in_air_swings_at_the_pace_of_both_halves() -> None:
+def test_lateral_period_of_a_half_submerged_string() -> None:
     """The first period of a taut upright rope through the surface, within 0.1 %."""
     length, tension = 100.0, 4e6
     EA = 2e9
@@ -114,8 +114,8 @@ def test_a_rope_half_in_air_swings_at_the_pace_of_both_halves() -> None:
         drag=(0.0, 0.0), step=0.002,
     )  # fmt: skip
     twin = Twin(scene_of(rig, WettingParams()))
-    s, place = nodes_of(twin)
-    shape = np.sin(pi * (place[2] + 50.0) / length)
+    s, position = nodes_of(twin)
+    shape = np.sin(pi * (position[2] + 50.0) / length)
     twin.rope.state.nodes[rows.VELOCITY, : len(s)] = 0.05 * shape
     middle = []
     for _ in range(2000):
@@ -124,14 +124,14 @@ def test_a_rope_half_in_air_swings_at_the_pace_of_both_halves() -> None:
     x = np.array(middle)
     up = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
     crossings = up + x[up] / (x[up] - x[up + 1])
-    found = float(np.diff(crossings).mean()) * rig.step
+    computed = float(np.diff(crossings).mean()) * rig.step
     stretch = 1.0 + tension / EA
     dry, added = 40.0 / stretch, 1025.0 * 0.25 * pi * 0.2**2 / stretch
-    assert found == pytest.approx(two_part_period(tension, dry, dry + added, 50.0), rel=1e-3)
-    assert found < 0.9 * two_part_period(tension, dry + added, dry + added, 50.0)
+    assert computed == pytest.approx(two_part_period(tension, dry, dry + added, 50.0), rel=1e-3)
+    assert computed < 0.9 * two_part_period(tension, dry + added, dry + added, 50.0)
 
 
-def test_wind_bends_a_taut_rope_in_air() -> None:
+def test_wind_sag_of_a_taut_rope() -> None:
     """Sag q·L²/(8·T) of an upright rope without weight, q = ½·ρ·d·C_d·U²; the water has none."""
     length, tension, EA = 60.0, 2e5, 2e9
     rig = replace(
@@ -141,14 +141,14 @@ def test_wind_bends_a_taut_rope_in_air() -> None:
     wind = WindParams(velocity_m_per_s=(0.0, 25.0), exponent=0.0)
     twin = Twin(scene_of(rig, WettingParams(), wind))
     q = 0.5 * 1.226 * 0.08 * 1.2 * 25.0**2
-    _, place = nodes_of(twin)
+    _, position = nodes_of(twin)
     stretched = twin.rope.work[rows.TENSION, 20]
-    assert place[1].max() == pytest.approx(q * length**2 / (8.0 * stretched), rel=1e-3)
+    assert position[1].max() == pytest.approx(q * length**2 / (8.0 * stretched), rel=1e-3)
     below = replace(rig, hang_off=(0.0, 0.0, -10.0), fixed_at=(0.0, 0.0, -70.0))
     assert np.abs(nodes_of(Twin(scene_of(below, WettingParams(), wind)))[1][1]).max() == 0.0
 
 
-def test_wind_grows_with_height() -> None:
+def test_wind_profile_power_law() -> None:
     """(z/10)^α: a rope 20 times as high feels 20^0.24 of the force."""
     sags = []
     for base in (5.0, 100.0):
@@ -161,24 +161,24 @@ def test_wind_grows_with_height() -> None:
     assert sags[1] / sags[0] == pytest.approx((105.0 / 10.0) ** 0.24, rel=5e-3)
 
 
-def test_the_payload_keeps_its_water_and_a_dry_rope_has_none() -> None:
-    """Under a crest, 1 m and 20 m above it: a payload there may reach into the wave."""
+def test_wave_kinematics_above_the_surface_reach_only_the_payload() -> None:
+    """Lower end 1 m above a crest, nodes 20 m and more above it: only the payload meets the wave."""
     waves = WavesParams(regular=RegularWave(height_m=4.0, period_s=8.0), ramp_s=0.0)
     around = Surroundings(1025.0, 9.80665, 1.0)
     effects = (build_waves(waves, None, around), build_wetting(WettingParams(), None, around))
-    found = []
+    results = []
     for own in (effects[:1], effects):
         work = rows.new_work(3)
         work[2, :3], work[rows.LENGTH], work[rows.VOLUME] = (3.0, 22.0, 42.0), 1.0, 0.01
         work[rows.TANGENT + 2] = 1.0
         apply(own, work, rows.Stage(0.0, 0.0, 0.0, 0.0), 0, 3)
-        found.append(work[rows.FLOW, :3].copy())
-    assert found[0].min() > 1.0
-    assert found[1].tolist() == [found[0][0], 0.0, 0.0]
+        results.append(work[rows.FLOW, :3].copy())
+    assert results[0].min() > 1.0
+    assert results[1].tolist() == [results[0][0], 0.0, 0.0]
 
 
 @pytest.mark.parametrize("wind", [pytest.param(False, marks=pytest.mark.long), True])
-def test_energy_of_a_rope_through_the_surface_of_waves(wind: bool) -> None:
+def test_energy_balance_of_a_surface_piercing_rope(wind: bool) -> None:
     """The balance closes to 1e-6 of what is exchanged."""
     rig = replace(
         WIRE, hang_off=(0.0, 0.0, 25.0), length=60.0, elements=60, EA=4e7, damping=4e6, step=0.005,

@@ -1,4 +1,4 @@
-"""A winch's parts on a rope against closed forms: compensated heave, a rendering drum, a brake."""
+"""Winch components on a rope against closed forms: AHC, rendering drum, brake."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def amplitude(t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
 @pytest.mark.parametrize(
     ("efficiency", "lag_s", "delay_s"), [(0.95, 0.0, 0.0), (0.95, 0.3, 0.0), (0.9, 0.2, 0.15)]
 )
-def test_compensation_leaves_what_its_closed_form_says(
+def test_residual_heave_of_active_compensation(
     scene: Scene, efficiency: float, lag_s: float, delay_s: float
 ) -> None:
     """Residual of a heave of 1 m: |1 - η·e^(-iωδ)/(1 + iωτ)|; 1e-4 m is the step's own error."""
@@ -128,22 +128,22 @@ def test_compensation_leaves_what_its_closed_form_says(
     assert left == pytest.approx(abs(1.0 - share), abs=0.02)
 
 
-def test_compensation_at_its_stroke_stops_there_and_says_so(scene: Scene) -> None:
+def test_compensation_reports_its_stroke_limit(scene: Scene) -> None:
     part = HeaveCompensation(
         efficiency=1.0, lag_s=0.0, stroke_m=0.6, speed_limit_m_per_s=3.0,
         acceleration_limit_m_per_s2=3.0,
     )  # fmt: skip
     twin = heaved(Twin(with_parts(scene, heave_compensation=part)), HEAVE_M, 16.0)
-    begun, said = twin.snapshot().line_out_m, set()
+    begun, messages = twin.snapshot().line_out_m, set()
     for _ in range(80):
         line = ran(twin, 0.2)[:, 2]
         assert np.abs(line - begun).max() <= 0.6 + 1e-9
-        said.add(twin.snapshot().winch_at_limit)
-    assert "heave compensation at the end of its stroke, 0.6 m" in said
+        messages.add(twin.snapshot().winch_at_limit)
+    assert "heave compensation at the end of its stroke, 0.6 m" in messages
 
 
 @pytest.mark.parametrize("inertia", [1e-3, 1.0, 1e3])
-def test_a_rendering_drum_holds_its_torque_over_its_radius(scene: Scene, inertia: float) -> None:
+def test_tension_at_a_rendering_drum_is_torque_over_radius(scene: Scene, inertia: float) -> None:
     """However light the drum; the load is twice the torque's and sinks at its drag's speed."""
     drive = Drive(inertia_kg_m2=inertia, torque_limit_n_m=40e3)
     twin = Twin(with_parts(scene, drum=DRUM, drive=drive))
@@ -163,9 +163,7 @@ def test_a_rendering_drum_holds_its_torque_over_its_radius(scene: Scene, inertia
 
 
 @pytest.mark.parametrize(("elements", "step_s"), [(4, 0.01), (150, 0.02), (20, 0.02), (20, 0.004)])
-def test_a_drum_without_inertia_is_stable_on_any_grid(
-    scene: Scene, elements: int, step_s: float
-) -> None:
+def test_a_massless_drum_is_stable_on_any_mesh(scene: Scene, elements: int, step_s: float) -> None:
     line = replace(scene.ropes[0], elements=elements)
     coarse = replace(scene, ropes=(line,), time=replace(scene.time, step_s=step_s))
     drive = Drive(inertia_kg_m2=1e-6, torque_limit_n_m=40e3)
@@ -175,7 +173,7 @@ def test_a_drum_without_inertia_is_stable_on_any_grid(
     assert np.abs(tension[-round(5.0 / step_s) :] / held - 1.0).max() < 0.02
 
 
-def test_a_heavy_drum_accelerates_by_newton(scene: Scene) -> None:
+def test_acceleration_of_a_drum_with_inertia(scene: Scene) -> None:
     """(J/r²)·dV/dt = F - P, of the drum alone: both sides are measured."""
     drive = Drive(inertia_kg_m2=2e5, torque_limit_n_m=60e3)
     twin = Twin(with_parts(scene, drum=DRUM, drive=drive))
@@ -186,7 +184,7 @@ def test_a_heavy_drum_accelerates_by_newton(scene: Scene) -> None:
     assert gained == pytest.approx(pull, rel=2e-3)
 
 
-def test_a_brake_holds_to_its_capacity_and_slips_above(scene: Scene) -> None:
+def test_a_brake_slips_above_its_holding_capacity(scene: Scene) -> None:
     drive = Drive(inertia_kg_m2=2e3, torque_limit_n_m=150e3)
     for capacity, slips in ((120e3, False), (50e3, True)):
         brake = Brake(holding_torque_n_m=capacity, delay_s=0.2)
@@ -205,7 +203,7 @@ def test_a_brake_holds_to_its_capacity_and_slips_above(scene: Scene) -> None:
             assert read_off["brake_torque_n_m"] == pytest.approx(expected, rel=1e-6)
 
 
-def test_an_emergency_stop_takes_the_way_of_its_deceleration(scene: Scene) -> None:
+def test_stopping_distance_of_an_emergency_stop(scene: Scene) -> None:
     stop = EmergencyStop(deceleration_m_per_s2=2.0)
     twin = Twin(with_parts(scene, emergency_stop=stop))
     twin.offer_speed(None, 1.0)
@@ -216,7 +214,7 @@ def test_an_emergency_stop_takes_the_way_of_its_deceleration(scene: Scene) -> No
     assert rows[-1, 3] == 0.0
 
 
-def test_constant_tension_pays_out_and_hauls_in_with_the_heave(scene: Scene) -> None:
+def test_constant_tension_follows_the_heave(scene: Scene) -> None:
     """A gain far above what feedback of the last step's tension would bear, 1/(21 kN·s/m)."""
     part = ConstantTension(gain_m_per_s_per_kn=1.0, integral_time_s=10.0)
     kept = Twin(with_parts(scene, constant_tension=part, acceleration_limit_m_per_s2=3.0))
@@ -229,7 +227,7 @@ def test_constant_tension_pays_out_and_hauls_in_with_the_heave(scene: Scene) -> 
     assert np.abs(np.diff(held, 2)).max() < 1e-3 * rest, "it does not swing from step to step"
 
 
-def test_a_depth_is_reached_without_passing_its_line(scene: Scene) -> None:
+def test_depth_control_reaches_its_depth_with_little_overshoot(scene: Scene) -> None:
     twin = Twin(scene)
     depth = -twin.snapshot().payload_position_m[2] + 15.0
     assert twin.offer_command(None, WinchCommand("depth", depth)) == ""
@@ -239,7 +237,7 @@ def test_a_depth_is_reached_without_passing_its_line(scene: Scene) -> None:
     assert lines.max() - lines[-1] < 0.025
 
 
-def test_the_energy_of_a_rendering_winch_is_accounted_for(scene: Scene) -> None:
+def test_energy_balance_of_a_rendering_winch(scene: Scene) -> None:
     drive = Drive(inertia_kg_m2=3e3, torque_limit_n_m=60e3)
     twin = Twin(with_parts(scene, drum=DRUM, drive=drive), ENERGY)
     ran(twin, 10.0)
