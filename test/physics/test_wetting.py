@@ -162,7 +162,7 @@ def test_wind_profile_power_law() -> None:
 
 
 def test_wave_kinematics_above_the_surface_reach_only_the_payload() -> None:
-    """Lower end 1 m above a crest, nodes 20 m and more above it: only the payload meets the wave."""
+    """Lower end 1 m above a crest, nodes 20 m and more: the wave meets only the payload."""
     waves = WavesParams(regular=RegularWave(height_m=4.0, period_s=8.0), ramp_s=0.0)
     around = Surroundings(1025.0, 9.80665, 1.0)
     effects = (build_waves(waves, None, around), build_wetting(WettingParams(), None, around))
