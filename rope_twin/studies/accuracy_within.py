@@ -119,7 +119,7 @@ class Selected:
     step_s: float | None
     real_time_factor: float | None  # by the study
     at_most: float | None  # by the study
-    error: float | None  # measured anew
+    error: float | None  # measured again
     reference: str  # the run that it was measured against
     refusal: str  # why nothing was selected; else empty
 

@@ -108,12 +108,12 @@ def test_reused_factors_solve_another_right_hand_side(first: int, n: int) -> Non
     solve_again(work, first, n)
     assert np.abs(work[position] - 2.0 * once).max() < 1e-12 * np.abs(once).max()
     force = np.random.default_rng(7).normal(size=(3, work.shape[1]))
-    anew = work.copy()
-    for one in (work, anew):
+    again = work.copy()
+    for one in (work, again):
         one[rows.RESIDUAL : rows.RESIDUAL + 3] = force
     solve_again(work, first, n)
-    solve_coupled(anew, first, n)
-    assert np.abs(work[position] - anew[position]).max() < 1e-9 * np.abs(anew[position]).max()
+    solve_coupled(again, first, n)
+    assert np.abs(work[position] - again[position]).max() < 1e-9 * np.abs(again[position]).max()
 
 
 def test_couplings_are_subtracted_from_the_residual() -> None:

@@ -32,7 +32,7 @@ def test_the_minimum_payout_is_never_passed() -> None:
 
 @pytest.mark.parametrize(("step", "speed"), [(0.01, 1.0), (0.02, 2.0), (0.1, 3.0)])
 def test_the_maximum_payout_is_never_passed(step: float, speed: float) -> None:
-    """The same braking at the other limit, at any speed and step."""
+    """Braking at the upper limit is as at the lower one, at any speed and step."""
     rig = replace(SHORT, step=step, winch=replace(WINCH, most_line_out_m=80.0))
     twin = rig.twin()
     assert twin.offer_speed(0, speed) == ""
