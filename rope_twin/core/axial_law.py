@@ -176,8 +176,8 @@ def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, w
         law = law.law
     if law is None:
         return _by_stiffness(law, rows[0], rows[1], e, extension, rest)
-    chosen = _by_fibre if isinstance(law, FibrePart) else _by_table
-    return chosen(law, rows[0], rows[1], e, extension, rest)
+    force_of = _by_fibre if isinstance(law, FibrePart) else _by_table
+    return force_of(law, rows[0], rows[1], e, extension, rest)
 
 
 @overload(pull_of, jit_options=INLINED, strict=False)
@@ -186,11 +186,11 @@ def _choose_pull(
 ) -> Any:
     bound = getattr(law, "instance_class", None) is Bound
     base = field_type(law, "law") if bound else law
-    chosen = _by_stiffness if isinstance(base, types.NoneType) else _by_table
+    force_of = _by_stiffness if isinstance(base, types.NoneType) else _by_table
     if getattr(base, "instance_class", None) is FibrePart:
-        chosen = _by_fibre
+        force_of = _by_fibre
     if not bound:
-        return lambda law, rows, e, extension, rest, rate, weights: chosen(
+        return lambda law, rows, e, extension, rest, rate, weights: force_of(
             law, rows[0], rows[1], e, extension, rest
         )
     effect = field_type(law, "effect")
@@ -199,7 +199,7 @@ def _choose_pull(
         return lambda law, rows, e, extension, rest, rate, weights: (
             kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
             if e + law.low == 0
-            else chosen(law.law, rows[0], rows[1], e, extension, rest)
+            else force_of(law.law, rows[0], rows[1], e, extension, rest)
         )
 
     def lowest(
@@ -207,7 +207,7 @@ def _choose_pull(
     ) -> Any:
         if e + law.low == 0 and law.effect.here != 0.0:
             return kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
-        return chosen(law.law, rows[0], rows[1], e, extension, rest)
+        return force_of(law.law, rows[0], rows[1], e, extension, rest)
 
     return lowest
 

@@ -65,9 +65,9 @@ def add_motion(samples: Samples, at: Times, boundary: Boundary) -> None:
     each, whose row 0 is unchanged. All arrays are contiguous.
     """
     first, last = np.searchsorted(samples.stamp, at.stamp[[0, -1]], side="left")
-    some = slice(max(int(first) - 1, 0), int(last) + 1)
-    z, v = (np.ascontiguousarray(table[:, some]) for table in (samples.value, samples.rate))
-    given = (Samples(samples.stamp[some], z, v), at, boundary.value, boundary.rate)
+    used = slice(max(int(first) - 1, 0), int(last) + 1)
+    z, v = (np.ascontiguousarray(table[:, used]) for table in (samples.value, samples.rate))
+    arguments = (Samples(samples.stamp[used], z, v), at, boundary.value, boundary.rate)
     if not _COMPILED:
-        _COMPILED.append(compiled(_add_motion, given))
-    _COMPILED[0](*given)
+        _COMPILED.append(compiled(_add_motion, arguments))
+    _COMPILED[0](*arguments)

@@ -187,20 +187,20 @@ def _evaluate_rope(
             predict_bdf2(state.nodes, work, p, q, fraction, low, high)
         else:
             correct(work, p, q, fraction, low, high)
-        done, last = max(start - 1, 0), n if high == n else high - 1
+        lowest, last = max(start - 1, 0), n if high == n else high - 1
         if high == n:
             pass_sheave(system, rope, r, 0.0, 0.0)
         if kind != SEARCH:
-            predict_law(sections_law(rope), rope, stage, kind, done, last)
-        stretch(law, work, state.offset, p, q, done, last)
+            predict_law(sections_law(rope), rope, stage, kind, lowest, last)
+        stretch(law, work, state.offset, p, q, lowest, last)
         if high == n:
             last = upto
             if upto > n:
                 end_rope(work, n)
         if kind != SEARCH:
-            set_flow(rope.effects, work, stage, done, last)
-            predict_internal_variables(rope.effects, rope, stage, kind, done, last)
-        load_nodes(rope.effects, work, stage, max(done, 1), last)
+            set_flow(rope.effects, work, stage, lowest, last)
+            predict_internal_variables(rope.effects, rope, stage, kind, lowest, last)
+        load_nodes(rope.effects, work, stage, max(lowest, 1), last)
     load_lowest(rope.effects, work, stage)
     add_couplings(rope.effects, work, stage, n, upto)
 
@@ -324,8 +324,8 @@ def count_left(rope: Rope, stage: Stage, chunk: int) -> int:
         work[k, 1] = zero
     for start in range(0, n, chunk):
         end = min(start + chunk, n)
-        done, last = max(start - 1, 0), n if end == n else end - 1
-        find_change(rope, stage, done, last, done - start + 2)
+        lowest, last = max(start - 1, 0), n if end == n else end - 1
+        find_change(rope, stage, lowest, last, lowest - start + 2)
         count |= _count(rope, max(start - 1, first), last, start)
         for k in range(CHANGE, CHANGE + 3):
             work[k, 0] = work[k, last - start + 1]

@@ -92,32 +92,32 @@ def solve_statics(rope: Rope, L: float) -> Equilibrium:
     rope.state.offset[:] = 0.0
     still = StillRope(rope, L)
     with np.errstate(all="ignore"):  # a shape that overflows is rejected as not better
-        best, place = _residual_at(still, still.place.copy(), 0.0, 0), still.place.copy()
+        best, position = _residual_at(still, still.place.copy(), 0.0, 0), still.place.copy()
         methods = (_solve_pair, _solve_forces) if still.switches else (_solve_forces, _solve_pair)
         for settle_by in methods:
             if not best.found and np.isfinite(best.residual_n):
-                best, place = _better(still, settle_by(still), best, place)
-                still.rest_at(place)
+                best, position = _better(still, settle_by(still), best, position)
+                still.rest_at(position)
         for attempt in range(ATTEMPTS):
             if best.found or not np.isfinite(best.residual_n):
                 break
             end = _relax(rope, still, STEP_LAST * SHRINK**attempt)
-            near = still.place.copy()
-            best, place = _better(still, end, best, place)
+            relaxed = still.place.copy()
+            best, position = _better(still, end, best, position)
             if not end.found:
-                best, place = _better(still, _solve_forces(still, near=True), best, place)
-                still.rest_at(near)
-        still.rest_at(place)
+                best, position = _better(still, _solve_forces(still, near=True), best, position)
+                still.rest_at(relaxed)
+        still.rest_at(position)
     return best
 
 
 def _better(
-    still: StillRope, end: Equilibrium, best: Equilibrium, place: Floats
+    still: StillRope, end: Equilibrium, best: Equilibrium, position: Floats
 ) -> tuple[Equilibrium, Floats]:
     """Return the new result and its shape if it is better than the best one, else the best one."""
     if end.found or end.residual_n < best.residual_n:
         return end, still.place.copy()
-    return best, place
+    return best, position
 
 
 def _solve_forces(still: StillRope, near: bool = False) -> Equilibrium:
@@ -125,36 +125,36 @@ def _solve_forces(still: StillRope, near: bool = False) -> Equilibrium:
 
     near: start Newton's method from the present element forces, which are close to the solution.
     """
-    place, law = still.place.copy(), still.elastic()
-    forces, round_off = still.forces(place), _round_off(still)
-    hold = place[:, 0].copy() if still.first else None
-    S = element_forces(place, forces) if near else first_forces(still, hold, forces.load)
-    shape = shape_of(still, law, hold, S)
-    move, newton, rounds, found = np.inf, near, 0, False
+    position, law = still.place.copy(), still.elastic()
+    forces, round_off = still.forces(position), _round_off(still)
+    lower_end = position[:, 0].copy() if still.first else None
+    S = element_forces(position, forces) if near else first_forces(still, lower_end, forces.load)
+    shape = shape_of(still, law, lower_end, S)
+    move, newton, rounds, converged = np.inf, near, 0, False
     tension = float(shape.forces.tension.max())
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
         if rounds <= MIN_REFRESHES or is_off(shape.S, shape.forces.tension):
             law = refreshed(still, law, shape.place)
         change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
-        following, fraction = _line_search(still, law, hold, shape, change)
+        following, fraction = _line_search(still, law, lower_end, shape, change)
         better = following.size < shape.size
         fast = following.size < MAX_RATIO * shape.size
-        moved = largest(following.place - shape.place)
+        distance = largest(following.place - shape.place)
         if better:
-            move = moved * following.size / shape.size
+            move = distance * following.size / shape.size
             shape = following
         elif not np.isfinite(move):  # the first shape was right except for round-off
-            move = moved
+            move = distance
         tension = float(shape.forces.tension.max())
-        found = shape.residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
-        if found and not (fast and shape.size > BALANCE_TOL * tension):
+        converged = shape.residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
+        if converged and not (fast and shape.size > BALANCE_TOL * tension):
             break
         if newton and fraction < MIN_FRACTION:
             break
         newton = newton or not fast
     still.rest_at(shape.place)
-    return Equilibrium(found, shape.residual, tension, move, rounds)
+    return Equilibrium(converged, shape.residual, tension, move, rounds)
 
 
 def _solve_pair(still: StillRope) -> Equilibrium:
@@ -168,12 +168,12 @@ def _round_off(still: StillRope) -> float:
 
 
 def _line_search(
-    still: StillRope, law: Elastic, hold: Floats | None, shape: Shape, change: Floats
+    still: StillRope, law: Elastic, lower_end: Floats | None, shape: Shape, change: Floats
 ) -> tuple[Shape, float]:
     """Return the shape found by backtracking along the change, and the fraction taken."""
     fraction = 1.0
     while True:
-        following = shape_of(still, law, hold, shape.S + fraction * change)
+        following = shape_of(still, law, lower_end, shape.S + fraction * change)
         if following.size <= (1.0 - 1e-4 * fraction) * shape.size or fraction < MIN_FRACTION:
             return following, fraction
         fraction *= 0.5
@@ -204,8 +204,8 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
             if step < STEP_LEAST:
                 break
             continue
-        place = still.place.copy()
-        end = _residual_at(still, place, largest(place - before), rounds)
+        position = still.place.copy()
+        end = _residual_at(still, position, largest(position - before), rounds)
         if end.found and not end.left_m < MAX_RATIO * last:  # no progress: round-off
             break
         last = end.left_m if end.found else np.inf
@@ -213,13 +213,13 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
     return end
 
 
-def _residual_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equilibrium:
-    """Return the residual of equilibrium at `place`, where the nodes are left."""
-    forces, round_off = still.forces(place), _round_off(still)
-    still.rest_at(place)
+def _residual_at(still: StillRope, position: Floats, move: float, rounds: int) -> Equilibrium:
+    """Return the residual of equilibrium at `position`, where the nodes are left."""
+    forces, round_off = still.forces(position), _round_off(still)
+    still.rest_at(position)
     residual, tension = largest(forces.total), float(forces.tension.max())
-    found = residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
-    return Equilibrium(found, residual, tension, move, rounds)
+    converged = residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
+    return Equilibrium(converged, residual, tension, move, rounds)
 
 
 # Initial ε as a fraction of the sum of all loads, and the largest displacement of a node, as a
@@ -271,14 +271,14 @@ def _continue(
         before, move, forces = move, largest(dx), still.forces(x)
         slow = PAIR_MAX_RATIO * before < move < TANGENT_MOVE * length
         residual, tension = largest(forces.total), float(forces.tension.max())
-        found = residual <= max(tolerances[0], tolerances[1] * tension)
-        end = Equilibrium(found, residual, tension, move, rounds)
+        converged = residual <= max(tolerances[0], tolerances[1] * tension)
+        end = Equilibrium(converged, residual, tension, move, rounds)
         if not np.isfinite(residual) or (
-            found and (not move < PAIR_MAX_RATIO * last or move < MOVE_TOL * length)
+            converged and (not move < PAIR_MAX_RATIO * last or move < MOVE_TOL * length)
         ):
             break
-        last = move if found else np.inf
-        if not found and move < max_move * length:
+        last = move if converged else np.inf
+        if not converged and move < max_move * length:
             eps = max(EPS_FACTOR * eps, eps_min)
     still.rest_at(x)
     return end
@@ -291,15 +291,15 @@ def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, floa
     but without seabed contact.
     """
     top = still.place[:, -1:].copy()
-    hold = still.place[:, 0].copy() if still.first else None
+    lower_end = still.place[:, 0].copy() if still.first else None
     length = float(still.rest.sum())
-    low = top - [[0.0], [0.0], [length]] if hold is None else hold[:, None]
+    low = top - [[0.0], [0.0], [length]] if lower_end is None else lower_end[:, None]
     fraction = np.concatenate([[0.0], np.cumsum(still.rest)]) / length
     bunched = top + BUNCH_LENGTH * (1.0 - fraction) * (low - top)
-    if hold is not None:
-        bunched[:, 0] = hold
+    if lower_end is not None:
+        bunched[:, 0] = lower_end
     load = still.forces(bunched).load
-    shape = shape_of(still, law, hold, first_forces(still, hold, load))
+    shape = shape_of(still, law, lower_end, first_forces(still, lower_end, load))
     size = float(np.sqrt((shape.forces.load**2).sum(axis=0)).sum())
     return shape.place, shape.S, shape.forces, max(size, MIN_EPS)
 
@@ -334,7 +334,7 @@ def _local_change(still: StillRope, shape: Shape) -> Floats:
     change = np.zeros((3, 3, 3, still.n))
     step = PERTURBATION * float(still.rest.min())
     for c in range(3):
-        place = shape.place.copy()
-        place[c] += step
-        change[1, :, c] = (still.forces(place).load - shape.forces.load) / step
+        position = shape.place.copy()
+        position[c] += step
+        change[1, :, c] = (still.forces(position).load - shape.forces.load) / step
     return change

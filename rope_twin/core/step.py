@@ -152,21 +152,21 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
     start, fraction = done / (1 << HALVINGS), 1.0 / (1 << level)
     max_corrections = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * fraction * step_of(system)
-    worst, pending, solves = PENDING, 0.0, health_of(system)[0][SOLVES]
+    worst_outcome, pending, solves = PENDING, 0.0, health_of(system)[0][SOLVES]
     reuse = level < 0  # False; a literal False has its own type and compiles everything twice
     for kind in (TRAPEZOID, BDF2):
         stage_fraction = GAMMA if kind == TRAPEZOID else 1.0
         stage = _stage_at(system, boundary, row, start + stage_fraction * fraction, time, c)
         outcome = solve_stage(system, stage, kind, max_corrections, pending, reuse)
-        worst = min(worst, outcome)
+        worst_outcome = min(worst_outcome, outcome)
         if outcome < CONVERGED and level < HALVINGS:
             break  # the substep will be halved
         pending = 1.0 if outcome == PENDING else 0.0
         pending = _settle(system, stage, kind, pending)
         reuse = level == 0 and health_of(system)[0][SOLVES] == solves + 1
-    if worst == UNCONVERGED and level == HALVINGS and not _is_finite(system):
-        worst = NOT_FINITE
-    return int(worst), c, pending
+    if worst_outcome == UNCONVERGED and level == HALVINGS and not _is_finite(system):
+        worst_outcome = NOT_FINITE
+    return int(worst_outcome), c, pending
 
 
 @jit

@@ -132,9 +132,9 @@ class StillRope:
         self._rope.state.nodes[VELOCITY:NODE_ROWS] = 0.0
         self._rope.state.health[:] = 0
 
-    def forces(self, place: Floats) -> Forces:
-        """Return the forces at `place` [m], (3, n + 1); all NaN if any is not finite."""
-        self.rest_at(place)
+    def forces(self, position: Floats) -> Forces:
+        """Return the forces at `position` [m], (3, n + 1); all NaN if any is not finite."""
+        self.rest_at(position)
         nodes, work = self._rope.state.nodes, self._rope.work
         finite = advance(self._rope, self.boundary, self._pull, 0.0, 1) == 1
         a = nodes[ACCELERATION : ACCELERATION + 3, : self.n]
@@ -166,17 +166,17 @@ class StillRope:
         """
         if length is None:
             length = self.rest * (1.0 + PROBED_STRAIN)
-        place = self.place.copy()
+        position = self.place.copy()
         less, more = (self._straight(length + k * SMALL_STRAIN * self.rest) for k in (0.0, 1.0))
-        self.rest_at(place)
+        self.rest_at(position)
         stiffness = (more - less) / (SMALL_STRAIN * self.rest)
         return Elastic(length - less / stiffness, stiffness)
 
     def _straight(self, length: Floats) -> Floats:
         """Return the tension of elements of these lengths [N]."""
-        place = np.repeat(self.place[:, -1:], self.n + 1, axis=1)
-        place[2, :-1] -= np.cumsum(length[::-1])[::-1]
-        return self.forces(place).tension
+        position = np.repeat(self.place[:, -1:], self.n + 1, axis=1)
+        position[2, :-1] -= np.cumsum(length[::-1])[::-1]
+        return self.forces(position).tension
 
 
 CLOSING, BLUNTER = 50, 10
@@ -216,21 +216,21 @@ class Shape(NamedTuple):
         return largest(self.forces.total)
 
 
-def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
+def first_forces(still: StillRope, lower_end: Floats | None, load: Floats) -> Floats:
     """Return element forces that balance the loads; with two fixed ends, half of them at each."""
     below = np.cumsum(load, axis=1)
-    if hold is None:
+    if lower_end is None:
         return -below
     below -= load[:, :1]
-    chord = still.place[:, -1] - hold
+    chord = still.place[:, -1] - lower_end
     pull = float(np.linalg.norm(below[:, -1])) + SMALL_PULL_N
     span = max(float(np.linalg.norm(chord)), NO_SPAN_M)
     return (0.5 * below[:, -1] + pull * chord / span)[:, None] - below
 
 
-def element_forces(place: Floats, forces: Forces) -> Floats:
+def element_forces(position: Floats, forces: Forces) -> Floats:
     """Return the element forces of a given shape: tension along each element."""
-    span = np.diff(place, axis=1)
+    span = np.diff(position, axis=1)
     length: Floats = np.sqrt((span * span).sum(axis=0)) + FORCE_MIN
     return forces.tension / length * span
 
@@ -241,9 +241,9 @@ def is_off(S: Floats, tension: Floats) -> bool:
     return bool((np.abs(tension - size) > TANGENT_TOL * size.max()).any())
 
 
-def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
-    """Return the elements' tangent law at `place`; slack elements keep the previous one."""
-    length = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
+def refreshed(still: StillRope, law: Elastic, position: Floats) -> Elastic:
+    """Return the elements' tangent law at `position`; slack elements keep the previous one."""
+    length = np.sqrt((np.diff(position, axis=1) ** 2).sum(axis=0))
     new = still.elastic(np.maximum(length, still.rest))
     taut = new.stiffness > 0.0
     return Elastic(
@@ -259,27 +259,27 @@ def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
     return np.concatenate([(top - np.cumsum(span[:, ::-1], axis=1))[:, ::-1], top], axis=1)
 
 
-def shape_of(still: StillRope, law: Elastic, hold: Floats | None, S: Floats) -> Shape:
+def shape_of(still: StillRope, law: Elastic, lower_end: Floats | None, S: Floats) -> Shape:
     """Return the shape of these element forces; a fixed lower end adds the closing force."""
-    if hold is not None:
-        S = _closed(still, law, hold, S)
-    place = _laid(still, law, S)
-    if hold is not None:
-        place[:, 0] = hold
-    forces = still.forces(place)
+    if lower_end is not None:
+        S = _closed(still, law, lower_end, S)
+    position = _laid(still, law, S)
+    if lower_end is not None:
+        position[:, 0] = lower_end
+    forces = still.forces(position)
     miss = forces.load + S
     miss[:, 1:] -= S[:, :-1]
     miss[:, : still.first] = 0.0
-    return Shape(S, place, forces, miss)
+    return Shape(S, position, forces, miss)
 
 
-def _closed(still: StillRope, law: Elastic, hold: Floats, S: Floats) -> Floats:
-    """Return S plus the constant force that brings the lowest node to `hold`.
+def _closed(still: StillRope, law: Elastic, lower_end: Floats, S: Floats) -> Floats:
+    """Return S plus the constant force that brings the lowest node to `lower_end`.
 
     Where the rope turns back sharply a force nearly vanishes and its direction jumps; the problem
     is then regularised by a force `blunt`, which is reduced by continuation.
     """
-    chord = still.place[:, -1] - hold
+    chord = still.place[:, -1] - lower_end
     pull, closed = _pull(law, chord, S, np.zeros(3), 0.0)
     if closed:
         return S + pull[:, None]
@@ -400,12 +400,12 @@ def load_change(still: StillRope, shape: Shape) -> Floats:
     i = np.arange(still.n)
     move = PERTURBATION * np.append(still.rest, still.rest[-1])
     for start in range(count):
-        moved = slice(start, still.n, count)
+        displaced = slice(start, still.n, count)
         d = (start - i + still.reach) % count  # the displaced neighbour of node i is i + d - reach
-        at = np.clip(i + d - still.reach, 0, still.n)
+        neighbour = np.clip(i + d - still.reach, 0, still.n)
         for c in range(3):
-            place = shape.place.copy()
-            place[c, moved] += move[moved]
-            load = still.forces(place).load
-            change[d, :, c, i] = ((load - shape.forces.load) / move[at]).T
+            position = shape.place.copy()
+            position[c, displaced] += move[displaced]
+            load = still.forces(position).load
+            change[d, :, c, i] = ((load - shape.forces.load) / move[neighbour]).T
     return change

@@ -289,8 +289,8 @@ def asides(
     margin = 1.0 - float(a.sum()) / depth
     if margin <= 0.0:
         return np.zeros(len(levels))
-    both = _decay_sum(np.maximum(levels, deepest(k, depth)), k, depth)
-    error_sum = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / margin
+    decay = _decay_sum(np.maximum(levels, deepest(k, depth)), k, depth)
+    error_sum = decay @ (speed * k**6) + decay @ (speed * k) * float(a @ k**6) / margin
     return np.minimum(
         (720.0 * TURN * neglected / np.maximum(error_sum, WAVE_MIN)) ** (1 / 6), FARTHEST
     )

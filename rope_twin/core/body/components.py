@@ -299,43 +299,43 @@ def act_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
     """Return buoyancy and slamming of all columns and the Froude-Krylov force."""
     _, R, v, spin = pose
     n, s = R[2], body.stage
-    found = _extent(part, n)
+    extent = _extent(part, n)
     drift = dot(n, inward(R, along(v, -1.0, vector(s, at.FLOW_NOW))))
     f = along(NONE, s[at.WET] * body.displaced, inward(R, vector(s, at.FLOW_GROWS)))
     b = along(vector(body.buoyed, 0), 1.0, vector(s, at.WET_ARM))
     add_steady(body, q, b, f)
     t, size = cross(b, f), body.displaced * body.g
     for j in range(part.columns.shape[0]):
-        r, share = _share(body, j, part, pose, found[0])
+        r, share = _share(body, j, part, pose, extent[0])
         if not anywhere(share > 0.0):
             continue
         wet, weight = choose(share > 0.0, min(share, 1.0), 0.0), part.columns[j, 3]
-        arm = along(along(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), found[1])
+        arm = along(along(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), extent[1])
         lift = along(NONE, weight * wet * body.displaced * body.g, n)
         enters = choose(share < 1.0, max(-drift - dot(n, cross(spin, r)), 0.0), 0.0)
         enters = choose(share > 0.0, enters, 0.0)
         slam = along(NONE, weight * part.slam * enters * enters, n)
-        low = along(r, -0.5, found[1])
+        low = along(r, -0.5, extent[1])
         f, t = along(f, 1.0, lift), along(t, 1.0, cross(arm, lift))
         f, t = along(f, 1.0, slam), along(t, 1.0, cross(low, slam))
         size += weight * part.slam * enters * enters
-        _add_column(part, body, (q, n, found, share), (r, arm, lift), (low, slam, enters), spin)
+        _add_column(part, body, (q, n, extent, share), (r, arm, lift), (low, slam, enters), spin)
     return f, t, size
 
 
 @jit_exact
 def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: Any) -> None:
     """Add the derivatives of one column's buoyancy and slamming to the matrix."""
-    q, n, found, share = at_n
+    q, n, extent, share = at_n
     r, arm, lift = floats
     low, slam, enters = slams
-    e, g = found
+    e, g = extent
     turning, partly = cross(spin, r), choose(share < 1.0, 1.0, 0.0)
     wet = min(share, 1.0)
     for k in range(6):
         place, speed, _ = change_of(body, k, r, turning)
         psi = vector(body.changes[k], at.D_TURN)
-        de, dg = _extent_change(part, n, found, cross(n, psi))
+        de, dg = _extent_change(part, n, extent, cross(n, psi))
         ds = -partly * (dot(n, place) + (share - 0.5) * de) / e
         w = chosen(share > 0.0, along(NONE, ds / wet, lift), NONE)
         darm = along(cross(psi, arm), 0.5 * ds, g)
@@ -518,10 +518,10 @@ def keep_shedding(part: Any, body: Any, record: Any) -> None:
 @part("power", Shedding)
 def power_shedding(part: Shedding, body: Any, pose: Any) -> float:
     """Return the power of the force [W]."""
-    now = body.records[int(body.memory[0, 0])]
-    h: Floats = body.watered + now[at.ARM_THEN : at.ARM_THEN + 3]
-    u = now[at.WATER : at.WATER + 3]
+    record = body.records[int(body.memory[0, 0])]
+    h: Floats = body.watered + record[at.ARM_THEN : at.ARM_THEN + 3]
+    u = record[at.WATER : at.WATER + 3]
     w = (u - pose.velocity) @ pose.turn - np.cross(pose.spin, h)
     faces = np.abs(w) @ np.array([part.x, part.y, part.z])
-    force = now[at.WET_THEN] * part.k * faces * np.sin(now[PHASE]) * np.cross(w, pose.turn[2])
+    force = record[at.WET_THEN] * part.k * faces * np.sin(record[PHASE]) * np.cross(w, pose.turn[2])
     return float(force @ pose.turn.T @ pose.speed(h))

@@ -41,13 +41,13 @@ def _record_of(body: Any) -> Any:
 
     It takes the rows of `changes` from the first on, which follow each other in memory.
     """
-    valid, found = body.memory[0, 0], body.changes[0]
+    valid, record = body.memory[0, 0], body.changes[0]
     for k in range(body.records.shape[1]):
         value = body.records[0, k]
         for slot in range(1, at.RECORDS):
             value = choose(valid == float(slot), body.records[slot, k], value)
-        found[k] = value
-    return found
+        record[k] = value
+    return record
 
 
 @jit_exact
@@ -94,11 +94,11 @@ def _solve_for(body: Any, q: Any, hook: Any, lanes: int) -> int:
     """Solve in these lanes for the motion of the hook, and store it; return those solved."""
     mask, (x0, v0) = mask_of(lanes), _solved_hook(body)
     at_hook = chosen(mask, hook[0], x0), chosen(mask, hook[1], v0)
-    found = _solve(body, q, at_hook, lanes)
-    place = chosen(mask_of(found), at_hook[0], (nan, nan, nan))
+    solved = _solve(body, q, at_hook, lanes)
+    place = chosen(mask_of(solved), at_hook[0], (nan, nan, nan))
     put(body.tangent, at.SOLVED_PLACE, chosen(mask, place, x0))
     put(body.tangent, at.SOLVED_SPEED, at_hook[1])
-    return int(found)
+    return int(solved)
 
 
 @jit_exact
@@ -133,9 +133,9 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         return
     hook = column(work, POSITION, 0), column(work, VELOCITY, 0)
     q = widened(stage.q)
-    found = _solve_for(body, q, hook, stage.lanes)
+    solved = _solve_for(body, q, hook, stage.lanes)
     # must be finite in inactive lanes, which are eliminated too and corrected by zero times it
-    fine = mask_of(found | (ALL - stage.lanes))
+    fine = mask_of(solved | (ALL - stage.lanes))
     f = chosen(fine, vector(body.stage, at.ON_HOOK), (inf, inf, inf))
     load_hook(body, work, f, left_on_hook(body, q))
 
@@ -145,8 +145,8 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
     if share == 0.0 or stage.lanes == 0 or not _is_here(body):
         return int(stage.lanes)
     hook = corrected_hook(work, stage, share)
-    found = _solved(body, widened(stage.q), hook, stage.lanes)
-    return int(found & bits(is_as_linearised(body, work, share)))
+    solved = _solved(body, widened(stage.q), hook, stage.lanes)
+    return int(solved & bits(is_as_linearised(body, work, share)))
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
@@ -166,13 +166,13 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
 @jit_exact
 def _write(body: Any, record: Any) -> None:
     """Write a record to each lane's first free slot, and mark it as that of the stage's end."""
-    now, start = body.memory[0, 0], body.memory[2, 0]
-    free, rest = 0.0 * now, ALL
+    valid, start = body.memory[0, 0], body.memory[2, 0]
+    free, rest = 0.0 * valid, ALL
     for slot in range(at.RECORDS):
-        taken = bits(now == float(slot)) | bits(start == float(slot))
-        here = rest & (ALL - taken)
-        rest &= ALL - here
-        mask = mask_of(here)
+        occupied = bits(valid == float(slot)) | bits(start == float(slot))
+        lanes = rest & (ALL - occupied)
+        rest &= ALL - lanes
+        mask = mask_of(lanes)
         free = choose(mask, float(slot), free)
         for k in range(body.records.shape[1]):
             body.records[slot, k] = choose(mask, record[k], body.records[slot, k])
@@ -189,5 +189,5 @@ def middle(body: Any, height: Any, speed: Any) -> Any:
 def register() -> None:
     """Register these kernels for all types of bodies."""
     for kind in KINDS.values():
-        for own in (predict, load_end, calm, settle, middle):
-            wide_kernel(own.__name__, kind, exact=True)(own)
+        for function in (predict, load_end, calm, settle, middle):
+            wide_kernel(function.__name__, kind, exact=True)(function)

@@ -100,54 +100,56 @@ def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
         raise ValueError(f"unknown hook '{hook}' of a body component; known: {', '.join(_KERNELS)}")
 
     def register(function: Any) -> Any:
-        made = function if hook == "power" else jit_exact(function)
-        _KERNELS[hook].update(dict.fromkeys(kinds, made))
-        return made
+        compiled_kernel = function if hook == "power" else jit_exact(function)
+        _KERNELS[hook].update(dict.fromkeys(kinds, compiled_kernel))
+        return compiled_kernel
 
     return register
 
 
 def power_of(body: Any, pose: Any) -> float:
     """Return the power of all components into a body [W]."""
-    return float(sum(call(one, body, pose) for one, call in _members("power", body.parts)))
+    return float(
+        sum(call(component, body, pose) for component, call in _members("power", body.parts))
+    )
 
 
 def part_of(body: Any, *kinds: type) -> Any:
     """Return the body's component of one of these types, or None."""
-    return next((one for one in body.parts if isinstance(one, kinds)), None)
+    return next((component for component in body.parts if isinstance(component, kinds)), None)
 
 
 def _members(hook: str, parts: Any) -> list[tuple[Any, Any]]:
     known = _KERNELS[hook]
-    return [(one, known[type(one)]) for one in parts if type(one) in known]
+    return [(component, known[type(component)]) for component in parts if type(component) in known]
 
 
 def _calls(hook: str, parts: Any) -> dict[int, Any]:
     known = _KERNELS[hook]
-    found = {i: known.get(one.instance_class) for i, one in enumerate(parts)}
-    return {i: call for i, call in found.items() if call is not None}
+    calls = {i: known.get(component.instance_class) for i, component in enumerate(parts)}
+    return {i: call for i, call in calls.items() if call is not None}
 
 
-def act_all(parts: Any, body: Any, q: Any, pose: Any, found: Any) -> Any:
-    """Return the sum of `found` (force, moment, magnitude) and the loads of all components."""
-    for one, call in _members("act", parts):
-        found = _sum(found, call(one, body, q, pose))
-    return found
+def act_all(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
+    """Return the sum of `total` (force, moment, magnitude) and the loads of all components."""
+    for component, call in _members("act", parts):
+        total = _sum(total, call(component, body, q, pose))
+    return total
 
 
 @overload(act_all, jit_options=LINKED, strict=False)
-def _compose_act(parts: Any, body: Any, q: Any, pose: Any, found: Any) -> Any:
+def _compose_act(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
     calls = _calls("act", parts)
-    lines = [f"found = add(found, kernel_{i}(parts[{i}], body, q, pose))" for i in calls]
-    return written_out("parts, body, q, pose, found", [*lines, "return found"], calls, add=_sum)
+    lines = [f"total = add(total, kernel_{i}(parts[{i}], body, q, pose))" for i in calls]
+    return written_out("parts, body, q, pose, total", [*lines, "return total"], calls, add=_sum)
 
 
 def _call_all(hook: str, names: str) -> Any:
     """Return the function that calls the kernels of a hook of all components."""
 
     def call_all(parts: Any, *rest: Any) -> Any:
-        for one, call in _members(hook, parts):
-            call(one, *rest)
+        for component, call in _members(hook, parts):
+            call(component, *rest)
 
     @overload(call_all, jit_options=LINKED, strict=False)
     def compose(parts: Any, *rest: Any) -> Any:
@@ -163,18 +165,18 @@ foresee_all = _call_all("foresee", "body, rope, stage, pose")
 keep_all = _call_all("keep", "body, record")
 
 
-def highest_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:
-    """Return the highest floor of all components, at least `least`."""
-    for one, call in _members("floor", parts):
-        least = max(least, call(one, body, place))
-    return least
+def highest_floor(parts: Any, body: Any, place: Any, floor: Any) -> Any:
+    """Return the highest floor of all components, at least `floor`."""
+    for component, call in _members("floor", parts):
+        floor = max(floor, call(component, body, place))
+    return floor
 
 
 @overload(highest_floor, jit_options=LINKED, strict=False)
-def _compose_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:
+def _compose_floor(parts: Any, body: Any, place: Any, floor: Any) -> Any:
     calls = _calls("floor", parts)
-    lines = [f"least = max(least, kernel_{i}(parts[{i}], body, place))" for i in calls]
-    return written_out("parts, body, place, least", [*lines, "return least"], calls)
+    lines = [f"floor = max(floor, kernel_{i}(parts[{i}], body, place))" for i in calls]
+    return written_out("parts, body, place, floor", [*lines, "return floor"], calls)
 
 
 @jit_exact
@@ -313,37 +315,37 @@ def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
 
 
 @jit_exact
-def _pull_change(leg: Any, share: float, reach: Any, found: Any, moved: Any) -> Any:
+def _pull_change(leg: Any, share: float, reach: Any, sling: Any, changes: Any) -> Any:
     """Return the change of a leg's force for changes of d and e; zero for a slack sling."""
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     d, e = reach
-    dd, de = moved
+    dd, de = changes
     if anywhere(L == 0.0):
         return along(along(NONE, k, dd), c, de)
-    _, length, T = found
+    _, length, T = sling
     k, c = choose(T > 0.0, k, 0.0), choose(T > 0.0, c, 0.0)  # nothing changes in a slack sling
     inverse = 1.0 / length
     n = along(NONE, inverse, d)
-    off = dot(n, dd)
-    dn = along(along(NONE, inverse, dd), -off * inverse, n)
-    dT = fused(k, off, c * (dot(dn, e) + dot(n, de)))
+    axial = dot(n, dd)
+    dn = along(along(NONE, inverse, dd), -axial * inverse, n)
+    dT = fused(k, axial, c * (dot(dn, e) + dot(n, de)))
     return along(along(NONE, dT, n), T, dn)
 
 
 @jit_exact
-def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -> None:
+def _add_leg(body: Any, q: float, leg: Any, reach: Any, sling: Any, spin: Any) -> None:
     """Add the derivatives of a leg's force to the unknowns and to the acceleration of the hook."""
-    r, share, f = vector(leg, 0), body.stage[SHARE], found[0]
+    r, share, f = vector(leg, 0), body.stage[SHARE], sling[0]
     turning = cross(spin, r)
     for k in range(6):
         place, speed, arm = change_of(body, k, r, turning)
-        moved = along(NONE, -1.0, place), along(NONE, -1.0, speed)
-        w = _pull_change(leg, share, reach, found, moved)
+        changes = along(NONE, -1.0, place), along(NONE, -1.0, speed)
+        w = _pull_change(leg, share, reach, sling, changes)
         add_change(body, k, -q, w, moment_change(r, w, arm, f))
         for i in range(3):
             body.hold[i, k] += w[i]
     for k in range(3):
-        w = _pull_change(leg, share, reach, found, (unit(k, q * q), unit(k, q)))
+        w = _pull_change(leg, share, reach, sling, (unit(k, q * q), unit(k, q)))
         add_change(body, HELD + k, 1.0, w, cross(r, w))
         for i in range(3):
             body.hold[i, HELD + k] += w[i]
@@ -359,11 +361,11 @@ def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
         r = vector(leg, 0)
         d = along(inward(R, along(hook[0], -1.0, x)), -1.0, r)
         e = along(inward(R, along(hook[1], -1.0, v)), -1.0, cross(spin, r))
-        found = pull_of(leg, body.stage[SHARE], d, e)
-        if anywhere(found[2] > 0.0):
-            f, t = along(f, 1.0, found[0]), along(t, 1.0, cross(r, found[0]))
-            size += found[2]
-            _add_leg(body, q, leg, (d, e), found, spin)
+        sling = pull_of(leg, body.stage[SHARE], d, e)
+        if anywhere(sling[2] > 0.0):
+            f, t = along(f, 1.0, sling[0]), along(t, 1.0, cross(r, sling[0]))
+            size += sling[2]
+            _add_leg(body, q, leg, (d, e), sling, spin)
     put(body.stage, ON_HOOK, outward(R, along(NONE, -1.0, f)))
     return f, t, size
 

@@ -147,12 +147,12 @@ def _substitute(A: Any) -> None:
 @jit_exact
 def _eliminate_one(A: Any) -> None:
     for j in range(6):
-        best = j
+        pivot_row = j
         for i in range(j + 1, 6):
-            if abs(A[i, j]) > abs(A[best, j]):
-                best = i
+            if abs(A[i, j]) > abs(A[pivot_row, j]):
+                pivot_row = i
         for c in range(A.shape[1]):
-            A[j, c], A[best, c] = A[best, c], A[j, c]
+            A[j, c], A[pivot_row, c] = A[pivot_row, c], A[j, c]
         _reduce_below(A, j)
     _substitute(A)
 
@@ -160,12 +160,12 @@ def _eliminate_one(A: Any) -> None:
 @jit_exact
 def _eliminate_lanes(A: Any) -> None:
     for j in range(6):
-        best, pivot = widened(float(j)), abs(A[j, j])
+        index, pivot = widened(float(j)), abs(A[j, j])
         for i in range(j + 1, 6):
             larger = abs(A[i, j]) > pivot
-            best, pivot = choose(larger, float(i), best), choose(larger, abs(A[i, j]), pivot)
+            index, pivot = choose(larger, float(i), index), choose(larger, abs(A[i, j]), pivot)
         for i in range(j + 1, 6):
-            swapped = best == float(i)
+            swapped = index == float(i)
             if anywhere(swapped):
                 for c in range(A.shape[1]):
                     above, below = A[j, c], A[i, c]

@@ -424,9 +424,10 @@ def power(body: Any, place: Any) -> Any:
 
     It includes what a growing submergence ratio adds to the kinetic energy of the added mass.
     """
-    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
+    pose, record = pose_of(body), body.records[int(body.memory[0, 0])]
     u, grows, wet, arm = (
-        _three(now, at.WATER), _three(now, at.GROWS), now[at.WET_THEN], _three(now, at.ARM_THEN)
+        _three(record, at.WATER), _three(record, at.GROWS), record[at.WET_THEN],
+        _three(record, at.ARM_THEN)
     )  # fmt: skip
     h = body.watered + arm
     c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, h)
@@ -442,8 +443,8 @@ def power(body: Any, place: Any) -> Any:
     more, on = body.stage[at.WET_GROWS], _three(body.stage, at.ARM_GROWS)
     then = _of_water(body, pose, wet + SOON * more, arm + SOON * on)
     total += (then - _of_water(body, pose, wet, arm)) / SOON
-    _, _, lost = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
-    return total - lost.sum() + power_of(body, pose)
+    _, _, dissipated = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    return total - dissipated.sum() + power_of(body, pose)
 
 
 def _three(table: Floats, i: Any) -> Floats:
@@ -469,8 +470,8 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     """Return a type of body with its kernels and accounts registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
-    for own in (start, predict, load_end, calm, settle, middle):
-        kernel(own.__name__, kind, exact=True)(own)
+    for function in (start, predict, load_end, calm, settle, middle):
+        kernel(function.__name__, kind, exact=True)(function)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))
     declare_internal_variables(kind, 1, "records", "stage")
@@ -489,9 +490,9 @@ KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS
 def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
     """Return a body with these components: water model, then deck, seabed, vortices."""
     held = float(body.legs[:, STIFFNESS].sum())
-    stiffness = held + len(body.corners) * sum(getattr(one, "k", 0.0) for one in parts)
+    stiffness = held + len(body.corners) * sum(getattr(component, "k", 0.0) for component in parts)
     figures = {**body._asdict(), "parts": parts, "stiffness": stiffness}
-    if any(isinstance(one, Shedding) for one in parts):
+    if any(isinstance(component, Shedding) for component in parts):
         figures["records"] = np.pad(body.records, ((0, 0), (0, OWN_COLUMNS)))
         figures["stage"] = np.pad(body.stage, (0, OWN_ENTRIES))
     return KINDS[tuple(map(type, parts))](**figures)

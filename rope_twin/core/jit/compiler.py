@@ -218,16 +218,16 @@ _equal_options = TargetConfig.__eq__
 _HASHES: dict[Any, int] = {}
 
 
-def _have_equal_options(one: Any, other: Any) -> Any:
-    equal = isinstance(other, TargetConfig) and one._values == other._values
-    return equal or _equal_options(one, other)
+def _have_equal_options(config: Any, other: Any) -> Any:
+    equal = isinstance(other, TargetConfig) and config._values == other._values
+    return equal or _equal_options(config, other)
 
 
-def _hash_of_options(one: Any) -> int:
+def _hash_of_options(config: Any) -> int:
     """Return numba's hash of the option names, cached by type."""
-    kind = type(one)
+    kind = type(config)
     if kind not in _HASHES:
-        _HASHES[kind] = hash(tuple(sorted(one.options)))
+        _HASHES[kind] = hash(tuple(sorted(config.options)))
     return _HASHES[kind]
 
 

@@ -78,8 +78,8 @@ def open_folder(digest: str) -> CodeFolder | None:
     If that folder is not private or cannot be written, log one warning and use a new private folder
     for this process and its forks. Return None if that fails too; nothing is then cached.
     """
-    chosen = os.environ.get("ROPE_TWIN_CACHE")
-    home = chosen or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    configured = os.environ.get("ROPE_TWIN_CACHE")
+    home = configured or os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     root = Path(home) / "rope_twin"
     try:
         root.parent.mkdir(parents=True, exist_ok=True)
@@ -217,8 +217,8 @@ class KeptCode(FunctionCache):  # type: ignore[misc]
 
     def _path_of(self, key: Any) -> Path:
         """Return the file for a key: signature, processor and bytecode of the entry."""
-        words = "; ".join(map(str, (numba.__version__, *key)))
-        digest = hashlib.sha256(words.encode()).hexdigest()[:32]
+        text = "; ".join(map(str, (numba.__version__, *key)))
+        digest = hashlib.sha256(text.encode()).hexdigest()[:32]
         return Path(self._cache_path) / f"{self._impl.filename_base}.{digest}.nbc"
 
 

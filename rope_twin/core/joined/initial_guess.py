@@ -225,16 +225,16 @@ def set_initial_guess(system: System) -> None:
     ]
     points = dict.fromkeys(name for link in links for name in link[:2])
     free = [name for name in points if name not in known]
-    found = guess_positions(known, free, links, bars, COARSE_DROPS)
+    positions = guess_positions(known, free, links, bars, COARSE_DROPS)
     for r, rope in enumerate(ropes):
         n = int(rope.state.counts[ELEMENTS])
         upper, lower = _ends(system, r)
         s = rope.state.s[: n + 1] - rope.state.s[0]
         rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
-            found[lower], found[upper], s, up=False
+            positions[lower], positions[upper], s, up=False
         )
     for j in {*joints.lower, *joints.upper} - {LOOSE}:
-        joints.nodes[POSITION : POSITION + 3, j] = found[int(j)]
+        joints.nodes[POSITION : POSITION + 3, j] = positions[int(j)]
 
 
 def _ends(system: System, r: int) -> tuple[Hashable, Hashable]:

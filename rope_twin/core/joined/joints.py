@@ -385,23 +385,28 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
     if not wheels:
         return system
     figures = np.zeros((SHEAVE_ROWS, len(wheels)))
-    of = np.full(len(system.ropes), NOWHERE)
-    side, base = np.zeros(len(of)), np.zeros(len(of))
+    sheave_of = np.full(len(system.ropes), NOWHERE)
+    side, base = np.zeros(len(sheave_of)), np.zeros(len(sheave_of))
     for k, wheel in enumerate(wheels):
         figures[:, k] = (
             wheel.point, first + k, wheel.into, wheel.out, wheel.mass, wheel.weight,
             wheel.inertia, wheel.friction,
         )  # fmt: skip
-        one, other = (system.ropes[r].sections for r in (wheel.into, wheel.out))
-        if one.shape != other.shape or one.shape[1] != 1 or (one != other).any():
+        into, out = (system.ropes[r].sections for r in (wheel.into, wheel.out))
+        if into.shape != out.shape or into.shape[1] != 1 or (into != out).any():
             raise ValueError(f"reeve: ropes {wheel.into} and {wheel.out} are of different material")
         for r, sign in ((wheel.into, 1.0), (wheel.out, -1.0)):
-            if joints.upper[r] != wheel.point or of[r] != NOWHERE:
+            if joints.upper[r] != wheel.point or sheave_of[r] != NOWHERE:
                 raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
             state = system.ropes[r].state
-            of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
-    size = (2 * len(of), MOTIONS)
+            sheave_of[r], side[r], base[r] = k, sign, state.s[state.counts[ELEMENTS]]
+    size = (2 * len(sheave_of), MOTIONS)
     sheaves = Sheaves(
-        figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
+        figures,
+        sheave_of,
+        side,
+        base,
+        np.zeros((3, len(sheave_of))),
+        Boundary(np.zeros(size), np.zeros(size)),
     )
     return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)

@@ -226,15 +226,15 @@ def load(stack: Stack, r: int, rope: Rope) -> None:
     """Copy a rope into the stack: its model, and its state if that is stored elsewhere."""
     stack.model[r] = rope.model
     if rope.state.nodes.base is not stack.nodes:
-        for table, own in zip(_state_of(stack, r), rope.state, strict=True):
-            table[..., : own.shape[-1]] = own
+        for table, array in zip(_state_of(stack, r), rope.state, strict=True):
+            table[..., : array.shape[-1]] = array
 
 
 def store(stack: Stack, r: int, rope: Rope) -> None:
     """Copy state and scratch from the stack to a rope that is stored elsewhere."""
     if rope.state.nodes.base is not stack.nodes:
-        for table, own in zip(_state_of(stack, r), rope.state, strict=True):
-            own[...] = table[..., : own.shape[-1]]
+        for table, array in zip(_state_of(stack, r), rope.state, strict=True):
+            array[...] = table[..., : array.shape[-1]]
         rope.work[...] = stack.work[r, : rope.work.shape[0], : rope.work.shape[1]]
 
 
@@ -264,7 +264,9 @@ def _memories_at(i: int, kind: Any) -> str:
     """Return the source of rope r's effect i, one with internal variables; kind: its numba type."""
     parts = {name: f"effects[{i}].first.{name}" for name in kind.fields}
     numbers = [
-        f for f, own in zip(kind.fields, kind.types, strict=True) if isinstance(own, types.Number)
+        f
+        for f, type_ in zip(kind.fields, kind.types, strict=True)
+        if isinstance(type_, types.Number)
     ]
     parts |= {name: f"effects[{i}].figures[r, {k}]" for k, name in enumerate(numbers)}
     parts["memory"] = f"effects[{i}].memory[r]"
@@ -306,8 +308,8 @@ def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
     stack: of a system or of lanes.
     """
     for i, effect in enumerate(effects):
-        for own, call in members("face", (effect,)):
-            call(own, rope, stack, stack.effects[i].memory)
+        for member, call in members("face", (effect,)):
+            call(member, rope, stack, stack.effects[i].memory)
 
 
 @overload(face_ropes, jit_options=LINKED, strict=False)
@@ -373,9 +375,9 @@ def _at(data: Any, r: Any) -> Any:
 @jit
 def wide_rope_of(stack: Any, r: int) -> Any:
     """Return rope r of all lanes."""
-    m, own = stack.model[r], stack.figures[r]
+    m, f = stack.model[r], stack.figures[r]
     return Rope(
-        Model(wide(own[0]), wide(own[1]), wide(own[2]), m[3], int(m[4]), m[5], wide(own[3])),
+        Model(wide(f[0]), wide(f[1]), wide(f[2]), m[3], int(m[4]), m[5], wide(f[3])),
         State(
             tiles(stack.nodes[r], NODE_ROWS),
             table(stack.s[r]),

@@ -240,10 +240,10 @@ def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
         if advance_joined(falling, boundary, pull, -FALL_STEP, 1) < 1:
             _stop(system)
             continue
-        now = sum(float((t[VELOCITY:ACCELERATION] ** 2).sum()) for t in _tables(system))
-        if now < energy:
+        kinetic = sum(float((t[VELOCITY:ACCELERATION] ** 2).sum()) for t in _tables(system))
+        if kinetic < energy:
             _stop(system)
-        energy = now if now >= energy else 0.0
+        energy = kinetic if kinetic >= energy else 0.0
 
 
 def _take_long_steps(

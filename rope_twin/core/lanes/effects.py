@@ -359,8 +359,8 @@ def _predict(kind: type, lone: Any) -> Any:
         for lane in range(LANES):
             if stage.lanes >> lane & 1:
                 _copy_ends(each, lane)
-                own = _lone_rope(stage, lane)
-                lone(pick(each.effects, lane), own, _lone_stage(stage), kind, low, high)
+                lone_rope = _lone_rope(stage, lane)
+                lone(pick(each.effects, lane), lone_rope, _lone_stage(stage), kind, low, high)
 
     return predict
 
@@ -373,8 +373,8 @@ def _settle(kind: type, lone: Any) -> Any:
         for lane in range(LANES):
             if stage.lanes >> lane & 1:
                 _copy_ends(each, lane)
-                own = _lone_rope(stage, lane)
-                lone(pick(each.effects, lane), own, _lone_stage(stage), kind, upto)
+                lone_rope = _lone_rope(stage, lane)
+                lone(pick(each.effects, lane), lone_rope, _lone_stage(stage), kind, upto)
 
     return settle
 

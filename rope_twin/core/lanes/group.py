@@ -77,10 +77,10 @@ class Kind(NamedTuple):
     def plain(self) -> bool:
         """Whether ropes differ in arrays only, which a stack of them holds (`begin_stacked`)."""
         return self.law is None and not any(
-            numbers_carried(own[0])
-            or is_by_lane(own[0])
-            or any(isinstance(part[0], type) for part in own[1:])
-            for own in self.effects
+            numbers_carried(layout[0])
+            or is_by_lane(layout[0])
+            or any(isinstance(part[0], type) for part in layout[1:])
+            for layout in self.effects
         )
 
     @property
@@ -91,7 +91,7 @@ class Kind(NamedTuple):
     @property
     def types(self) -> tuple[type, ...]:
         """Types that select the compiled code."""
-        return (*(own[0] for own in self.effects), type(self.law))
+        return (*(layout[0] for layout in self.effects), type(self.law))
 
 
 def why_alone(rope: Rope) -> str:
@@ -227,7 +227,7 @@ class Lanes(ABC):
         self._tally = aligned(TALLIES, LANES)
         self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
         self._late = 0  # lanes whose internal variables must be interpolated, as bits
-        self._remembers = any(numbers_carried(own[0]) for own in effects)
+        self._remembers = any(numbers_carried(layout[0]) for layout in effects)
 
     def fit(self, kind: Any) -> None:
         """Take members of this kind, of the same layout."""
@@ -244,9 +244,9 @@ class Lanes(ABC):
         """
         self.load(members)
         for lane in range(LANES):
-            of = lane if lane < len(members) else 0
-            for table, own in zip(self.boundary, boundaries[of], strict=True):
-                table[..., : own.shape[-2], :, lane] = own
+            member = lane if lane < len(members) else 0
+            for table, values in zip(self.boundary, boundaries[member], strict=True):
+                table[..., : values.shape[-2], :, lane] = values
 
     def load(self, members: Sequence[Any]) -> None:
         """Copy in members of the group's kind, and clear counters and folds."""
@@ -298,13 +298,13 @@ class Group(Lanes):
             np.zeros(HEALTH, np.int64),
         )
         state.counts[ELEMENTS] = kind.elements
-        effects = tuple(make_wide(on_columns(own, columns)) for own in kind.effects)
+        effects = tuple(make_wide(on_columns(layout, columns)) for layout in kind.effects)
         sections = aligned(SECTION_ROWS, kind.sections, LANES)
-        coupled = hooks.couples(own[0] for own in kind.effects)
+        coupled = hooks.couples(layout[0] for layout in kind.effects)
         work = aligned(columns, COUPLED_ROWS if coupled else WORK_ROWS, LANES)
         law = None if kind.law is None else make_wide(kind.law)
         self._rope = Rope(model, state, work, sections, effects, law)
-        own_each = any_by_lane(own[0] for own in kind.effects)
+        own_each = any_by_lane(layout[0] for layout in kind.effects)
         self._each: Any = self._new_each() if own_each else None
         self._place = np.zeros(kind.elements, np.int64)
         if kind.place:
@@ -316,35 +316,35 @@ class Group(Lanes):
         ropes: arrays of state and sections, and the fields of its effects that differ from rope to
         rope, have all ropes of the stack as their first axis. Unused lanes get a copy of the first.
         """
-        own, theirs, n, count = self._rope, ropes.state, self.kind.elements, len(of)
+        wide_rope, states, n, count = self._rope, ropes.state, self.kind.elements, len(of)
         self._clear()
         for name in OWN_FIGURES:
-            getattr(own.model, name)[:] = getattr(ropes.model, name)
-        _fill(own.sections, ropes.sections[of], count)
-        for effect, given in zip(own.effects, ropes.effects, strict=True):
-            for field, value in zip(effect, given, strict=True):
+            getattr(wide_rope.model, name)[:] = getattr(ropes.model, name)
+        _fill(wide_rope.sections, ropes.sections[of], count)
+        for effect, fields in zip(wide_rope.effects, ropes.effects, strict=True):
+            for field, value in zip(effect, fields, strict=True):
                 if np.ndim(value) == field.ndim:
                     _fill(field, value[of], count)
                 else:
                     field[...] = np.asarray(value)[..., None]
-        nodes = theirs.nodes[of, :, : n + 1].transpose(0, 2, 1)
-        _fill(own.state.nodes[: n + 1], nodes, count)
-        _fill(own.state.s[: n + 1], theirs.s[of, : n + 1], count)
-        _fill(own.state.offset[:n], theirs.offset[of, :n], count)
-        _fill(self._lowest, theirs.counts[of, LOWEST_OFFSET], count)
+        nodes = states.nodes[of, :, : n + 1].transpose(0, 2, 1)
+        _fill(wide_rope.state.nodes[: n + 1], nodes, count)
+        _fill(wide_rope.state.s[: n + 1], states.s[of, : n + 1], count)
+        _fill(wide_rope.state.offset[:n], states.offset[of, :n], count)
+        _fill(self._lowest, states.counts[of, LOWEST_OFFSET], count)
 
     def take_stacked(self, states: State, of: Ints, lanes: Ints) -> None:
         """Copy the states of these lanes back to the ropes `of` of a stack, with solver counts."""
-        own, n = self._rope.state, self.kind.elements
-        states.nodes[of, :, : n + 1] = own.nodes[: n + 1, :, lanes].transpose(2, 1, 0)
-        states.s[of, : n + 1] = own.s[: n + 1, lanes].T
-        states.offset[of, :n] = own.offset[:n, lanes].T
+        state, n = self._rope.state, self.kind.elements
+        states.nodes[of, :, : n + 1] = state.nodes[: n + 1, :, lanes].transpose(2, 1, 0)
+        states.s[of, : n + 1] = state.s[: n + 1, lanes].T
+        states.offset[of, :n] = state.offset[:n, lanes].T
         states.counts[of, LOWEST_OFFSET] = self._lowest[lanes]
-        solves, most, steps, _ = self._tally[:, lanes].astype(np.int64)
+        solves, max_solves, steps, _ = self._tally[:, lanes].astype(np.int64)
         states.health[of, STEPS] += steps
         states.health[of, SUBSTEPS] += steps
         states.health[of, SOLVES] += solves
-        for column, value in ((SUBSTEPS_MAX, np.minimum(steps, 1)), (SOLVES_MAX, most)):
+        for column, value in ((SUBSTEPS_MAX, np.minimum(steps, 1)), (SOLVES_MAX, max_solves)):
             states.health[of, column] = np.maximum(states.health[of, column], value)
 
     def _put(self, lane: int, rope: Rope) -> None:
@@ -359,19 +359,19 @@ class Group(Lanes):
         """Copy a rope's state and internal variables into a lane."""
         n = self.kind.elements
         self._late &= ~(1 << lane)
-        for i, theirs in enumerate(rope.effects):
-            if numbers_carried(type(theirs)):
-                self._late |= (count_known(theirs) != n) << lane
-                if is_by_lane(type(theirs)):
-                    put_each(self._each.effects[i], theirs, lane)
+        for i, effect in enumerate(rope.effects):
+            if numbers_carried(type(effect)):
+                self._late |= (count_known(effect) != n) << lane
+                if is_by_lane(type(effect)):
+                    put_each(self._each.effects[i], effect, lane)
         put_state(self._rope, lane, n, rope)
         self._lowest[lane] = rope.state.counts[LOWEST_OFFSET]
 
     def take(self, lane: int, rope: Rope) -> None:
         """Copy a lane's state and internal variables back to its rope."""
-        for i, theirs in enumerate(rope.effects):
-            if numbers_carried(type(theirs)) and is_by_lane(type(theirs)):
-                for part, value in zip(self._each.effects[i], theirs, strict=True):
+        for i, effect in enumerate(rope.effects):
+            if numbers_carried(type(effect)) and is_by_lane(type(effect)):
+                for part, value in zip(self._each.effects[i], effect, strict=True):
                     if isinstance(value, np.ndarray):
                         value[...] = part[lane]
         take_state(self._rope, lane, self.kind.elements, rope)
@@ -388,7 +388,7 @@ class Group(Lanes):
             health=self._rope.state.health,
             tolerance=np.zeros(LANES),
             sections=np.zeros((LANES, SECTION_ROWS, kind.sections)),
-            effects=tuple(make_each(own) for own in kind.effects),
+            effects=tuple(make_each(layout) for layout in kind.effects),
         )
 
     def advance(self, run: Run) -> tuple[int, list[int]]:
@@ -397,9 +397,9 @@ class Group(Lanes):
         It stops before the last step if there are such lanes.
         """
         known = self._place, self._lowest, self._tally
-        own = self._rope
+        rope = self._rope
         tables = self.boundary, self.pulls, self.folds, run
-        return advance_batch(own.effects, own.law, own, self._each, known, *tables)
+        return advance_batch(rope.effects, rope.law, rope, self._each, known, *tables)
 
     def tension(self, lane: int) -> Floats:
         """Return the tension of a lane's elements after the last step [N]."""
@@ -421,8 +421,8 @@ def advance_batch(effects: Any, law: Any, *arguments: Any) -> tuple[int, list[in
 
     Returns the step reached and the lanes that did not complete it.
     """
-    own = type(arguments[0]), type(getattr(arguments[0], "sheaves", None))
-    kinds = (*own, *map(type, effects), type(law))
+    outer_types = type(arguments[0]), type(getattr(arguments[0], "sheaves", None))
+    kinds = (*outer_types, *map(type, effects), type(law))
     code = _COMPILED.get(kinds)
     if code is None:
         code = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)

@@ -92,14 +92,17 @@ class JoinedKind(NamedTuple):
     @property
     def layout(self) -> JoinedKind:
         """Kind that arrays of a batch are made for: this one, whatever its elements."""
-        ropes = tuple(own._replace(elements=0, place=()) for own in self.ropes)
+        ropes = tuple(rope_kind._replace(elements=0, place=()) for rope_kind in self.ropes)
         return self._replace(ropes=ropes)
 
     def with_elements_of(self, system: System) -> JoinedKind:
         """Return the kind of a system of this layout, with the elements that it has now."""
         pairs = zip(self.ropes, system.ropes, strict=True)
-        made = (own._replace(elements=_count(rope), place=places_of(rope)) for own, rope in pairs)
-        return self._replace(ropes=tuple(made))
+        ropes = (
+            rope_kind._replace(elements=_count(rope), place=places_of(rope))
+            for rope_kind, rope in pairs
+        )
+        return self._replace(ropes=tuple(ropes))
 
 
 def why_joined_alone(system: System) -> str:
@@ -110,8 +113,8 @@ def why_joined_alone(system: System) -> str:
     if config.DISABLE_JIT:
         return "plain Python"
     kinds = [type(effect) for effect in system.ropes[0].effects]
-    alone = [kind for kind in kinds if not _steps_in_lanes(kind)]
-    return ", ".join(_name_of(kind) for kind in alone)
+    excluded = [kind for kind in kinds if not _steps_in_lanes(kind)]
+    return ", ".join(_name_of(kind) for kind in excluded)
 
 
 def _count(rope: Rope) -> int:
@@ -176,7 +179,7 @@ def _law_at(system: System, r: int) -> Any:
 def _part(data: Any, r: int) -> Any:
     """Return the part of arrays with the ropes in front that belongs to rope r."""
     if isinstance(data, tuple):
-        parts = [_part(own, r) for own in data]
+        parts = [_part(item, r) for item in data]
         return type(data)(*parts) if hasattr(data, "_fields") else tuple(parts)
     return None if data is None else data[r]
 
@@ -190,11 +193,11 @@ class JoinedGroup(Lanes):
         looks: rows of each rope's `folds`, the result of a fleet, which replaces slack samples; 0
         for none.
         """
-        count, one = len(kind.ropes), kind.ropes[0]
-        super().__init__(one.effects, (count,), (steps, looks))
+        count, first = len(kind.ropes), kind.ropes[0]
+        super().__init__(first.effects, (count,), (steps, looks))
         self.kind = kind.layout
         columns = system.stack.s.shape[1]
-        sections = aligned(count, SECTION_ROWS, max(own.sections for own in kind.ropes), LANES)
+        sections = aligned(count, SECTION_ROWS, max(rope.sections for rope in kind.ropes), LANES)
         sections[:, END] = np.inf
         self._stack = LaneStack(
             model=np.zeros((count, len(Model._fields))),
@@ -204,16 +207,16 @@ class JoinedGroup(Lanes):
             offset=aligned(count, columns, LANES),
             counts=np.zeros((count, COUNTS), np.int64),
             health=np.zeros((count, HEALTH), np.int64),
-            work=aligned(count, columns, chain_rows(own[0] for own in one.effects), LANES),
+            work=aligned(count, columns, chain_rows(layout[0] for layout in first.effects), LANES),
             sections=sections,
-            effects=tuple(_stacked(on_columns(own, columns), count) for own in one.effects),
-            law=None if one.law is None else _stacked(one.law, count),
+            effects=tuple(_stacked(on_columns(layout, columns), count) for layout in first.effects),
+            law=None if first.law is None else _stacked(first.law, count),
         )
         self._topology = topology_of(system, columns)
         self._joints = _new_joints(system, count)
         self._sheaves = _new_sheaves(system)
         self._ropes = [self._view(r) for r in range(count)]
-        by_lane = any_by_lane(own[0] for own in one.effects)
+        by_lane = any_by_lane(layout[0] for layout in first.effects)
         self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
         self._place = np.zeros((count, columns), np.int64)
         self._held: list[System | None] = [None] * LANES  # whose properties lanes have
@@ -225,20 +228,21 @@ class JoinedGroup(Lanes):
             return
         super().fit(kind)
         counts = self._stack.counts[:, ELEMENTS]
-        counts[:] = [own.elements for own in kind.ropes]
+        counts[:] = [rope_kind.elements for rope_kind in kind.ropes]
         write_plan(self._joints.plan, self._topology, counts)
         self._loaded = [
-            own.elements + (up != LOOSE) for own, up in zip(kind.ropes, kind.upper, strict=True)
+            rope_kind.elements + (up != LOOSE)
+            for rope_kind, up in zip(kind.ropes, kind.upper, strict=True)
         ]
-        for row, own in zip(self._place, kind.ropes, strict=True):
-            row[: own.elements] = own.place
+        for row, rope_kind in zip(self._place, kind.ropes, strict=True):
+            row[: rope_kind.elements] = rope_kind.place
 
     def _view(self, r: int) -> Rope:
         """Return the arrays of rope r, and write the figures of its model that lanes share."""
-        own, stack = self.kind.ropes[r], self._stack
+        kind, stack = self.kind.ropes[r], self._stack
         figures: Any = dict(zip(OWN_FIGURES, stack.figures[r], strict=True))
-        model = Model(absorb=own.absorb, first_free=own.first_free, step=own.step, **figures)
-        shared = {"absorb": own.absorb, "first_free": own.first_free, "step": own.step}
+        model = Model(absorb=kind.absorb, first_free=kind.first_free, step=kind.step, **figures)
+        shared = {"absorb": kind.absorb, "first_free": kind.first_free, "step": kind.step}
         for name, value in shared.items():
             stack.model[r, Model._fields.index(name)] = value
         state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
@@ -261,12 +265,12 @@ class JoinedGroup(Lanes):
 
     def _put(self, lane: int, system: System) -> None:
         effects = stacked_effects(system.ropes, system.stack.s.shape[1])
-        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             law = _law_at(system, r)
-            whole = rope._replace(effects=effects_at(effects, r), law=law)
-            put_properties(own, lane, whole)
+            lone_rope = rope._replace(effects=effects_at(effects, r), law=law)
+            put_properties(wide_rope, lane, lone_rope)
             if self._each is not None:
-                put_each(_part(self._each.effects, r), whole.effects, lane)
+                put_each(_part(self._each.effects, r), lone_rope.effects, lane)
                 self._each.sections[r, lane, :, : rope.sections.shape[1]] = rope.sections
                 self._each.tolerance[r, lane] = rope.model.tolerance
         self._joints.ties[..., lane] = system.joints.ties
@@ -280,13 +284,13 @@ class JoinedGroup(Lanes):
         joints, late = system.joints, 0
         self._joints.nodes[..., lane] = joints.nodes.T
         self._joints.ties[..., lane] = joints.ties
-        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
-            put_state(own, lane, n, rope)
-            own.work[:n, TENSION, lane] = rope.work[TENSION, :n]
+            put_state(wide_rope, lane, n, rope)
+            wide_rope.work[:n, TENSION, lane] = rope.work[TENSION, :n]
             for joint, node in ((joints.lower[r], 0), (joints.upper[r], n)):
                 if joint != LOOSE:
-                    own.state.nodes[node, :, lane] = joints.nodes[:, joint]
+                    wide_rope.state.nodes[node, :, lane] = joints.nodes[:, joint]
             self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
             for effect in rope.effects:
                 if numbers_carried(type(effect)):
@@ -297,11 +301,11 @@ class JoinedGroup(Lanes):
         """Copy a lane's state, internal variables and tensions back to its system."""
         system.joints.nodes[...] = self._joints.nodes[..., lane].T
         system.joints.ties[...] = self._joints.ties[..., lane]
-        for r, (own, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
+        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
             n = self.kind.ropes[r].elements
-            take_state(own, lane, n, rope)
+            take_state(wide_rope, lane, n, rope)
             rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
-            rope.work[TENSION, :n] = own.work[:n, TENSION, lane]
+            rope.work[TENSION, :n] = wide_rope.work[:n, TENSION, lane]
 
     def _new_each(self, sections: int) -> EachOfRopes:
         """Return zeros for the data of each lane alone; sections: at most of a rope."""
@@ -318,8 +322,8 @@ class JoinedGroup(Lanes):
             tolerance=np.zeros((count, LANES)),
             sections=ends,
             effects=tuple(
-                make(own, lambda kind, shape: np.zeros((count, LANES, *shape), kind))
-                for own in self.kind.ropes[0].effects
+                make(layout, lambda kind, shape: np.zeros((count, LANES, *shape), kind))
+                for layout in self.kind.ropes[0].effects
             ),
         )
 
@@ -328,10 +332,10 @@ class JoinedGroup(Lanes):
 
         It stops before the last step if there are such lanes.
         """
-        own, known = self._stack, (self._place, self._lowest, self._tally)
-        joined = Joined(own, self._joints, self._sheaves)
+        lane_stack, known = self._stack, (self._place, self._lowest, self._tally)
+        joined = Joined(lane_stack, self._joints, self._sheaves)
         tables = self.boundary, self.pulls, self.folds, run
-        return advance_batch(own.effects, own.law, joined, self._each, known, *tables)
+        return advance_batch(lane_stack.effects, lane_stack.law, joined, self._each, known, *tables)
 
 
 def _stacked(layout: Any, count: int) -> Any:
@@ -360,15 +364,15 @@ def _new_joints(system: System, count: int) -> Joints:
 
 def _new_sheaves(system: System) -> Sheaves | None:
     """Return sheaves of all lanes, without the figures that differ from lane to lane."""
-    one = system.sheaves
-    if one is None:
+    sheaves = system.sheaves
+    if sheaves is None:
         return None
-    count = len(one.of)
+    count = len(sheaves.of)
     return Sheaves(
-        figures=aligned(*one.figures.shape, LANES),
-        of=one.of.copy(),
-        side=one.side.copy(),
+        figures=aligned(*sheaves.figures.shape, LANES),
+        of=sheaves.of.copy(),
+        side=sheaves.side.copy(),
         base=aligned(count, LANES),
         way=aligned(3, count, LANES),
-        borders=Boundary(*(aligned(*part.shape, LANES) for part in one.borders)),
+        borders=Boundary(*(aligned(*part.shape, LANES) for part in sheaves.borders)),
     )

@@ -204,16 +204,16 @@ def _evaluate_rope(system: Any, rope: Any, stage: Any, kind: int, pending: Any, 
             else:
                 predict_bdf2(state.nodes, work, p, q, pending, low, high)
             stretch(law_of(rope), work, state.offset, p, q, max(start - 1, 0), high - 1)
-        done, last = max(chunk - 1, 0), end - 1
+        lowest, last = max(chunk - 1, 0), end - 1
         if end == n:
             last = upto
             pass_sheave(system, rope, r, 0.0, 0.0)
             stretch(law_of(rope), work, state.offset, p, q, n - 1, n)
             if upto > n:
                 end_rope(work, n)
-        set_flow(rope.effects, work, stage, done, last)
-        predict_lanes(rope.effects, rope, stage, kind, done, last)
-        _load_nodes(rope.effects, work, stage, max(done, 1), last)
+        set_flow(rope.effects, work, stage, lowest, last)
+        predict_lanes(rope.effects, rope, stage, kind, lowest, last)
+        _load_nodes(rope.effects, work, stage, max(lowest, 1), last)
     load_lowest(rope.effects, work, stage)
     add_couplings(rope.effects, work, stage, n, upto)
 

@@ -92,20 +92,20 @@ def _wide_sheaves(sheaves: Any) -> Any:
 @jit
 def _wide_joined(arrays: Any) -> Any:
     """Return a system whose stack returns wide ropes."""
-    own, p = arrays.joints, arrays.joints.plan
+    lane_joints, p = arrays.joints, arrays.joints.plan
     plan = Plan(
         p.spans, p.ends, p.roots, p.between, p.onto, p.dense, p.sizes, p.counts, table(p.sums),
         p.records,
     )  # fmt: skip
     joints = Joints(
-        own.lower,
-        own.upper,
-        tiles(own.nodes, NODE_ROWS),
-        table(own.ties),
-        tiles(own.work, WORK_ROWS),
-        table(own.matrix),
-        table(own.factor),
-        table(own.speed),
+        lane_joints.lower,
+        lane_joints.upper,
+        tiles(lane_joints.nodes, NODE_ROWS),
+        table(lane_joints.ties),
+        tiles(lane_joints.work, WORK_ROWS),
+        table(lane_joints.matrix),
+        table(lane_joints.factor),
+        table(lane_joints.speed),
         plan,
     )
     return Joined(arrays.stack, joints, _wide_sheaves(arrays.sheaves))

@@ -204,8 +204,8 @@ def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
     lines = [f"node = soak_{i}(effects[{i}], node)" for i in soaks]
     lines += [f"total = add(total, kernel_{i}({growth.of(i)}, node, stage))" for i in calls]
     lines = ["total = inertia(node)", *growth.lines, *lines, "return total"]
-    own = {f"soak_{i}": call for i, call in soaks.items()} | growth.names
-    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **own)
+    names = {f"soak_{i}": call for i, call in soaks.items()} | growth.names
+    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **names)
 
 
 @jit_within
@@ -499,9 +499,9 @@ def _compose_middle(effects: Any, height: Any, speed: Any) -> Any:
 @jit_entry
 def _middle_of_one(effects: Any, height: float, speed: float) -> Any:
     was = flush()
-    found = payload_middle(effects, height, speed)
+    middle = payload_middle(effects, height, speed)
     restore(was)
-    return found
+    return middle
 
 
 _COMPILED: dict[tuple[type, ...], Any] = {}
@@ -509,12 +509,12 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 def lone_middle(effects: tuple[Any, ...], height: float, speed: float) -> tuple[float, float]:
     """Return `payload_middle` of a single rope from compiled code, bit-identical to lanes."""
-    own = tuple(effect for effect, _ in members("middle", effects))
-    if not own:
+    listed = tuple(effect for effect, _ in members("middle", effects))
+    if not listed:
         return height, speed
-    kinds = tuple(map(type, own))
-    found = _COMPILED.get(kinds)
-    if found is None:
-        found = _COMPILED[kinds] = compiled(_middle_of_one, (own, height, speed))
-    there, rate = found(own, height, speed)
-    return float(there), float(rate)
+    kinds = tuple(map(type, listed))
+    code = _COMPILED.get(kinds)
+    if code is None:
+        code = _COMPILED[kinds] = compiled(_middle_of_one, (listed, height, speed))
+    middle, rate = code(listed, height, speed)
+    return float(middle), float(rate)
