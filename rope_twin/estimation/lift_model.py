@@ -360,16 +360,16 @@ class LiftModel:
         the jerk leaves in the rope lasts FORGETTING_S. That holds for each member: the difference
         from one that is slack is no derivative.
         """
-        return self._without(prediction.slack_s, begin_s, means)
+        return self._masked(prediction.slack_s, begin_s, means)
 
     def in_open_water(self, prediction: Prediction, begin_s: float, means: Floats) -> Floats:
         """Return means from begin on with NaN while the payload is not in open water.
 
         The rope forgets in FORGETTING_S how it came out of the splash zone or off the bed.
         """
-        return self._without(prediction.near_s, begin_s, means)
+        return self._masked(prediction.near_s, begin_s, means)
 
-    def _without(self, at_s: Floats, begin_s: float, means: Floats) -> Floats:
+    def _masked(self, at_s: Floats, begin_s: float, means: Floats) -> Floats:
         """Return means of all pins with NaN in those that end at times or soon after."""
         ends = begin_s + MEAN_S * np.arange(1, len(means) // len(self.pins) + 1)
         elapsed_s = ends[:, None] - at_s

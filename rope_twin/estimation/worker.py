@@ -115,7 +115,7 @@ class Worker:
             more = False
             for task in self._tasks:
                 if id(task) not in self._failed:
-                    more = self._part(task) or more
+                    more = self._work_once(task) or more
 
     def _pass_on(self) -> None:
         while self._waiting:
@@ -126,7 +126,7 @@ class Worker:
             for task in self._tasks:
                 task.take(inputs)
 
-    def _part(self, task: Task) -> bool:
+    def _work_once(self, task: Task) -> bool:
         try:
             return task.work()
         except Exception as error:  # one task must not end the others; diagnostics say why
