@@ -64,9 +64,9 @@ def _keys_at(
     """Yield a key, and those within it."""
     inner, place = _inner(hint, path)
     if places.get(inner, place) != place:
-        yield _key(field, f"{_wanted(hint)} as {places[inner]}", path)
+        yield _key(field, f"{_type_words(hint)} as {places[inner]}", path)
         return
-    yield _key(field, _wanted(hint), path)
+    yield _key(field, _type_words(hint), path)
     if path == "effects":
         for effect in EFFECTS:
             yield from _named(effect.name, effect.params, f"{path}[]", places)
@@ -115,16 +115,16 @@ def _inner(hint: Any, path: str) -> tuple[Any, str]:
     return hint, path
 
 
-def _wanted(hint: Any) -> str:
+def _type_words(hint: Any) -> str:
     """Return a value's type in words."""
     if get_origin(hint) is dict:
         return "mapping of names"
     if get_origin(hint) is not tuple:
         return _WORDS.get(hint, "mapping")
     arguments = get_args(hint)
-    member = _wanted(arguments[0])
+    member = _type_words(arguments[0])
     if arguments[-1] is not Ellipsis:
-        kinds = {_wanted(argument) for argument in arguments}
+        kinds = {_type_words(argument) for argument in arguments}
         return f"{len(arguments)} {member}s" if len(kinds) == 1 else f"{len(arguments)} values"
     if get_origin(arguments[0]) is not tuple:
         return f"list of {member}s"

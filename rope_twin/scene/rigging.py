@@ -85,7 +85,7 @@ def meeting_points(scene: Scene) -> list[str]:
     return [*names, *(sheave.name for sheave in scene.sheaves)]
 
 
-def _given(scene: Scene) -> Iterator[Fault]:
+def _parts_given(scene: Scene) -> Iterator[Fault]:
     if not scene.ropes:
         yield "ropes", "no rope is given", "give at least one"
 
@@ -157,7 +157,7 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
             yield f"{path}.to", f"there is no payload '{line.to}'", remedy
 
 
-def _held(scene: Scene) -> Iterator[Fault]:
+def _lower_ends_held(scene: Scene) -> Iterator[Fault]:
     """Every payload and joint is at the lower end of a rope, and no joint is a free end."""
     lower_ends = Counter(line.to for line in scene.ropes)
     ends = lower_ends + Counter(line.from_ for line in scene.ropes)
@@ -230,12 +230,12 @@ def _own_bending(scene: Scene) -> Iterator[Fault]:
 
 
 RIGGING_RULES: tuple[Rule, ...] = (
-    _given,
+    _parts_given,
     _own_names,
     _upper_ends,
     _lower_ends,
     _struts,
-    _held,
+    _lower_ends_held,
     _hanging,
     _what_joints_need,
     _own_bending,

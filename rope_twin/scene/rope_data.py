@@ -117,14 +117,14 @@ class StiffnessTable(SparingRepr):
         if works is not None and strain < works.upper:
             u = strain - works.lower
             return u * (works.initial + works.bend * max(u, 0.0))
-        return self._at(strain)[0]
+        return self._tension_and_tangent(strain)[0]
 
     def tangent_n(self, tension_n: float) -> float:
         """Return dT/dstrain [N] at a static tension."""
         works, strain = self._working, self.strain_at(tension_n)
         if works is not None and strain < works.upper:
             return works.initial + 2.0 * works.bend * max(strain - works.lower, 0.0)
-        return self._at(strain)[1]
+        return self._tension_and_tangent(strain)[1]
 
     def dynamic_n(self, tension_n: float) -> float:
         """Return the stiffness [N] that fast motion about a mean tension meets."""
@@ -158,14 +158,18 @@ class StiffnessTable(SparingRepr):
         if tension_n <= 0.0:
             return 0.0
         if tension_n >= tension:
-            return strain + (tension_n - tension) / self._at(strain)[1]
+            return strain + (tension_n - tension) / self._tension_and_tangent(strain)[1]
         low, high = 0.0, strain
         while high - low > STRAIN_TOL * high:
             middle = 0.5 * (low + high)
-            low, high = (middle, high) if self._at(middle)[0] < tension_n else (low, middle)
+            low, high = (
+                (middle, high)
+                if self._tension_and_tangent(middle)[0] < tension_n
+                else (low, middle)
+            )
         return 0.5 * (low + high)
 
-    def _at(self, strain: float) -> tuple[float, float]:
+    def _tension_and_tangent(self, strain: float) -> tuple[float, float]:
         """Return tension and tangent [N]."""
         law = self.cubics
         j = max(int(np.searchsorted(law.knot[0], strain, side="right")) - 1, 0)

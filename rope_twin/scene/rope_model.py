@@ -71,7 +71,7 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
     for built_effect in built:
         if isinstance(built_effect, SplashZone):
             (zone,) = (effect for effect in scene.effects if isinstance(effect, SplashZoneParams))
-            parts[0] = _afloat(zone, body, scene.environment.water_density_kg_per_m3)
+            parts[0] = _outline_columns(zone, body, scene.environment.water_density_kg_per_m3)
             continue
         if isinstance(built_effect, Plane | Grid):
             (params,) = (effect for effect in scene.effects if isinstance(effect, SeabedParams))
@@ -90,7 +90,7 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
     return tuple(joined if built_effect is body else built_effect for built_effect in others)
 
 
-def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat:
+def _outline_columns(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat:
     """Return columns over the body's outline."""
     places, weights = leggauss(COLUMNS)
     (a, b, _), (X, Y, Z) = body.size, body.middle
@@ -153,7 +153,7 @@ def build(scene: Scene) -> CoreRope:
         tolerance=scene.time.newton_tolerance_n or _tolerance(tension, effects),
     )
     elements = len(s) - 1
-    state = new_state(_room(scene, line, s))
+    state = new_state(_node_capacity(scene, line, s))
     state.counts[ELEMENTS] = elements
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
@@ -162,7 +162,7 @@ def build(scene: Scene) -> CoreRope:
     return CoreRope(model, state, work, sections, effects, law)
 
 
-def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
+def _node_capacity(scene: Scene, line: RopeLine, s: Floats) -> int:
     """Return the node capacity of the arrays of a rope with nodes at these coordinates."""
     longest_m = scene.winch.most_line_out_m if scene.winch else line.length_m
     to_come = ceil((longest_m - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
@@ -189,7 +189,7 @@ def build_effects(
     )
     Cd = sum(params.normal for params in scene.effects if isinstance(params, DragParams))
     line = scene.ropes[0]
-    room = _room(
+    room = _node_capacity(
         scene, line, node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
     )
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2

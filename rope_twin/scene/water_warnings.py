@@ -247,12 +247,12 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         top, bottom = min(top + length, 0.0), top
     (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
     if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
-        yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
+        yield _constant_beyond(first, first_velocity, "above", f"{min(top, 0.0):g} m")
     if last > bottom and hypot(*last_velocity) > 0.0:
-        yield _held(last, last_velocity, "below", f"{bottom:g} m")
+        yield _constant_beyond(last, last_velocity, "below", f"{bottom:g} m")
 
 
-def _held(z: float, velocity: Velocity, side: str, reach: str) -> str:
+def _constant_beyond(z: float, velocity: Velocity, side: str, reach: str) -> str:
     named = zip(velocity, ("east", "north", "up"), strict=False)
     value = ", ".join(f"{part:g} {name}" for part, name in named)
     problem = (
