@@ -114,7 +114,7 @@ def _make(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
     study = accuracy.measure_accuracy(scene, plan, CaseProgress().show)
     content = accuracy.as_content(study)
     if not args.json:
-        _tell(study)
+        _print_study(study)
     if not args.no_write:
         write_study(study, content, path)
         if not args.json:
@@ -167,7 +167,7 @@ def _as_text(content: dict[str, Any]) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def _tell(study: accuracy.Study) -> None:
+def _print_study(study: accuracy.Study) -> None:
     print(f"{study.scene.name}: errors over {study.plan.seconds:g} s against a run of "
           f"{study.reference.setting}")  # fmt: skip
     print(f"{study.machine.as_text()}\n")

@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     forecaster = RecordingForecaster(lift, settings, args.planned)
     if args.score:
         scored = forecaster.score(args.every, limit_n, CaseProgress().show)
-        _tell_score(args, lift, scored)
+        _print_score(args, lift, scored)
         return ExitCode.OK
     sample = forecaster.sample_of(args.at)
     orders = [read_order("hold"), *what_if] if what_if else [read_order("continue")]
@@ -94,7 +94,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_figures(args, lift, forecaster, forecasts, limits))
         return ExitCode.OK
-    _tell(lift, forecaster, forecasts, limits)
+    _print_forecasts(lift, forecaster, forecasts, limits)
     return ExitCode.OK
 
 
@@ -130,7 +130,7 @@ def _risks(
     return risks(forecast, limits, forecaster.depth_m), quiet_windows(forecast, limits)
 
 
-def _tell(
+def _print_forecasts(
     lift: RecordedLift,
     forecaster: RecordingForecaster,
     forecasts: list[TensionForecast],
@@ -170,10 +170,10 @@ def _tell(
         text = ", ".join(f"in {window.begin_s:g} s: {window.probability:.2f}" for window in quiet)
         print(f"P({limits.quiet_s:g} s below {limits.quiet_m_per_s:g} m/s) {text}")
     if len(forecasts) > 1:
-        _tell_differences(forecasts)
+        _print_differences(forecasts)
 
 
-def _tell_differences(forecasts: list[TensionForecast]) -> None:
+def _print_differences(forecasts: list[TensionForecast]) -> None:
     """Print each order against the first, member by member."""
     from rope_twin.forecast.risk import compare
 
@@ -226,7 +226,7 @@ def _figures(
     }  # fmt: skip
 
 
-def _tell_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingScore) -> None:
+def _print_score(args: argparse.Namespace, lift: RecordedLift, scored: RecordingScore) -> None:
     if args.json:
         events = [{"span_s": event.span_s, **asdict(event.score)} for event in scored.events]
         print_json({

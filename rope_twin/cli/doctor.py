@@ -94,7 +94,7 @@ class Check:
     remedy: str = ""
 
 
-def _judged(name: str, good: bool, finding: str, remedy: str, level: str = WARN) -> Check:
+def _check(name: str, good: bool, finding: str, remedy: str, level: str = WARN) -> Check:
     return Check(name, OK, finding) if good else Check(name, level, finding, remedy)
 
 
@@ -135,7 +135,7 @@ def check_python() -> Check:
     """Check the version of Python."""
     finding = f"{platform.python_version()} ({sys.executable})"
     new = sys.version_info[:2] >= OLDEST_PYTHON
-    return _judged("Python", new, finding, "install Python 3.11 or newer", ERROR)
+    return _check("Python", new, finding, "install Python 3.11 or newer", ERROR)
 
 
 def check_packages() -> Check:
@@ -164,7 +164,7 @@ def check_middleware(load: Callable[[], Any]) -> Check:
         return Check("ROS", ERROR, f"{name}: {finding}", remedy.rstrip("."))
     finding = f"{name}: discovery {trip.discovery_s:.2g} s, message {1e3 * trip.latency_s:.2g} ms"
     remedy = "close programs that use the CPU, and check the governor"
-    return _judged("ROS", trip.latency_s <= LATENCY_S, finding, remedy)
+    return _check("ROS", trip.latency_s <= LATENCY_S, finding, remedy)
 
 
 def check_discovery() -> Check:
@@ -206,7 +206,7 @@ def check_monotonic_clock() -> Check:
     clock = time.get_clock_info("monotonic")
     finding = f"{clock.implementation}, resolution {clock.resolution:g} s"
     fine, remedy = clock.resolution <= RESOLUTION_S, "use a kernel with high-resolution timers"
-    return _judged("steady clock", fine, finding, remedy, ERROR)
+    return _check("steady clock", fine, finding, remedy, ERROR)
 
 
 def check_synchronisation() -> Check:
@@ -228,7 +228,7 @@ def check_cores() -> Check:
     count = len(os.sched_getaffinity(0))
     finding = f"{count} of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
     remedy = f"allow at least {CORES}: other threads delay the solver"
-    return _judged("CPU cores", count >= CORES, finding, remedy)
+    return _check("CPU cores", count >= CORES, finding, remedy)
 
 
 def check_governor() -> Check:
@@ -238,7 +238,7 @@ def check_governor() -> Check:
     if not names:
         return Check("CPU governor", OK, "none (frequency is set by firmware or host)")
     remedy = "cpupower frequency-set --governor performance"
-    return _judged("CPU governor", names == ["performance"], ", ".join(names), remedy)
+    return _check("CPU governor", names == ["performance"], ", ".join(names), remedy)
 
 
 def check_cache() -> Check:
@@ -249,7 +249,7 @@ def check_cache() -> Check:
         above = next(parent for parent in folder.parents if parent.exists())
         free = os.access(above, os.W_OK)
         finding = f"{folder}, created by the first run" if free else f"{above} is not writable"
-        return _judged("compile cache", free, finding, _CACHE_REMEDY)
+        return _check("compile cache", free, finding, _CACHE_REMEDY)
     about = folder.stat()
     files = [file.stat().st_size for file in folder.rglob("*") if file.is_file()]
     finding = (
@@ -271,4 +271,4 @@ def check_space(folder: Path) -> Check:
     finding = f"{1e-9 * free:.1f} GB free in {folder}"
     level = WARN if free >= SPACE_ERROR_B else ERROR
     remedy = "free space, or record elsewhere with --out"
-    return _judged("disk", free >= SPACE_WARN_B, finding, remedy, level)
+    return _check("disk", free >= SPACE_WARN_B, finding, remedy, level)

@@ -155,7 +155,7 @@ def _print(feeds: dict[str, FeedSettings], args: argparse.Namespace, faults: Lin
         print_json({"feeds": figures})
     for name, instrument in instruments.items():
         if not args.json:
-            print(f"{name}: {_counts(instrument)}", file=sys.stderr)
+            print(f"{name}: {_counts_words(instrument)}", file=sys.stderr)
         if fault := sources[name].fault:
             print(phrase(feeds[name].source, fault, "check the connection"), file=sys.stderr)
     return (
@@ -199,7 +199,7 @@ def _figures(instrument: Instrument, last: Sample | None) -> dict[str, Any]:
     }
 
 
-def _counts(instrument: Instrument) -> str:
+def _counts_words(instrument: Instrument) -> str:
     counts = instrument.counts
     words = f"{counts.lines} lines, {counts.accepted} accepted, {counts.refused_total} refused"
     reasons = ", ".join(f"{number} {reason}" for reason, number in counts.refused.most_common())

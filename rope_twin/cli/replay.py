@@ -104,12 +104,12 @@ def _sentences(bag: Path, verification: Verification) -> list[str]:
         f"{len(verification.sessions)} sessions, up to {verification.until_s:.9g} s",
     ]
     if verification.missing:
-        rows.append(f"  missing in the bag: {_counts(verification.missing)}")
+        rows.append(f"  missing in the bag: {_counts_words(verification.missing)}")
     if verification.unverified:
         rows.append(f"  not compared, since their inputs are not known: {verification.unverified}")
-    rows.append(f"  inputs applied: {_counts(verification.applied) or 'none'}")
+    rows.append(f"  inputs applied: {_counts_words(verification.applied) or 'none'}")
     if verification.unrecorded:
-        counts = _counts(verification.unrecorded)
+        counts = _counts_words(verification.unrecorded)
         rows.append(f"  of these lost on their topic, or given by a service: {counts}")
     rows += [f"  left out: {topic}, since {reason}" for topic, reason in LEFT_OUT.items()]
     machine = verification.sessions[0].content["machine"]
@@ -137,5 +137,5 @@ def _figures(bag: Path, verification: Verification) -> dict[str, Any]:
     }
 
 
-def _counts(counts: Any) -> str:
+def _counts_words(counts: Any) -> str:
     return ", ".join(f"{count} {topic}" for topic, count in sorted(counts.items()))

@@ -404,7 +404,7 @@ def _order_words(row: ScheduleRow) -> str:
             return f"{kind} {value:g} {CONTROL_MODES[kind]}"
 
 
-def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
+def _suspended_load(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """Return the suspended loads of a multi-line system."""
     rows = [("loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
     load = hung_together(scene)
@@ -426,7 +426,7 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
     axial = f"{figures.first_axial_period_s:.2f} s"
     if is_joined(scene):
-        rows += _together(scene, figures)
+        rows += _suspended_load(scene, figures)
         axial += f" of '{line.name}' with all suspended loads; system modes: `rope_twin modes`"
     elif figures.rises:
         lift = -figures.top_tension_n(line.length_m)

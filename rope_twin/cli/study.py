@@ -126,7 +126,7 @@ def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
         return
     yield ""
     heads = ["least", *(f"{100 * part:g} %" for part in QUANTILES[1:-1]), "largest"]
-    known = [*_known(good), *_by_rope(good)]
+    known = [*_stored_figures(good), *_by_rope(good)]
     width = max(len(label) for _, label, _ in known)
     yield " " * width + "".join(f"{head:>10}" for head in heads)
     for column, label, scale in known:
@@ -137,7 +137,7 @@ def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
         yield from _effect_of(variable, good)
 
 
-def _known(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
+def _stored_figures(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
     return [figure for figure in FIGURES if figure[0] in rows[0]]
 
 
@@ -151,7 +151,7 @@ def _by_rope(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
 def _effect_of(variable: Variable, rows: Sequence[Row]) -> Iterator[str]:
     """Return a line for each value of a variable, or for each part of its range."""
     yield f"{variable.column}: median over the runs{_ranks(variable, rows)}"
-    known = _known(rows)
+    known = _stored_figures(rows)
     yield " " * 24 + "".join(f"{label.split(' [')[0]:>32}" for _, label, _ in known[:3])
     for label, some in _levels(variable, rows):
         cells = "".join(
