@@ -153,7 +153,7 @@ def of_rope(view: View, rope: int) -> View:
 def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
     """Return line out, line speed, tension and utilisation of the first rope."""
     winch = first_winch(facts)
-    rope = _at(facts.get("ropes"))
+    rope = _first(facts.get("ropes"))
     length, rate, tension = (_value(values.get(name)) for name in
                              ("line_out_m", "line_speed_m_per_s", "tension_n"))  # fmt: skip
     reach = ""
@@ -182,7 +182,7 @@ def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
 def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
                     units: Units) -> list[Figure]:  # fmt: skip
     """Return depth, speed, height above the bed and slack margin of 60 s of the first payload."""
-    payload, topic = _at(values.get("payloads")), "payloads/state"
+    payload, topic = _first(values.get("payloads")), "payloads/state"
     place, speed = payload.get("place_m") or [None] * 3, payload.get("velocity_m_per_s")
     vertical = speed[2] if speed else None
     height, rows = height_above_bed_m(values, facts), []
@@ -201,7 +201,7 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
         rows.append(
             Figure("Above the bed", fixed(height, 1), f"m{_side('≥', clear)}", topic, "", low)
         )
-    lowest_n = _at(profile).get("least_n")
+    lowest_n = _first(profile).get("least_n")
     if known(lowest_n):
         margin = lowest_n - (limit(values, facts, "min_tension_n") or 0.0)
         text = units.forces(margin)
@@ -211,10 +211,10 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
 
 def height_above_bed_m(values: Values, facts: Values) -> float | None:
     """Return the payload's height above the bed [m], or None if it has no bed or is not known."""
-    height = _at(values.get("bed")).get("payload_height_m")
+    height = _first(values.get("bed")).get("payload_height_m")
     if known(height):
         return float(height)
-    place, bed = _at(values.get("payloads")).get("place_m"), facts.get("bed_m")
+    place, bed = _first(values.get("payloads")).get("place_m"), facts.get("bed_m")
     if place is None or not known(place[2]) or not known(bed):
         return None
     return float(place[2]) - float(bed)
@@ -242,7 +242,7 @@ def sea_figures(values: Values, facts: Values) -> list[Figure]:
 
 def winch_figures(values: Values, facts: Values) -> list[Figure]:
     """Return mode, brake, compensation, drum layer and seat of the first winch."""
-    row, winch, topic = _at(values.get("winches")), first_winch(facts), "winch/state"
+    row, winch, topic = _first(values.get("winches")), first_winch(facts), "winch/state"
     mode, seat = (
         "".join(of_winches(str(values.get(name, "")))[:1]).partition(": ")[2]
         for name in ("winch_mode", "seat")
@@ -324,7 +324,7 @@ def first_winch(facts: Values) -> Values:
 
 
 def _utilisation(values: Values, rope: Values, tension: float | None, units: Units) -> Figure:
-    used, breaking = _at(values.get("utilisation")), rope.get("breaking_load_n")
+    used, breaking = _first(values.get("utilisation")), rope.get("breaking_load_n")
     highest, utilisation = used.get("max_tension_n"), used.get("utilisation")
     load = (
         highest / utilisation if known(highest) and known(utilisation) and utilisation else breaking
@@ -340,7 +340,7 @@ def _utilisation(values: Values, rope: Values, tension: float | None, units: Uni
 
 
 def _computed(values: Values, units: Units) -> str:
-    interval = _at(values.get("error_interval"))
+    interval = _first(values.get("error_interval"))
     upper, lower = interval.get("upper_n"), interval.get("lower_n")
     if known(upper) and known(lower):
         half = units.forces((upper - lower) / 2.0)
@@ -381,7 +381,7 @@ def _side(sign: str, value: float | None) -> str:
     return f" {sign} {fixed(value, 0)}" if known(value) else ""
 
 
-def _at(rows: Sequence[Values] | None) -> Values:
+def _first(rows: Sequence[Values] | None) -> Values:
     """Return the first of some rows; of none, an empty one."""
     return rows[0] if rows else {}
 

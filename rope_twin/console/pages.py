@@ -134,7 +134,7 @@ class Pages:
         page = Page(self._number, address)
         self.pages[page.number] = page
         page.offer(self._hello(page))
-        page.offer(self._whole())
+        page.offer(self._all_values())
         if self._newest_profile:
             page.offer(self._newest_profile)
         return page
@@ -164,7 +164,7 @@ class Pages:
         """Send everything to every page again."""
         for page in self.pages.values():
             page.offer(self._hello(page))
-            page.offer(self._whole())
+            page.offer(self._all_values())
 
     def send(self, page: Page, content: Values) -> None:
         """Send one page a message of its own."""
@@ -278,7 +278,7 @@ class Pages:
             }
         )
 
-    def _whole(self) -> str:
+    def _all_values(self) -> str:
         return _json(
             {**self._head(None, self._clock()), "values": self.readings.values, "whole": True}
         )
@@ -420,18 +420,18 @@ def _trend_row(
                     None)  # fmt: skip
     return {
         "time_s": round(time_s, 3),
-        "tension_n": _at(values.get("tension_n"), rope),
+        "tension_n": _of_rope(values.get("tension_n"), rope),
         "low_n": interval[rope]["lower_n"] if interval and rope < len(interval) else None,
         "high_n": interval[rope]["upper_n"] if interval and rope < len(interval) else None,
         "measured_n": measured,
-        "line_out_m": _at(values.get("line_out_m"), rope),
-        "line_speed_m_per_s": _at(values.get("line_speed_m_per_s"), rope),
+        "line_out_m": _of_rope(values.get("line_out_m"), rope),
+        "line_speed_m_per_s": _of_rope(values.get("line_speed_m_per_s"), rope),
         "depth_m": None if depth is None else -depth,
         "heave_m": None if height_m is None else height_m - (mean[2] if mean else 0.0),
     }
 
 
-def _at(values: list[float | None] | None, rope: int) -> float | None:
+def _of_rope(values: list[float | None] | None, rope: int) -> float | None:
     return values[rope] if values and rope < len(values) else None
 
 

@@ -100,7 +100,7 @@ def curves(trend: Mapping[str, Sequence[float | None]], forecast: Values | None,
         ]
 
     shown = [Curve(past(name), styles.band, joined=False) for name in ("low_n", "high_n")]
-    shown += _ahead(forecast, now, units, styles)
+    shown += _forecast_curves(forecast, now, units, styles)
     shown.append(Curve(past("tension_n"), styles.computed))
     shown.append(Curve(past("measured_n"), styles.measured, joined=False))
     return shown
@@ -182,7 +182,9 @@ class _Canvas:
             self._styles[y][x] = style
 
 
-def _ahead(forecast: Values | None, now: float, units: Units, styles: Styles) -> list[Curve]:
+def _forecast_curves(
+    forecast: Values | None, now: float, units: Units, styles: Styles
+) -> list[Curve]:
     """Return the band and the median after now; their leads count from the forecast's origin."""
     origin = (forecast or {}).get("at_s")
     if forecast is None or not known(origin) or now - origin > _OLD_FORECAST_S:
@@ -351,20 +353,20 @@ class TerminalConsole(App[None]):
         view = of_rope(all_ropes, self._rope)
         values, facts = view.values, view.facts
         ages = self.pages.readings.ages(self._clock())
-        self._put("top", self._head(ages))
+        self._set_content("top", self._head(ages))
         for number, figure in enumerate(big_figures(values, facts, units)):
             age, old = self._age(figure.topic, ages)
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
         self._draw_trend(view, ages)
-        self._put("alerts", self._alerts())
+        self._set_content("alerts", self._alerts())
         risks = risk_lines(values, units) or [no_forecast(all_ropes.values)]
-        self._put("lines", Text("\n".join([*risks, *quality_lines(values)])), layout=True)
+        self._set_content("lines", Text("\n".join([*risks, *quality_lines(values)])), layout=True)
         payload = payload_figures(values, view.profile, facts, units)
         for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
                            ("winch", winch_figures(values, facts))):  # fmt: skip
-            self._put(name, self._table(rows, ages))
+            self._set_content(name, self._table(rows, ages))
 
-    def _put(self, place: str, content: Text, layout: bool = False) -> None:
+    def _set_content(self, place: str, content: Text, layout: bool = False) -> None:
         """Show a content if it differs from what is shown; layout: its height may differ too."""
         if self._drawn.get(place) != content:
             self._drawn[place] = content
@@ -458,7 +460,7 @@ class TerminalConsole(App[None]):
         chart = draw(shown, marks, width, height - 1, styles, self._to_limit, units.force_digits)
         if self._age(TENSION, ages)[1]:
             chart.stylize("dim")
-        self._put("trend", head + chart)
+        self._set_content("trend", head + chart)
 
     def _alerts(self) -> Text:
         rows = alert_rows(self.pages.readings.values)
