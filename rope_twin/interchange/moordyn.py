@@ -240,13 +240,13 @@ class _Writer:
                 continue
             done += length
             last = done >= line.length_m * (1.0 - SAME)
-            top = upper if last else self._between(line, nodes, line.length_m - done)
+            top = upper if last else self._add_junction(line, nodes, line.length_m - done)
             name = self._type_of(line, section.rope, damping[k], k)
             count = max(1, round(line.elements * length / line.length_m))
             self.lines.append(Line(len(self.lines) + 1, name, end, top, length, count))
             end = top
 
-    def _between(self, line: RopeLine, nodes: Any, at_m: float) -> int:
+    def _add_junction(self, line: RopeLine, nodes: Any, at_m: float) -> int:
         """Add a point at an unstretched length from the upper end."""
         equal = np.linspace(0.0, line.length_m, len(nodes))
         arc = equal if self._shot.ropes else self._shot.arc_length_m

@@ -241,7 +241,7 @@ def _types(path: Path, rows: Rows, unread: list[str]) -> Iterator[LineType]:
 
 def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
     for where, cells, _ in _table(path, rows, _POINT, ("mass_kg", "volume_m3", "CdA_m2", "Ca")):
-        number, kind = _whole(where, cells.pop("number")), cells.pop("kind").lower()
+        number, kind = _integer(where, cells.pop("number")), cells.pop("kind").lower()
         if kind not in _KINDS:
             remedy = "give Coupled, Free or Fixed points; bodies and rods have no equal"
             raise InputError(where, f"a point of type {kind}", remedy)
@@ -253,11 +253,11 @@ def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
 def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:
     for where, cells, _ in _table(path, rows, _LINE):
         length = _number(where, cells["length_m"], "UnstrLen")
-        segments = _whole(where, cells["segments"])
+        segments = _integer(where, cells["segments"])
         if length <= 0.0 or segments < 1:
             problem = f"a line of {length:g} m in {segments} segments"
             raise InputError(where, problem, "give a length above 0 and a segment or more")
-        number, end_a, end_b = (_whole(where, cells[key]) for key in ("number", "end_a", "end_b"))
+        number, end_a, end_b = (_integer(where, cells[key]) for key in ("number", "end_a", "end_b"))
         yield Line(number, cells["type_name"], end_a, end_b, length, segments)
 
 
@@ -313,7 +313,7 @@ def _number(where: str, cell: str, name: str) -> float:
     return value
 
 
-def _whole(where: str, cell: str) -> int:
+def _integer(where: str, cell: str) -> int:
     if not cell.isdigit():
         problem = f"'{cell}' is not the number of a point or line"
         raise InputError(where, problem, "give numbers, as bodies, rods and turbines have no equal")

@@ -103,16 +103,16 @@ class _Model:
         self._path, self._loads, self._folder = path, BreakingLoads(breaking_load_n), folder
         self._model = load_model(path)
         self._left_out = list[str]()
-        self._environment = self._one("Environment")
-        self._general = self._one("General")
+        self._environment = self._object("Environment")
+        self._general = self._object("General")
         self._check_units()
-        self._types = {entry.name: entry for entry in self._many("LineTypes")}
+        self._types = {entry.name: entry for entry in self._objects("LineTypes")}
         self._loads.check(self._types)
-        self._vessels = {entry.name: entry for entry in self._many("Vessels")}
+        self._vessels = {entry.name: entry for entry in self._objects("Vessels")}
         self._buoys = {
-            entry.name: entry for key in ("3DBuoys", "6DBuoys") for entry in self._many(key)
+            entry.name: entry for key in ("3DBuoys", "6DBuoys") for entry in self._objects(key)
         }
-        self._lines = self._many("Lines")
+        self._lines = self._objects("Lines")
         deep = (self._environment.get(key) for key in ("WaterDepth", "SeabedOriginDepth"))
         depth = next((value for value in deep if value is not None), None)
         self._depth_m = math.nan if depth is None else _number(depth, "Environment, WaterDepth")
@@ -155,11 +155,11 @@ class _Model:
 
     # the model's objects
 
-    def _one(self, key: str) -> _Object:
+    def _object(self, key: str) -> _Object:
         keys = self._model.get(key, {})
         return _Object(keys if isinstance(keys, Mapping) else {}, key)
 
-    def _many(self, key: str) -> list[_Object]:
+    def _objects(self, key: str) -> list[_Object]:
         listed = self._model.get(key) or []
         if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
             problem = f"{key} is not a list of objects"
