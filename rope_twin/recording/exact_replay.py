@@ -156,7 +156,7 @@ class RunReplay:
         """Return a message of the replay, once, or None if it makes no such message."""
         key = topic, number
         while key not in self._waiting and self._newest[topic] < number:
-            if not self._go_on():
+            if not self._advance():
                 break
         return self._waiting.pop(key, None)
 
@@ -172,7 +172,7 @@ class RunReplay:
         late = (key for key, message in self._waiting.items() if message.time_ns <= self._last_ns)
         return self._missing + Counter(topic for topic, _ in late)
 
-    def _go_on(self) -> bool:
+    def _advance(self) -> bool:
         """Make one more message; False: there is none."""
         message = next(self._making, None)
         if message is None:

@@ -198,7 +198,7 @@ class _File:
         reason = ""
         if fits:
             try:
-                return self._whole(opcode, position, end)
+                return self._complete_record(opcode, position, end)
             except _DAMAGE as error:
                 reason = str(error).strip() or type(error).__name__
         if (chunk := self._chunk_by_its_sizes(position)) is not None:
@@ -229,7 +229,7 @@ class _File:
             return [("has a damaged summary", True)]
         return [("does not end like an MCAP file", False)]
 
-    def _whole(self, opcode: int, position: int, end: int) -> _Part:
+    def _complete_record(self, opcode: int, position: int, end: int) -> _Part:
         """Return a record whose content is valid for its kind.
 
         Raises:

@@ -255,7 +255,7 @@ class RecordedInputs:
 
     def find(self, call: Call, epoch_ns: int) -> Match | None:
         """Return the recorded input of a logged call, or None if it is not an external input."""
-        key = _given(call)
+        key = _key_of(call)
         if key is None:
             return None
         topic, stamp_ns, values = key
@@ -342,7 +342,7 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
     return at_ns, _order_values(order)
 
 
-def _given(call: Call) -> tuple[str, int | None, Values] | None:
+def _key_of(call: Call) -> tuple[str, int | None, Values] | None:
     """Return topic, stamp in simulation time and values of a call, or None if it has no topic."""
     if call.method == "offer_heave":
         stamp_ns, position_m, velocity_m_per_s = call.arguments[:3]
