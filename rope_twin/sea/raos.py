@@ -116,7 +116,7 @@ class Responses:
         amplitude and phase are constant: a ship follows long waves. Above the highest they fade to
         zero (`fade`).
         """
-        return np.asarray(self.fade(frequency_hz) * self._held(frequency_hz, heading))
+        return np.asarray(self.fade(frequency_hz) * self._interpolate(frequency_hz, heading))
 
     def fade(self, frequency_hz: Vector) -> Vector:
         """Return the factor on the highest frequency's RAOs at frequencies above it, (n,).
@@ -174,13 +174,13 @@ class Responses:
         frequency = waves.omega / (2.0 * np.pi)
         c, s = np.cos(bow), np.sin(bow)
         x, y, z = c * arm_m[0] + s * arm_m[1], c * arm_m[1] - s * arm_m[0], arm_m[2]
-        moved = moved_by(self._held(frequency, waves.heading - bow), (x, y, z))
+        moved = moved_by(self._interpolate(frequency, waves.heading - bow), (x, y, z))
         variance = waves.amplitude_m**2 * (np.abs(moved[:3]) ** 2).sum(axis=0)
         total = float(variance.sum())
         lost = float((variance * (1.0 - self.fade(frequency) ** 2)).sum())
         return lost / total if total > 0.0 else 0.0
 
-    def _held(self, frequency_hz: Vector, heading: Vector) -> Answers:
+    def _interpolate(self, frequency_hz: Vector, heading: Vector) -> Answers:
         """Return RAOs, (6, n), constant beyond the outermost frequencies."""
         turn = np.angle(np.exp(1j * heading))
         side = np.where(turn < 0.0, -1.0, 1.0)
