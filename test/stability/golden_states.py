@@ -97,11 +97,11 @@ def rows() -> dict[str, Any]:
 
 def write(names: list[str]) -> None:
     """Write the file again for these scenes; the others' rows stay."""
-    found = rows() if FILE.exists() else {}
+    computed = rows() if FILE.exists() else {}
     for name in names:
-        found[name] = golden(name)
+        computed[name] = golden(name)
         sys.stderr.write(f"{name}\n")
-    lines = (f' "{name}": {json.dumps(row)}' for name, row in sorted(found.items()))
+    lines = (f' "{name}": {json.dumps(row)}' for name, row in sorted(computed.items()))
     FILE.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 
 

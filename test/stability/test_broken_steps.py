@@ -1,4 +1,4 @@
-"""A step that cannot be made is reported, nothing is lost, the run goes on without the cause."""
+"""A failed step is reported, the last good state stays, the run resumes without the cause."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def core(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Bro
 
 
 def differences(found: Snapshot, expected: Snapshot, relative: float) -> list[str]:
-    """The figures that differ by more than this part of their largest value."""
+    """Return the figures that differ by more than this fraction of their largest value."""
     a, b = figures(found), figures(expected)
     return [
         name
@@ -83,8 +83,8 @@ def differences(found: Snapshot, expected: Snapshot, relative: float) -> list[st
     ]
 
 
-def test_it_is_reported_in_one_sentence(tmp_path: Path, core: BrokenCore) -> None:
-    """With the step, and that the last good state is kept."""
+def test_a_failed_step_is_reported_in_one_sentence(tmp_path: Path, core: BrokenCore) -> None:
+    """The sentence names the step and says that the last good state is kept."""
     twin = started(tmp_path)
     with pytest.raises(SolverError) as caught:
         twin.advance(300)
@@ -104,7 +104,7 @@ def test_the_last_good_state_is_kept(tmp_path: Path, core: BrokenCore) -> None:
     assert not differences(kept, unbroken(tmp_path, BREAKS_AT), 1e-12)
 
 
-def test_it_goes_on_once_the_cause_is_gone(tmp_path: Path, core: BrokenCore) -> None:
+def test_a_run_resumes_bit_identically_after_failed_steps(tmp_path: Path, core: BrokenCore) -> None:
     """After three failures in a row the run ends in the same bits as an unbroken one."""
     twin = started(tmp_path)
     for _ in range(3):
@@ -116,8 +116,10 @@ def test_it_goes_on_once_the_cause_is_gone(tmp_path: Path, core: BrokenCore) -> 
     assert not differences(twin.snapshot(), unbroken(tmp_path, 900), 0.0)
 
 
-def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: BrokenCore) -> None:
-    """The sentence names it; with the inputs of the failing step it goes on as the twin would."""
+def test_the_state_before_a_failed_step_is_saved_to_a_file(
+    tmp_path: Path, core: BrokenCore
+) -> None:
+    """The sentence names the file; with the failing step's inputs it resumes as the twin would."""
     twin = started(tmp_path)
     twin.failure_folder = tmp_path
     with pytest.raises(SolverError) as caught:
@@ -137,8 +139,8 @@ def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: 
     assert not differences(again.snapshot(), unbroken(tmp_path, 900), 0.0)
 
 
-def test_a_folder_that_takes_no_file_is_reported_too(tmp_path: Path, core: BrokenCore) -> None:
-    """Both troubles in one sentence, and the twin still holds its last good state."""
+def test_an_unwritable_folder_is_reported_too(tmp_path: Path, core: BrokenCore) -> None:
+    """Both problems in one sentence; the twin still holds its last good state."""
     twin = started(tmp_path)
     twin.failure_folder = tmp_path / "none"
     with pytest.raises(

@@ -1,4 +1,4 @@
-"""Current profiles that come while the twin runs: harmful ones are refused, jumps are flagged."""
+"""Current profiles received by a running twin: invalid ones are rejected, jumps are flagged."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ def profile(rows: int) -> np.ndarray:
     ],
     ids=["subnormal", "close", "steep", "deep", "many"],
 )
-def test_a_profile_that_would_stop_the_twin_is_refused(
+def test_a_profile_of_infinite_slope_is_rejected(
     tmp_path: Path, rows: list[list[float]], words: str
 ) -> None:
-    """The first was accepted, its slope was infinite, and no step could be made any more."""
+    """It passed once, and then no step could be made."""
     twin = Twin(small_scene(tmp_path))
     assert words in twin.offer_current(rows)
     twin.advance(20)
@@ -49,7 +49,7 @@ def test_a_profile_that_would_stop_the_twin_is_refused(
     assert shot.inputs["current"].accepted == 0
 
 
-def test_the_largest_profile_is_taken(tmp_path: Path) -> None:
+def test_the_largest_profile_is_accepted(tmp_path: Path) -> None:
     twin = Twin(small_scene(tmp_path))
     assert twin.offer_current(profile(MAX_ROWS)) == ""
     twin.advance(20)
@@ -57,7 +57,7 @@ def test_the_largest_profile_is_taken(tmp_path: Path) -> None:
 
 
 def test_a_jump_of_the_profile_is_flagged_for_a_minute(tmp_path: Path) -> None:
-    """The warning has the number, and ends; a change that a sea makes is none."""
+    """The warning states the number and ends; a change as slow as the sea's is not flagged."""
     twin = Twin(small_scene(tmp_path))
     assert twin.offer_current([[0.0, 0.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
     twin.advance(1)
@@ -74,8 +74,8 @@ def test_a_jump_of_the_profile_is_flagged_for_a_minute(tmp_path: Path) -> None:
 OWN = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
 
 
-def test_a_vertical_component_is_refused_where_the_scene_has_none(tmp_path: Path) -> None:
-    """Other code would have to be compiled, in the middle of the run; zeros need none."""
+def test_a_vertical_component_needs_one_in_the_scene(tmp_path: Path) -> None:
+    """It would compile other code during the run; zeros are accepted."""
     twin = Twin(small_scene(tmp_path))
     reported = twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
     assert "current: it has a vertical component, which this scene's current has not" in reported
@@ -83,8 +83,8 @@ def test_a_vertical_component_is_refused_where_the_scene_has_none(tmp_path: Path
     assert twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.0]]) == ""
 
 
-def test_a_vertical_component_comes_and_goes(tmp_path: Path) -> None:
-    """The rope feels it: 2 m/s down add the drag on the payload's face to the tension."""
+def test_a_vertical_component_changes_the_tension(tmp_path: Path) -> None:
+    """A downward flow of 2 m/s adds the drag on the payload's face."""
     path = tmp_path / "up.yaml"
     path.write_text(SMALL_SCENE.replace(OWN, "[[0.0, [0.0, 0.0, 0.0]]]"))
     twin = Twin(in_time(load_scene(path)))  # the step of test_fluid_ramp
@@ -117,7 +117,7 @@ def _row(twin: Twin) -> Status:
         ("[[0.0, [0.1, 0.0]], [-0.02, [9.0, 0.0]]]", "changes by 445 m/s a metre below row 0"),
     ],
 )
-def test_a_scene_s_own_profile_is_held_to_the_same(tmp_path: Path, rows: str, words: str) -> None:
+def test_a_scenes_own_profile_has_the_same_rules(tmp_path: Path, rows: str, words: str) -> None:
     path = tmp_path / "steep.yaml"
     path.write_text(SMALL_SCENE.replace(OWN, rows))
     with pytest.raises(SceneError, match=words):

@@ -1,4 +1,4 @@
-"""A twin whose rope is cut above a rigid body: reported, published, seen, saved, or refused."""
+"""A twin whose rope is cut above a rigid body: snapshots, topics, view, saved states, refusals."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def reported(twin: Twin) -> Twin:
 
 
 def ends(twin: Twin, last: int = 1600) -> list[Snapshot]:
-    """A snapshot every 100 steps, stepped one by one: waves know the time to its last bit."""
+    """Return a snapshot every 100 steps, stepped singly: waves know the time to its last bit."""
     shots = []
     while twin.steps < last:
         twin.advance(1)
@@ -45,7 +45,7 @@ def ends(twin: Twin, last: int = 1600) -> list[Snapshot]:
 
 
 def every_bit(shots: list[Snapshot]) -> str:
-    """Of what a snapshot of one rope and a body has, and of the lower part."""
+    """Return every figure of a snapshot of one rope and a body, and of the lower part."""
     tables = [rope.node_position_m.tobytes() for shot in shots for rope in shot.ropes]
     return digest(shots) + b"".join(tables).hex()
 
@@ -55,8 +55,8 @@ def run(scene: Scene) -> list[Snapshot]:
     return ends(reported(Twin(scene)))
 
 
-def test_the_body_is_reported_where_it_falls(run: list[Snapshot]) -> None:
-    """Place, attitude and slings are those of the part below; the one above has no payload."""
+def test_the_falling_body_is_reported(run: list[Snapshot]) -> None:
+    """Position, attitude and slings belong to the lower part; the upper one has no payload."""
     before, after = run[3], run[-1]
     assert before.cut is None
     assert before.body is not None
@@ -78,10 +78,10 @@ def test_the_body_is_reported_where_it_falls(run: list[Snapshot]) -> None:
 
 
 @pytest.mark.parametrize("moment", [300, 401, 900])
-def test_a_run_goes_on_from_a_file_and_on_a_branch(
+def test_a_cut_above_a_body_resumes_bit_identically(
     scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
 ) -> None:
-    """With the cut to come, in the step after it and on the way down; to the bit."""
+    """With the cut planned, in the step after it, and during the fall."""
     twin = reported(Twin(scene))
     ends(twin, moment)
     twin.save(tmp_path / "cut.state")
@@ -91,8 +91,8 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
 
 
 @pytest.mark.parametrize("below_m", [1.0, math.inf])
-def test_cut_at_once_at_either_end(scene: Scene, below_m: float) -> None:
-    """At t = 0, where the body rests; a metre of rope hangs on, or stays on the hook."""
+def test_cuts_at_time_zero_at_either_end(scene: Scene, below_m: float) -> None:
+    """At static equilibrium; a metre of rope stays above, or stays on the hook."""
     twin = Twin(scene)
     assert not twin.offer_cut(None, below_m)
     still = twin.snapshot()
@@ -105,8 +105,8 @@ def test_cut_at_once_at_either_end(scene: Scene, below_m: float) -> None:
     assert shot.solver.unconverged_substeps == 0
 
 
-def test_a_step_that_fails_leaves_body_and_ropes_as_they_were(scene: Scene) -> None:
-    """The part above cannot go on: the part below, which was stepped before, goes back."""
+def test_a_failed_step_restores_body_and_both_ropes(scene: Scene) -> None:
+    """The upper part fails: the lower part, stepped before, goes back."""
     twin = reported(Twin(scene))
     twin.advance(500)
     other = twin.branch()
@@ -121,20 +121,20 @@ def test_a_step_that_fails_leaves_body_and_ropes_as_they_were(scene: Scene) -> N
     assert every_bit([twin.snapshot()]) == every_bit([other.snapshot()])
 
 
-def test_a_deck_that_heaves_with_the_ship_is_refused_in_a_sentence(scene: Scene) -> None:
+def test_a_cut_above_a_deck_on_the_ship_is_rejected(scene: Scene) -> None:
     body = scene.listed(RigidBodyParams)
     assert body is not None
     for with_ship in (True, False):
         own = replace(body, deck=DeckParams(height_m=5.0, with_ship=with_ship))
         on_deck = replace(
-            scene, effects=tuple(own if one is body else one for one in scene.effects)
+            scene, effects=tuple(own if effect is body else effect for effect in scene.effects)
         )
-        said = CutInput(on_deck).offer(None, 12.0, 0)
-        assert ("deck that heaves with the ship" in said) == with_ship
+        message = CutInput(on_deck).offer(None, 12.0, 0)
+        assert ("deck that heaves with the ship" in message) == with_ship
 
 
-def test_a_bag_tells_of_the_body_after_the_cut_and_is_seen(scene: Scene, tmp_path: Path) -> None:
-    """Rigging and both ropes on their topics; the picture falls with the body.
+def test_a_bag_and_its_view_show_the_body_after_the_cut(scene: Scene, tmp_path: Path) -> None:
+    """Rigging and both ropes on their topics; the view falls with the body.
 
     The run ends with a picture: one each 0.12 s from 0.04 s on.
     """
@@ -156,7 +156,7 @@ def test_a_bag_tells_of_the_body_after_the_cut_and_is_seen(scene: Scene, tmp_pat
 
 
 def summary_depth(bag: Path) -> float:
-    """Where the hook is at the end, by the bag's last nodes of all ropes."""
+    """Return the hook's depth at the end, by the bag's last nodes of all ropes."""
 
     class Last:
         z = 0.0

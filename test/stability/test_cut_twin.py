@@ -1,4 +1,4 @@
-"""A twin whose rope is cut on the way: reported, seen, saved, accounted for, or refused."""
+"""A twin whose rope is cut: snapshots, view, saved states, energy balance, refusals."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 def reported(twin: Kind) -> Kind:
-    """Heave, a speed, a cut and a new current, all ahead of time."""
+    """Feed heave, a speed, a cut and a new current, all ahead of time."""
     for k in range(-1, 90):
         at_ns = 100_000_000 * k
         twin.offer_heave(at_ns, math.sin(at_ns * 1e-9), math.cos(at_ns * 1e-9))
@@ -52,7 +52,7 @@ def reported(twin: Kind) -> Kind:
 
 
 def ends(twin: Twin, chunk: int, last: int = 800) -> list[Snapshot]:
-    """A snapshot every 100 steps, stepped in such chunks; halfway comes another current."""
+    """Return a snapshot every 100 steps, stepped in such chunks, with another current halfway."""
     shots = []
     while twin.steps < last:
         if twin.steps == 400:
@@ -64,7 +64,7 @@ def ends(twin: Twin, chunk: int, last: int = 800) -> list[Snapshot]:
 
 
 def every_bit(shots: list[Snapshot]) -> str:
-    """Of what a snapshot of one rope has, and of the lower part."""
+    """Return every figure of a snapshot of one rope, and of the lower part."""
     below = [rope for shot in shots for rope in shot.ropes]
     tables = (table for rope in below for table in (rope.node_position_m, rope.node_tension_n))
     return digest(shots) + b"".join(table.tobytes() for table in tables).hex()
@@ -76,7 +76,7 @@ def run(scene: Scene) -> list[Snapshot]:
 
 
 def test_both_parts_are_reported(scene: Scene, run: list[Snapshot]) -> None:
-    """Whole before; then a rope of less line out and another one, with the payload at its end."""
+    """One rope before; then the upper part with less line out, and a rope with the payload."""
     before, after = run[1], run[-1]
     assert not before.ropes
     assert before.cut is None
@@ -101,15 +101,16 @@ def test_both_parts_are_reported(scene: Scene, run: list[Snapshot]) -> None:
     assert not not_finite(after)
 
 
-def test_how_the_time_is_cut_up_changes_no_bit(scene: Scene, run: list[Snapshot]) -> None:
+def test_a_cut_run_is_independent_of_the_call_pattern(scene: Scene, run: list[Snapshot]) -> None:
+    """Chunks of any number of steps give bit-identical results."""
     assert every_bit(ends(reported(Twin(scene)), 64)) == every_bit(run)
 
 
 @pytest.mark.parametrize("moment", [200, 251, 300, 700])
-def test_a_run_goes_on_from_a_file_and_on_a_branch(
+def test_a_cut_run_resumes_bit_identically(
     scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
 ) -> None:
-    """With a cut to come, right after it, before another current and after it; to the bit."""
+    """With the cut planned, right after it, before another current and after it."""
     twin = reported(Twin(scene))
     ends(twin, 50, moment)
     twin.save(tmp_path / "cut.state")
@@ -122,8 +123,8 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
     assert about.cut_lost_m == (cut.lost_m if cut else 0.0)
 
 
-def test_the_winch_goes_on_with_the_rope_that_is_left(scene: Scene) -> None:
-    """It hauls in to its least line out; an order by length was of the whole rope and has ended."""
+def test_the_winch_hauls_in_the_remaining_rope(scene: Scene) -> None:
+    """It hauls in to its minimum payout; a command by length was for the whole rope and ends."""
     twin = Twin(scene)
     assert not twin.offer_command(None, WinchCommand(LENGTH, 390.0))
     twin.advance(100)
@@ -140,8 +141,8 @@ def test_the_winch_goes_on_with_the_rope_that_is_left(scene: Scene) -> None:
     assert shot.tension_top_n == pytest.approx(50.0 * 5.1 * 9.81, rel=0.2), "a bare rope"
 
 
-def test_cut_at_the_ship_as_with_an_emergency_cutter(scene: Scene) -> None:
-    """Two metres hang on, less than the winch's least line out; it stands, and can pay out."""
+def test_an_emergency_cut_at_the_ship(scene: Scene) -> None:
+    """Two metres remain, less than the minimum payout; the winch stands and can pay out."""
     twin = Twin(scene)
     assert not twin.offer_speed(None, -1.0)
     twin.advance(300)
@@ -157,7 +158,7 @@ def test_cut_at_the_ship_as_with_an_emergency_cutter(scene: Scene) -> None:
 
 
 def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
-    """The bed carries what they weigh in water, and the rope lies on it."""
+    """The bed carries their weight in water, and the rope lies on it."""
     path = tmp_path / "bed.yaml"
     path.write_text(SMALL_SCENE.replace("  - payload: {}\n", BED))
     scene = load_scene(path)
@@ -176,8 +177,8 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
     assert bed.rope_on_bed_m == pytest.approx(50.0, abs=6.0), "the last node may lean on others"
 
 
-def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
-    """Over the cut and the fall; what is left is what the steps dissipate."""
+def test_energy_balance_of_both_parts_after_a_cut(scene: Scene) -> None:
+    """Over the cut and the fall the residual is the steps' numerical dissipation."""
     twin = reported(Twin(scene, ENERGY))
     twin.advance(2000)
     balance = twin.snapshot().energy
@@ -187,8 +188,8 @@ def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
     assert abs(balance.residual_pct) < 0.5
 
 
-def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
-    """However late the slots are; a level taken before the cut is kept, and saved."""
+def test_the_accuracy_level_is_frozen_after_a_cut(scene: Scene) -> None:
+    """However late the cycles are; a level taken before the cut is kept, and saved."""
     twin = reported(Twin(scene))
     twin.set_level(AccuracyLevel(20_000_000))
     protection = TwinOverloadProtection(twin)
@@ -214,19 +215,17 @@ REFUSED: list[tuple[Callable[[Twin], str], str]] = [
 
 
 @pytest.mark.parametrize(("offer", "words"), REFUSED)
-def test_what_cannot_be_is_refused_in_a_sentence(
-    scene: Scene, offer: Callable[[Twin], str], words: str
-) -> None:
+def test_invalid_cuts_are_rejected(scene: Scene, offer: Callable[[Twin], str], words: str) -> None:
     twin = Twin(scene)
-    said = offer(twin)
-    assert said.startswith("cut: ")
-    assert words in said
+    message = offer(twin)
+    assert message.startswith("cut: ")
+    assert words in message
     assert twin.snapshot().inputs["cut"].refused == 1
     twin.advance(1)
     assert twin.cut is None
 
 
-def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) -> None:
+def test_a_cut_beyond_the_line_out_is_not_made(scene: Scene) -> None:
     twin = Twin(scene)
     assert not twin.offer_cut(None, 199.5)
     twin.advance(2)
@@ -240,7 +239,7 @@ def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) ->
     assert "cut already" in twin.offer_cut(None, 20.0)
 
 
-def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
+def test_scenes_whose_rope_cannot_be_cut_are_rejected() -> None:
     for name, words in (
         ("two_line_loop", "runs over a sheave"),
         ("curved_pipe", "`wake_oscillator` together with `bending`"),
@@ -251,7 +250,7 @@ def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
     assert "`bed_friction` together with `bending`" in CutInput(stiff).offer(None, 20.0, 0)
 
 
-def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> None:
+def test_an_impossible_cut_plan_is_rejected_before_the_run(scene: Scene) -> None:
     for name, words in (("two_line_loop", "a sheave"), ("curved_pipe", "`wake_oscillator`")):
         with pytest.raises(InputError, match=words):
             plan_for(load_scene(name), "20@3")
@@ -261,8 +260,8 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
     assert plan_for(scene, "") is None
 
 
-def test_an_error_interval_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
-    """The run goes on to the bit as without one, from a saved state as well."""
+def test_the_error_interval_is_unknown_after_a_cut(scene: Scene) -> None:
+    """The run itself is bit-identical to one without an interval, from a saved state as well."""
     twin, alone = reported(Twin(scene, ERROR_INTERVAL)), reported(Twin(scene))
     twin.advance(200)
     assert twin.snapshot().error_interval is not None
@@ -286,7 +285,7 @@ def test_a_run_with_an_interval_is_cut_and_reported_at_the_end(scene: Scene) -> 
     assert summary.error_interval is None
 
 
-def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) -> None:
+def test_a_run_records_the_cut_command_and_both_ropes(scene: Scene, tmp_path: Path) -> None:
     """Without ROS, the topics that a paced run has; reported at the end and in the diagnostics."""
     options = RunOptions(
         scene=str(scene.path), end_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.5"
@@ -305,14 +304,14 @@ def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) ->
 
 
 def run_to_its_end(scene: Scene) -> Snapshot:
-    """Half a second after a cut."""
+    """Return the run half a second after a cut."""
     twin = Twin(scene)
     assert not twin.offer_cut(None, BELOW_M)
     twin.advance(50)
     return twin.snapshot()
 
 
-def test_a_plan_is_a_place_and_a_time() -> None:
+def test_malformed_cut_options_are_rejected() -> None:
     assert read_plan("") is None
     assert read_plan("1500@30") == PlannedCut(30_000_000_000, 1500.0)
     assert read_plan("end@0.5") == PlannedCut(500_000_000, math.inf)

@@ -1,4 +1,4 @@
-"""The same inputs give the same bits: in another process, and however the run is cut up."""
+"""Determinism: equal inputs give equal bits in another process and in any call pattern."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from determinism_process import run
 from rope_twin import Twin
 
 
-def in_a_process_of_its_own(every: int) -> str:
-    """The digest that a fresh process finds."""
+def digest_of_another_process(every: int) -> str:
+    """Return the digest that a new process computes."""
     folder = Path(__file__).parents[1] / "support"
     done = subprocess.run(
         [sys.executable, str(folder / "determinism_process.py"), str(every)],
@@ -25,19 +25,19 @@ def in_a_process_of_its_own(every: int) -> str:
     return done.stdout
 
 
-def test_two_processes_agree_to_the_bit() -> None:
+def test_two_processes_are_bit_identical() -> None:
     """Twenty seconds of a rope with heave, payout, splits and a changed current."""
-    digests = {in_a_process_of_its_own(2), in_a_process_of_its_own(2), run(2)}
+    digests = {digest_of_another_process(2), digest_of_another_process(2), run(2)}
     assert len(digests) == 1
     assert len(digests.pop()) == 64
 
 
-def test_the_pieces_of_a_run_do_not_matter() -> None:
+def test_a_run_is_independent_of_the_call_pattern() -> None:
     """One step at a time or a second at once."""
     assert run(1) == run(100)
 
 
-def test_the_phase_of_waves_neither() -> None:
+def test_the_wave_phase_is_independent_of_the_call_pattern() -> None:
     """Time is counted in steps, not added up: the last bit of a wave's phase is always the same."""
     pieces = []
     for every in (1, 7, 350):

@@ -1,4 +1,4 @@
-"""A run that keeps books is the same run, and its books close in any scene."""
+"""A run with the energy balance is the same run, and its balance closes in any drawn scene."""
 
 from __future__ import annotations
 
@@ -62,8 +62,8 @@ def drawn(scene: Scene, draw: st.DataObject) -> Scene:
 
 @settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(draw=st.data())
-def test_energy_never_appears_from_nothing(scene: Scene, draw: st.DataObject) -> None:
-    """In taut, slack and snapping ropes, paid out and hauled in, with current, drag and damper."""
+def test_numerical_dissipation_is_never_negative(scene: Scene, draw: st.DataObject) -> None:
+    """Taut, slack and snapping ropes, paid out and hauled in, with current, drag and damper."""
     twin = Twin(drawn(scene, draw), ENERGY)
     height = draw.draw(st.floats(0.0, MOST_HEAVE_M[twin.step_s]))
     period = draw.draw(st.floats(5.0, 12.0))
@@ -85,8 +85,8 @@ def test_energy_never_appears_from_nothing(scene: Scene, draw: st.DataObject) ->
     assert np.isfinite(energy.residual_j)
 
 
-def test_it_is_the_same_run_to_the_bit(scene: Scene) -> None:
-    """With heave, commands, a new current, refused samples, splits and merges."""
+def test_the_energy_balance_does_not_change_the_run(scene: Scene) -> None:
+    """Bit-identical with heave, commands, a new current, refused samples, splits and merges."""
     plain, accounted = Twin(scene), Twin(scene, ENERGY)
     shots, others = run_until(plain, 2050), run_until(accounted, 2050)
     assert digest(shots) == digest(others)
@@ -98,8 +98,8 @@ def test_it_is_the_same_run_to_the_bit(scene: Scene) -> None:
     assert parts - energy.residual_j == pytest.approx(energy.change_j, rel=1e-9)
 
 
-def test_a_saved_state_is_that_of_any_run(scene: Scene, tmp_path: Path) -> None:
-    """What a ledger saw is not in it: a restored run opens a new one, a branch goes on with it."""
+def test_a_saved_state_holds_no_energy_ledger(scene: Scene, tmp_path: Path) -> None:
+    """A restored run opens a new ledger, a branch continues with its own."""
     path, twin = tmp_path / "state", Twin(scene, ENERGY)
     run_until(twin, 260)
     twin.save(path)
@@ -120,7 +120,7 @@ def test_a_saved_state_is_that_of_any_run(scene: Scene, tmp_path: Path) -> None:
     assert new.kinetic_j == whole.kinetic_j
 
 
-def test_a_run_tells_it_where_it_is_asked_for(
+def test_run_energy_reports_the_balance(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: Scene
 ) -> None:
     """`rope_twin run --energy`: in the summary and in the bag's diagnostics; else null."""
@@ -143,7 +143,7 @@ def test_a_run_tells_it_where_it_is_asked_for(
     assert float(reported[-1]["potential [J]"]) == pytest.approx(energy["potential_j"], rel=1e-5)
 
 
-def test_an_effect_without_an_account_is_refused(
+def test_an_effect_without_an_energy_account_is_rejected(
     scene: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In one sentence, and only where the balance is asked for."""

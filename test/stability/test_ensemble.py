@@ -1,4 +1,4 @@
-"""Members of an ensemble against twins of their own: equal to the bit, whatever the others do."""
+"""Members of an ensemble are bit-identical to single twins, whatever the other members do."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ from rope_twin.twin.winch.commands import CommandSample, WinchCommand
 
 
 @settings(max_examples=8, deadline=None)
-@given(own=st.lists(variations(), min_size=2, max_size=4), cut=st.integers(1, 9))
-def test_each_member_equals_a_twin(
-    tmp_path_factory: pytest.TempPathFactory, own: list[Variation], cut: int
+@given(members=st.lists(variations(), min_size=2, max_size=4), cut=st.integers(1, 9))
+def test_each_member_equals_a_single_twin(
+    tmp_path_factory: pytest.TempPathFactory, members: list[Variation], cut: int
 ) -> None:
-    """However the ten seconds are cut, and with members of other sizes on the same threads."""
+    """In any division of the ten seconds, and with members of other sizes on the same threads."""
     scene = small_scene(tmp_path_factory.mktemp("scene"))
-    ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+    ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
     ensemble.advance(cut)
     ensemble.advance(10 - cut)
-    for number, variation in enumerate(own):
+    for number, variation in enumerate(members):
         found, expected = ensemble.snapshot(number), alone(scene, variation, 10)
         assert not differing(found, expected)
 
 
 def lively(scene: Scene) -> list[Variation]:
-    """One that pays out and hauls with splits and merges, one that goes slack, one at rest."""
+    """Return members that pay out and haul with splits and merges, go slack, and rest."""
     commands = tuple(
         CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, 1.5), (9, -1.5))
     )
@@ -55,10 +55,10 @@ def lively(scene: Scene) -> list[Variation]:
     ]
 
 
-def test_splits_merges_slack_and_rest_are_distinguished(tmp_path: Path) -> None:
+def test_members_with_splits_merges_slack_and_rest_equal_single_twins(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
-    own = lively(scene)
-    ensemble = Ensemble(scene, own)
+    members = lively(scene)
+    ensemble = Ensemble(scene, members)
     ensemble.advance(28)
     paying, slack, resting = (ensemble.snapshot(k) for k in range(3))
     assert paying.solver.splits > 0
@@ -66,8 +66,8 @@ def test_splits_merges_slack_and_rest_are_distinguished(tmp_path: Path) -> None:
     shares = [figures.slack_share for figures in ensemble.figures()]
     assert shares[1] > 0.1
     assert shares[0] == shares[2] == 0.0
-    for number, found in enumerate((paying, slack, resting)):
-        assert not differing(found, alone(scene, own[number], 28))
+    for number, actual in enumerate((paying, slack, resting)):
+        assert not differing(actual, alone(scene, members[number], 28))
     reported = ensemble.figures()[2]
     assert reported.steps == 2800
     assert reported.tension_top_max_n == pytest.approx(reported.tension_top_min_n, rel=1e-9)
@@ -93,29 +93,29 @@ BODY = """rigid_body:
     ],
     ids=["rigid_body", "wake_oscillator", "strouhal_forcing", "modal_vibration"],
 )
-def test_each_member_has_a_body_and_wakes_of_its_own(tmp_path: Path, instead: str) -> None:
-    """Members that start alike go apart in their seas, as twins of their own do."""
+def test_members_have_separate_bodies_and_wakes(tmp_path: Path, instead: str) -> None:
+    """Equal members differ after their own seas, as single twins do."""
     path = tmp_path / "states.yaml"
     path.write_text(SMALL_SCENE.replace("payload: {}", instead), encoding="utf-8")
     scene = load_scene(path)
     commands = (CommandSample(0, WinchCommand(SPEED, 1.5)),)
-    own = [
+    members = [
         Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 20.0))),
         Variation(heave=HeaveSeries.of(sea(2.0, 6.0, 20.0)), commands=commands),
         Variation((Change("payloads[0].mass_kg", 9000.0),)),
         Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 20.0))),
     ]
-    ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+    ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
     for seconds in (1, 3, 2):
         ensemble.advance(seconds)
     shots = [ensemble.snapshot(number) for number in range(4)]
-    for found, variation in zip(shots, own, strict=True):
+    for actual, variation in zip(shots, members, strict=True):
         expected = alone(scene, variation, 6)
-        assert not differing(found, expected)
-        assert (found.body is None) == (expected.body is None)
+        assert not differing(actual, expected)
+        assert (actual.body is None) == (expected.body is None)
         if expected.vibration is not None:
-            assert found.vibration is not None
-            amplitudes = found.vibration.cross_flow, expected.vibration.cross_flow
+            assert actual.vibration is not None
+            amplitudes = actual.vibration.cross_flow, expected.vibration.cross_flow
             assert amplitudes[0].tobytes() == amplitudes[1].tobytes()
     assert not differing(shots[3], shots[0])
     assert "tension_top_n" in differing(shots[1], shots[0])
@@ -134,23 +134,23 @@ def test_a_rope_too_slack_for_its_modes_is_marked(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
-def test_ropes_that_meet_are_members_too(name: str) -> None:
-    """Make lone twins: two in other seas, one of another mass; the first winch pays out."""
+def test_multi_line_members_equal_single_twins(name: str) -> None:
+    """Two in other seas, one of another mass; the first winch pays out."""
     scene = load_scene(name)
     commands = tuple(
         CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, 0.3), (2, 0.0))
     )
     heavier = (Change("payloads[0].mass_kg", 1.1, multiply=True),)
-    own = [
+    members = [
         Variation(heave=HeaveSeries.of(sea(0.5, 8.0, 20.0)), commands=commands),
         Variation(heavier, HeaveSeries.of(sea(0.8, 7.0, 20.0)), commands=commands),
         Variation(commands=commands),
     ]
-    ensemble = Ensemble(scene, own, look_s=0.1, threads=2)
+    ensemble = Ensemble(scene, members, look_s=0.1, threads=2)
     assert ensemble.lanes().alone == {"": 3}
     for seconds in (1, 3):
         ensemble.advance(seconds)
-    for number, variation in enumerate(own):
+    for number, variation in enumerate(members):
         found, expected = ensemble.snapshot(number), alone(scene, variation, 4)
         assert not differing(found, expected)
         for rope, other in zip(found.ropes, expected.ropes, strict=True):
@@ -160,11 +160,11 @@ def test_ropes_that_meet_are_members_too(name: str) -> None:
     assert all(one.tension_top_max_n > one.tension_top_min_n for one in figures[:2])
 
 
-def test_the_extremes_are_those_of_every_step(tmp_path: Path) -> None:
-    """Against a twin that is looked at after each step."""
+def test_extremes_cover_every_step(tmp_path: Path) -> None:
+    """Against a twin that is sampled after each step."""
     scene = small_scene(tmp_path)
-    own = lively(scene)[0]
-    ensemble = Ensemble(scene, [own])
+    members = lively(scene)[0]
+    ensemble = Ensemble(scene, [members])
     ensemble.advance(5)
     twin = Twin(scene)
     for stamp, z, v in sea(1.0, 8.0, 30.0):
@@ -179,27 +179,27 @@ def test_the_extremes_are_those_of_every_step(tmp_path: Path) -> None:
     assert found.tension_top_mean_n == pytest.approx(np.mean(tops), rel=1e-12)
 
 
-def test_nothing_of_a_rope_is_kept_in_the_scratch(
+def test_shared_scratch_holds_no_member_state(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Scratch full of NaN makes no difference."""
     scene = small_scene(tmp_path)
-    own = lively(scene)
+    members = lively(scene)
     monkeypatch.setattr(Scratch, "work", lambda self, shape: np.full(shape, np.nan))
-    ensemble = Ensemble(scene, own, threads=1)
+    ensemble = Ensemble(scene, members, threads=1)
     for _ in range(6):
         ensemble.advance(1)
-    for number, variation in enumerate(own):
+    for number, variation in enumerate(members):
         assert not differing(ensemble.snapshot(number), alone(scene, variation, 6))
 
 
-def test_one_that_fails_does_not_stop_the_others(
+def test_a_failing_member_does_not_stop_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It keeps its last good state and says when; the others go on to the same bits."""
+    """It keeps its last good state and the time; the others stay bit-identical."""
     scene = small_scene(tmp_path)
-    own = lively(scene)
-    ensemble = Ensemble(scene, own)
+    members = lively(scene)
+    ensemble = Ensemble(scene, members)
     doomed = ensemble._members[1].rope.state.nodes
 
     def breaking(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
@@ -214,7 +214,7 @@ def test_one_that_fails_does_not_stop_the_others(
     assert reported[1].startswith("step 138 at 1.37 s: the rope's next state is not finite")
     assert ensemble.snapshot(1).step == 137
     for number in (0, 2):
-        assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))
+        assert not differing(ensemble.snapshot(number), alone(scene, members[number], 3))
 
 
 def test_an_interrupted_ensemble_is_not_stepped_on(
@@ -238,7 +238,7 @@ def test_an_interrupted_ensemble_is_not_stepped_on(
         ensemble.advance(1.0)
 
 
-def test_one_that_cannot_start_is_marked(tmp_path: Path) -> None:
+def test_a_member_without_equilibrium_is_marked(tmp_path: Path) -> None:
     """A payload that floats."""
     scene = small_scene(tmp_path)
     light = Variation((Change("payloads[0].mass_kg", 0.0), Change("ropes[0].length_m", 50.0)))
@@ -259,12 +259,12 @@ def test_one_that_cannot_start_is_marked(tmp_path: Path) -> None:
         ("payloads[0].mass_kg", -1.0, "member 1: .*payloads.0..mass_kg: -1 kg is out of range"),
     ],
 )
-def test_a_wrong_member_is_refused(tmp_path: Path, path: str, value: float, words: str) -> None:
+def test_invalid_members_are_rejected(tmp_path: Path, path: str, value: float, words: str) -> None:
     with pytest.raises(SceneError, match=words):
         Ensemble(small_scene(tmp_path), [Variation(), Variation((Change(path, value),))])
 
 
-def test_wrong_times_are_refused(tmp_path: Path) -> None:
+def test_invalid_times_are_rejected(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
     with pytest.raises(InputError, match=r"look_s: 0\.0 s is not possible; give a whole number"):
         Ensemble(scene, [Variation()], look_s=0.0)

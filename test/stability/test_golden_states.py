@@ -37,9 +37,11 @@ def test_the_parts_of_every_scene_are_known(name: str) -> None:
 def test_a_scene_keeps_its_golden_states(name: str) -> None:
     expected = GOLDEN[name]
     alike = golden_states.machine() == expected["machine"]
-    found = golden_states.golden(name, golden_states.UNTIL_S if alike else golden_states.EVERY_S)
-    assert found["solver"] == expected["solver"], "raised on purpose? then write the file again"
+    actual = golden_states.golden(name, golden_states.UNTIL_S if alike else golden_states.EVERY_S)
+    assert actual["solver"] == expected["solver"], "raised on purpose? then write the file again"
     if alike:
-        assert found == expected
+        assert actual == expected
     else:
-        assert found["tension_top_n"] == pytest.approx(expected["tension_top_n"][:1], rel=ELSEWHERE)
+        assert actual["tension_top_n"] == pytest.approx(
+            expected["tension_top_n"][:1], rel=ELSEWHERE
+        )

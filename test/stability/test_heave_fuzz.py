@@ -1,4 +1,4 @@
-"""Any stream of heave samples: refused with a word or used, never a number that is not finite."""
+"""Any stream of heave samples is rejected with a reason or used; every number stays finite."""
 
 from __future__ import annotations
 
@@ -53,15 +53,15 @@ def scene() -> Scene:
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(samples=st.lists(st.one_of(plausible, plausible, wild), max_size=40))
-def test_no_sample_brings_a_number_that_is_not_finite(scene: Scene, samples: list[Sample]) -> None:
-    """Missing, repeated, late, far ahead, not finite, absurd: counted, reported, kept out."""
+def test_results_stay_finite_for_any_heave_sample(scene: Scene, samples: list[Sample]) -> None:
+    """Missing, repeated, late, early, not finite or absurd samples are counted and rejected."""
     twin = Twin(scene)
     refused = 0
     for sample in samples:
         stamp_ns = twin.time_ns + sample.after_ms * 1_000_000
-        said = twin.offer_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
-        assert "\n" not in said
-        refused += bool(said)
+        message = twin.offer_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
+        assert "\n" not in message
+        refused += bool(message)
         twin.advance(sample.steps)
         shot = twin.snapshot()
         assert not not_finite(shot)
@@ -87,10 +87,10 @@ faults = st.fixed_dictionaries(
 
 @settings(max_examples=150, deadline=None)
 @given(series=st.lists(faults, min_size=1, max_size=8), posed=st.booleans())
-def test_no_series_of_faults_stops_the_track(
+def test_results_stay_finite_for_any_sequence_of_faults(
     scene: Scene, series: list[dict[str, float]], posed: bool
 ) -> None:
-    """Faults one after the other and at once, of heave and of poses, at 20 Hz."""
+    """Single and combined faults of heave and of poses, at 20 Hz."""
     track, k, omega = HangOffTrack(scene), 0, 2.0 * math.pi / 8.0
     for fault in series:
         for _ in range(int(fault["lasts"])):
@@ -121,7 +121,7 @@ def test_no_series_of_faults_stops_the_track(
         max_size=30,
     )
 )
-def test_no_winch_command_breaks_the_rope(
+def test_line_out_stays_within_limits_for_any_speed_command(
     scene: Scene, commands: list[tuple[int | None, float, int]]
 ) -> None:
     """The same for speed commands: the line out stays within the winch's limits."""

@@ -1,4 +1,4 @@
-"""Heave that stops, comes back elsewhere or never comes: the twin goes on, says so, and rejoins."""
+"""Heave that stops, returns elsewhere or never comes: the twin continues, reports, and rejoins."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def measured(time_s: float, raised_m: float) -> tuple[float, float]:
 
 
 def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[Snapshot]:
-    """Eighteen seconds, a snapshot each step; no sample within `gap`, all raised after it."""
+    """Run eighteen seconds, a snapshot each step; no sample within `gap`, an offset after it."""
     twin = Twin(small_scene(folder))
     shots, k = [], 0
     for step in range(1800):
@@ -38,8 +38,8 @@ def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[
 
 
 @pytest.mark.parametrize("raised_m", [0.0, 1.0, -3.0])
-def test_a_gap_of_two_seconds(tmp_path: Path, raised_m: float) -> None:
-    """Finite, marked stale, no jump in place or speed, and back on the samples.
+def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m: float) -> None:
+    """Finite, marked stale, continuous in position and velocity, and back on the samples.
 
     A leap adds 6·leap/T² = 0.5 m/s², in 2 s at least: a lift that hangs at rest is not jerked.
     """
@@ -65,7 +65,7 @@ def test_a_gap_of_two_seconds(tmp_path: Path, raised_m: float) -> None:
 
 
 def test_position_and_velocity_agree_through_a_gap(tmp_path: Path) -> None:
-    """The speed handed to the rope is the derivative of the place, also in gap and return."""
+    """The hang-off velocity is the derivative of its position, also in gap and return."""
     shots = with_a_gap(tmp_path, (6.0, 8.0), 1.0)
     heave = np.array([shot.heave_m for shot in shots])
     speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
@@ -76,7 +76,7 @@ def test_position_and_velocity_agree_through_a_gap(tmp_path: Path) -> None:
 
 
 def test_without_samples_the_ship_lies_still(tmp_path: Path) -> None:
-    """Nothing moves, and the note says why."""
+    """No motion, and the note says why."""
     twin = Twin(small_scene(tmp_path))
     before = twin.snapshot()
     twin.advance(300)
@@ -86,8 +86,8 @@ def test_without_samples_the_ship_lies_still(tmp_path: Path) -> None:
     assert "no sample yet" in after.inputs["heave"].note
 
 
-def test_samples_that_start_late_are_joined_without_a_kick(tmp_path: Path) -> None:
-    """The first comes after 5 s, 1.2 m up: the ramp is over, so the return must be gentle."""
+def test_late_first_samples_are_joined_smoothly(tmp_path: Path) -> None:
+    """The first comes after 5 s, 1.2 m up, when the ramp is over."""
     shots = with_a_gap(tmp_path, (-1.0, 5.0), 1.2)
     heave = np.array([shot.heave_m for shot in shots])
     speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])

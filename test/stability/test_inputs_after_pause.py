@@ -1,4 +1,4 @@
-"""Inputs after a pause or a restart: a replay goes on as if nothing had been, a ship has moved."""
+"""Inputs after a pause or restart: a replay continues unchanged, a ship has moved meanwhile."""
 
 from __future__ import annotations
 
@@ -28,13 +28,13 @@ def heave(at_ns: int, phase: float) -> tuple[float, float]:
 
 
 def feed(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> list[str]:
-    """Samples with from_ns <= stamp < to_ns; what was refused."""
+    """Feed the samples with from_ns <= stamp < to_ns; return what was refused."""
     stamps = range(-(-from_ns // SAMPLE_NS) * SAMPLE_NS, to_ns, SAMPLE_NS)
-    return [said for stamp in stamps if (said := track.offer(stamp, *heave(stamp, phase)))]
+    return [message for stamp in stamps if (message := track.offer(stamp, *heave(stamp, phase)))]
 
 
 def follow(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> np.ndarray:
-    """Step on with samples that come in time; rows of position and velocity."""
+    """Step on with samples that come in time; return rows of position and velocity."""
     rows = []
     for now in range(from_ns + STEP_NS, to_ns + 1, STEP_NS):
         if (now + AHEAD_NS) % SAMPLE_NS == 0:
@@ -49,8 +49,8 @@ def started() -> tuple[HeaveTrack, np.ndarray]:
     return track, follow(track, 0, PAUSE_NS)
 
 
-def test_a_replay_that_repeats_itself_goes_on_to_the_bit() -> None:
-    """Nothing of it is refused, and the motion is that without the pause."""
+def test_a_repeated_replay_continues_bit_identically() -> None:
+    """None of it is refused, and the motion is that without the pause."""
     track, _ = started()
     track.invalidate()
     # from a little before the twin's present on, as a feeding node does
@@ -63,8 +63,8 @@ def test_a_replay_that_repeats_itself_goes_on_to_the_bit() -> None:
 
 @pytest.mark.parametrize("phase", [0.5, math.pi, 4.5])
 @pytest.mark.parametrize("late_ns", [0, 400_000_000])
-def test_a_ship_that_has_moved_on_is_joined_without_a_kick(phase: float, late_ns: int) -> None:
-    """Its samples are taken from the first on, and reached within the time of a rejoining.
+def test_a_moved_ship_is_joined_smoothly(phase: float, late_ns: int) -> None:
+    """Its samples are accepted from the first on and reached within the time of a rejoining.
 
     Up to 4 m apart: without the doubt they are refused for a while and then joined within one
     sample, at up to 15 m/s. The cubic adds 6·leap/T² = 0.5 m/s², so it is at most 1.5·leap/T
@@ -89,8 +89,8 @@ def test_a_ship_that_has_moved_on_is_joined_without_a_kick(phase: float, late_ns
     assert track.counter.health(0, False).refused == 0
 
 
-def test_nonsense_does_not_end_the_doubt() -> None:
-    """A sample that cannot be is refused, and what was known is still there for the replay."""
+def test_an_invalid_sample_does_not_discard_the_known_samples() -> None:
+    """It is rejected, and the known samples are still there for the replay."""
     track, _ = started()
     track.invalidate()
     for z in (math.nan, 99.0):
@@ -117,8 +117,8 @@ def line_out(winch: Winch, from_ns: int, to_ns: int) -> list[tuple[float, float]
     return [(line.length_m, line.speed_m_per_s) for line in lines]
 
 
-def test_a_schedule_that_repeats_itself_goes_on() -> None:
-    """Commands that were done or wait are known; none is refused, and the line out is the same."""
+def test_a_repeated_winch_schedule_continues() -> None:
+    """Done and waiting commands are known: none is rejected, and the line out is the same."""
     winch, other = scheduled(), scheduled()
     winch.invalidate()
     for stamp_ns in range(500_000_000, 1_500_000_000, 100_000_000):
@@ -130,8 +130,8 @@ def test_a_schedule_that_repeats_itself_goes_on() -> None:
     assert winch.counter.health(0, False).refused == 0
 
 
-def test_a_stop_is_not_refused_for_a_plan_of_before_the_pause() -> None:
-    """It replaces what the old plan says from its stamp on."""
+def test_a_stop_replaces_a_schedule_from_before_the_pause() -> None:
+    """It replaces the old schedule from its stamp on."""
     winch = scheduled()
     assert winch.take(1_050_000_000, WinchCommand("speed", 0.0), 1_000_000_000), (
         "without a pause the order holds"

@@ -57,10 +57,10 @@ def member(number: int, height_m: float = 0.4, speed: float = 0.0) -> Variation:
     return Variation(changes, heave.starting_at(number * SECOND_NS // 3), commands)
 
 
-def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int) -> list[str]:
+def unequal(scene: Scene, ensemble: Ensemble, members: list[Variation], seconds: int) -> list[str]:
     """Return the values that differ from those of lone twins, with member and rope."""
     found = []
-    for number, variation in enumerate(own):
+    for number, variation in enumerate(members):
         shot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
         found += [f"member {number}: {name}" for name in differing(shot, expected)]
         found += [f"member {number}: {name}" for name in differing_ropes(shot, expected)]
@@ -68,29 +68,29 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_calm_members(name: str) -> None:
-    """All in lanes, none gives a step up; the cuts of time do not matter."""
-    scene, own = load_scene(name), [member(number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+def test_calm_systems_step_in_lanes(name: str) -> None:
+    """All stay in lanes, none repeats a step alone, in any call pattern."""
+    scene, members = load_scene(name), [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     assert ensemble.lanes().members == LANES
     for seconds in (0.5, 2.5, 1.0):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 4)
+    assert not unequal(scene, ensemble, members, 4)
     lanes = ensemble.lanes()
     assert (lanes.steps, lanes.given_up) == (400 * LANES, 0)
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_slack_and_snap(name: str) -> None:
+def test_slack_and_snapping_systems_in_lanes(name: str) -> None:
     """Some need more corrections than others, the line search, or a halved step."""
     scene = load_scene(name)
-    own = [member(number, 0.2 if number % 2 else SLACK_M[name]) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, look_s=0.07, threads=1)
-    lone = Ensemble(scene, own, look_s=0.07, threads=1, abreast=1)
+    members = [member(number, 0.2 if number % 2 else SLACK_M[name]) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, look_s=0.07, threads=1)
+    lone = Ensemble(scene, members, look_s=0.07, threads=1, abreast=1)
     for seconds in (2, 4):
         ensemble.advance(seconds)
         lone.advance(seconds)
-    assert not unequal(scene, ensemble, own, 6)
+    assert not unequal(scene, ensemble, members, 6)
     assert ensemble.figures() == lone.figures()
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 600 * LANES
@@ -100,11 +100,11 @@ def test_slack_and_snap(name: str) -> None:
     assert any(one.slack_share > 0.0 for one in ensemble.figures())
 
 
-def test_the_last_step_of_a_call_is_given_up() -> None:
-    """Tensions are those of the step that the member did by itself."""
+def test_a_step_repeated_alone_at_the_end_of_a_call() -> None:
+    """Tensions are those of the step that the member made alone."""
     scene = load_scene("bridle_lift")
-    own = [member(number, 0.2 if number % 2 else 4.0) for number in range(LANES)]
-    both = [Ensemble(scene, own, threads=1, abreast=abreast) for abreast in (LANES, 1)]
+    members = [member(number, 0.2 if number % 2 else 4.0) for number in range(LANES)]
+    both = [Ensemble(scene, members, threads=1, abreast=abreast) for abreast in (LANES, 1)]
     for one in both:
         one.advance(4)
     before = both[0].lanes().given_up
@@ -124,24 +124,24 @@ def _tensions(ensemble: Ensemble, number: int) -> Floats:
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_elements_split_in_some(name: str) -> None:
-    """Those that pay out get other elements than their neighbours, and go on without them."""
+def test_splits_in_some_members(name: str) -> None:
+    """Members that pay out get other meshes than their neighbours, and leave the lanes."""
     scene = load_scene(name)
-    own = [member(number, speed=0.5 if number < MIN_GROUP else 0.0) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [member(number, speed=0.5 if number < MIN_GROUP else 0.0) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     for seconds in (1, 14):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 15)
+    assert not unequal(scene, ensemble, members, 15)
     shots = [ensemble.snapshot(number).solver for number in range(LANES)]
     assert [bool(shot.splits) for shot in shots] == [number < MIN_GROUP for number in range(LANES)]
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 1500 * LANES
 
 
-def test_one_that_fails_leaves_its_neighbours_alone() -> None:
-    """It says when it stopped, and the others get the same bits."""
-    scene, own = load_scene("bridle_lift"), [member(number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+def test_a_failing_system_does_not_change_its_neighbours() -> None:
+    """It reports when it stopped, and the others are bit-identical."""
+    scene, members = load_scene("bridle_lift"), [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     ensemble.advance(1)
     broken = ensemble._members[3]
     assert isinstance(broken, TwinMember)
@@ -152,22 +152,22 @@ def test_one_that_fails_leaves_its_neighbours_alone() -> None:
     assert ensemble.figures()[3].steps == 100
     for number in set(range(LANES)) - {3}:
         assert not reported[number]
-        assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))
+        assert not differing(ensemble.snapshot(number), alone(scene, members[number], 3))
 
 
-def test_members_of_two_sizes_are_distinguished() -> None:
+def test_systems_of_two_sizes_form_two_groups() -> None:
     """One group is full; too few of the other kind are left for a group."""
     few = MIN_GROUP - 1
     small = (Change("ropes[1].elements", 50),)
-    own = [Variation()] * LANES + [Variation(small)] * few
-    reported = Ensemble(load_scene("two_line_lift"), own, threads=1).lanes()
+    members = [Variation()] * LANES + [Variation(small)] * few
+    reported = Ensemble(load_scene("two_line_lift"), members, threads=1).lanes()
     assert reported.members == LANES
     assert reported.alone == {"": few}
 
 
 def over_the_sheave(number: int, speed: float) -> Variation:
-    """One with its own sheave, and winches that run the skip below 30 m of rope up or down."""
-    own, runs = member(number), (("winch", speed), ("hang_offs[0].winch", -speed))
+    """Return a member with its own sheave and winches that run the skip below 30 m of rope."""
+    variation, runs = member(number), (("winch", speed), ("hang_offs[0].winch", -speed))
     changes = [
         Change("ropes[0].length_m", 1470.0),
         Change("ropes[1].length_m", 30.0),
@@ -182,16 +182,16 @@ def over_the_sheave(number: int, speed: float) -> Variation:
             Change(f"{winch}.schedule[1].at_s", 1.0),
             Change(f"{winch}.schedule[1].speed_m_per_s", v),
         ]
-    return Variation((*own.changes, *changes), own.heave)
+    return Variation((*variation.changes, *changes), variation.heave)
 
 
 @pytest.mark.long
-def test_elements_at_a_sheave() -> None:
+def test_meshes_change_at_a_sheave_in_lanes() -> None:
     """Rope runs over it either way: some get more elements there, some run out of them and fail."""
     scene = load_scene("two_line_loop")
     speeds = [1.5 if number < MIN_GROUP else -1.0 for number in range(LANES)]
-    own = [over_the_sheave(number, speed) for number, speed in enumerate(speeds)]
-    ensemble, lone = stepped_both_ways(scene, own, (1, 20))
+    members = [over_the_sheave(number, speed) for number, speed in enumerate(speeds)]
+    ensemble, lone = stepped_both_ways(scene, members, (1, 20))
     assert [bool(one.failure) for one in lone.figures()] == [speed > 0.0 for speed in speeds]
     for number in range(LANES):
         elements = len(ensemble.snapshot(number).ropes[1].element_tension_n)
@@ -206,7 +206,7 @@ POLYESTER = """{diameter_m: 0.1, mass_kg_per_m: 6.8, hydrodynamic_diameter_m: 0.
 
 
 @pytest.mark.long
-def test_internal_variables(tmp_path: Path) -> None:
+def test_wakes_of_systems_in_lanes(tmp_path: Path) -> None:
     """Wakes that oscillate at all nodes, also at the connection, of ropes of which one relaxes.
 
     All but the first step are in lanes.
@@ -219,17 +219,17 @@ def test_internal_variables(tmp_path: Path) -> None:
     path.write_text(text.replace("  - payload: {}", "  - wake_oscillator: {}\n  - payload: {}"))
     scene = load_scene(path)
     assert [rope.rope.is_fibre for rope in scene.ropes] == [True, False]
-    own = [member(number, speed=0.5 if number == 1 else 0.0) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [member(number, speed=0.5 if number == 1 else 0.0) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     assert ensemble.lanes().members == LANES
     for seconds in (1, 14):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 15)
+    assert not unequal(scene, ensemble, members, 15)
     assert [bool(ensemble.snapshot(k).solver.splits) for k in range(3)] == [False, True, False]
     memories = [_memory_of(ensemble, number) for number in (0, 0, 2)]
     assert np.array_equal(memories[0], memories[1])
     assert not np.array_equal(memories[0], memories[2])
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     lone.advance(15)
     for number in range(LANES):
         assert np.array_equal(_memory_of(ensemble, number), _memory_of(lone, number)), number
@@ -241,8 +241,8 @@ def _memory_of(ensemble: Ensemble, number: int) -> Floats:
     assert isinstance(one, TwinMember)
     ropes = one.system.ropes
     counts = [int(rope.state.counts[ELEMENTS]) + 1 for rope in ropes]
-    places = [[type(e) for e in rope.effects].index(WakeOscillator) for rope in ropes]
-    parts = zip(ropes, counts, places, strict=True)
+    positions = [[type(e) for e in rope.effects].index(WakeOscillator) for rope in ropes]
+    parts = zip(ropes, counts, positions, strict=True)
     return np.concatenate([rope.effects[i].memory[:2, :n].ravel() for rope, n, i in parts])
 
 
@@ -253,7 +253,7 @@ GROWING = """\
 
 
 @pytest.mark.long
-def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
+def test_effects_without_wide_kernels_in_lanes(tmp_path: Path) -> None:
     """Waves, splash zone and seabed, of two ropes with one load, which enters the water.
 
     The forces of the water grow, and so do those of the vortices that the load sheds.
@@ -268,28 +268,28 @@ def test_effects_that_are_called_lane_by_lane(tmp_path: Path) -> None:
         path="effects.waves.jonswap.significant_height_m", from_=0.9, to=1.0, multiply=True
     )
     drag = Variable(path="effects.drag.normal", from_=0.95, to=1.05, multiply=True)
-    own = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
-    ensemble, _ = stepped_both_ways(scene, own, (14,))
+    members = variations(scene, make_plan([drag, height], LANES, 1), 16.0)
+    ensemble, _ = stepped_both_ways(scene, members, (14,))
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.1 * lanes.steps
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", PARTS)
-def test_scenes_with_further_parts(name: str) -> None:
+def test_systems_with_shared_parts_in_lanes(name: str) -> None:
     """Parts that one rope has for all, or that act between ropes: the same states and figures."""
     check_members(load_scene(name))
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
-def test_ropes_that_bend(tmp_path: Path, name: str) -> None:
-    """Clamped at hang-offs, hinged where they meet."""
+def test_bent_systems_in_lanes(tmp_path: Path, name: str) -> None:
+    """Clamped at hang-offs, hinged at connections."""
     check_members(bent(tmp_path, name))
 
 
 def bent(folder: Path, name: str) -> Scene:
-    """A scene of the repository with ropes that resist bending."""
+    """Return a shipped scene with ropes that have bending stiffness."""
     path = folder / "bent.yaml"
     bending = "bending: {stiffness_n_m2: 3.0e+5, clamped_along: [0.1, 0.0, -1.0]}"
     text = load_scene(name).path.read_text()
@@ -304,12 +304,12 @@ def test_bent_ropes_step_in_lanes(tmp_path: Path) -> None:
 
 def check_members(scene: Scene) -> None:
     """Assert that members in lanes, of different lengths, are equal to those without them."""
-    own = []
+    members = []
     for number in range(LANES):
         longer = Change("ropes[0].length_m", scene.ropes[0].length_m + 0.05 * number)
         one = member(number, 0.3 + 0.2 * number)
-        own.append(replace(one, changes=(*one.changes, longer), commands=None))
-    ensemble, _ = stepped_both_ways(scene, own)
+        members.append(replace(one, changes=(*one.changes, longer), commands=None))
+    ensemble, _ = stepped_both_ways(scene, members)
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.01 * lanes.steps  # such as the first one, with internal variables
 
@@ -337,15 +337,15 @@ winch:
 
 
 @pytest.mark.long
-def test_payloads_that_touch(tmp_path: Path) -> None:
-    """Three spheres knock, press and slide along each other, in each lane otherwise, or part."""
+def test_payload_contact_in_lanes(tmp_path: Path) -> None:
+    """Three spheres hit, press, slide along each other and part, differently in each lane."""
     text = load_scene("cage_and_clump").path.read_text()
     text = text.replace("\nhang_offs:\n", THIRD).replace("\nwinch:\n", BLOCK)
     clump = "        - {name: clump, radius_m: 0.45}\n"
     assert clump in text
     path = tmp_path / "three.yaml"
     path.write_text(text.replace(clump, f"{clump}        - {{name: block, radius_m: 0.5}}\n"))
-    scene, own = load_scene(path), []
+    scene, members = load_scene(path), []
     for k in range(LANES):
         changes = (
             Change("effects.current.profile[*][1][*]", 0.8 + 0.06 * k, multiply=True),
@@ -353,9 +353,9 @@ def test_payloads_that_touch(tmp_path: Path) -> None:
             Change("effects.payload_contact.friction", 0.1 * k),
         )
         heave = HeaveSeries.of(sea((0.2, 0.5, 1.0)[k % 3], 5.0 + 0.3 * k, 30.0))
-        own.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
-    ensemble = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
+    ensemble = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     assert ensemble.lanes().members == LANES
     touches = []
     for _ in range(10):
@@ -382,14 +382,14 @@ def _touches(ensemble: Ensemble, number: int) -> int:
     "name",
     [*SCENES, *PARTS, "cage_and_clump", "two_line_landing", "two_line_ascent", "two_line_14km"],
 )
-def test_scenes_step_in_lanes(name: str) -> None:
+def test_multi_line_scenes_step_in_lanes(name: str) -> None:
     """All their effects have kernels for it."""
     system = build_joined(load_scene(name)).system
     assert not why_joined_alone(system)
     assert joined_kind_of(system) is not None
 
 
-def test_a_rope_may_relax_beside_one_that_does_not(tmp_path: Path) -> None:
+def test_a_fibre_rope_and_a_steel_rope_in_one_system_step_in_lanes(tmp_path: Path) -> None:
     """Their effects are those of one system: of the same types in all ropes."""
     text, path = load_scene("two_line_lift").path.read_text(), tmp_path / "unlike.yaml"
     path.write_text(text.replace("rope: steel_wire_40mm", f"rope: {POLYESTER}", 1))
@@ -398,8 +398,8 @@ def test_a_rope_may_relax_beside_one_that_does_not(tmp_path: Path) -> None:
     assert fore.sections[RELAXATION] > 0.0 == aft.sections[RELAXATION]
 
 
-def test_ropes_that_touch_step_alone(tmp_path: Path) -> None:
-    """Where they do is searched for, in each member elsewhere."""
+def test_rope_contact_is_not_stepped_in_lanes(tmp_path: Path) -> None:
+    """The crossing is searched for, elsewhere in each member."""
     text, path = load_scene("two_line_lift").path.read_text(), tmp_path / "touching.yaml"
     contact = "line_contact: {stiffness_n_per_m: 1.0e+5}"
     path.write_text(text.replace("  - payload: {}", f"  - {contact}\n  - payload: {{}}"))

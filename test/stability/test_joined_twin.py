@@ -1,4 +1,4 @@
-"""The shipped multi-line scenes: at rest, under way, commanded, saved and gone on."""
+"""The shipped multi-line scenes: static equilibrium, heave, commands, saved states."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 
 
 def heaved(twin: Twin, steps: int, every: int = 10) -> list[Snapshot]:
-    """Go on under a heave of 1 m every 8 s; a snapshot each so many steps."""
+    """Run under a heave of 1 m every 8 s; return a snapshot each so many steps."""
     shots, omega = [], 2.0 * math.pi / 8.0
     for _ in range(steps):
         due = twin.time_ns + AHEAD_NS
@@ -54,8 +54,8 @@ def top_tension(shot: Snapshot, name: str) -> float:
     return next(rope.tension_top_n for rope in shot.ropes if rope.name == name)
 
 
-def test_bridle_carries_what_hangs_below_it(bridle: Scene) -> None:
-    """In still water: legs W/(2·cos α) on the bar, the bar W·tan α, all that hangs at the top."""
+def test_static_tensions_of_a_bridle(bridle: Scene) -> None:
+    """In still water: legs W/(2·cos α) on the bar, the bar W·tan α, the total at the top."""
     calm = CurrentParams(profile=((0.0, (0.0, 0.0)),))
     effects = tuple(calm if isinstance(e, CurrentParams) else e for e in bridle.effects)
     shot = Twin(replace(bridle, effects=effects)).snapshot()
@@ -78,26 +78,26 @@ def test_bridle_carries_what_hangs_below_it(bridle: Scene) -> None:
     assert shot.payloads[0].position_m[2] == pytest.approx(-1013.0 - 2.8, abs=1.0)
 
 
-def test_rest_is_found_from_upside_down(bridle: Scene) -> None:
+def test_static_equilibrium_from_an_inverted_guess(bridle: Scene) -> None:
     """On 1,000 elements, from a guess in which every rope stands on its head."""
     rests = []
     for sign in (1.0, -1.0):
         built = build_joined(variant(bridle, 780))
         system = built.system
-        place = np.zeros((len(system.ropes), rows.MOTIONS))
-        place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
-        place[:, rows.LINE] = [line.length_m for line in bridle.ropes]
+        position = np.zeros((len(system.ropes), rows.MOTIONS))
+        position[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
+        position[:, rows.LINE] = [line.length_m for line in bridle.ropes]
         for rope in system.ropes:
             rope.state.nodes[rows.Z] *= sign
         system.joints.nodes[rows.Z] *= sign
-        end = solve_joined_statics(system, place)
+        end = solve_joined_statics(system, position)
         assert end.found
         rests.append(end.tension_n)
     assert rests[1] == pytest.approx(rests[0], rel=1e-6)
 
 
-def test_ropes_stay_joined_under_way(bridle: Scene) -> None:
-    """Twenty seconds of heave and payout: every end where its joint is, each step converged."""
+def test_rope_ends_stay_at_their_joints(bridle: Scene) -> None:
+    """Twenty seconds of heave and payout: every end at its joint, each step converged."""
     twin = Twin(bridle)
     assert twin.offer_speed(None, 1.0) == ""
     shots = heaved(twin, 2000, 100)
@@ -116,7 +116,7 @@ def test_ropes_stay_joined_under_way(bridle: Scene) -> None:
 
 
 def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
-    """Paying out one of two winches moves the load over to the other line."""
+    """Paying out one of two winches moves the load to the other line."""
     twin = Twin(two_lines)
     before = twin.snapshot()
     refusal = twin.offer_speed(None, 0.1, "aft_sheaf")
@@ -138,8 +138,8 @@ def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
     assert after.inputs["winch_command aft_sheave"].accepted == 1
 
 
-def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Path) -> None:
-    """To the bit, with splits at both winches on the way."""
+def test_a_multi_line_twin_resumes_bit_identically(two_lines: Scene, tmp_path: Path) -> None:
+    """With splits at both winches on the way."""
     twin = Twin(two_lines)
     for winch in ("winch", "aft_sheave"):
         assert twin.offer_speed(None, 0.5, winch) == ""
@@ -158,14 +158,12 @@ def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Pat
     assert expected[-1].solver.splits >= 2
 
 
-def test_what_builds_one_rope_says_so(bridle: Scene) -> None:
+def test_building_one_rope_rejects_a_multi_line_scene(bridle: Scene) -> None:
     with pytest.raises(SceneError, match="ropes meet here; give a scene of one rope"):
         build(bridle)
 
 
-def test_a_sling_that_is_too_weak_is_reported(
-    bridle: Scene, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_weak_sling_is_reported(bridle: Scene, caplog: pytest.LogCaptureFixture) -> None:
     """A flat bridle loads its legs far more than their share of the weight."""
     Twin(bridle)
     assert not caplog.messages

@@ -1,4 +1,4 @@
-"""A twin that is saved while it runs."""
+"""Saving of a running twin at intervals."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ def twin(tmp_path: Path) -> Twin:
     return Twin(small_scene(tmp_path))
 
 
-def test_it_saves_every_so_often_and_at_the_end(twin: Twin, tmp_path: Path) -> None:
-    """Each file is the state of its step; nothing is written before it is time."""
+def test_states_are_saved_at_intervals_and_at_the_end(twin: Twin, tmp_path: Path) -> None:
+    """Each file is the state of its step; none is written early."""
     path = tmp_path / "run.state"
     keeper = AutoSave(twin, path, 0.5)
     keeper.advance(49)
@@ -41,14 +41,14 @@ def test_it_saves_every_so_often_and_at_the_end(twin: Twin, tmp_path: Path) -> N
     assert path.stat().st_mtime_ns == before, "nothing new, nothing to write"
 
 
-def test_a_run_that_never_began_leaves_the_file_alone(twin: Twin, tmp_path: Path) -> None:
+def test_a_run_without_steps_leaves_the_file_alone(twin: Twin, tmp_path: Path) -> None:
     twin.save(tmp_path / "run.state")
     before = (tmp_path / "run.state").stat().st_mtime_ns
     AutoSave(twin, tmp_path / "run.state", 1.0).finish()
     assert (tmp_path / "run.state").stat().st_mtime_ns == before
 
 
-def test_a_disk_that_refuses_is_reported_once_and_the_twin_goes_on(
+def test_a_full_disk_is_reported_once_and_the_twin_continues(
     twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = tmp_path / "states"
@@ -79,10 +79,10 @@ def test_a_disk_that_refuses_is_reported_once_and_the_twin_goes_on(
     assert twin.steps == 60
 
 
-def test_a_twin_that_cannot_be_saved_is_reported_and_goes_on(
+def test_a_state_that_cannot_be_saved_is_reported_and_the_twin_continues(
     twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Stepping matters more than its file: the one before is kept."""
+    """The previous file is kept."""
     keeper = AutoSave(twin, tmp_path / "run.state", 0.1)
     keeper.advance(20)
     keeper.finish_writing()
@@ -102,12 +102,12 @@ def test_a_twin_that_cannot_be_saved_is_reported_and_goes_on(
     assert load_state(tmp_path / "run.state").about.step == 60
 
 
-def test_a_place_that_cannot_be_is_reported_at_the_start(twin: Twin, tmp_path: Path) -> None:
+def test_an_impossible_path_is_reported_at_the_start(twin: Twin, tmp_path: Path) -> None:
     with pytest.raises(StateError, match="cannot be written; name a file"):
         AutoSave(twin, tmp_path / "none" / "run.state", 1.0)
 
 
-def test_a_state_that_goes_nowhere_does_not_replace_the_last_good_one(
+def test_a_failing_state_does_not_replace_the_last_good_one(
     twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keeper = AutoSave(twin, tmp_path / "run.state", 0.5)

@@ -100,16 +100,16 @@ def member(number: int) -> Variation:
 
 
 @pytest.mark.long
-def test_effects_that_branch(tmp_path: Path) -> None:
+def test_branching_effects_in_lanes(tmp_path: Path) -> None:
     """A table, waves, wetting, wind, splash zone, seabed, net, fairing and VIV together."""
     path = tmp_path / "everything.yaml"
     path.write_text(EVERYTHING)
     scene = load_scene(path)
     assert not why_alone(build(scene))
-    own = [member(number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [member(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     assert ensemble.lanes().members == LANES
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     for seconds in (1, 3):
         ensemble.advance(seconds)
         lone.advance(seconds)
@@ -122,12 +122,12 @@ def test_effects_that_branch(tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", SHIPPED)
-def test_shipped_scenes(name: str) -> None:
-    """Each in lanes and without them: the same states, internal variables and figures."""
+def test_shipped_scenes_in_lanes(name: str) -> None:
+    """Equal states, internal variables and figures in lanes and without them."""
     scene = load_scene(name)
-    own = [heaving(scene, number) for number in range(LANES)]
-    together = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    members = [heaving(scene, number) for number in range(LANES)]
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     assert together.lanes().members == LANES
     steps = round(6.0 / scene.time.step_s)
     for some in (1, steps // 4, steps - 1 - steps // 4):
@@ -141,7 +141,7 @@ def test_shipped_scenes(name: str) -> None:
 
 
 @pytest.mark.long
-def test_wakes_that_begin_while_rope_is_paid_out(tmp_path: Path) -> None:
+def test_wakes_that_start_during_payout_in_lanes(tmp_path: Path) -> None:
     """The first step is each member's own: nothing of the lanes' attempt at it is left behind."""
     path = tmp_path / "vortices.yaml"
     path.write_text(
@@ -149,9 +149,9 @@ def test_wakes_that_begin_while_rope_is_paid_out(tmp_path: Path) -> None:
     )
     scene = load_scene(path)
     commands = (CommandSample(0, WinchCommand(SPEED, 0.5)),)
-    own = [Variation(heave=heaving(scene, k).heave, commands=commands) for k in range(LANES)]
-    together = Ensemble(scene, own, threads=1)
-    lone = Ensemble(scene, own, threads=1, abreast=1)
+    members = [Variation(heave=heaving(scene, k).heave, commands=commands) for k in range(LANES)]
+    together = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, abreast=1)
     assert together.lanes().members == LANES
     for one in (together, lone):
         one.advance(1.0)
@@ -186,15 +186,15 @@ GROWING = """\
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("effects", "own"),
+    ("effects", "variants"),
     [
         (KEULEGAN_CARPENTER, (("payload_oscillation.size_m[2]", 0.8, 0.3),)),
         (GROWING, (("fluid_ramp.water.ramp_s", 1.0, 1.0),)),
     ],
     ids=["oscillating", "growing"],
 )
-def test_forces_that_change_with_time(
-    tmp_path: Path, effects: str, own: tuple[tuple[str, float, float], ...]
+def test_time_varying_forces_in_lanes(
+    tmp_path: Path, effects: str, variants: tuple[tuple[str, float, float], ...]
 ) -> None:
     """By Keulegan-Carpenter numbers, or by ramps, in layers; calm, paid out, and snapping ones."""
     path, drag = tmp_path / "changing.yaml", "  - drag: {normal: 1.5, tangential: 0.03}\n"
@@ -203,7 +203,7 @@ def test_forces_that_change_with_time(
     scene = load_scene(path)
     members = []
     for k in range(LANES):
-        changes = [Change(f"effects.{name}", first + step * k) for name, first, step in own]
+        changes = [Change(f"effects.{name}", first + step * k) for name, first, step in variants]
         light = Change("payloads[0].mass_kg", 1700.0 if k % 3 == 2 else 8000.0)
         heave = HeaveSeries.of(sea((0.5, 1.0, 4.0)[k % 3], 5.0 + 0.3 * k, 30.0))
         speed = CommandSample(0, WinchCommand(SPEED, 1.5 if k % 3 == 1 else 0.0))
@@ -230,8 +230,8 @@ seabed:
 
 @pytest.mark.long
 @pytest.mark.parametrize("friction", ["", "  - bed_friction: {axial: 0.3, lateral: 0.6}\n"])
-def test_chains_on_uneven_beds(tmp_path: Path, friction: str) -> None:
-    """Laid down, dragged and lifted over soundings, in each lane in another place."""
+def test_chains_on_soundings_in_lanes(tmp_path: Path, friction: str) -> None:
+    """Laid down, dragged and lifted over soundings, at another position in each lane."""
     text = load_scene("chain_on_bottom").path.read_text()
     sticks = next(line for line in text.splitlines(keepends=True) if "bed_friction" in line)
     path = tmp_path / "uneven.yaml"
@@ -275,7 +275,7 @@ POLYESTER_BELOW_WIRE = """\
 
 
 @pytest.mark.long
-def test_polyester_below_wire(tmp_path: Path) -> None:
+def test_fibre_rope_below_wire_in_lanes(tmp_path: Path) -> None:
     """Where the wire has yet to come over the sheave, or comes; calm, moving, and slack ones.
 
     Some are loaded beyond their highest tension so far, others below it on working curves.
@@ -319,14 +319,14 @@ def _fibre_of(ensemble: Ensemble, number: int) -> Floats:
     """Return the internal variables of a member's elements, (CARRIED, elements)."""
     member = ensemble._members[number]
     assert isinstance(member, Member)
-    fibre = next(one for one in member.rope.effects if isinstance(one, Fibre))
+    fibre = next(effect for effect in member.rope.effects if isinstance(effect, Fibre))
     return fibre.memory[:CARRIED, : member.rope.state.counts[ELEMENTS]]
 
 
 def _body_of(ensemble: Ensemble, number: int) -> RigidBody:
     member = ensemble._members[number]
     assert isinstance(member, Member)
-    return next(one for one in member.rope.effects if isinstance(one, RigidBody))
+    return next(effect for effect in member.rope.effects if isinstance(effect, RigidBody))
 
 
 def _check_bodies(together: Ensemble, lone: Ensemble) -> None:
@@ -344,12 +344,12 @@ def _check_bodies(together: Ensemble, lone: Ensemble) -> None:
 
 
 @pytest.mark.long
-def test_a_body_leaves_the_deck() -> None:
-    """Slings tighten and fall slack, corners touch and come off: equal bits, step by step."""
+def test_lift_off_in_lanes() -> None:
+    """Slings tighten and fall slack, corners touch and come off: bit-identical, step by step."""
     scene = load_scene("lift_off")
-    own = [heaving(scene, number) for number in range(LANES)]
-    together = Ensemble(scene, own, threads=1, watched=True)
-    lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
+    members = [heaving(scene, number) for number in range(LANES)]
+    together = Ensemble(scene, members, threads=1, watched=True)
+    lone = Ensemble(scene, members, threads=1, abreast=1, watched=True)
     assert together.lanes().members == LANES
     heights = []
     for seconds in (1, 13, 12):
@@ -377,7 +377,9 @@ seabed:
 @pytest.mark.parametrize(
     ("line_out_m", "bed"), [(29.5, PlaneBed), (70.6, PlaneBed), (70.6, GridBed)]
 )
-def test_a_body_in_the_surface_and_on_the_bed(tmp_path: Path, line_out_m: float, bed: type) -> None:
+def test_body_at_the_surface_and_on_the_bed_in_lanes(
+    tmp_path: Path, line_out_m: float, bed: type
+) -> None:
     """Columns stand partly in the waves, or corners bear on the bed, in each lane otherwise.
 
     The one on soundings sheds vortices too.
@@ -392,18 +394,18 @@ def test_a_body_in_the_surface_and_on_the_bed(tmp_path: Path, line_out_m: float,
         )
         scene = load_scene(path)
     scene = change_scene(scene, (Change("ropes[0].length_m", line_out_m),))
-    own = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
-    together = Ensemble(scene, own, threads=1, watched=True)
-    lone = Ensemble(scene, own, threads=1, abreast=1, watched=True)
+    members = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
+    together = Ensemble(scene, members, threads=1, watched=True)
+    lone = Ensemble(scene, members, threads=1, abreast=1, watched=True)
     assert together.lanes().members == LANES
     for seconds in (1, 3):
         together.advance(seconds)
         lone.advance(seconds)
         _check_bodies(together, lone)
     bodies = [_body_of(together, number) for number in range(LANES)]
-    pushes = [bed_pushes(part_of(one, bed), one, pose_of(one))[1] for one in bodies]
+    pushes = [bed_pushes(part_of(body, bed), body, pose_of(body))[1] for body in bodies]
     stands = line_out_m > 50.0
-    assert all((one.stage[WET] < 1.0) != stands for one in bodies)
+    assert all((body.stage[WET] < 1.0) != stands for body in bodies)
     assert all((push.sum() > 0.0) == stands for push in pushes)
     lanes = together.lanes()
     assert lanes.given_up < 0.1 * lanes.steps

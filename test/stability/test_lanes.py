@@ -66,7 +66,7 @@ TWO_SECTIONS = """\
 
 
 def calm(number: int) -> Variation:
-    """A member that stays in its lane: its load, rope, water, drag and sea are its own."""
+    """Return a member that stays in its lane, with its own load, rope, water, drag and sea."""
     changes = (
         Change("payloads[0].mass_kg", 8000.0 + 300.0 * number),
         Change("ropes[0].rope.axial_stiffness_n", 1.0 + 0.05 * number, multiply=True),
@@ -81,7 +81,7 @@ def calm(number: int) -> Variation:
 
 
 def paying(number: int) -> Variation:
-    """One whose winch runs at a speed of its own, out and in again: splits and merges."""
+    """Return a member whose winch pays out and hauls in: splits and merges."""
     speed = 1.5 - 0.1 * (number % 3)
     commands = tuple(
         CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, speed), (9, -speed))
@@ -90,16 +90,16 @@ def paying(number: int) -> Variation:
 
 
 def snapping(number: int) -> Variation:
-    """One with a light load in high waves: slack and snap, line searches and halved steps."""
+    """Return a member with a light load in high waves: snaps, line searches, halved steps."""
     light = Change("payloads[0].mass_kg", 1700.0 + 100.0 * number)
     return Variation((light,), HeaveSeries.of(sea(4.0, 4.5 + 0.2 * number, 30.0)))
 
 
-def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int) -> list[str]:
-    """What differs from lone twins, and in which member."""
+def unequal(scene: Scene, ensemble: Ensemble, members: list[Variation], seconds: int) -> list[str]:
+    """Return the values that differ from those of single twins, with the member."""
     return [
         f"member {number}: {name}"
-        for number, variation in enumerate(own)
+        for number, variation in enumerate(members)
         for name in differing(ensemble.snapshot(number), alone(scene, variation, seconds))
     ]
 
@@ -107,21 +107,21 @@ def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int
 def one_of_three(
     k: int, changes: tuple[Change, ...], snapping_m: float, speed: float, turn_s: int
 ) -> Variation:
-    """A member that is calm, or pays out and hauls in from `turn_s` on, or snaps in high waves."""
+    """Return a member that is calm, pays out and hauls in from `turn_s` on, or snaps."""
     heave = HeaveSeries.of(sea((0.5, 1.0, snapping_m)[k % 3], 6.0 + 0.3 * k, 30.0))
-    own = speed if k % 3 == 1 else 0.0
-    orders = ((0, own), (turn_s, -own))
+    winch_speed = speed if k % 3 == 1 else 0.0
+    orders = ((0, winch_speed), (turn_s, -winch_speed))
     commands = (CommandSample(at * SECOND_NS, WinchCommand(SPEED, v)) for at, v in orders)
     return Variation(changes, heave.starting_at(k * SECOND_NS // 3), tuple(commands))
 
 
-def stepped_as_alone(scene: Scene, own: list[Variation], seconds: int) -> Ensemble:
-    """Members that went in lanes and are equal to lone twins, through splits and snaps."""
-    ensemble = Ensemble(scene, own, threads=1)
+def stepped_as_alone(scene: Scene, members: list[Variation], seconds: int) -> Ensemble:
+    """Step members in lanes and assert that they equal single twins."""
+    ensemble = Ensemble(scene, members, threads=1)
     assert ensemble.lanes().members == LANES
     for some in (1, seconds - 1):
         ensemble.advance(some)
-    assert not unequal(scene, ensemble, own, seconds)
+    assert not unequal(scene, ensemble, members, seconds)
     shots = [ensemble.snapshot(number).solver for number in range(LANES)]
     assert shots[1].splits > 0
     assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
@@ -134,7 +134,7 @@ def stepped_as_alone(scene: Scene, own: list[Variation], seconds: int) -> Ensemb
 def test_any_number_of_members(
     tmp_path: Path, members: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Groups that are full, groups with lanes to spare, and what is too few for a group."""
+    """Full groups, groups with spare lanes, and too few members for a group."""
     groups: list[int] = []
     begin = Group.begin
 
@@ -144,10 +144,10 @@ def test_any_number_of_members(
 
     monkeypatch.setattr(Group, "begin", counted)
     scene = small_scene(tmp_path)
-    own = [calm(number) for number in range(members)]
-    ensemble = Ensemble(scene, own, threads=1)
+    variants = [calm(number) for number in range(members)]
+    ensemble = Ensemble(scene, variants, threads=1)
     ensemble.advance(4)
-    assert not unequal(scene, ensemble, own, 4)
+    assert not unequal(scene, ensemble, variants, 4)
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 400 * lanes.members
     assert lanes.given_up <= 0.01 * lanes.steps
@@ -157,7 +157,7 @@ def test_any_number_of_members(
 
 
 @pytest.mark.long
-def test_a_fixed_lower_end_in_a_vertical_current(tmp_path: Path) -> None:
+def test_fixed_lower_ends_in_a_vertical_current_in_lanes(tmp_path: Path) -> None:
     """Its node stands in every lane where it is held, so that no step is given up.
 
     The currents well up, each by its own rows: both in one step.
@@ -168,28 +168,28 @@ def test_a_fixed_lower_end_in_a_vertical_current(tmp_path: Path) -> None:
     assert "0.2]]" in tail
     path.write_text(text + tail[tail.index("winch:") :].replace("  - payload: {}\n", ""))
     scene = load_scene(path)
-    own = [
+    members = [
         Variation(
             tuple(change for change in calm(k).changes if "payload" not in change.path),
             HeaveSeries.of(sea(0.1, 6.0 + 0.3 * k, 30.0)),
         )
         for k in range(LANES)
     ]
-    ensemble = Ensemble(scene, own, threads=1)
+    ensemble = Ensemble(scene, members, threads=1)
     ensemble.advance(4)
-    assert not unequal(scene, ensemble, own, 4)
+    assert not unequal(scene, ensemble, members, 4)
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 400 * LANES
     assert lanes.given_up <= 0.01 * lanes.steps
 
 
-def test_ropes_paid_out_alike_stay_together(tmp_path: Path) -> None:
-    """Their elements split at the same steps; the group goes on with one more, not each alone."""
+def test_members_with_equal_payout_stay_in_lanes(tmp_path: Path) -> None:
+    """Their elements split at the same steps; the whole group goes on with one more."""
     scene = small_scene(tmp_path)
-    own = [Variation(heave=calm(k).heave, commands=paying(0).commands) for k in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [Variation(heave=calm(k).heave, commands=paying(0).commands) for k in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     ensemble.advance(14)
-    assert not unequal(scene, ensemble, own, 14)
+    assert not unequal(scene, ensemble, members, 14)
     splits = ensemble.snapshot(0).solver.splits
     assert splits
     lanes = ensemble.lanes()
@@ -197,10 +197,10 @@ def test_ropes_paid_out_alike_stay_together(tmp_path: Path) -> None:
     assert lanes.given_up <= (splits + 1 + 14) * LANES
 
 
-def test_what_a_turn_needs_is_compiled_before_it(
+def test_lanes_are_compiled_before_the_first_turn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """So that the time of the first turn is that of its steps."""
+    """The time of the first turn is that of its steps."""
     asked: list[object] = []
     compiled = group_module.compiled
     monkeypatch.setattr(group_module, "_COMPILED", {})
@@ -214,16 +214,16 @@ def test_what_a_turn_needs_is_compiled_before_it(
     assert len(asked) == 1
 
 
-def test_splits_slack_and_calm_side_by_side(tmp_path: Path) -> None:
-    """Each kind of trouble in lanes beside all others; the cuts of time do not matter."""
+def test_splits_slack_and_calm_members_in_one_group(tmp_path: Path) -> None:
+    """In any call pattern."""
     scene = small_scene(tmp_path)
     kinds = (calm, paying, snapping)
-    own = [kinds[number % 3](number) for number in range(2 * LANES)]
-    ensemble = Ensemble(scene, own, look_s=0.07)
+    members = [kinds[number % 3](number) for number in range(2 * LANES)]
+    ensemble = Ensemble(scene, members, look_s=0.07)
     for seconds in (1, 15, 8):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 24)
-    shots = [ensemble.snapshot(number).solver for number in range(len(own))]
+    assert not unequal(scene, ensemble, members, 24)
+    shots = [ensemble.snapshot(number).solver for number in range(len(members))]
     assert shots[1].splits > 0
     assert shots[1].merges > 0
     assert shots[2].solves > 1.1 * shots[0].solves
@@ -231,41 +231,41 @@ def test_splits_slack_and_calm_side_by_side(tmp_path: Path) -> None:
 
 
 def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Extremes, means, looks along the rope: the same as when each member steps alone."""
+    """Extremes, means and sampled values equal those of members that step alone."""
     scene = small_scene(tmp_path)
-    own = [snapping(number) for number in range(LANES)] + [paying(1)]
-    together = Ensemble(scene, own, look_s=0.07)
+    members = [snapping(number) for number in range(LANES)] + [paying(1)]
+    together = Ensemble(scene, members, look_s=0.07)
     together.advance(6)
     monkeypatch.setattr(lanes_module, "MIN_GROUP", LANES + 1)
-    lone = Ensemble(scene, own, look_s=0.07)
+    lone = Ensemble(scene, members, look_s=0.07)
     lone.advance(6)
     assert together.figures() == lone.figures()
     assert any(0.0 < figures.slack_share < 1.0 for figures in together.figures())
 
 
 @settings(max_examples=6, deadline=None)
-@given(own=st.lists(variations(), min_size=2, max_size=5), cut=st.integers(1, 9))
-def test_members_at_random(
-    tmp_path_factory: pytest.TempPathFactory, own: list[Variation], cut: int
+@given(members=st.lists(variations(), min_size=2, max_size=5), cut=st.integers(1, 9))
+def test_random_members_in_lanes(
+    tmp_path_factory: pytest.TempPathFactory, members: list[Variation], cut: int
 ) -> None:
-    """Each beside one like it at least, so that all are in lanes."""
+    """Each next to one like it at least, so that all are in lanes."""
     scene = small_scene(tmp_path_factory.mktemp("scene"))
-    own = [*own, *own]
+    members = [*members, *members]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ensemble_module, "MIN_MEMBERS", 1)
         patch.setattr(lanes_module, "MIN_GROUP", 1)
-        ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
-        assert ensemble.lanes().members == len(own)
+        ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
+        assert ensemble.lanes().members == len(members)
         ensemble.advance(cut)
         ensemble.advance(10 - cut)
-    assert not unequal(scene, ensemble, own, 10)
+    assert not unequal(scene, ensemble, members, 10)
 
 
-def test_one_that_fails_leaves_its_neighbours_alone(tmp_path: Path) -> None:
-    """Its state is kept, it says when it stopped, and the others get the same bits."""
+def test_a_failing_member_does_not_change_its_neighbours(tmp_path: Path) -> None:
+    """Its state is kept, it reports when it stopped, and the others are bit-identical."""
     scene = small_scene(tmp_path)
-    own = [calm(number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [calm(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     ensemble.advance(1)
     ensemble._members[3].rope.state.nodes[VELOCITY, 5] = np.inf
     ensemble.advance(2)
@@ -274,40 +274,40 @@ def test_one_that_fails_leaves_its_neighbours_alone(tmp_path: Path) -> None:
     assert ensemble.snapshot(3).step == 100
     for number in set(range(LANES)) - {3}:
         assert not reported[number]
-        found, expected = ensemble.snapshot(number), alone(scene, own[number], 3)
+        found, expected = ensemble.snapshot(number), alone(scene, members[number], 3)
         assert not differing(found, expected)
 
 
-def test_sections_of_one_rope(tmp_path: Path) -> None:
-    """A boundary between sections passes the sheave in some members and not in others."""
+def test_rope_sections_in_lanes(tmp_path: Path) -> None:
+    """A junction of sections passes the sheave in some members and not in others."""
     path = tmp_path / "two.yaml"
     text = SMALL_SCENE.replace("    rope: steel_wire_40mm\n", TWO_SECTIONS)
     path.write_text(text.replace("length_m: 200.0", "length_m: 95.0"))
     scene = load_scene(path)
-    own = [(paying if number % 2 else calm)(number) for number in range(LANES)]
-    own = [Variation((), one.heave, one.commands) for one in own]
-    ensemble = Ensemble(scene, own)
+    members = [(paying if number % 2 else calm)(number) for number in range(LANES)]
+    members = [Variation((), one.heave, one.commands) for one in members]
+    ensemble = Ensemble(scene, members)
     for seconds in (1, 15, 8):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 24)
+    assert not unequal(scene, ensemble, members, 24)
     assert all(ensemble.snapshot(number).solver.splits for number in range(1, LANES, 2))
     assert ensemble.lanes().given_up > 0
 
 
 @pytest.mark.long
-def test_bent_ropes(tmp_path: Path) -> None:
+def test_bent_ropes_in_lanes(tmp_path: Path) -> None:
     """A stiff rope that sheds vortices, with a clamp: calm, paid out and in, and snapping ones."""
     path = tmp_path / "bent.yaml"
     bent = "  - bending: {stiffness_n_m2: 2.0e+5, clamped_along: [0.1, 0.0, -1.0]}\n"
     bent += "  - strouhal_forcing: {}\n"
     path.write_text(SMALL_SCENE.replace("  - payload: {}\n", bent + "  - payload: {}\n"))
     scene = load_scene(path)
-    own = [(calm, paying, snapping)[number % 3](number) for number in range(LANES)]
-    ensemble = Ensemble(scene, own, threads=1)
+    members = [(calm, paying, snapping)[number % 3](number) for number in range(LANES)]
+    ensemble = Ensemble(scene, members, threads=1)
     for seconds in (1, 13):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 14)
-    shots = [ensemble.snapshot(number).solver for number in range(len(own))]
+    assert not unequal(scene, ensemble, members, 14)
+    shots = [ensemble.snapshot(number).solver for number in range(len(members))]
     assert shots[1].splits > 0
     assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
     lanes = ensemble.lanes()
@@ -316,21 +316,21 @@ def test_bent_ropes(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("by_half_waves", ["true", "false"])
 @pytest.mark.long
-def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None:
+def test_stick_slip_friction_in_lanes(tmp_path: Path, by_half_waves: str) -> None:
     """They lie below ropes that shed vortices: calm, paid out and in, and snapping ones."""
     text = load_scene("chain_on_bottom").path.read_text()
     effects = "bed_friction: {axial: 0.3, lateral: 0.6}\n"
     effects += f"  - travelling_waves: {{by_half_waves: {by_half_waves}}}"
     path = tmp_path / "lying.yaml"
     path.write_text(text.replace("bed_friction: {}", effects))
-    scene, own = load_scene(path), []
+    scene, members = load_scene(path), []
     for k in range(LANES):
         changes = (
             Change("effects.bed_friction.slip_m", 1e-3 * (k + 1)),
             Change("effects.current.profile[*][1][*]", 0.5 + 0.3 * k, multiply=True),
         )
-        own.append(one_of_three(k, changes, 5.0, 0.5, 10))
-    ensemble = stepped_as_alone(scene, own, 13)
+        members.append(one_of_three(k, changes, 5.0, 0.5, 10))
+    ensemble = stepped_as_alone(scene, members, 13)
     slid = np.array([_share_of_slip(member.rope, PlaneFriction) for member in ensemble._members])
     assert (slid > 0.0).all()
     assert slid.max() > 0.999 > slid.min()
@@ -338,20 +338,20 @@ def test_chains_that_stick_and_slide(tmp_path: Path, by_half_waves: str) -> None
 
 def _share_of_slip(rope: Rope, kind: type) -> float:
     """Return the largest displacement along the bed or hull over the slip distance."""
-    (rub,) = (one for one in rope.effects if isinstance(one, kind))
+    (rub,) = (effect for effect in rope.effects if isinstance(effect, kind))
     dragged = rub.memory[:CARRIED]
     return float(np.sqrt((dragged * dragged).sum(axis=0)).max() / rub.slip)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("heading", ["", ", heading_deg: 70.0"])
-def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
+def test_hull_contact_and_nets_in_lanes(tmp_path: Path, heading: str) -> None:
     """They stick to walls and slide there, nets trail or are held: calm, moving, snapping ones."""
     text = load_scene("moonpool_lift").path.read_text()
     net = f"net_curtain: {{to_m: 30.0, width_m: 2.0, twine_m: 0.003, bar_m: 0.03{heading}}}"
     path = tmp_path / "nets.yaml"
     path.write_text(text.replace("payload: {}", f"payload: {{}}\n  - {net}"))
-    scene, own = load_scene(path), []
+    scene, members = load_scene(path), []
     for k in range(LANES):
         changes = (
             Change("effects.hull_contact.slip_m", 2e-3 * (k + 1)),
@@ -359,20 +359,20 @@ def test_ropes_in_moonpools_with_nets(tmp_path: Path, heading: str) -> None:
             Change("effects.net_curtain.from_m", 2.0 * k),
             Change("effects.current.profile[*][1][*]", 0.7 + 0.1 * k, multiply=True),
         )
-        own.append(one_of_three(k, changes, 9.0, 1.0, 5))
-    ensemble = stepped_as_alone(scene, own, 9)
+        members.append(one_of_three(k, changes, 9.0, 1.0, 5))
+    ensemble = stepped_as_alone(scene, members, 9)
     slid = np.array([_share_of_slip(member.rope, HullContact) for member in ensemble._members])
     assert slid.max() > 0.999
     assert ((slid > 0.0) & (slid < 0.999)).any()
 
 
 @pytest.mark.long
-def test_heave_compensators() -> None:
+def test_heave_compensators_in_lanes() -> None:
     """Units between their stops and at them, driven and sticking, while rope is paid out."""
     few = Change("ropes[0].elements", 20)
     scene = change_scene(load_scene("active_over_passive_lift"), (few,))
     commands = (CommandSample(0, WinchCommand(SPEED, 1.0)),)
-    own = [
+    members = [
         Variation(
             (Change("payloads[0].mass_kg", 1.0 + 0.02 * k, multiply=True),
              Change("effects.compensator.exponent", 1.0 + 0.05 * k)),
@@ -380,10 +380,10 @@ def test_heave_compensators() -> None:
         )
         for k in range(LANES)
     ]  # fmt: skip
-    ensemble = Ensemble(scene, own, threads=1)
+    ensemble = Ensemble(scene, members, threads=1)
     for seconds in (1, 13):
         ensemble.advance(seconds)
-    assert not unequal(scene, ensemble, own, 14)
+    assert not unequal(scene, ensemble, members, 14)
     strokes = [ensemble.snapshot(k).compensator.stroke_m for k in range(LANES)]
     assert len(set(strokes)) == LANES
     lanes = ensemble.lanes()
@@ -410,23 +410,23 @@ def test_heave_compensators() -> None:
         ("vortices_modal", "drag_amplification"),
     ],
 )
-def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
-    """Ropes whose drag is set beside the step."""
+def test_modal_viv_is_not_stepped_in_lanes(name: str, reason: str) -> None:
+    """Ropes whose drag is set after the step."""
     rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)
 
 
-def test_members_of_two_sizes_are_distinguished(tmp_path: Path) -> None:
+def test_members_of_two_sizes_form_two_groups(tmp_path: Path) -> None:
     """One group is full; too few of either kind are left for another one."""
     few = lanes_module.MIN_GROUP - 1
     small = (Change("ropes[0].elements", 10),)
-    own = [Variation()] * (LANES + few) + [Variation(small)] * few
-    reported = Ensemble(small_scene(tmp_path), own).lanes()
+    members = [Variation()] * (LANES + few) + [Variation(small)] * few
+    reported = Ensemble(small_scene(tmp_path), members).lanes()
     assert reported.members == LANES
     assert reported.alone == {"": 2 * few}
     with pytest.raises(InputError, match=f"{LANES + 1} ropes abreast; give 1 to {LANES}"):
-        Ensemble(small_scene(tmp_path), own, abreast=LANES + 1)
+        Ensemble(small_scene(tmp_path), members, abreast=LANES + 1)
 
 
 def test_a_branch_on_a_wide_number_does_not_compile() -> None:
@@ -442,7 +442,7 @@ def test_a_branch_on_a_wide_number_does_not_compile() -> None:
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [7, 8])
-def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
+def test_elimination_in_lanes_equals_that_of_one_rope(first: int, n: int) -> None:
     """With a free and with a fixed lower end, an odd and an even number of nodes, in every lane."""
     random = np.random.default_rng(n)
     work = aligned(n + 1, WORK_ROWS, LANES)
@@ -473,7 +473,7 @@ def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
 
 @pytest.mark.parametrize("first", [0, 1])
 @pytest.mark.parametrize("n", [2, 3, 7, 8])
-def test_the_elimination_of_bent_ropes_is_that_of_one(first: int, n: int) -> None:
+def test_elimination_of_bent_ropes_in_lanes_equals_that_of_one(first: int, n: int) -> None:
     """Nodes that are coupled with the next two; their effect on the residual in some lanes only."""
     random = np.random.default_rng(n)
     work = aligned(n + 1, COUPLED_ROWS, LANES)
@@ -514,13 +514,13 @@ def push_bent(work: Any, first: int, n: int, tried: int) -> None:
 
 @jit_entry
 def eliminate_bent_one(work: Any, first: int, n: int) -> None:
-    """That of one rope."""
+    """Solve one rope with coupled nodes."""
     eliminate_coupled(end_to_end(work), first, n)
 
 
 @jit_entry
 def push_bent_one(work: Any, first: int, n: int) -> None:
-    """The push of one rope, and the effect of its couplings on the residual."""
+    """Solve one bent rope for another residual; return the effect of its couplings."""
     push_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
@@ -548,11 +548,11 @@ def _substitute_many(work: Any, first: int, n: int) -> None:
 
 @jit_entry
 def eliminate_one(work: Any, first: int, n: int) -> None:
-    """That of one rope."""
+    """Solve one rope."""
     eliminate(work, first, n)
 
 
 @jit_entry
 def push_one(work: Any, first: int, n: int) -> None:
-    """Likewise."""
+    """Solve one rope for another residual."""
     push(work, first, n)

@@ -37,26 +37,26 @@ def heave(twin: Twin, seconds: int) -> None:
         assert not twin.offer_heave(round(t * 1e9), math.sin(t), math.cos(t))
 
 
-def test_loads_press_each_other_apart_at_rest() -> None:
+def test_static_contact_force_of_two_touching_loads() -> None:
     """Both lean out by half of the overlap: N = W·tan a."""
     scene = touching()
     shot = Twin(scene).snapshot()
-    (place,) = shot.contacts
+    (position,) = shot.contacts
     water = scene.environment
     figures = point_figures(scene)[HALVES[0]]
     W = (figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3) * 9.80665
-    leaned = {one.name: np.array(one.position_m) for one in shot.payloads}
+    leaned = {payload.name: np.array(payload.position_m) for payload in shot.payloads}
     sling = next(rope for rope in shot.ropes if rope.name == "sling_port").node_position_m
     lowest = sling[-1] - sling[-2]
     tangent = math.hypot(*lowest[:2]) / abs(lowest[2])
-    assert place.name == "payloads"
-    assert place.normal_n == pytest.approx(W * tangent, rel=2e-3)
+    assert position.name == "payloads"
+    assert position.normal_n == pytest.approx(W * tangent, rel=2e-3)
     apart = np.linalg.norm(leaned[HALVES[0]] - leaned[HALVES[1]])
-    assert apart == pytest.approx(2.0 * RADIUS_M - place.normal_n / 1e6, abs=1e-6)
+    assert apart == pytest.approx(2.0 * RADIUS_M - position.normal_n / 1e6, abs=1e-6)
     assert tangent == pytest.approx(math.tan(math.asin(0.2 / 6.0)), rel=0.05)
 
 
-def test_the_balance_closes_while_loads_knock_and_after_a_cut() -> None:
+def test_energy_balance_of_payload_contact_and_a_cut() -> None:
     """In heave; then a sling is cut, whose load falls past the other. A saved run is the run."""
     twin = Twin(touching(), ENERGY)
     heave(twin, 8)
@@ -85,6 +85,6 @@ def test_the_balance_closes_while_loads_knock_and_after_a_cut() -> None:
         (lambda: touching(("manifold", "hook"), "load_transfer"), "'manifold' is a rigid body"),
     ],
 )
-def test_bodies_must_be_points_of_the_scene(scene: object, words: str) -> None:
+def test_contact_bodies_must_be_point_payloads(scene: object, words: str) -> None:
     assert callable(scene)
     assert any(words in what for _, what, _ in faults(scene()))

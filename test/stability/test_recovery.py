@@ -1,4 +1,4 @@
-"""Failed steps: the twin goes back to its last good state, says so, and goes on."""
+"""Failed steps: the twin returns to its last good state, reports it, and continues."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ def broken(monkeypatch: pytest.MonkeyPatch, fails: dict[int, int], spoils: bool 
     return core
 
 
-def test_a_step_that_fails_once_is_made_again(
+def test_a_step_that_fails_once_is_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From the state before it, to the motion of an unbroken run; ERROR for a minute, then WARN."""
@@ -117,7 +117,7 @@ def test_a_step_that_fails_once_is_made_again(
     assert solver_row(shots[-1]).level == Level.WARN
 
 
-def test_a_step_that_fails_on_goes_back_to_checkpoints(
+def test_repeated_failures_return_to_checkpoints(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Time goes on on its grid, nothing is not finite, and the hang-off does not leap."""
@@ -127,30 +127,28 @@ def test_a_step_that_fails_on_goes_back_to_checkpoints(
     shots = run(recovery, twin, 12.0)
     assert recovery.count == 3
     assert "the rope's state at 4.00 s" in recovery.reason, "the second newest: 5 s, 4 s, 3 s"
-    stamps = np.array([one.stamp_ns for one in shots])
+    stamps = np.array([shot.stamp_ns for shot in shots])
     assert (np.diff(stamps) == SLOT * twin.step_ns).all()
-    assert not [name for one in shots for name in not_finite(one)]
-    z = np.array([one.hang_off_position_m[2] for one in shots])
+    assert not [name for shot in shots for name in not_finite(shot)]
+    z = np.array([shot.hang_off_position_m[2] for shot in shots])
     back = 275  # the slot in which it went back
     jumps = np.abs(np.diff(z))
     assert jumps[back + 1 :].max() < 0.02 * (0.7 + 1.5 * 2.0 / 2.0)
     live = shots[-1].hang_off_position_m[2] - twin.scene.ship.hang_off_m[2]
     assert live == pytest.approx(math.sin(0.7 * twin.time_ns * 1e-9), abs=1e-3)
-    line = np.array([one.line_out_m for one in shots])
+    line = np.array([shot.line_out_m for shot in shots])
     assert line[back + 1] == pytest.approx(line[200], abs=0.02), "of 4 s"
     assert np.diff(line)[back + 1 :].max() < 0.5 * 0.02 + 1e-9
-    tensions = np.array([one.tension_top_n for one in shots])
+    tensions = np.array([shot.tension_top_n for shot in shots])
     assert tensions[back:].max() < 1.3 * tensions[:back].max()
 
 
-def test_a_state_that_is_no_number_is_never_published(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_nan_state_is_never_published(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     broken(monkeypatch, {350: 1}, spoils=True)
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     shots = run(recovery, twin, 6.0)
-    assert not [name for one in shots for name in not_finite(one)]
+    assert not [name for shot in shots for name in not_finite(shot)]
     assert recovery.count == 1
     assert "is not finite" in recovery.reason
     assert math.isfinite(twin.statistics().tension_top_mean_n)
@@ -175,7 +173,7 @@ def test_any_exception_is_recovered_from(tmp_path: Path, monkeypatch: pytest.Mon
     assert shots[-1].time_s == pytest.approx(4.0)
 
 
-def test_a_current_that_came_since_is_reverted_and_flagged(
+def test_a_current_received_since_the_checkpoint_is_reverted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As one that is accepted by mistake would do: without it the twin goes on."""
@@ -194,7 +192,7 @@ def test_a_current_that_came_since_is_reverted_and_flagged(
     assert "the one before it is in force again" in row.message
 
 
-def test_it_gives_up_after_a_stated_number_of_failures(
+def test_recovery_ends_after_the_maximum_number_of_failures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken(monkeypatch, {250: 10**9})
@@ -210,7 +208,7 @@ def test_it_gives_up_after_a_stated_number_of_failures(
     assert twin.is_finite
 
 
-def test_failures_that_lie_apart_do_not_end_it(
+def test_widely_spaced_failures_do_not_end_recovery(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """One each 16 s, four within any minute: more than MAX_FAILURES in all, and few files."""
@@ -225,7 +223,7 @@ def test_failures_that_lie_apart_do_not_end_it(
     assert len(list(tmp_path.glob("*.state"))) == MAX_FAILURE_FILES
 
 
-def test_on_a_coarser_grid_no_checkpoint_of_the_finer_one_is_used(
+def test_checkpoints_of_another_mesh_are_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     core = broken(monkeypatch, {})
@@ -240,7 +238,7 @@ def test_on_a_coarser_grid_no_checkpoint_of_the_finer_one_is_used(
     assert not not_finite(shots[-1])
 
 
-def test_the_parts_of_a_rope_that_was_cut_go_back_together(
+def test_both_parts_of_a_cut_rope_return_together(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A checkpoint of the whole rope is none of the parts."""
@@ -258,7 +256,7 @@ def test_the_parts_of_a_rope_that_was_cut_go_back_together(
 @pytest.mark.parametrize(
     "asked", [Monitors(energy=True), Monitors(error_interval=True)], ids=["energy", "interval"]
 )
-def test_what_follows_the_rope_goes_back_with_it(
+def test_monitors_return_with_the_rope(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: Monitors
 ) -> None:
     broken(monkeypatch, {350: 2})
@@ -275,7 +273,9 @@ def test_what_follows_the_rope_goes_back_with_it(
         assert "unknown until 23.5 s" in shots[-1].no_error_interval  # its coarse solution settles
 
 
-def test_a_return_is_part_of_a_saved_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_recovery_in_progress_is_part_of_a_saved_state(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Saved while the hang-off is led over, the restored run is the same to the bit."""
     broken(monkeypatch, {350: 3})
     twin = heaving(tmp_path, speed=0.3)
@@ -289,7 +289,7 @@ def test_a_return_is_part_of_a_saved_state(tmp_path: Path, monkeypatch: pytest.M
     assert one.tension_top_n == other.tension_top_n
 
 
-def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
+def test_only_good_states_are_saved_after_a_recovery(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     core = broken(monkeypatch, {250: 1})
@@ -307,22 +307,22 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
     assert not load_state(tmp_path / "run.state").about.failure
 
 
-def test_the_hang_off_is_led_back_without_a_jerk() -> None:
+def test_the_hang_off_returns_smoothly_after_a_recovery() -> None:
     """A leap of 2 m asks for at most 0.5 m/s² and leaves neither step nor kink."""
     blending = Blending(2)
     leap = np.array([[0.0, 0.0, 2.0], [0.0, 0.3, -0.4]])
     blending.begin(1_000_000_000, leap, np.zeros((2, 3)))
     times = np.arange(1_000_000_000, blending.until_ns + 20_000_000, 10_000_000)
-    found = [blending.at(int(time_ns)) for time_ns in times]
-    place, rate = (np.array([one[k] for one in found]) for k in range(2))
-    assert np.array_equal(place[0], leap)
-    assert not place[-1].any()
+    computed = [blending.at(int(time_ns)) for time_ns in times]
+    position, rate = (np.array([one[k] for one in computed]) for k in range(2))
+    assert np.array_equal(position[0], leap)
+    assert not position[-1].any()
     assert np.abs(np.diff(rate, axis=0)).max() / 0.01 < REJOIN_M_PER_S2 * 1.001
     middle = 0.5 * (rate[1:] + rate[:-1])
-    assert np.allclose(np.diff(place, axis=0), 0.01 * middle, atol=1e-5)
+    assert np.allclose(np.diff(position, axis=0), 0.01 * middle, atol=1e-5)
 
 
-def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connected_ropes_return_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a winch at each of two hang-offs."""
     import rope_twin.twin.multi_line as joined_module
 
@@ -347,8 +347,8 @@ def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> No
         recovery.advance(slot)
         shots.append(recovery.snapshot())
     assert recovery.count == 3
-    assert not [name for one in shots for name in not_finite(one)]
-    tops = np.array([[rope.node_position_m[0] for rope in one.ropes] for one in shots])
+    assert not [name for shot in shots for name in not_finite(shot)]
+    tops = np.array([[rope.node_position_m[0] for rope in shot.ropes] for shot in shots])
     speeds = np.abs(np.diff(tops[:, :, 2], axis=0)) / (slot * twin.step_s)
     back = round(2.5 / (slot * twin.step_s))
     assert np.delete(speeds, range(back - 3, back + 3), axis=0).max() < 0.7 + 1.5

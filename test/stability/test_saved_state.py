@@ -1,4 +1,4 @@
-"""A run that goes on from a saved state, or on a branch, is the run that was not interrupted."""
+"""A run resumed from a saved state or on a branch is bit-identical to the uninterrupted run."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 @pytest.fixture(scope="module")
 def whole(scene: Scene) -> dict[int, list[Snapshot]]:
-    """What follows each moment in a run without interruption."""
+    """Return what follows each moment in a run without interruption."""
     twin, pieces = Twin(scene), []
     for last in (*MOMENTS[1:], END):
         pieces.append(run_until(twin, last))
@@ -49,7 +49,7 @@ def whole(scene: Scene) -> dict[int, list[Snapshot]]:
 
 
 def same(one: SavedState, other: SavedState) -> bool:
-    """Every value and every bit of every array."""
+    """Return whether every value and every bit of every array is equal."""
     return (
         one.memory == other.memory
         and one.arrays.keys() == other.arrays.keys()
@@ -58,10 +58,10 @@ def same(one: SavedState, other: SavedState) -> bool:
 
 
 @pytest.mark.parametrize("moment", MOMENTS)
-def test_a_restored_run_and_a_branch_are_the_run(
+def test_restored_and_branched_runs_are_bit_identical(
     scene: Scene, whole: dict[int, list[Snapshot]], tmp_path: Path, moment: int
 ) -> None:
-    """To the bit, inputs and their health included, whatever was going on when it was saved."""
+    """Inputs and their health included, whatever was in progress when it was saved."""
     twin = Twin(scene)
     run_until(twin, moment)
     twin.save(tmp_path / "saved")
@@ -94,7 +94,7 @@ def test_the_score_of_a_forecast_is_part_of_a_state(
     assert all(one.inputs.forecast.at(1e3) is None for one in twins), "no forecast runs any more"
 
 
-def test_another_process_goes_on(
+def test_another_process_resumes_bit_identically(
     scene: Scene, whole: dict[int, list[Snapshot]], tmp_path: Path
 ) -> None:
     twin = Twin(scene)
@@ -111,7 +111,7 @@ def test_another_process_goes_on(
     assert len(done.stdout) == 64
 
 
-def test_a_branch_is_by_itself(scene: Scene) -> None:
+def test_a_branch_is_independent_of_its_origin(scene: Scene) -> None:
     """What one does and hears does not reach the other, and both are checked to have moved."""
     twin = Twin(scene)
     run_until(twin, 300)
@@ -125,7 +125,7 @@ def test_a_branch_is_by_itself(scene: Scene) -> None:
     assert twin.snapshot().line_out_m > branch.snapshot().line_out_m
 
 
-def test_statistics_go_on(scene: Scene, tmp_path: Path) -> None:
+def test_statistics_continue_after_a_restart(scene: Scene, tmp_path: Path) -> None:
     """Extremes and mean are those of the whole run, and so is the time spent computing."""
     twin = Twin(scene)
     run_until(twin, 260)
@@ -133,7 +133,7 @@ def test_statistics_go_on(scene: Scene, tmp_path: Path) -> None:
     assert Twin.restore(tmp_path / "saved", scene).statistics() == twin.statistics()
 
 
-def test_effects_of_their_own_memory_are_in_it(tmp_path: Path) -> None:
+def test_internal_variables_of_effects_are_saved(tmp_path: Path) -> None:
     """An effect that owns changing arrays; in plain Python, since only this test has it."""
     here = Path(__file__).parents[1] / "support"
     done = subprocess.run(
@@ -147,9 +147,7 @@ def test_effects_of_their_own_memory_are_in_it(tmp_path: Path) -> None:
     assert done.stdout == "restored and branch are the run; without the memory they are not\n"
 
 
-def test_the_speed_of_the_model_alone_is_measured_from_a_long_run_s_state_too(
-    scene: Scene, tmp_path: Path
-) -> None:
+def test_the_solver_speed_is_measured_after_a_restart(scene: Scene, tmp_path: Path) -> None:
     """It was 0 once the saved run had computed for 3 s: the state knows that time."""
     twin = Twin(scene)
     twin.advance(10)
@@ -159,7 +157,7 @@ def test_the_speed_of_the_model_alone_is_measured_from_a_long_run_s_state_too(
     assert measure_alone(options, 0.5) > 0.0
 
 
-def test_a_twin_does_not_go_back_and_takes_a_current_in_plain_rows(scene: Scene) -> None:
+def test_negative_steps_are_rejected_and_a_current_may_be_a_list(scene: Scene) -> None:
     """Steps below zero were passed over in silence, and a list had no shape."""
     twin = Twin(scene)
     with pytest.raises(InputError, match="-5 steps would lead back in time; restore"):

@@ -1,4 +1,4 @@
-"""A saved state that is damaged, foreign or impossible: one sentence each, never half a file."""
+"""Damaged, foreign or impossible saved states are rejected with one sentence each."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def good(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def refusal(path: Path, scene: Scene | None = None) -> str:
-    """The one sentence with which a file is refused."""
+    """Return the one sentence with which a file is rejected."""
     with pytest.raises(StateError) as caught:
         load_state(path) if scene is None else Twin.restore(path, scene)
     sentence = str(caught.value)
@@ -46,7 +46,7 @@ def refusal(path: Path, scene: Scene | None = None) -> str:
 
 
 def altered(good: Path, folder: Path, **changes: Any) -> Path:
-    """The good file with entries of its header changed, and a check-sum that fits."""
+    """Return the good file with changed header entries and a matching checksum."""
     header, arrays = read_state(good)
     write_state(folder / "altered.state", header | changes, arrays)
     return folder / "altered.state"
@@ -57,11 +57,11 @@ def test_any_flipped_bit_is_noticed(good: Path, tmp_path: Path) -> None:
     data = good.read_bytes()
     text = data.index(b"{")
     rng = random.Random(7)
-    places = [*range(text), *(rng.randrange(text, len(data)) for _ in range(300))]
+    positions = [*range(text), *(rng.randrange(text, len(data)) for _ in range(300))]
     path = tmp_path / "flipped.state"
-    for place in places:
+    for position in positions:
         flipped = bytearray(data)
-        flipped[place] ^= 1 << rng.randrange(8)
+        flipped[position] ^= 1 << rng.randrange(8)
         path.write_bytes(flipped)
         refusal(path)
 
@@ -77,7 +77,7 @@ def test_a_file_of_any_other_length_is_refused(good: Path, tmp_path: Path) -> No
     assert "damaged" in refusal(path)
 
 
-def test_what_is_wrong_is_named(good: Path, tmp_path: Path) -> None:
+def test_header_faults_are_named(good: Path, tmp_path: Path) -> None:
     assert "cannot be read (No such file" in refusal(tmp_path / "none.state")
     assert "cannot be read (Is a directory" in refusal(tmp_path)
     path = tmp_path / "other.state"
@@ -97,7 +97,7 @@ def test_what_is_wrong_is_named(good: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "name", ["rope/state/nodes", "motion/boundary/value", "inputs/current/effects/0/U"]
 )
-def test_nan_is_refused_in_reading_and_in_writing(
+def test_nan_is_rejected_in_reading_and_writing(
     good: Path, scene: Scene, tmp_path: Path, name: str
 ) -> None:
     """In the rope, in the inputs, in an effect; a good file stays where a bad one is refused."""
@@ -113,7 +113,7 @@ def test_nan_is_refused_in_reading_and_in_writing(
     assert good.read_bytes() == before
 
 
-def test_another_scene_is_refused_with_the_figure(good: Path, tmp_path: Path) -> None:
+def test_another_scene_is_rejected_with_the_difference(good: Path, tmp_path: Path) -> None:
     path = tmp_path / "heavier.yaml"
     path.write_text(SMALL_SCENE.replace("mass_kg: 8000.0", "mass_kg: 9000.0"))
     sentence = refusal(good, load_scene(path))
@@ -122,7 +122,7 @@ def test_another_scene_is_refused_with_the_figure(good: Path, tmp_path: Path) ->
     assert "effects has 5 entries there and 4" in refusal(good, load_scene(path))
 
 
-def test_words_sea_and_schedule_may_change(good: Path, tmp_path: Path) -> None:
+def test_texts_sea_and_schedule_may_change(good: Path, tmp_path: Path) -> None:
     """They are no part of the state: an operator may mend the plan and go on."""
     path = tmp_path / "renamed.yaml"
     text = SMALL_SCENE.replace("a small scene with every effect", "something else")
@@ -147,7 +147,9 @@ def test_another_solver_is_reported(
     assert "0123456789abcdef" in caplog.text
 
 
-def test_what_another_version_kept_is_refused(good: Path, scene: Scene, tmp_path: Path) -> None:
+def test_states_with_other_parts_or_shapes_are_rejected(
+    good: Path, scene: Scene, tmp_path: Path
+) -> None:
     """More or fewer parts, or arrays of another shape: no guess is made."""
     header, arrays = read_state(good)
     memory = header["memory"]
@@ -168,7 +170,7 @@ def test_what_another_version_kept_is_refused(good: Path, scene: Scene, tmp_path
     assert "its header lacks 'step'" in refusal(tmp_path / "lacking.state")
 
 
-def test_a_disk_that_refuses_leaves_the_old_file(
+def test_a_full_disk_leaves_the_old_file(
     scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Full in the middle of writing: the old state stays, whole, and nothing is left beside it."""

@@ -1,4 +1,4 @@
-"""Scenes at large: whatever a scene's numbers are, the rope stays a rope.
+"""Property tests: whatever a valid scene's numbers are, the rope obeys basic physics.
 
 Every scene is drawn from ranges as wide as users may write them. Held: every number is
 finite, no element pushes, rope is neither made nor lost, nothing is farther away than the rope
@@ -62,7 +62,7 @@ def rigs(draw: st.DrawFn) -> Rig:
 
 
 def started(rig: Rig, weather: Weather) -> Twin:
-    """The twin, if the scene has an equilibrium that does not float."""
+    """Return the twin, if the scene has a static equilibrium that does not float."""
     winch = Winch(
         speed_limit_m_per_s=2.0,
         acceleration_limit_m_per_s2=1.0,
@@ -84,8 +84,8 @@ def reach(shot: Snapshot, rig: Rig) -> float:
 
 @settings(max_examples=15, **UNHURRIED)
 @given(rig=rigs(), weather=weathers(6.0, 20.0))
-def test_a_rope_stays_a_rope(rig: Rig, weather: Weather) -> None:
-    """20 s of heave, payout and current; a look each half second."""
+def test_drawn_ropes_stay_finite_and_conserve_length(rig: Rig, weather: Weather) -> None:
+    """20 s of heave, payout and current, sampled each half second."""
     assume(rig.top_weight > 0.0 and rig.load_weight >= 0.0)
     twin = started(rig, weather)
     speeds = [(1.0, weather.payout_m_per_s), (12.0, -weather.payout_m_per_s)]
@@ -103,7 +103,7 @@ def test_a_rope_stays_a_rope(rig: Rig, weather: Weather) -> None:
 
 @settings(max_examples=60, **UNHURRIED)
 @given(rig=rigs(), drag=WATER_DRAG, seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
-def test_energy_never_appears_from_nothing(
+def test_energy_of_a_thrown_rope_never_rises(
     rig: Rig, drag: tuple[float, float], seed: int, size: float
 ) -> None:
     """Thrown into any shape at any speed, ship and water at rest: from look to look energy falls.
@@ -121,7 +121,7 @@ def test_energy_never_appears_from_nothing(
     assert outcome.unconverged == 0
 
 
-def test_what_a_snap_within_one_step_gains_is_gone_at_half_the_step() -> None:
+def test_energy_gained_by_an_unresolved_snap_vanishes_at_half_the_step() -> None:
     """A weightless rope of 22 m elements in steps of 20 ms: of 200 throws, 44 and 131 gain."""
     size = 0.7573555616481563
     rig = Rig(

@@ -27,7 +27,7 @@ AMPLITUDE_M, PERIOD_S = 2.0, 9.0
     [(name, SOME_S) for name in golden_states.covering()]
     + [pytest.param(name, LONG_S, marks=pytest.mark.long) for name in scene_names()],
 )
-def test_a_scene_runs(name: str, seconds: int) -> None:
+def test_a_shipped_scene_runs(name: str, seconds: int) -> None:
     """Finite, every step converged, the pull between nothing and the rope's breaking load."""
     scene = load_scene(name)
     twin = Twin(scene)

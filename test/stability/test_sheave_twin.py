@@ -1,4 +1,4 @@
-"""The loop over a lower sheave as a twin: at rest, under way, saved and gone on."""
+"""The loop over a lower sheave as a twin: static equilibrium, running, saved states."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def lengths(shot: Snapshot) -> dict[str, float]:
     return {rope.name: rope.line_out_m for rope in shot.ropes}
 
 
-def test_at_rest_both_sides_of_the_sheave_carry_half_of_its_tether(scene: Scene) -> None:
+def test_static_tensions_beside_the_sheave(scene: Scene) -> None:
     """In still water: 2·T·cos = what the tether and the block's weight in water pull down."""
     still = CurrentParams(profile=((0.0, (0.0, 0.0)),))
     effects = tuple(still if isinstance(e, CurrentParams) else e for e in scene.effects)
@@ -65,7 +65,7 @@ def test_at_rest_both_sides_of_the_sheave_carry_half_of_its_tether(scene: Scene)
     assert sheave.passed_m == pytest.approx(0.0, abs=0.05)
 
 
-def test_rope_runs_over_the_sheave_and_no_line_shows_it(scene: Scene) -> None:
+def test_tensions_are_smooth_while_rope_runs_over_the_sheave(scene: Scene) -> None:
     """40 s at 1 m/s: the skips pass each other, lengths add up, tensions are smooth."""
     twin = Twin(scene)
     start = lengths(twin.snapshot())
@@ -79,10 +79,10 @@ def test_rope_runs_over_the_sheave_and_no_line_shows_it(scene: Scene) -> None:
         assert sum(own[name] for name in stretches) == pytest.approx(1500.0, abs=1e-9)
         assert sum(own.values()) == pytest.approx(sum(start.values()), abs=1e-6)
         for rope, payload in ((1, 0), (3, 1)):
-            place = shot.ropes[rope].node_position_m
-            assert (place[0] == shot.payloads[payload].position_m).all()
-            assert (place[-1] == shot.sheaves[0].position_m).all()
-            assert len(shot.ropes[rope].element_tension_n) == len(place) - 1
+            position = shot.ropes[rope].node_position_m
+            assert (position[0] == shot.payloads[payload].position_m).all()
+            assert (position[-1] == shot.sheaves[0].position_m).all()
+            assert len(shot.ropes[rope].element_tension_n) == len(position) - 1
         assert not shot.doubtful
     calm = shots[:30]  # then the skips pass the border of the current's layers
     t = np.linspace(-1.0, 1.0, len(calm))
@@ -94,7 +94,7 @@ def test_rope_runs_over_the_sheave_and_no_line_shows_it(scene: Scene) -> None:
     assert last.solver.merges >= 6
 
 
-def test_one_winch_alone_moves_the_sheave_along_its_tether(scene: Scene) -> None:
+def test_one_winch_moves_the_sheave_by_half_of_its_payout(scene: Scene) -> None:
     """4 m more line let the sheave down by 2 m, less what the tether's spring leaves to stretch."""
     twin = Twin(scene)
     before = twin.snapshot().sheaves[0].position_m[2]
@@ -107,7 +107,7 @@ def test_one_winch_alone_moves_the_sheave_along_its_tether(scene: Scene) -> None
     assert shot.sheaves[0].position_m[2] - before == pytest.approx(-0.5 * more, rel=0.02)
 
 
-def test_a_restored_run_and_a_branch_are_the_run(scene: Scene, tmp_path: Path) -> None:
+def test_a_sheave_twin_resumes_bit_identically(scene: Scene, tmp_path: Path) -> None:
     """To the bit, under heave, with rope running over the sheave."""
 
     def heaved(twin: Twin, seconds: int) -> list[Snapshot]:
@@ -134,7 +134,7 @@ def test_a_restored_run_and_a_branch_are_the_run(scene: Scene, tmp_path: Path) -
             assert pulls(shot) == pulls(wanted)
 
 
-def test_a_step_that_fails_leaves_the_sheave_as_it_was(scene: Scene) -> None:
+def test_a_failed_step_restores_the_sheave(scene: Scene) -> None:
     """Its correction is not finite, and the next step must not read it."""
     twin = Twin(scene)
     twin.advance(100)
@@ -145,8 +145,8 @@ def test_a_step_that_fails_leaves_the_sheave_as_it_was(scene: Scene) -> None:
     with pytest.raises(SolverError, match="not finite"):
         twin.advance(1)
     twin.rope.state.nodes[3, 1:n] = kept
-    for one in (twin, other):
-        one.advance(100)
-    shots = [one.snapshot() for one in (twin, other)]
+    for run in (twin, other):
+        run.advance(100)
+    shots = [run.snapshot() for run in (twin, other)]
     assert pulls(shots[0]) == pulls(shots[1])
     assert digest(shots[:1]) == digest(shots[1:])

@@ -1,4 +1,4 @@
-"""Every scene that comes along, with other numbers, in any heave, current and payout.
+"""Property tests: shipped scenes with other numbers in any heave, current and payout.
 
 Its effects, sections, beds, waves, bodies and lines are as listed; figures are not. Held: every
 number is finite, no element pushes, and no energy comes from nothing.
@@ -82,21 +82,25 @@ def through(drawn: Scene, weather: Weather, asked: Monitors = NO_MONITORS) -> Tw
 
 @settings(max_examples=10, **UNHURRIED)
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
-def test_whatever_its_numbers_are_a_rope_only_pulls(drawn: Scene, weather: Weather) -> None:
+def test_changed_scenes_stay_finite_and_in_tension(drawn: Scene, weather: Weather) -> None:
     through(drawn, weather)
 
 
 @pytest.mark.long
 @settings(max_examples=100, **UNHURRIED)
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
-def test_a_hundred_more(drawn: Scene, weather: Weather) -> None:
+def test_a_hundred_more_changed_scenes_stay_finite_and_in_tension(
+    drawn: Scene, weather: Weather
+) -> None:
     through(drawn, weather)
 
 
 @pytest.mark.long
 @settings(max_examples=40, **UNHURRIED)
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
-def test_no_energy_comes_from_nothing(drawn: Scene, weather: Weather) -> None:
+def test_numerical_dissipation_of_changed_scenes_is_not_negative(
+    drawn: Scene, weather: Weather
+) -> None:
     """What is dissipated numerically is not negative, but for a thousandth of what is exchanged."""
     energy = through(drawn, weather, ENERGY).snapshot().energy
     assert energy is not None

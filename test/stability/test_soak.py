@@ -47,7 +47,7 @@ def resident_mb(arguments: list[str], folder: Path) -> list[float]:
     ],
     ids=["a day, unpaced", "paced", "paced and recorded"],
 )
-def test_memory_does_not_grow(arguments: list[str], tmp_path: Path) -> None:
+def test_memory_use_does_not_grow(arguments: list[str], tmp_path: Path) -> None:
     """By less than 1 % from the end of the first fifth to the end, by the line of best fit."""
     resident = resident_mb(arguments, tmp_path)
     settled = np.array(resident[int(SETTLED * len(resident)) : -2])

@@ -1,4 +1,4 @@
-"""The highest tension of each rope since the start, beside what it bears."""
+"""Maximum tension of each rope since the start, and its utilisation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def weaker(line: RopeLine, breaking_load_n: float) -> RopeLine:
     return replace(line, rope=replace(line.rope, breaking_load_n=breaking_load_n))
 
 
-def test_at_rest_it_is_the_weight_of_all_that_hangs() -> None:
+def test_maximum_tension_at_rest_is_the_suspended_weight() -> None:
     scene = load_scene("still_water")
     (strength,) = Twin(scene).snapshot().strength
     weight = (20000.0 - 1025.0 * 4.0 + (6.38352 - 1025.0 * 8.0424772e-4) * 1000.0) * 9.80665
@@ -26,7 +26,7 @@ def test_at_rest_it_is_the_weight_of_all_that_hangs() -> None:
     assert strength.breaking_load_n == pytest.approx(6.334e8 * 0.04**2)
 
 
-def test_a_peak_between_two_looks_counts_and_is_reported_and_saved(tmp_path: Path) -> None:
+def test_a_peak_between_two_snapshots_is_reported_and_saved(tmp_path: Path) -> None:
     """A jerk of the winch: the rope is looked at once, when the tension is down again."""
     scene = load_scene("still_water")
     scene = replace(scene, ropes=(weaker(scene.ropes[0], 215e3),))
@@ -40,14 +40,14 @@ def test_a_peak_between_two_looks_counts_and_is_reported_and_saved(tmp_path: Pat
     (strength,) = shot.strength
     assert strength.highest_n == twin.statistics().tension_top_max_n > shot.tension_top_n
     assert strength.utilisation > 1.0
-    said = summarise(twin, shot, None).as_text()
-    assert "MBL exceeded" in said
-    assert "MBL 215 kN" in said
+    message = summarise(twin, shot, None).as_text()
+    assert "MBL exceeded" in message
+    assert "MBL 215 kN" in message
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", scene).snapshot().strength == shot.strength
 
 
-def test_each_of_several_ropes_has_its_own(tmp_path: Path) -> None:
+def test_each_rope_has_its_own_maximum_tension(tmp_path: Path) -> None:
     scene = load_scene("two_line_lift")
     fore, aft = scene.ropes
     twin = Twin(replace(scene, ropes=(fore, weaker(aft, 200e3))))
@@ -58,8 +58,8 @@ def test_each_of_several_ropes_has_its_own(tmp_path: Path) -> None:
     assert [first.name, second.name] == ["fore", "aft"]
     assert first.utilisation < 0.5
     assert second.highest_n >= shot.ropes[1].tension_top_n > 200e3
-    said = summarise(twin, shot, None).as_text()
-    assert "maximum tension of 'aft' " in said
-    assert "maximum tension of 'fore' " not in said
+    message = summarise(twin, shot, None).as_text()
+    assert "maximum tension of 'aft' " in message
+    assert "maximum tension of 'fore' " not in message
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", twin.scene).snapshot().strength == shot.strength

@@ -1,4 +1,4 @@
-"""Planned winch commands and commands at once."""
+"""Scheduled and immediate winch commands."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
 
 
-def test_a_new_plan_may_follow_a_command_at_once(tmp_path: Path) -> None:
+def test_an_immediate_command_replaces_the_schedule(tmp_path: Path) -> None:
     """A stop at once throws away what was planned for 8 s; a start at 3 s is then in order."""
     twin = Twin(small_scene(tmp_path))
     assert twin.offer_speed(0, 1.0) == ""
@@ -26,16 +26,14 @@ def test_a_new_plan_may_follow_a_command_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["winch", "", "hoist"])
-def test_a_scene_of_one_rope_has_a_winch_by_its_own_name_and_the_rope_s(
-    tmp_path: Path, name: str
-) -> None:
+def test_a_single_line_winch_answers_to_its_name_and_the_ropes(tmp_path: Path, name: str) -> None:
     twin = Twin(small_scene(tmp_path))
     assert twin.offer_speed(None, 0.5, name) == ""
     twin.advance(400)
     assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.5, abs=1e-9)
 
 
-def test_an_order_for_another_winch_is_refused(tmp_path: Path) -> None:
+def test_a_command_for_an_unknown_winch_is_rejected(tmp_path: Path) -> None:
     """Of a crane beside this one, say; the sentence has the name that is right."""
     twin = Twin(small_scene(tmp_path))
     sentence = twin.offer_speed(None, 0.5, "starboard_crane")
@@ -49,7 +47,7 @@ def test_an_order_for_another_winch_is_refused(tmp_path: Path) -> None:
     assert shot.inputs["winch_command"].impossible == 1
 
 
-def test_a_speed_beyond_the_winch_is_warned_of_for_a_minute() -> None:
+def test_a_speed_above_the_limit_is_warned_of_for_a_minute() -> None:
     """Also once it commands less again: the line out is another than was meant."""
     twin = Twin(load_scene("shallow_lift"))
     limit = twin.scene.winch.speed_limit_m_per_s

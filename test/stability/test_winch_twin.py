@@ -1,4 +1,4 @@
-"""A winch with all its parts in a twin: the same however it is stepped, saved or branched."""
+"""A winch with all its components in a twin: call patterns, saved states, branches, ensembles."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def fed(twin: Twin) -> Twin:
     return twin
 
 
-def test_it_does_not_matter_how_the_steps_are_cut_up(scene: Scene) -> None:
+def test_a_winch_run_is_independent_of_the_call_pattern(scene: Scene) -> None:
     whole, pieces = fed(Twin(scene)), fed(Twin(scene))
     whole.advance(1000)
     for steps in (1, 255, 2, 300, 442):
@@ -77,7 +77,7 @@ def test_it_does_not_matter_how_the_steps_are_cut_up(scene: Scene) -> None:
 
 
 @pytest.mark.parametrize("steps", [350, 650, 845])
-def test_a_saved_and_a_branched_twin_go_on_to_the_bit(
+def test_saved_and_branched_winch_runs_are_bit_identical(
     scene: Scene, steps: int, tmp_path: Path
 ) -> None:
     """In the middle of a depth, of a tension, and while the brake holds."""
@@ -87,16 +87,16 @@ def test_a_saved_and_a_branched_twin_go_on_to_the_bit(
     restored, branch = Twin.restore(tmp_path / "winch.state", scene), twin.branch()
     twin.snapshot()
     branch.snapshot()
-    for one in (twin, restored, branch):
-        one.advance(1000 - steps)
-    shots = [one.snapshot() for one in (twin, restored, branch)]
+    for run in (twin, restored, branch):
+        run.advance(1000 - steps)
+    shots = [run.snapshot() for run in (twin, restored, branch)]
     assert digest(shots[:1]) == digest(shots[2:])
     assert shots[0].winches == shots[1].winches == shots[2].winches
     assert shots[0].node_position_m.tobytes() == shots[1].node_position_m.tobytes()
     assert shots[0].winches[0].figures
 
 
-def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
+def test_heave_compensation_in_an_ensemble_equals_a_twin(scene: Scene) -> None:
     assert scene.winch is not None
     winch = replace(scene.winch, drum=None, drive=None, brake=None)
     own = replace(scene, winch=winch)
@@ -123,7 +123,7 @@ def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
     assert other.line_out_m != one.line_out_m, "each member answers its own heave"
 
 
-def test_a_member_whose_winch_feels_the_rope_is_a_twin(scene: Scene) -> None:
+def test_members_with_tension_feedback_equal_a_twin(scene: Scene) -> None:
     """Drive and brake, and commands by depth and tension; equal to the bit."""
     commands = tuple(CommandSample(*one) for one in ORDERS)
     ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(HEAVE), commands=commands)])
@@ -136,7 +136,7 @@ def test_a_member_whose_winch_feels_the_rope_is_a_twin(scene: Scene) -> None:
     assert digest([found]) == digest([expected])
 
 
-def test_an_ensemble_takes_no_command_that_a_winch_would_reject(scene: Scene) -> None:
+def test_an_ensemble_rejects_invalid_commands(scene: Scene) -> None:
     """It says so before the first step, in a sentence."""
     commands = (CommandSample(0, WinchCommand("speed", 50.0)),)
     with pytest.raises(InputError, match="no winch runs faster"):
