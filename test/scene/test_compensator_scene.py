@@ -38,15 +38,13 @@ def changed(old: str, new: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize(("old", "new", "words"), REFUSED)
-def test_what_does_not_fit_gets_its_sentence(
-    old: str, new: str, words: str, tmp_path: Path
-) -> None:
+def test_invalid_compensators_are_rejected(old: str, new: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError) as refused:
         load_scene(changed(old, new, tmp_path))
     assert words in str(refused.value)
 
 
-def test_it_carries_a_payload(tmp_path: Path) -> None:
+def test_a_compensator_on_a_fixed_end_is_rejected(tmp_path: Path) -> None:
     path = tmp_path / "scene.yaml"
     fixed = SCENE.replace(LOAD, "    fixed_at_m: [0.0, 0.0, -3000.0]\n\n")
     path.write_text(fixed.replace("  - payload: {}\n", ""), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Reading a convergence study: what it says of a setting, and when it says nothing."""
+"""Reading a convergence study: the error of a setting, and when it is unknown."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.driven_twin import variant
 
 
-def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
+def test_a_studied_setting_has_the_error_of_its_row(tmp_path: Path) -> None:
     scene = studied_scene(tmp_path)
-    found = known_error(scene)
-    assert found.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
-    assert found.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
-    assert found.words == "at most, in the study's run of 30 s"
+    computed = known_error(scene)
+    assert computed.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
+    assert computed.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
+    assert computed.words == "at most, in the study's run of 30 s"
 
 
 @pytest.mark.parametrize(
     ("elements", "step_s", "worst"),
     [(30, 0.01, (20, 0.01)), (20, 0.015, (20, 0.02)), (11, 0.006, (10, 0.01))],
 )
-def test_between_rungs_the_worst_around_holds(
+def test_between_studied_settings_the_largest_neighbour_holds(
     tmp_path: Path, elements: int, step_s: float, worst: tuple[int, float]
 ) -> None:
     """The true error lies below where the errors of a study fall as squares."""
     scene = variant(studied_scene(tmp_path), elements, step_s)
-    found = known_error(scene).rms_pct
-    assert found == pytest.approx(error_pct(*worst) + UNCERTAINTY_PCT)
-    assert found > error_pct(elements, step_s)
+    computed = known_error(scene).rms_pct
+    assert computed == pytest.approx(error_pct(*worst) + UNCERTAINTY_PCT)
+    assert computed > error_pct(elements, step_s)
 
 
 @pytest.mark.parametrize(("elements", "step_s"), [(9, 0.01), (20, 0.05), (60, 0.05)])
-def test_of_what_is_coarser_than_the_ladder_nothing_is_known(
+def test_settings_coarser_than_the_study_are_unknown(
     tmp_path: Path, elements: int, step_s: float
 ) -> None:
-    found = known_error(variant(studied_scene(tmp_path), elements, step_s))
-    assert math.isnan(found.rms_pct)
-    assert found.words == "unknown: this setting is not one of the convergence study"
+    computed = known_error(variant(studied_scene(tmp_path), elements, step_s))
+    assert math.isnan(computed.rms_pct)
+    assert computed.words == "unknown: this setting is not one of the convergence study"
 
 
-def test_without_a_study_nothing_is_known(tmp_path: Path) -> None:
+def test_without_a_study_the_error_is_unknown(tmp_path: Path) -> None:
     scene = studied_scene(tmp_path)
     convergence.study_path(scene).unlink()
     assert read_study(scene) is None
@@ -65,24 +65,26 @@ def test_a_changed_scene_has_no_error(tmp_path: Path) -> None:
     text = scene.path.read_text(encoding="utf-8")
     scene.path.write_text(text.replace("tangential: 0.03", "tangential: 0.04"), encoding="utf-8")
     assert math.isnan(known_error(load_scene(scene.path)).rms_pct)
-    said = text.replace("about: 20 t", "about: some 20 t").replace("elements: 20", "elements: 40")
-    scene.path.write_text(said, encoding="utf-8")
+    message = text.replace("about: 20 t", "about: some 20 t").replace(
+        "elements: 20", "elements: 40"
+    )
+    scene.path.write_text(message, encoding="utf-8")
     assert known_error(load_scene(scene.path)).rms_pct < error_pct(20, 0.01)
 
 
-def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
+def test_a_changed_solver_invalidates_the_study(tmp_path: Path) -> None:
     scene = studied_scene(tmp_path)
     write_study(scene, sample_study(scene) | {"solver": "0"})
-    found = read_study(scene)
-    assert found is not None
+    computed = read_study(scene)
+    assert computed is not None
     assert (
-        found.age(scene)
+        computed.age(scene)
         == "the convergence study is outdated: the solver was changed since it was made"
     )
     assert known_error(scene).words.startswith("unknown: the convergence study is outdated")
 
 
-def test_only_what_a_scene_lists_ages_its_study(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_listed_effects_invalidate_a_study(monkeypatch: pytest.MonkeyPatch) -> None:
     """Bending is no effect of still_water's: another version of it leaves that study current."""
     assert solver_version(load_scene("still_water")) == "1"
     changed = tuple(
@@ -111,22 +113,22 @@ def test_a_bound_is_rounded_up(bound: float, reported: str) -> None:
     assert format_bound(bound) == reported
 
 
-def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
+def test_an_unconverged_quantity_is_unknown(tmp_path: Path) -> None:
     scene = studied_scene(tmp_path)
     content = sample_study(scene)
     for row in content["rows"]:
         row["figures"][RMS]["at_most"] = None
     write_study(scene, content)
-    found = known_error(scene)
-    assert math.isnan(found.rms_pct)
-    assert found.peak_pct > 0.0
-    assert "does not converge" in found.words
+    computed = known_error(scene)
+    assert math.isnan(computed.rms_pct)
+    assert computed.peak_pct > 0.0
+    assert "does not converge" in computed.words
 
 
 @pytest.mark.parametrize(
     "text", ["", "{", "[1, 2]", '{"format": 1}', '{"format": 99}', "\udcff"], ids=range(6)
 )
-def test_a_damaged_study_is_one_sentence(tmp_path: Path, text: str) -> None:
+def test_a_damaged_study_is_reported_in_one_sentence(tmp_path: Path, text: str) -> None:
     scene = studied_scene(tmp_path)
     convergence.study_path(scene).write_bytes(text.encode("utf-8", "surrogateescape"))
     with pytest.raises(SceneError, match=r"small\.json: .*; make it again with `rope_twin acc"):

@@ -1,4 +1,4 @@
-"""Choices of effects in a scene file, and effects that act beside others only."""
+"""Choices of effects in a scene file, and effects that depend on others."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def scene_with(effect: str, folder: Path) -> Path:
 
 
 @pytest.mark.parametrize(("effect", "words"), REFUSED)
-def test_what_cannot_be_gets_its_sentence(effect: str, words: str, tmp_path: Path) -> None:
+def test_invalid_effect_choices_are_rejected(effect: str, words: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError) as refused:
         load_scene(str(scene_with(effect, tmp_path)))
     assert words in str(refused.value)
@@ -122,14 +122,14 @@ def test_profiles_that_end_early_or_fall_with_depth_are_warned_of(tmp_path: Path
         "depth_profiles: {density_kg_per_m3: [[0.0, 1025.0], [-500.0, RHO]], "
         "drag_factor: [[0.0, 1.2]]}"
     )
-    found = []
+    results = []
     for rho in ("1028.0", "1021.0"):
         scene = load_scene(str(scene_with(own.replace("RHO", rho), tmp_path)))
-        found.append([text for text in sense_checks(scene) if "depth_profiles" in text])
-    (early,) = found[0]
+        results.append([text for text in sense_checks(scene) if "depth_profiles" in text])
+    (early,) = results[0]
     assert "below its row at z = -500 m the value there (1028) is used" in early
     assert "z = -800 m; add a row there" in early
-    assert "1021 kg/m³ at z = -500 m lies below 1025 at z = 0 m" in found[1][1]
+    assert "1021 kg/m³ at z = -500 m lies below 1025 at z = 0 m" in results[1][1]
 
 
 TABLE = "{roughness: 0.0001, rows: [[2.0, 0.8], [12.0, 1.6]]}"
@@ -180,7 +180,7 @@ BESIDE = [
 
 
 @pytest.mark.parametrize(("old", "new", "words"), BESIDE)
-def test_what_depth_profiles_need(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_depth_profiles_need_other_effects(old: str, new: str, words: str, tmp_path: Path) -> None:
     path = scene_with(PROFILES, tmp_path)
     text = path.read_text()
     assert old in text
@@ -191,10 +191,10 @@ def test_what_depth_profiles_need(old: str, new: str, words: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("effect", ACCEPTED)
-def test_what_can_be_is_read(effect: str, tmp_path: Path) -> None:
-    found = load_scene(str(scene_with(effect, tmp_path)))
+def test_valid_effect_choices_are_read(effect: str, tmp_path: Path) -> None:
+    computed = load_scene(str(scene_with(effect, tmp_path)))
     names = {one.params: one.name for one in EFFECTS}
-    assert effect.split(":")[0] in [names[type(params)] for params in found.effects]
+    assert effect.split(":")[0] in [names[type(params)] for params in computed.effects]
 
 
 def test_studies_from_before_these_keys_stay_valid() -> None:

@@ -1,4 +1,4 @@
-"""Flexible nets between ropes: what they are made of, and what a scene may not ask for."""
+"""Flexible nets between ropes: mesh, stiffness, shared ropes and refusals."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ BESIDE = (
 )
 
 
-def test_nets_beside_each_other_share_the_rope_between_them(tmp_path: Path) -> None:
+def test_adjacent_nets_share_the_rope_between_them(tmp_path: Path) -> None:
     """It is divided at 2, 5, 7.5, 8 and 10 m: at 5 m both have a level, and one connection."""
     third = (
         f"  - {{name: far, {LINE}, from: top_far, to: sinker_far}}\n",
@@ -125,7 +125,7 @@ def test_the_winch_of_a_rope_with_a_net_counts_from_its_upper_edge(tmp_path: Pat
     assert scene.ropes[0].length_m == 4.0
 
 
-def test_borders_of_panels_are_no_ropes_to_be_warned_of(tmp_path: Path) -> None:
+def test_panel_borders_are_exempt_from_rope_warnings(tmp_path: Path) -> None:
     """They are light, stiff and without drag by design; the lines that hold the net stay judged."""
     scene = scene_of(TEXT, tmp_path)
     about = {warning.split(":")[0].split(".")[0] for warning in sense_checks(scene)}
@@ -165,7 +165,7 @@ def test_borders_of_panels_are_no_ropes_to_be_warned_of(tmp_path: Path) -> None:
         ("from_m: 2.0, to_m: 8.0", "to_m: 8.0", None),
     ],
 )  # fmt: skip
-def test_a_net_that_cannot_hang_gets_its_sentence(
+def test_invalid_flexible_nets_are_rejected(
     old: str, new: str, words: str | None, tmp_path: Path
 ) -> None:
     text = TEXT.replace(old, new, 1)

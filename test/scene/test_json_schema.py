@@ -19,11 +19,11 @@ VALIDATOR = Draft202012Validator(SCHEMA)
 
 
 def content(name: str) -> Any:
-    """What a scene's file holds."""
+    """Return the parsed content of a scene file."""
     return yaml.safe_load(load_scene(name).path.read_text(encoding="utf-8"))
 
 
-def test_it_is_a_schema_of_its_dialect() -> None:
+def test_the_schema_is_valid_in_its_dialect() -> None:
     Draft202012Validator.check_schema(SCHEMA)
 
 

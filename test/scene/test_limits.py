@@ -1,4 +1,4 @@
-"""Limits of a scene: read strictly, judged at every step, shown, and turned into an exit code."""
+"""Limits of a scene: strict reading, evaluation at every step, reports and exit code."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ AT_REST_N = 210442.5  # its tension at the hang-off
 
 
 def written(folder: Path, limits: str) -> Path:
-    """still_water with these limits."""
+    """Write still_water with these limits."""
     path = folder / "limited.yaml"
     text = STILL.path.read_text(encoding="utf-8")
     path.write_text(f"{text}\nlimits: {limits}\n", encoding="utf-8")
@@ -36,7 +36,7 @@ def limited(scene: Scene = STILL, **limits: float) -> Scene:
 
 
 def breaches(shot: Snapshot) -> dict[str, LimitBreach]:
-    return {one.limit: one for one in shot.breaches}
+    return {breach.limit: breach for breach in shot.breaches}
 
 
 def row(shot: Snapshot) -> Status:
@@ -52,13 +52,13 @@ def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
 ) -> None:
     path = written(tmp_path, "{tension_n: 200000.0}")
     assert run(path, "--json") == 4
-    out, said = capsys.readouterr()
+    out, messages = capsys.readouterr()
     reported = json.loads(out)
     (broken,) = reported["limits_broken"]
     assert (broken["limit"], broken["where"], broken["first_s"]) == ("tension_n", "hoist", 0.0)
     assert reported["steps"] == 100, "the run is not ended early"
     words = "limit violated: tension of 'hoist' 210.4 kN, above the limit of 200.0 kN"
-    assert said.count(words) == 1
+    assert messages.count(words) == 1
     assert run(path, "--allow-overload") == 0
     assert "limit violated: tension of 'hoist'" in capsys.readouterr().out
     assert run(written(tmp_path, "{tension_n: 220000.0}")) == 0
@@ -102,15 +102,15 @@ def test_limits_leave_study_and_saved_states_valid(tmp_path: Path) -> None:
     assert Twin.restore(tmp_path / "state", scene).snapshot().breaches
 
 
-def test_what_no_rope_survives_is_a_limit_of_every_scene() -> None:
+def test_breaking_load_and_strain_are_limits_of_every_scene() -> None:
     line = STILL.ropes[0]
     assert line.rope is not None
     weak = replace(line, rope=replace(line.rope, breaking_load_n=2e5))
     assert breaches(Twin(replace(STILL, ropes=(weak,))).snapshot())["utilisation"].allowed == 1.0
     soft = replace(line, rope=replace(line.rope, axial_stiffness_n=2e6))
-    found = breaches(Twin(replace(STILL, ropes=(soft,))).snapshot())
-    assert list(found) == ["strain"]
-    assert found["strain"].worst == pytest.approx(AT_REST_N / 2e6, rel=0.01)
+    computed = breaches(Twin(replace(STILL, ropes=(soft,))).snapshot())
+    assert list(computed) == ["strain"]
+    assert computed["strain"].worst == pytest.approx(AT_REST_N / 2e6, rel=0.01)
     assert not Twin(STILL).snapshot().breaches
 
 
@@ -137,14 +137,14 @@ def test_a_peak_between_two_snapshots_breaks_a_limit(tmp_path: Path) -> None:
     assert row(after).level is Level.WARN, "kept again for more than a minute"
 
 
-def test_it_says_so_once_and_when_it_happens() -> None:
-    twin, said = Twin(limited(tension_n=1.005 * AT_REST_N)), BreachWords()
-    assert said.of(twin.snapshot()) == []
+def test_a_breach_is_logged_once_when_it_happens() -> None:
+    twin, messages = Twin(limited(tension_n=1.005 * AT_REST_N)), BreachWords()
+    assert messages.of(twin.snapshot()) == []
     twin.offer_speed(None, -0.5)
     words = []
     for _ in range(100):
         twin.advance(2)
-        words += said.of(twin.snapshot())
+        words += messages.of(twin.snapshot())
     (sentence,) = words
     (broken,) = twin.snapshot().breaches
     assert 0.0 < broken.first_s < broken.worst_s <= broken.last_s <= 2.0
@@ -156,7 +156,7 @@ def test_a_value_just_over_its_limit_is_not_printed_as_the_limit() -> None:
     assert "'hoist' 0.150042, above the limit of 0.15 (" in breach_words(breach)
 
 
-def test_speed_and_depth_of_the_payload_and_slack() -> None:
+def test_limits_of_payload_speed_depth_and_slack() -> None:
     limits = {"payload_speed_m_per_s": 0.3, "payload_depth_m": 1004.0, "min_tension_n": 140e3}
     twin = Twin(limited(**limits))
     assert not twin.snapshot().breaches
@@ -166,17 +166,17 @@ def test_speed_and_depth_of_the_payload_and_slack() -> None:
         shot = twin.snapshot()
         depth_m = -float(shot.payload_position_m[2])
         speed = float(math.dist(shot.payload_velocity_m_per_s, (0.0, 0.0, 0.0)))
-        found = breaches(shot)
+        computed = breaches(shot)
         for name, value in (("payload_speed_m_per_s", speed), ("payload_depth_m", depth_m)):
             if value > limits[name]:
-                assert found[name].last_s == shot.time_s
-                assert found[name].worst >= value
-    assert set(found) == set(limits)
-    assert found["payload_depth_m"].worst == depth_m
-    assert found["min_tension_n"].worst < 140e3
+                assert computed[name].last_s == shot.time_s
+                assert computed[name].worst >= value
+    assert set(computed) == set(limits)
+    assert computed["payload_depth_m"].worst == depth_m
+    assert computed["min_tension_n"].worst < 140e3
 
 
-def test_a_landing_faster_than_allowed(tmp_path: Path) -> None:
+def test_a_landing_speed_limit(tmp_path: Path) -> None:
     """Lowered onto a bed just below it: the payload meets it at the winch's speed.
 
     With a current of none the step is that of abandonment_and_recovery, compiled already.
@@ -232,7 +232,7 @@ def test_landings_are_counted_with_their_speeds(tmp_path: Path) -> None:
     assert landing_words(last).startswith(f"landed {last.count} times, first {words}, fastest")
 
 
-def test_two_lines_nearer_than_allowed() -> None:
+def test_a_limit_of_line_clearance() -> None:
     scene = load_scene("two_line_loop")
     nearest_m = 0.0
     for limit_m in (1e-3, 1e3):
@@ -241,14 +241,14 @@ def test_two_lines_nearer_than_allowed() -> None:
         shot = twin.snapshot()
         assert shot.lines is not None
         nearest_m = shot.lines.nearest.distance_m
-        found = breaches(shot).get("line_clearance_m")
-        assert (found is not None) == (nearest_m < limit_m)
-    assert found is not None
-    assert found.worst == nearest_m
-    assert found.allowed == 1e3
+        computed = breaches(shot).get("line_clearance_m")
+        assert (computed is not None) == (nearest_m < limit_m)
+    assert computed is not None
+    assert computed.worst == nearest_m
+    assert computed.allowed == 1e3
 
 
-def test_bends_below_the_ropes_own_minimum_are_a_limit(tmp_path: Path) -> None:
+def test_the_minimum_bend_radius_of_a_rope_is_a_limit(tmp_path: Path) -> None:
     """A rope of the shipped scene that lies in a curve on the bed."""
     scene = load_scene("chain_on_bottom")
     line = scene.ropes[0]
@@ -259,7 +259,7 @@ def test_bends_below_the_ropes_own_minimum_are_a_limit(tmp_path: Path) -> None:
     if line.rope is not None:
         line = replace(line, rope=strict(line.rope))  # type: ignore[arg-type]
     else:
-        parts = tuple(replace(one, rope=strict(one.rope)) for one in line.sections)  # type: ignore[arg-type]
+        parts = tuple(replace(section, rope=strict(section.rope)) for section in line.sections)  # type: ignore[arg-type]
         line = replace(line, sections=parts)
     for allowed in (False, True):
         limits = Limits(bend_radius=not allowed)
@@ -273,7 +273,7 @@ def test_bends_below_the_ropes_own_minimum_are_a_limit(tmp_path: Path) -> None:
     assert found["bend_radius"].worst < found["bend_radius"].allowed == 900.0
 
 
-def test_amplification_is_of_the_static_tension_at_the_same_line_out() -> None:
+def test_dynamic_amplification_refers_to_static_tension_at_the_same_line_out() -> None:
     """The weight of the rope that is paid out is no dynamic load."""
     twin = Twin(STILL)
     (first,) = twin.snapshot().strength

@@ -1,4 +1,4 @@
-"""Load charts: neighbours, mirrored headings, and files that are refused in one sentence."""
+"""Load charts: neighbouring values, mirrored headings, and files rejected in one sentence."""
 
 from __future__ import annotations
 
@@ -55,15 +55,15 @@ def written(tmp_path: Path, chart: object) -> Path:
         (9.0, 90.0, 0.0),
     ],
 )
-def test_lowest_neighbour_counts(
+def test_the_lowest_neighbour_is_the_limit(
     period: float, heading: float, allowed: float, tmp_path: Path
 ) -> None:
-    """No limit is interpolated upward, nothing allowed beyond the axes."""
+    """Limits are not interpolated upward; nothing is allowed beyond the axes."""
     chart = read_load_chart(written(tmp_path, CHART))
     assert chart.allowed_height_m("lowering", period, heading) == allowed
 
 
-def test_unknown_phase(tmp_path: Path) -> None:
+def test_an_unknown_phase_is_named_with_the_nearest(tmp_path: Path) -> None:
     """With the nearest known one."""
     chart = read_load_chart(written(tmp_path, CHART))
     with pytest.raises(InputError, match="no such phase; did you mean 'lowering'"):
@@ -84,7 +84,7 @@ def test_unknown_phase(tmp_path: Path) -> None:
          "a limiting height is negative or not finite"),
     ],
 )  # fmt: skip
-def test_wrong_charts(change: dict[str, Any], said: str, tmp_path: Path) -> None:
+def test_invalid_charts_are_rejected(change: dict[str, Any], said: str, tmp_path: Path) -> None:
     """One sentence with the file and the remedy."""
     path = written(tmp_path, CHART | change)
     with pytest.raises(InputError) as caught:
@@ -94,7 +94,7 @@ def test_wrong_charts(change: dict[str, Any], said: str, tmp_path: Path) -> None
     assert "\n" not in str(caught.value)
 
 
-def test_files_that_are_no_charts(tmp_path: Path) -> None:
+def test_files_that_are_not_charts_are_rejected(tmp_path: Path) -> None:
     """Missing files, and files of something else."""
     with pytest.raises(InputError, match="it cannot be read"):
         read_load_chart(tmp_path / "none.json")
@@ -110,7 +110,7 @@ def test_files_that_are_no_charts(tmp_path: Path) -> None:
     ("heading", "allowed"),
     [(135.0, 2.0), (-225.0, 2.0), (180.0, 2.5), (-180.0, 2.5), (-135.0, 0.0), (225.0, 0.0)],
 )
-def test_the_other_side_counts_only_if_declared(
+def test_headings_are_mirrored_only_if_declared(
     heading: float, allowed: float, tmp_path: Path
 ) -> None:
     """A crane over the side is not the same to port and starboard."""

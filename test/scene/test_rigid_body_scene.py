@@ -30,7 +30,7 @@ BODY = f"""\
 
 
 def with_body(old: str = "", new: str = "") -> str:
-    """GOOD with a rigid body in place of the point, and a change in it."""
+    """Return GOOD with a rigid body in place of the point, and a change in it."""
     assert BODY.count(old) == 1 or not old
     return spoilt("  - payload: {}\n", BODY.replace(old, new) if old else BODY)
 
@@ -81,13 +81,13 @@ BAD = [
 @pytest.mark.parametrize(
     ("text", "place", "words"), [row[1:] for row in BAD], ids=[r[0] for r in BAD]
 )
-def test_a_bad_body_gets_one_sentence(
+def test_invalid_rigid_bodies_are_rejected(
     text: str, place: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
     assert_refused(text, place, words, tmp_path)
 
 
-def test_a_good_body_is_read_and_passes_the_checks(tmp_path: Path) -> None:
+def test_a_valid_rigid_body_passes_the_checks(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, with_body()))
     assert sense_checks(scene) == []
     params = scene.listed(RigidBodyParams)
@@ -117,14 +117,14 @@ def four_slings(length_m: float, stiffness_n_per_m: float = 5e6) -> str:
          "kN, stretches it by 1.5 m"),
     ],
 )  # fmt: skip
-def test_an_odd_size_or_sling_is_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_unusual_body_sizes_and_slings_are_warned_of(text: str, words: str, tmp_path: Path) -> None:
     """20 t that displace 9 m³ weigh 105.7 kN; a sling of 4 m carries 26.4 kN / cos 26.8°."""
     (warning,) = sense_checks(load_scene(written(tmp_path, text)))
     assert warning.startswith(f"effects.rigid_body.{words}")
     assert sense_checks(load_scene(written(tmp_path, four_slings(4.0)))) == []
 
 
-def test_the_size_says_what_is_not_given(tmp_path: Path) -> None:
+def test_body_inertia_and_drag_follow_from_the_size(tmp_path: Path) -> None:
     """Of a box of a×b×c: m·(b² + c²)/12; strips of M_z along y and M_y along z; CdA·b³/32."""
     scene = load_scene(written(tmp_path, with_body()))
     figures = payload_figures(scene.payloads[0], 1025.0)
@@ -138,7 +138,7 @@ def test_the_size_says_what_is_not_given(tmp_path: Path) -> None:
     assert body.k[4] == pytest.approx(0.5 * 1025.0 * (CdA[0] * 1.5**3 + CdA[2] * 3.0**3) / 32.0)
 
 
-def test_what_is_given_wins(tmp_path: Path) -> None:
+def test_explicit_body_keys_override_the_size(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, with_body()))
     params = scene.listed(RigidBodyParams)
     assert params is not None
@@ -185,12 +185,12 @@ def test_the_state_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> N
     assert shot.body.turn == pytest.approx(turn.as_matrix())
 
 
-def test_rigging_and_deck_are_reported() -> None:
+def test_slings_and_deck_are_reported() -> None:
     encoder, shot = messages.Encoder(0), turned()
 
     def table(topic: str, shot: Snapshot) -> list[tuple[object, ...]]:
-        found = messages.read_cloud(messages.decode(topic, encoder.encode(topic, shot)))
-        return [tuple(row) for row in found.tolist()]
+        computed = messages.read_cloud(messages.decode(topic, encoder.encode(topic, shot)))
+        return [tuple(row) for row in computed.tolist()]
 
     assert table("slings/state", shot) == [
         (b"sling_1", 1.0, 2.0, -3.0, 6.0, 5e4),

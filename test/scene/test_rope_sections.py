@@ -1,4 +1,4 @@
-"""Sections, gradings and damping of a rope: what a scene may say and what it means."""
+"""Sections, mesh grading and damping of a rope: reading, mesh and first mode."""
 
 from __future__ import annotations
 
@@ -99,13 +99,13 @@ BAD = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_refused(name: str, tmp_path: Path) -> None:
-    text, place, words = BAD[name]
+def test_invalid_sections_are_rejected(name: str, tmp_path: Path) -> None:
+    text, position, words = BAD[name]
     (tmp_path / "bag").mkdir()
-    assert_refused(text, place, words, tmp_path)
+    assert_refused(text, position, words, tmp_path)
 
 
-def test_sections_become_nodes_and_figures(tmp_path: Path) -> None:
+def test_section_ends_are_nodes_with_their_own_properties(tmp_path: Path) -> None:
     """A chain of 20 m, 400 m of HMPE and steel wire, on 50 elements."""
     scene = load_scene(written(tmp_path, JOINED))
     line, rope = scene.ropes[0], build(scene)
@@ -131,11 +131,11 @@ def test_sections_become_nodes_and_figures(tmp_path: Path) -> None:
     assert figures.damping_fraction == pytest.approx(0.02)
 
 
-def test_first_mode_of_three_sections() -> None:
+def test_first_axial_mode_of_three_sections() -> None:
     """Against the smallest eigenvalue of the rope on 3,000 springs and masses."""
     ropes = [rope_preset(name) for name in ("chain_42mm", "hmpe_76mm", "steel_wire_76mm")]
     bars = [Bar(rope, length, 0.0, 0.0) for rope, length in zip(ropes, (50, 900, 800), strict=True)]
-    found = first_axial_frequency(bars, 30e3)
+    computed = first_axial_frequency(bars, 30e3)
     l, K, M = [], [], []
     for bar in bars:
         cells = 1000
@@ -151,9 +151,9 @@ def test_first_mode_of_three_sections() -> None:
         new = np.cumsum(stretch[::-1])[::-1]
         omega2 = float(u @ (M * u) / (new @ (M * u)))
         u = new / new[0]
-    assert found == pytest.approx(sqrt(omega2), rel=1e-6)
+    assert computed == pytest.approx(sqrt(omega2), rel=1e-6)
     c = [0.02 * bar.stiffness_n for bar in bars]
-    assert damping_fraction(bars, c, 30e3) == pytest.approx(0.01 * found, rel=1e-12)
+    assert damping_fraction(bars, c, 30e3) == pytest.approx(0.01 * computed, rel=1e-12)
     parts = [Bar(bars[1].rope, length, 0.0, 0.0) for length in (300.0, 600.0)]
     whole = [Bar(bars[1].rope, 900.0, 0.0, 0.0)]
     for end in (30e3, 0.0, np.inf):

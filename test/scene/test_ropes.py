@@ -1,4 +1,4 @@
-"""Rope presets against the figures that their sources quote."""
+"""Rope presets against the values that their sources quote."""
 
 from math import pi
 from pathlib import Path
@@ -11,7 +11,7 @@ from rope_twin.scene.schema import Rope
 
 
 def in_water(rope: Rope) -> float:
-    """Mass less displaced sea water [kg/m]."""
+    """Submerged mass per metre in sea water [kg/m]."""
     return rope.mass_kg_per_m - 1025.0 * 0.25 * pi * rope.hydrodynamic_diameter_m**2
 
 
@@ -25,7 +25,7 @@ QUOTED = {
 
 
 @pytest.mark.parametrize("name", QUOTED)
-def test_quoted_figures(name: str) -> None:
+def test_presets_have_the_quoted_values(name: str) -> None:
     diameter, mass, submerged, stiffness, breaking = QUOTED[name]
     rope = rope_preset(name)
     assert rope.diameter_m == diameter
@@ -37,12 +37,12 @@ def test_quoted_figures(name: str) -> None:
         assert rope.breaking_load_n == pytest.approx(1e3 * breaking, rel=2.5e-3)
 
 
-def test_hmpe_carries_more_water_than_its_own_mass() -> None:
+def test_hmpe_displaces_more_water_than_its_own_mass() -> None:
     rope = rope_preset("hmpe_76mm")
     assert 1.05 <= (rope.mass_kg_per_m - in_water(rope)) / rope.mass_kg_per_m <= 1.62
 
 
-def test_steel_wire_40mm_by_hand() -> None:
+def test_steel_wire_40mm_by_hand_calculation() -> None:
     rope = rope_preset("steel_wire_40mm")
     assert rope.mass_kg_per_m == pytest.approx(3989.7 * 0.0016)
     assert rope.axial_stiffness_n == pytest.approx(64.64e6)
@@ -50,18 +50,18 @@ def test_steel_wire_40mm_by_hand() -> None:
     assert rope.hydrodynamic_diameter_m == pytest.approx(0.032)
 
 
-def test_polyester_by_hand() -> None:
+def test_polyester_by_hand_calculation() -> None:
     rope = rope_preset("polyester_100mm")
     assert rope.axial_stiffness_n == pytest.approx(14.0 * rope.breaking_load_n)
     assert rope.mass_kg_per_m == pytest.approx(6.7875)
     assert rope.hydrodynamic_diameter_m == pytest.approx(0.079, rel=5e-3)
 
 
-def test_cable_weighs_in_water_what_was_measured() -> None:
+def test_submerged_weight_of_the_measured_cable() -> None:
     assert 9.80665 * in_water(rope_preset("whoi_cable_17mm")) == pytest.approx(8.89, rel=0.035)
 
 
-def test_every_preset_says_what_it_is_and_where_from() -> None:
+def test_every_preset_has_a_description_and_source() -> None:
     presets = rope_presets()
     assert len(presets) >= 6
     for rope in presets.values():
@@ -69,7 +69,7 @@ def test_every_preset_says_what_it_is_and_where_from() -> None:
         assert rope.source
 
 
-def test_unknown_preset() -> None:
+def test_an_unknown_preset_is_rejected() -> None:
     for name in ("hpme_76mm", "steel_wire_52", "steel_wire_052.mm", "whoi_cable_18mm"):
         with pytest.raises(SceneError, match=rf"named '{name}'; .*steel_wire_52mm.*hmpe_76mm"):
             rope_preset(name)
@@ -88,7 +88,7 @@ def test_steel_wire_of_any_diameter_is_near_the_standard(mm: int) -> None:
     assert f"{mm} mm steel wire rope" in rope.about
 
 
-def test_a_size_that_is_a_preset_is_that_preset() -> None:
+def test_a_diameter_of_a_preset_gives_the_preset() -> None:
     """It has 76.2 mm, 3 in."""
     assert rope_preset("steel_wire_76mm").diameter_m == 0.0762
     assert rope_preset("steel_wire_76.2mm") == rope_preset("steel_wire_76mm")
@@ -104,7 +104,7 @@ by_figures: {}
 """
 
 
-def test_a_book_of_ones_own(tmp_path: Path) -> None:
+def test_a_users_own_rope_file(tmp_path: Path) -> None:
     path = tmp_path / "ropes.yaml"
     path.write_text(BOOK)
     assert rope_presets(path)["wire_50mm"].mass_kg_per_m == pytest.approx(10.0)
@@ -129,7 +129,9 @@ def test_a_book_of_ones_own(tmp_path: Path) -> None:
         (", diameter_m: 0.05", "", r"by_diameter\.wire_50mm: diameter_m missing"),
     ],
 )
-def test_a_bad_book_says_where(old: str, new: str, words: str, tmp_path: Path) -> None:
+def test_an_invalid_rope_file_is_rejected_with_its_line(
+    old: str, new: str, words: str, tmp_path: Path
+) -> None:
     assert BOOK.count(old) == 1
     path = tmp_path / "ropes.yaml"
     path.write_text(BOOK.replace(old, new))

@@ -1,4 +1,4 @@
-"""Values that no sea and no rope has, and warnings that a scene accepts with a reason."""
+"""Implausible values are warned of, and a scene accepts a warning with a reason."""
 
 import dataclasses
 from math import pi
@@ -70,7 +70,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_odd_value_is_warned_about(name: str, tmp_path: Path) -> None:
+def test_implausible_values_are_warned_of(name: str, tmp_path: Path) -> None:
     """Each was taken without a word."""
     text, start, words = ODD[name]
     (warning,) = [one for one in sense_checks(load_scene(written(tmp_path, text)))
@@ -89,14 +89,14 @@ def test_odd_value_is_warned_about(name: str, tmp_path: Path) -> None:
         spoilt("normal: 1.2, tangential: 0.02", "normal: 2.4, tangential: 0.366"),
     ],
 )
-def test_usual_values_are_left_alone(text: str, tmp_path: Path) -> None:
+def test_usual_values_give_no_warning(text: str, tmp_path: Path) -> None:
     assert sense_checks(load_scene(written(tmp_path, text))) == []
 
 
 @pytest.mark.parametrize(
     ("height", "period", "steepness"), [(30.0, 3.0, "3.2"), (12.0, 4.0, "0.7"), (5.0, 5.0, "0.19")]
 )
-def test_a_sea_that_would_break_is_refused(
+def test_a_breaking_sea_is_rejected(
     height: float, period: float, steepness: str, tmp_path: Path
 ) -> None:
     sea = f"{{significant_height_m: {height}, peak_period_s: {period}}}"
@@ -128,14 +128,16 @@ def test_zero_crossing_period_of_pierson_and_moskowitz() -> None:
     assert zero_crossing_period_s(jonswap(2.0, 10.0, 1.0)) == pytest.approx(7.1, rel=0.03)
 
 
-def test_no_bag_is_made_of_a_sea_that_would_break(
+def test_no_bag_is_written_of_a_breaking_sea(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Hs 30 m at Tp 3 s became a bag without a word."""
     words = ["sea-state", "make", "--seed", "1", "--duration", "60", "--out"]
     assert main([*words, str(tmp_path / "a"), "--jonswap", "30", "3"]) == 1
-    said = capsys.readouterr()
-    assert said.err.startswith("--jonswap 30 3: Hs 30 m at a mean period Tz of 2.46 s is a steepn")
+    message = capsys.readouterr()
+    assert message.err.startswith(
+        "--jonswap 30 3: Hs 30 m at a mean period Tz of 2.46 s is a steepn"
+    )
     assert not list(tmp_path.iterdir())
     assert main([*words, str(tmp_path / "b"), "--jonswap", "2", "4"]) == 0
     assert "warning: --jonswap 2 4: Hs 2 m at Tp 4 s is steeper" in capsys.readouterr().err
@@ -147,7 +149,7 @@ def test_no_bag_is_made_of_a_sea_that_would_break(
         assert not any(breaking_fault(sea) or steepness_warning("", sea) for sea in seas)
 
 
-def test_a_strong_live_current_is_taken_with_a_warning(tmp_path: Path) -> None:
+def test_a_strong_live_current_is_accepted_with_a_warning(tmp_path: Path) -> None:
     """Its row warns as long as it is in force."""
     twin = Twin(load_scene(written(tmp_path, STEPPED)))
 
@@ -209,7 +211,7 @@ def test_an_accepted_warning_is_shown_as_such(
         load_scene(written(tmp_path, GOOD + ACCEPT.replace("no limit", '""')))
 
 
-def test_what_is_accepted_is_no_part_of_the_lift(tmp_path: Path) -> None:
+def test_accepted_warnings_do_not_change_the_digest(tmp_path: Path) -> None:
     """Accuracy studies stay current, and saved states are taken."""
     entry = AcceptedWarning(key="time.step_s", says="coarse", reason="a test")
     scene = load_scene("still_water")

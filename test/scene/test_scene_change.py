@@ -1,4 +1,4 @@
-"""Numbers of a scene changed by path: the same rules as for a file, and one sentence when wrong."""
+"""Numbers of a scene changed by path: the rules of a file, and one sentence per fault."""
 
 from __future__ import annotations
 
@@ -91,16 +91,16 @@ def test_changes_add_up_and_show_in_the_digest() -> None:
         ("ropes[0] .length_m", 1.0, "'ropes[0] .length_m' is not a path"),
     ],
 )
-def test_what_cannot_be_is_reported_in_one_sentence(path: str, value: float, words: str) -> None:
+def test_invalid_changes_are_rejected(path: str, value: float, words: str) -> None:
     with pytest.raises(SceneError) as refused:
         with_change(path, value)
-    said = str(refused.value)
-    assert words in said
-    assert said.startswith(str(SCENE.path))
-    assert "\n" not in said
+    message = str(refused.value)
+    assert words in message
+    assert message.startswith(str(SCENE.path))
+    assert "\n" not in message
 
 
-def test_what_a_scene_leaves_out() -> None:
+def test_a_number_that_a_scene_leaves_out() -> None:
     """A number that it does not give can be set but not multiplied; a part cannot appear."""
     given = with_change("time.newton_tolerance_n", 5.0)
     assert given.time.newton_tolerance_n == 5.0

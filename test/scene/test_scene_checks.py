@@ -1,4 +1,4 @@
-"""Sense checks warn in numbers, with the place and the way out, and are silent on good scenes."""
+"""Plausibility checks warn in numbers, with place and remedy, and are silent on good scenes."""
 
 import dataclasses
 from math import pi, sqrt, tan
@@ -29,7 +29,7 @@ WAVES = spoilt(
 
 
 def fixed(text: str, end: str) -> str:
-    """The scene with its lower end held instead of loaded."""
+    """Return the scene with its lower end fixed instead of loaded."""
     text = text.replace(text[text.index("payloads:") : text.index("winch:")], "")
     return text.replace("    to: tool\n", f"    fixed_at_m: {end}\n").replace(
         "  - payload: {}\n", ""
@@ -246,18 +246,18 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_odd_scene_is_warned_about(name: str, tmp_path: Path) -> None:
+def test_implausible_scenes_are_warned_of(name: str, tmp_path: Path) -> None:
     text, start, words = ODD[name]
     (tmp_path / "bag").mkdir()
     warnings = sense_checks(load_scene(written(tmp_path, text)))
-    found = [warning for warning in warnings if all(word in warning for word in words)]
-    assert len(found) == 1, warnings
-    assert found[0].startswith(start)
-    assert "; " in found[0]
-    assert found[0].endswith(".")
+    computed = [warning for warning in warnings if all(word in warning for word in words)]
+    assert len(computed) == 1, warnings
+    assert computed[0].startswith(start)
+    assert "; " in computed[0]
+    assert computed[0].endswith(".")
 
 
-def test_a_clamp_is_judged_by_the_bending_of_its_own_rope(tmp_path: Path) -> None:
+def test_a_clamp_is_checked_with_the_bending_of_its_rope(tmp_path: Path) -> None:
     """A rope with a clamp and stiffness of its own, and one that the effect's clamp leaves free."""
     scene = load_scene(written(tmp_path, CLAMPED))
     for own, count in (
@@ -266,8 +266,8 @@ def test_a_clamp_is_judged_by_the_bending_of_its_own_rope(tmp_path: Path) -> Non
     ):
         line = dataclasses.replace(scene.ropes[0], bending=own)
         warnings = sense_checks(dataclasses.replace(scene, ropes=(line,)))
-        found = [warning for warning in warnings if "√(EI/T) = 0.87 m" in warning]
-        assert len(found) == count
+        computed = [warning for warning in warnings if "√(EI/T) = 0.87 m" in warning]
+        assert len(computed) == count
         assert not any("√(EI/T) = 2.7 m" in warning for warning in warnings)
 
 
@@ -283,7 +283,7 @@ def test_a_clamp_is_judged_by_the_bending_of_its_own_rope(tmp_path: Path) -> Non
         fixed(GOOD, "[0.0, 0.0, -499.0]"),
     ],
 )
-def test_good_scenes_are_left_alone(text: str, tmp_path: Path) -> None:
+def test_good_scenes_give_no_warning(text: str, tmp_path: Path) -> None:
     assert sense_checks(load_scene(written(tmp_path, text))) == []
 
 
@@ -321,13 +321,13 @@ def test_first_axial_period_is_that_of_the_closed_form(
     )
     line = dataclasses.replace(scene.ropes[0], rope=rope, length_m=length)
     scene = dataclasses.replace(scene, ropes=(line,), payloads=(payload,))
-    found = lift_figures(scene).first_axial_period_s
-    assert found == pytest.approx(period, rel=1e-3)
-    x = 2.0 * pi * length / (found * sqrt(rope.axial_stiffness_n / rope.mass_kg_per_m))
+    computed = lift_figures(scene).first_axial_period_s
+    assert computed == pytest.approx(period, rel=1e-3)
+    x = 2.0 * pi * length / (computed * sqrt(rope.axial_stiffness_n / rope.mass_kg_per_m))
     assert x * tan(x) == pytest.approx(rope.mass_kg_per_m * length / 150e3, rel=1e-9)
 
 
-def test_static_figures_by_hand(tmp_path: Path) -> None:
+def test_static_values_by_hand_calculation(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, GOOD))
     figures = lift_figures(scene)
     weight = (20000.0 - 1025.0 * 9.0) * 9.80665
@@ -361,7 +361,7 @@ def test_when_a_schedule_meets_a_limit() -> None:
     assert schedule_meets_limit(winch(), 100.0) is None
 
 
-def test_warnings_follow_the_scene_not_the_file() -> None:
+def test_warnings_follow_a_scene_changed_in_memory() -> None:
     """A scene changed in memory is checked as it is then."""
     scene: Scene = load_scene("still_water")
     line: RopeLine = dataclasses.replace(scene.ropes[0], damping=Damping(newton_seconds=0.0))
@@ -391,7 +391,7 @@ def test_two_ropes_carry_a_load_together(tmp_path: Path) -> None:
     assert "breaks" in reported(300000.0)[0]
 
 
-def test_what_hangs_below_a_hook_weighs_on_the_rope_from_the_winch() -> None:
+def test_the_hoist_carries_everything_below_the_hook() -> None:
     scene = load_scene("bridle_lift")
     per_metre = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
     steel = (800.0 + 2 * 50.0 + 1500.0) * (1.0 - 1025.0 / 7850.0) * 9.80665
@@ -402,11 +402,11 @@ def test_what_hangs_below_a_hook_weighs_on_the_rope_from_the_winch() -> None:
     assert held.weight_at(1200.0) - held.weight_n == pytest.approx(200.0 * per_metre)
 
 
-def test_nobody_foretells_the_tension_beside_a_fixed_end_or_a_tether() -> None:
+def test_no_static_tension_is_estimated_with_a_fixed_end_or_tether() -> None:
     assert hung_together(load_scene("two_line_loop")) is None
 
 
-def test_a_float_held_from_below_is_no_lift_that_floats(tmp_path: Path) -> None:
+def test_a_moored_float_is_not_taken_for_a_floating_lift(tmp_path: Path) -> None:
     """Its rope was said to lie on the bed, and to reach as far below the anchor as it is long."""
     text = GOOD.replace("mass_kg: 20000.0", "mass_kg: 2000.0").replace(
         "effects:\n", "effects:\n  - seabed: {depth_m: 495.0}\n"
@@ -419,7 +419,7 @@ def test_a_float_held_from_below_is_no_lift_that_floats(tmp_path: Path) -> None:
     assert sense_checks(moored) == []
 
 
-def test_a_payload_above_the_water_weighs_what_it_weighs_in_air(tmp_path: Path) -> None:
+def test_a_payload_above_the_water_has_its_weight_in_air(tmp_path: Path) -> None:
     """Static tension, safety factor and what the drive must hold took it for submerged."""
     above = GOOD.replace("effects:\n", "effects:\n  - splash_zone: {height_m: 3.0}\n")
     scene = load_scene(written(tmp_path, above))
@@ -448,13 +448,13 @@ def test_slamming_gives_the_water_the_momentum_of_the_added_mass(
         written(tmp_path, text.replace("effects:\n", "effects:\n" + zone.replace("AREA", "0.0")))
     )
     listed = "effects:\n" + zone.replace("AREA", f"{area_m2}")
-    found = _slamming(written(tmp_path, text.replace("effects:\n", listed)))
-    assert len(found) == (1 if said else 0)
-    assert all(said in warning for warning in found)
+    computed = _slamming(written(tmp_path, text.replace("effects:\n", listed)))
+    assert len(computed) == (1 if said else 0)
+    assert all(said in warning for warning in computed)
     least = 2.0 * 4040.0 / (1025.0 * area_m2 * 0.5)
-    assert all(f"C_s = 2·A33/(ρ·A·H) is {least:.2g};" in warning for warning in found)
+    assert all(f"C_s = 2·A33/(ρ·A·H) is {least:.2g};" in warning for warning in computed)
 
 
 def _slamming(path: Path) -> list[str]:
-    place = "effects.splash_zone.slamming"
-    return [words for words in sense_checks(load_scene(path)) if words.startswith(place)]
+    position = "effects.splash_zone.slamming"
+    return [words for words in sense_checks(load_scene(path)) if words.startswith(position)]

@@ -1,4 +1,4 @@
-"""Whatever happens to a good scene, it loads or gets one sentence; nothing else is ever raised."""
+"""A mutated scene loads or is rejected in one sentence; nothing else is ever raised."""
 
 import copy
 from pathlib import Path
@@ -42,7 +42,7 @@ junk = st.recursive(
 
 
 def paths(tree: Any, prefix: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """The way to every value of a tree of mappings and lists."""
+    """Return the path to every value of a tree of mappings and lists."""
     pairs = tree.items() if isinstance(tree, dict) else enumerate(tree)
     found = []
     for key, value in pairs:
@@ -76,7 +76,9 @@ def loads_or_says_why(text: str | bytes, folder: Path) -> None:
 
 @QUICK
 @given(path=st.sampled_from(PATHS), value=junk)
-def test_any_value_replaced(path: tuple[Any, ...], value: Any, tmp_path: Path) -> None:
+def test_any_replaced_value_loads_or_is_rejected(
+    path: tuple[Any, ...], value: Any, tmp_path: Path
+) -> None:
     tree = copy.deepcopy(TREE)
     parent_of(tree, path)[path[-1]] = value
     loads_or_says_why(yaml.safe_dump(tree, allow_unicode=True), tmp_path)
@@ -84,7 +86,9 @@ def test_any_value_replaced(path: tuple[Any, ...], value: Any, tmp_path: Path) -
 
 @QUICK
 @given(changes=st.lists(st.tuples(st.sampled_from(PATHS), junk), min_size=2, max_size=5))
-def test_several_values_replaced(changes: list[tuple[Any, Any]], tmp_path: Path) -> None:
+def test_several_replaced_values_load_or_are_rejected(
+    changes: list[tuple[Any, Any]], tmp_path: Path
+) -> None:
     """Rules that rely on broken ones do not raise anything else."""
     tree = copy.deepcopy(TREE)
     for path, value in changes:
@@ -97,7 +101,7 @@ def test_several_values_replaced(changes: list[tuple[Any, Any]], tmp_path: Path)
 
 
 @pytest.mark.parametrize("path", PATHS, ids=str)
-def test_any_key_deleted(path: tuple[Any, ...], tmp_path: Path) -> None:
+def test_any_deleted_key_loads_or_is_rejected(path: tuple[Any, ...], tmp_path: Path) -> None:
     tree = copy.deepcopy(TREE)
     del parent_of(tree, path)[path[-1]]
     loads_or_says_why(yaml.safe_dump(tree), tmp_path)
@@ -108,7 +112,9 @@ def test_any_key_deleted(path: tuple[Any, ...], tmp_path: Path) -> None:
     path=st.sampled_from([path for path in PATHS if isinstance(path[-1], str)]),
     name=st.one_of(st.text(max_size=10), st.integers(), st.booleans(), st.none()),
 )
-def test_any_key_renamed(path: tuple[Any, ...], name: Any, tmp_path: Path) -> None:
+def test_any_renamed_key_loads_or_is_rejected(
+    path: tuple[Any, ...], name: Any, tmp_path: Path
+) -> None:
     tree = copy.deepcopy(TREE)
     parent = parent_of(tree, path)
     parent[name] = parent.pop(path[-1])
@@ -121,11 +127,13 @@ def test_any_key_renamed(path: tuple[Any, ...], name: Any, tmp_path: Path) -> No
     removed=st.integers(0, 40),
     inserted=st.text(alphabet=st.sampled_from("[]{}:,-*&!|>'\"#?%@`\t\n ab10.~<e"), max_size=8),
 )
-def test_any_text_mangled(start: int, removed: int, inserted: str, tmp_path: Path) -> None:
+def test_any_mangled_text_loads_or_is_rejected(
+    start: int, removed: int, inserted: str, tmp_path: Path
+) -> None:
     loads_or_says_why(GOOD[:start] + inserted + GOOD[start + removed :], tmp_path)
 
 
 @QUICK
 @given(data=st.binary(max_size=200))
-def test_any_bytes(data: bytes, tmp_path: Path) -> None:
+def test_any_bytes_load_or_are_rejected(data: bytes, tmp_path: Path) -> None:
     loads_or_says_why(data, tmp_path)

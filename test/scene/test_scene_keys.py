@@ -1,4 +1,4 @@
-"""The keys of a scene's file, as reported: those that are read, with what they mean."""
+"""The reported keys of a scene file: those that are read, with their meaning."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ KNOWN = {key.path: key for key in scene_keys()}
 
 
 def paths_in(value: object, path: str = "") -> set[str]:
-    """Paths of all keys below a value as YAML reads it."""
+    """Return the paths of all keys below a value as YAML reads it."""
     found: set[str] = set()
     if isinstance(value, dict):
         for name, child in value.items():
@@ -42,7 +42,7 @@ def test_every_key_of_a_scene_is_reported(name: str) -> None:
     assert paths <= set(KNOWN)
 
 
-def test_each_says_what_it_means_and_no_path_comes_twice() -> None:
+def test_each_key_has_a_meaning_and_a_unique_path() -> None:
     assert all(key.meaning and key.wants for key in KNOWN.values())
     assert len(KNOWN) == len(scene_keys())
     drum = KNOWN["winch.drum.turns_per_layer"]
@@ -53,7 +53,7 @@ def test_each_says_what_it_means_and_no_path_comes_twice() -> None:
     assert KNOWN["effects[].current.over_time"].wants == "rows of 2 numbers"
 
 
-def test_what_is_needed_is_refused_where_it_is_missing(tmp_path: Path) -> None:
+def test_missing_required_keys_are_rejected(tmp_path: Path) -> None:
     """`needed` is what the reader asks for: a time without its step."""
     assert KNOWN["time.step_s"].default is None
     text = load_scene("still_water").path.read_text(encoding="utf-8")
@@ -63,7 +63,7 @@ def test_what_is_needed_is_refused_where_it_is_missing(tmp_path: Path) -> None:
         load_scene(scene)
 
 
-def test_a_part_of_them_is_shown(
+def test_a_part_of_the_keys_is_shown(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("COLUMNS", "100")
@@ -82,16 +82,16 @@ def test_a_path_is_found_as_messages_and_studies_write_it(
     for path in ("payloads[0].mass_kg", "payloads[].mass_kg", "effects.added_mass.tangential"):
         assert main(["scene", "keys", path]) == 0
     lines = capsys.readouterr().out.splitlines()
-    found = [line.partition(":")[0] for line in lines if line[0] != " "]
-    assert found == [*["payloads[].mass_kg"] * 2, "effects[].added_mass.tangential"]
+    computed = [line.partition(":")[0] for line in lines if line[0] != " "]
+    assert computed == [*["payloads[].mass_kg"] * 2, "effects[].added_mass.tangential"]
 
 
-def test_a_part_that_is_not_there_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_part_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scene", "keys", "drumm"]) == 1
     assert capsys.readouterr().err.strip().endswith("did you mean 'drum'?")
 
 
-def test_the_package_is_a_command_too() -> None:
+def test_keys_by_python_dash_m() -> None:
     reported = subprocess.run(
         [sys.executable, "-m", "rope_twin", "scene", "keys", "time.step_s"],
         capture_output=True, text=True, check=True,

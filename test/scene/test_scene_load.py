@@ -1,4 +1,4 @@
-"""Good scenes: every value arrives where it belongs, and the scenes that we ship are sound."""
+"""Valid scenes: every value is read, and the shipped scenes are valid."""
 
 import hashlib
 from pathlib import Path
@@ -31,7 +31,7 @@ ACCEPTED = {  # warnings that a shipped scene accepts, each with its reason
 }
 
 
-def test_every_value_arrives(tmp_path: Path) -> None:
+def test_every_value_is_read(tmp_path: Path) -> None:
     path = written(tmp_path, GOOD)
     scene = load_scene(path)
     assert (scene.name, scene.path) == ("scene", path)
@@ -52,16 +52,16 @@ def test_every_value_arrives(tmp_path: Path) -> None:
     assert scene.time.newton_tolerance_n == 100.0
 
 
-def test_effects_come_in_the_order_of_the_table(tmp_path: Path) -> None:
+def test_effects_are_in_the_order_of_the_table(tmp_path: Path) -> None:
     scene = load_scene(written(tmp_path, GOOD))  # listed in reverse order
     order = [effect.params for effect in EFFECTS]
-    found = [order.index(type(params)) for params in scene.effects]
-    assert found == sorted(found)
+    computed = [order.index(type(params)) for params in scene.effects]
+    assert computed == sorted(computed)
     assert listed_effects(scene)["current"].profile == ((0.0, (0.5, 0.0)), (-900.0, (0.1, 0.05)))
     assert listed_effects(scene)["drag"].tangential == 0.02
 
 
-def test_defaults_stand_for_what_is_left_out(tmp_path: Path) -> None:
+def test_omitted_values_have_defaults(tmp_path: Path) -> None:
     text = GOOD.replace(GOOD[GOOD.index("winch:") : GOOD.index("effects:")], "")
     scene = load_scene(written(tmp_path, text))
     assert scene.winch is None
@@ -70,7 +70,7 @@ def test_defaults_stand_for_what_is_left_out(tmp_path: Path) -> None:
     assert scene.ship.hang_off_m == (0.0, 0.0, 0.0)
 
 
-def test_whole_numbers_stand_for_numbers_and_text_may_be_folded(tmp_path: Path) -> None:
+def test_integers_are_numbers_and_text_may_be_folded(tmp_path: Path) -> None:
     text = spoilt("length_m: 500.0", "length_m: 500").replace(
         "source: made up", "source: >\n  made\n  up"
     )
@@ -133,7 +133,7 @@ def test_shipped_scenes_are_listed() -> None:
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_every_shipped_scene_is_sound(name: str) -> None:
+def test_every_shipped_scene_is_valid(name: str) -> None:
     scene = load_scene(name)
     assert scene.name == name
     assert scene.about
@@ -149,7 +149,7 @@ def test_every_shipped_scene_is_sound(name: str) -> None:
         assert sum(words in warning for warning in accepted) == 1
 
 
-def test_the_main_job_is_what_it_is_said_to_be() -> None:
+def test_deep_lift_has_the_documented_values() -> None:
     scene = load_scene("deep_lift")
     (line,) = scene.ropes
     assert (line.length_m, line.elements, line.rope.diameter_m) == (3000.0, 100, 0.04)
@@ -161,7 +161,7 @@ def test_the_main_job_is_what_it_is_said_to_be() -> None:
     assert 0.0 in speeds
 
 
-def test_a_broken_effect_says_what_its_check_says(tmp_path: Path) -> None:
+def test_an_invalid_effect_reports_its_check(tmp_path: Path) -> None:
     text = spoilt("[-900.0, [0.1, 0.05]]", "[-900.0, [99.0, 0.05]]")
     with pytest.raises(SceneError, match=r"effects\[2\]\.current: 99 m/s is not a plausible"):
         load_scene(written(tmp_path, text))

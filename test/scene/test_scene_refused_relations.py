@@ -1,4 +1,4 @@
-"""Scenes whose values do not fit together: each gets one sentence with place, fault, way out."""
+"""Scenes whose values contradict each other: one sentence with place, fault and remedy."""
 
 from pathlib import Path
 
@@ -128,6 +128,6 @@ BAD: list[Row] = [
 
 
 @pytest.mark.parametrize("row", BAD, ids=[row[0] for row in BAD])
-def test_bad_relation_gets_its_sentence(row: Row, tmp_path: Path) -> None:
-    _, text, place, words = row
-    assert_refused(text, place, words, tmp_path)
+def test_contradicting_values_are_rejected(row: Row, tmp_path: Path) -> None:
+    _, text, position, words = row
+    assert_refused(text, position, words, tmp_path)

@@ -1,4 +1,4 @@
-"""Scenes with a bad key, value or text: each gets one sentence with place, fault and way out."""
+"""Scenes with an invalid key, value or text: one sentence with place, fault and remedy."""
 
 from pathlib import Path
 
@@ -141,12 +141,12 @@ BAD: list[Row] = [
 
 
 @pytest.mark.parametrize("row", BAD, ids=[row[0] for row in BAD])
-def test_bad_value_gets_its_sentence(row: Row, tmp_path: Path) -> None:
-    _, text, place, words = row
-    assert_refused(text, place, words, tmp_path)
+def test_invalid_values_are_rejected(row: Row, tmp_path: Path) -> None:
+    _, text, position, words = row
+    assert_refused(text, position, words, tmp_path)
 
 
-def test_the_line_is_that_of_the_key(tmp_path: Path) -> None:
+def test_the_reported_line_is_that_of_the_key(tmp_path: Path) -> None:
     path = written(tmp_path, spoilt("    to: tool", "    to: nobody"))
     with pytest.raises(SceneError, match=r"scene\.yaml, line 10, ropes\[0\]\.to: "):
         load_scene(path)
@@ -161,12 +161,12 @@ def test_the_line_is_that_of_the_key(tmp_path: Path) -> None:
         (GOOD.encode("utf-16"), "not UTF-8"),
     ],
 )
-def test_a_file_that_is_no_text(data: bytes, words: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_text_is_rejected(data: bytes, words: str, tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=words):
         load_scene(written(tmp_path, data))
 
 
-def test_paths_that_are_no_scene(tmp_path: Path) -> None:
+def test_paths_that_are_not_scenes_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="there is no such file"):
         load_scene(tmp_path / "nowhere.yaml")
     with pytest.raises(SceneError, match="it is a folder"):
@@ -182,14 +182,14 @@ def test_files_of_other_commands_are_recognised(command: str, name: str) -> None
         load_scene(share_dir() / "config" / folder / f"{name}.yaml")
 
 
-def test_presets_are_named_where_one_is_unknown(tmp_path: Path) -> None:
+def test_an_unknown_preset_lists_the_presets(tmp_path: Path) -> None:
     """Not the nearest name alone, which is another strength."""
     wrong = spoilt("steel_wire_40mm", "steel_wire_40")
     with pytest.raises(SceneError, match=r"by its properties, .* one of: .*steel_wire_40mm, steel"):
         load_scene(written(tmp_path, wrong))
 
 
-def test_unknown_name_is_reported_the_nearest() -> None:
+def test_an_unknown_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(SceneError, match=r"'deep_lft'.* did you mean 'deep_lift'\?"):
         load_scene("deep_lft")
     with pytest.raises(SceneError, match="no such scene"):

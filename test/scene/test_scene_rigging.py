@@ -1,4 +1,4 @@
-"""Multi-line scenes: what is refused, in one sentence, and how the rest is built."""
+"""Multi-line scenes: refusals in one sentence, and the system that is built."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MEETING = (
 
 
 def spoilt(old: str, new: str) -> str:
-    """MEETING with its one occurrence of `old` replaced."""
+    """Return MEETING with its only occurrence of `old` replaced."""
     assert MEETING.count(old) == 1, f"'{old}' occurs {MEETING.count(old)} times"
     return MEETING.replace(old, new)
 
@@ -117,13 +117,13 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
 @pytest.mark.parametrize(
     ("text", "place", "words"), [row[1:] for row in BAD], ids=[row[0] for row in BAD]
 )
-def test_impossible_rigging_gets_its_sentence(
+def test_invalid_rigging_is_rejected(
     text: str, place: str, words: tuple[str, ...], tmp_path: Path
 ) -> None:
     assert_refused(text, place, words, tmp_path)
 
 
-def test_ropes_meet_where_the_scene_says(tmp_path: Path) -> None:
+def test_ropes_are_connected_as_the_scene_lists_them(tmp_path: Path) -> None:
     """Joints, ends, the payload with the first rope that holds it, the bar's weight at its ends."""
     scene = load_scene(written(tmp_path, MEETING))
     assert [line.from_ for line in scene.ropes] == ["winch", "hook", "hook", "stern"]
@@ -150,7 +150,7 @@ TOWED = "fairing: {face_m2: 3.0, tow_speed_m_per_s: 2.0, axis: [0.0, 1.0, 0.0], 
 
 @jit_entry
 def pick(effects: Any, r: int, values: Floats) -> None:
-    """The numbers of rope r's net and towed fairing."""
+    """Return the numbers of rope r's net and towed fairing."""
     net, fairing = effects_at(effects, r)
     values[0], values[1], values[2], values[3], values[4] = net
     values[5], values[6], values[7], values[8], values[9] = fairing
@@ -180,7 +180,7 @@ def test_each_rope_has_the_net_and_the_fairing_of_its_payload(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
-def test_first_shape_keeps_every_length(name: str) -> None:
+def test_the_initial_shape_keeps_every_length(name: str) -> None:
     """No rope longer than it is by more than 1 %, bars as long as they are by 2 %."""
     scene = load_scene(name)
     where = first_places(scene)
@@ -203,7 +203,9 @@ def test_first_shape_keeps_every_length(name: str) -> None:
         ((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), 5.001),
     ],
 )
-def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float, up: bool) -> None:
+def test_a_slack_rope_starts_as_a_catenary(
+    low: Place, high: Place, length: float, up: bool
+) -> None:
     """Its ends where they belong, its elements of one length, bending one way only."""
     nodes = initial_shape(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
     assert np.allclose(nodes[:, 0], low, atol=1e-9)
@@ -215,13 +217,13 @@ def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float
     assert ((np.diff(slopes) > -1e-9) != up).all() or ((np.diff(slopes) < 1e-9) == up).all()
 
 
-def test_the_clamp_of_every_rope_is_judged(tmp_path: Path) -> None:
+def test_the_clamp_of_every_rope_is_checked(tmp_path: Path) -> None:
     """Its own stiffness and clamp at a hang-off; the ropes that begin at a hook have none."""
     text = MEETING.replace(
         "from: stern, to: hook", f"from: stern, to: hook, {CLAMPED.replace('1.0', '1.0e+5', 1)}"
     ).replace("effects:\n", "effects:\n  - bending: {stiffness_n_m2: 1.0e+5}\n")
-    found = [one for one in sense_checks(load_scene(written(tmp_path, text))) if "clamp" in one]
-    assert len(found) == 1, found
-    assert found[0].startswith("ropes[3].elements: elements of 10 m spread the bend")
+    computed = [one for one in sense_checks(load_scene(written(tmp_path, text))) if "clamp" in one]
+    assert len(computed) == 1, computed
+    assert computed[0].startswith("ropes[3].elements: elements of 10 m spread the bend")
     without = load_scene(written(tmp_path, MEETING))
     assert not [one for one in sense_checks(without) if "clamp" in one]

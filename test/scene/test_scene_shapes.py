@@ -1,4 +1,4 @@
-"""Payload shapes against tables, limits and symmetries; explicit keys before the shape."""
+"""Payload shapes against DNV-RP-N103 tables, limits and symmetries; explicit keys first."""
 
 import itertools
 from math import exp, pi
@@ -28,7 +28,7 @@ sizes = st.floats(0.05, 50.0)
 @pytest.mark.parametrize(
     ("ratio", "coefficient"), [(1.0, 0.579), (2.0, 0.757), (4.0, 0.872), (10.0, 0.947)]
 )
-def test_thin_box_is_the_plate_of_the_table(ratio: float, coefficient: float) -> None:
+def test_a_thin_box_is_the_tabulated_plate(ratio: float, coefficient: float) -> None:
     box = Box(length_m=2.0 * ratio, width_m=2.0, height_m=0.01)
     plate = coefficient * 0.25 * pi * 2.0**2 * (2.0 * ratio)
     assert box.added_mass_m3()[2] == pytest.approx(plate, rel=0.07)
@@ -38,7 +38,7 @@ def test_thin_box_is_the_plate_of_the_table(ratio: float, coefficient: float) ->
 @pytest.mark.parametrize(
     ("height_over_side", "coefficient"), [(1.0, 0.68), (2.0, 0.36), (3.0, 0.24), (4.0, 0.19)]
 )
-def test_upright_square_prism_is_near_the_table(
+def test_an_upright_square_prism_is_within_10_percent_of_the_table(
     height_over_side: float, coefficient: float
 ) -> None:
     """Table A-2 has square prisms of its own; the plate with its depth factor comes within 10 %."""
@@ -46,7 +46,7 @@ def test_upright_square_prism_is_near_the_table(
     assert box.added_mass_m3()[2] / box.volume_m3() == pytest.approx(coefficient, rel=0.1)
 
 
-def test_box_keeps_its_axes() -> None:
+def test_box_coefficients_follow_its_axes() -> None:
     x, y, z = Box(length_m=4.0, width_m=3.0, height_m=2.0).added_mass_m3()
     turned = Box(length_m=2.0, width_m=4.0, height_m=3.0)
     assert turned.added_mass_m3() == pytest.approx((z, x, y))
@@ -63,14 +63,14 @@ def test_box_drag_by_face() -> None:
     assert rod.drag_area_m2()[0] == pytest.approx(3.0 * 1.18)  # face 3:1, between 1.16 and 1.20
 
 
-def test_sphere() -> None:
+def test_sphere_coefficients() -> None:
     sphere = Sphere(diameter_m=2.0)
     assert sphere.volume_m3() == pytest.approx(4.0 / 3.0 * pi)
     assert sphere.added_mass_m3() == pytest.approx((2.0 / 3.0 * pi,) * 3)
     assert sphere.drag_area_m2() == pytest.approx((0.5 * pi,) * 3)
 
 
-def test_long_cylinder_has_the_added_mass_of_its_own_volume_across() -> None:
+def test_cross_flow_added_mass_of_a_long_cylinder() -> None:
     cylinder = Cylinder(diameter_m=0.5, height_m=200.0)
     assert cylinder.added_mass_m3()[0] == pytest.approx(cylinder.volume_m3(), rel=0.01)
     assert cylinder.drag_area_m2()[0] == pytest.approx(1.2 * 0.98 * 100.0)
@@ -82,7 +82,7 @@ def test_cylinder_across_by_the_table() -> None:
     assert cylinder.added_mass_m3()[0] == cylinder.added_mass_m3()[1]
 
 
-def test_flat_cylinder_is_a_disc() -> None:
+def test_a_flat_cylinder_is_a_disc() -> None:
     disc = Cylinder(diameter_m=4.0, height_m=0.01)
     assert disc.added_mass_m3()[2] == pytest.approx(8.0 / 3.0 * 8.0, rel=0.06)
     assert disc.drag_area_m2()[2] == pytest.approx(1.12 * 4.0 * pi, rel=1e-3)
@@ -111,7 +111,7 @@ def test_bodies_are_positive_and_scale_with_the_cube(x: float, y: float, z: floa
         assert large.drag_area_m2() == pytest.approx([4.0 * a for a in small.drag_area_m2()])
 
 
-def test_figures_come_from_the_shape() -> None:
+def test_payload_coefficients_come_from_the_shape() -> None:
     payload = Payload(name="p", mass_kg=5000.0, shape=Sphere(diameter_m=1.0))
     figures = payload_figures(payload, 1000.0)
     assert figures.mass_kg == 5000.0
@@ -119,7 +119,7 @@ def test_figures_come_from_the_shape() -> None:
     assert figures.added_mass_kg == pytest.approx((1000.0 * pi / 12.0,) * 3)
 
 
-def test_explicit_keys_win() -> None:
+def test_explicit_keys_override_the_shape() -> None:
     payload = Payload(
         name="p",
         mass_kg=5000.0,
@@ -145,7 +145,7 @@ def test_all_keys_need_no_shape_but_some_do() -> None:
         payload_figures(Payload(name="q", mass_kg=1.0, displaced_volume_m3=0.0), 1025.0)
 
 
-def test_perforation_joins_and_falls() -> None:
+def test_perforation_factor_is_continuous_and_falls() -> None:
     """DNV-RP-N103's three pieces: 1 up to 5 %, continuous at 34 % within its rounding, falling."""
     assert perforation_factor(0.0) == perforation_factor(5.0) == 1.0
     assert perforation_factor(34.0) == pytest.approx(perforation_factor(33.999), abs=0.02)
@@ -154,7 +154,7 @@ def test_perforation_joins_and_falls() -> None:
     assert values[-1] == pytest.approx(exp(-40.0 / 28.0))
 
 
-def test_a_suction_anchor_carries_its_water() -> None:
+def test_a_suction_anchor_contains_its_water() -> None:
     """5 m by 10 m in 30 mm: 5 m³ of steel, 190 m³ of water, which hatches let pass."""
     can = SuctionAnchor(diameter_m=5.0, height_m=10.0, wall_m=0.03)
     steel = pi * 4.97 * 0.03 * 9.97 + 0.25 * pi * 25.0 * 0.03
@@ -167,7 +167,7 @@ def test_a_suction_anchor_carries_its_water() -> None:
     assert hatched.added_mass_m3()[0] == can.added_mass_m3()[0]
 
 
-def test_a_skip_with_a_fairing() -> None:
+def test_a_skip_with_a_fairing_has_two_coefficients() -> None:
     """The fairing's coefficient stands on the floor; sides stay the box's."""
     bare = Skip(length_m=6.0, width_m=2.5, height_m=2.0, wall_m=0.01)
     faired = Skip(length_m=6.0, width_m=2.5, height_m=2.0, wall_m=0.01, fairing_drag=0.4)
@@ -176,7 +176,7 @@ def test_a_skip_with_a_fairing() -> None:
     assert bare.volume_m3() + bare.inside_m3() == pytest.approx(30.0)
 
 
-def test_a_template_lets_water_through() -> None:
+def test_perforation_of_a_template() -> None:
     shut = Template(length_m=10.0, width_m=8.0, height_m=3.0, open_percent=0.0, steel_m3=9.0)
     half = Template(length_m=10.0, width_m=8.0, height_m=3.0, open_percent=50.0, steel_m3=9.0)
     box = Box(length_m=10.0, width_m=8.0, height_m=3.0)
@@ -193,10 +193,10 @@ def test_a_template_lets_water_through() -> None:
         Template(length_m=1.0, width_m=1.0, height_m=1.0, open_percent=10.0, steel_m3=2.0),
     ],
 )
-def test_what_does_not_fit_is_reported(shape: SuctionAnchor | Skip | Template) -> None:
+def test_invalid_shapes_are_rejected(shape: SuctionAnchor | Skip | Template) -> None:
     assert "give less" in (shape.check() or "")
 
 
-def test_every_shape_has_a_name() -> None:
+def test_the_list_of_shapes() -> None:
     known = {"box", "cylinder", "sphere", "suction_anchor", "skip", "template", "grab"}
     assert set(SHAPES) == known

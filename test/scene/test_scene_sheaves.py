@@ -1,4 +1,4 @@
-"""Scenes in which rope runs over a sheave: what is refused in one sentence, and what is built."""
+"""Scenes with a rope over a sheave: refusals in one sentence, and the system that is built."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STRETCH = "    from: ascending\n    to: lower_sheave\n"
 
 
 def spoilt(old: str, new: str) -> str:
-    """The scene with its one occurrence of `old` replaced."""
+    """Return the scene with its only occurrence of `old` replaced."""
     assert LOOP.count(old) == 1, f"'{old}' occurs {LOOP.count(old)} times"
     return LOOP.replace(old, new)
 
@@ -54,12 +54,14 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
 
 
 @pytest.mark.parametrize(("text", "place", "words"), [b[1:] for b in BAD], ids=[b[0] for b in BAD])
-def test_bad_sheave(tmp_path: Path, text: str, place: str, words: tuple[str, ...]) -> None:
+def test_invalid_sheaves_are_rejected(
+    tmp_path: Path, text: str, place: str, words: tuple[str, ...]
+) -> None:
     """One sentence with the place, what is wrong and what would be right."""
     assert_refused(text, place, words, tmp_path)
 
 
-def test_stretches_end_at_the_sheave_in_the_core(tmp_path: Path) -> None:
+def test_a_rope_over_a_sheave_is_built_as_two_ropes(tmp_path: Path) -> None:
     """Their last nodes are there, they are damped alike, and the tether is a tie."""
     scene = load_scene(written(tmp_path, LOOP))
     system = build_joined(scene).system

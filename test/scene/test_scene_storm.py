@@ -1,4 +1,4 @@
-"""The storm scene is what it says: the rope falls slack at the payload, and snaps."""
+"""The storm scene goes slack at the payload and snaps, as its description says."""
 
 from rope_twin.recording.heave import open_heave
 from rope_twin.scene.lift import lift_figures
@@ -8,7 +8,7 @@ from rope_twin.twin.twin import Twin
 LASTS_NS = 55_000_000_000
 
 
-def test_storm_falls_slack_and_snaps() -> None:
+def test_storm_goes_slack_and_snaps() -> None:
     scene = load_scene("storm")
     twin = Twin(scene)
     for sample in open_heave(scene.sea_state.bag).between(-100_000_000, LASTS_NS):

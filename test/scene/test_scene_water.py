@@ -1,4 +1,4 @@
-"""Depths above the surface or below the bed, spectra with holes, waves that break: what is read."""
+"""Depths above the surface or below the bed, spectra with gaps, breaking waves."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ HEAD = "frequency_hz,S_1996-01-01T00Z_m2_per_hz\n"
 
 
 def with_effect(text: str, effect: str) -> str:
-    """The scene with one more effect."""
+    """Return the scene with one more effect."""
     assert text.count(WEIGHT) == 1
     return text.replace(WEIGHT, f"{WEIGHT}  - {effect}\n")
 
 
 def measured(name: str) -> str:
-    """GOOD in the waves of a table beside it."""
+    """Return GOOD in the waves of a spectrum file next to the scene."""
     sea = f"{{file: {name}, column: 1996-01-01T00Z}}"
     return with_effect(GOOD, f"waves: {{measured: {sea}, components: 20, seed: 1}}")
 
 
 def swell(name: str) -> str:
-    """GOOD in a wind sea, and a swell of a table beside it."""
+    """Return GOOD in a wind sea and a swell of a spectrum file."""
     sea = f"{{file: {name}, column: 1996-01-01T00Z}}"
     wind = "jonswap: {significant_height_m: 1.0, peak_period_s: 7.0}, components: 20"
     return with_effect(GOOD, f"waves: {{{wind}, also: [{{measured: {sea}, components: 9}}]}}")
@@ -107,13 +107,13 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, fault: str) -> None:
+def test_invalid_water_and_waves_are_rejected(tmp_path: Path, fault: str) -> None:
     """At the key, with the numbers and the way out; tables lie beside the scene."""
     (tmp_path / "hole.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.07,\n0.08,2\n")
     (tmp_path / "gap.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.20,2\n0.21,1\n")
     (tmp_path / "row.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.08,2\n0.09,1\n")
-    text, place, words = BAD[fault]
-    assert_refused(text, place, words, tmp_path)
+    text, position, words = BAD[fault]
+    assert_refused(text, position, words, tmp_path)
 
 
 BRIDLE = (share_dir() / "config" / "scenes" / "bridle_lift.yaml").read_text()
@@ -131,18 +131,18 @@ def test_each_payload_may_have_its_own_size_in_the_splash_zone(tmp_path: Path) -
     scene = load_scene(written(tmp_path, with_effect(text, SPLASH)))
     system = build_joined(scene).system
     names = {line.to: rope for line, rope in zip(scene.ropes, system.ropes, strict=True)}
-    found = []
+    results = []
     for payload in scene.payloads:
         effects = names[payload.name].effects
         (zone,) = (one for one in effects if type(one).__name__ == "SplashZone")
-        found.append((zone.height, zone.slam / zone.height))
-    assert found[0] == pytest.approx((5.0, 0.5 * 1025.0 * 5.0 * 7.0 / 5.0))
-    assert found[1] == pytest.approx((2.0, 0.5 * 1025.0 * 5.0 * 3.0 / 2.0))
+        results.append((zone.height, zone.slam / zone.height))
+    assert results[0] == pytest.approx((5.0, 0.5 * 1025.0 * 5.0 * 7.0 / 5.0))
+    assert results[1] == pytest.approx((2.0, 0.5 * 1025.0 * 5.0 * 3.0 / 2.0))
     alone = with_effect(GOOD, SPLASH).replace("    mass_kg:", own + "    mass_kg:")
     assert_refused(alone, "payloads[0].splash_zone", ("the only payload",), tmp_path)
 
 
-def test_uneven_steps_are_no_gap(tmp_path: Path) -> None:
+def test_uneven_frequency_steps_are_not_a_gap(tmp_path: Path) -> None:
     """A buoy's bands grow with the frequency; and a table beside the scene is found."""
     (tmp_path / "even.csv").write_text(f"{HEAD}0.05,1\n0.055,2\n0.065,2\n0.085,1\n0.1,0\n")
     scene = load_scene(written(tmp_path, measured("even.csv")))
@@ -206,17 +206,17 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
 
 
 @pytest.mark.parametrize("oddity", ODD)
-def test_what_is_hardly_meant_is_warned_about(tmp_path: Path, oddity: str) -> None:
+def test_implausible_water_and_waves_are_warned_of(tmp_path: Path, oddity: str) -> None:
     """In one sentence with the numbers and the way out."""
     text, start, words = ODD[oddity]
     warnings = sense_checks(load_scene(written(tmp_path, text)))
-    found = [warning for warning in warnings if warning.startswith(start)]
-    (sentence,) = [one for one in found if all(word in one for word in words)]
+    computed = [warning for warning in warnings if warning.startswith(start)]
+    (sentence,) = [one for one in computed if all(word in one for word in words)]
     assert "; " in sentence
     assert sentence.endswith(".")
 
 
-def test_a_lower_end_above_the_water_is_warned_about(tmp_path: Path) -> None:
+def test_a_lower_end_above_the_water_is_warned_of(tmp_path: Path) -> None:
     """z counts up: who forgets the sign of a depth reads it."""
     text = spoilt("    to: tool\n", "    fixed_at_m: [0.0, 0.0, 20.0]\n")
     text = text.replace(text[text.index("payloads:") : text.index("winch:")], "")
@@ -224,7 +224,7 @@ def test_a_lower_end_above_the_water_is_warned_about(tmp_path: Path) -> None:
     assert any("the lower end is fixed 20 m above the water" in warning for warning in warnings)
 
 
-def test_an_unpaced_run_tells_what_is_odd(
+def test_a_headless_run_prints_the_scene_warnings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """As `scene check` does, before it runs."""

@@ -1,4 +1,4 @@
-"""Scenes with a model of vortex-induced vibration: refusals, and the pace it asks for."""
+"""Scenes with a VIV model: refusals, and the time step and mesh that it needs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def shedding(rig: Rig) -> Scene:
     return replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
 
 
-def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
+def test_lock_in_frequency_and_wave_length_of_a_cable() -> None:
     """f = St·U/d; the shortest wave is that at the lower end, where tension is least."""
     scene = shedding(CABLE)
     pace = expected_pace(scene, lift_figures(scene))
@@ -45,7 +45,7 @@ def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
     assert pace.step_s == pytest.approx(1.0 / (200.0 * pace.frequency_hz))
 
 
-def test_a_scene_too_coarse_is_reported_what_it_costs() -> None:
+def test_a_mesh_too_coarse_for_viv_is_reported_with_its_cost() -> None:
     (words,) = [words for words in sense_checks(shedding(CABLE)) if "vortices" in words]
     assert "lock-in at 12.8 Hz requires elements below 0.86 m and steps below 0.39 ms" in words
     assert "26 times slower than this scene without it" in words
@@ -56,7 +56,7 @@ def test_a_scene_too_coarse_is_reported_what_it_costs() -> None:
     assert expected_pace(CABLE.scene(), lift_figures(CABLE.scene())) is None
 
 
-def test_a_run_tells_once_what_its_vortices_want(
+def test_a_run_reports_its_viv_requirements_once(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Fine or too coarse; it said both in two forms."""
@@ -65,9 +65,9 @@ def test_a_run_tells_once_what_its_vortices_want(
     for elements, reported in (("180", "this scene gives 1.11 m"), ("20", "elements of 10 m and")):
         path.write_text(scene.replace("elements: 180", f"elements: {elements}"), encoding="utf-8")
         assert main(["run", str(path), "--speed", "0", "--duration", "0.1", "--no-record"]) == 0
-        said = capsys.readouterr().err
-        assert said.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
-        assert reported in said
+        message = capsys.readouterr().err
+        assert message.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
+        assert reported in message
 
 
 def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
@@ -85,7 +85,7 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
         load_scene(path)
 
 
-def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path: Path) -> None:
+def test_a_modal_viv_model_needs_no_mesh_and_one_drag(tmp_path: Path) -> None:
     """Its lock-in is reported, no scene is too coarse for it, and it is a model like the others."""
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, ModalVibrationParams()))

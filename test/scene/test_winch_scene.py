@@ -1,4 +1,4 @@
-"""Parts of a winch in a scene that cannot be, and each gets one sentence with the way out."""
+"""Winch components of a scene: invalid ones are rejected in one sentence with the remedy."""
 
 from pathlib import Path
 
@@ -91,12 +91,12 @@ BAD: list[Row] = [
 
 
 @pytest.mark.parametrize("row", BAD, ids=[row[0] for row in BAD])
-def test_one_sentence(row: Row, tmp_path: Path) -> None:
-    _, text, place, words = row
-    assert_refused(text, place, words, tmp_path)
+def test_invalid_winch_components_are_rejected(row: Row, tmp_path: Path) -> None:
+    _, text, position, words = row
+    assert_refused(text, position, words, tmp_path)
 
 
-def test_parts_are_read_and_a_study_knows_them(tmp_path: Path) -> None:
+def test_winch_components_are_read_and_change_the_digest(tmp_path: Path) -> None:
     plain = load_scene(written(tmp_path, GOOD))
     equipped = load_scene(written(tmp_path, with_parts(DRUM + DRIVE + BRAKE + HEAVE)))
     assert equipped.winch is not None
@@ -120,7 +120,7 @@ def test_parts_are_read_and_a_study_knows_them(tmp_path: Path) -> None:
     ],
     ids=["enough", "weak drive", "weak brake", "long step"],
 )  # fmt: skip
-def test_what_a_winch_can_hardly_mean_is_warned_about(
+def test_implausible_winches_are_warned_of(
     parts: str, step: str, words: str, tmp_path: Path
 ) -> None:
     text = with_parts(parts).replace("step_s: 0.01", f"step_s: {step}")
@@ -139,7 +139,7 @@ def test_what_a_winch_can_hardly_mean_is_warned_about(
         ("{at_s: 20.0, switch: stop_compensating}", False),
     ],
 )
-def test_who_switches_compensation_on_later_is_reported_that_it_is_on(
+def test_switching_on_compensation_that_is_on_is_warned_of(
     row: str, warned: bool, tmp_path: Path
 ) -> None:
     first = "{at_s: 0.0, speed_m_per_s: 0.5}"
