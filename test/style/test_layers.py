@@ -1,4 +1,4 @@
-"""The house's rules, read from the syntax tree: floors, doors, length, and what stays outside."""
+"""Rules of the code base, read from the syntax tree: layers, private imports, length, silence."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ LABORATORY = [*VALIDATION, *sorted((ROOT / "benchmarks").rglob("*.py"))]
 TESTS = sorted((ROOT / "test").rglob("*.py"))
 EVERYTHING = [*SOURCES, *LABORATORY, *TESTS, *sorted(ROOT.glob("launch/*.py"))]
 
-# Imports run downward only; parts of one floor may use each other.
-FLOORS = (
+# Imports run downward only; parts of one layer may use each other.
+LAYERS = (
     ("core", "sea", "errors", "quantity", "files"),
     ("effects", "vortex"),
     ("scene",),
@@ -27,7 +27,7 @@ FLOORS = (
     ("run",),
     ("ros",),
     ("studies", "planning", "interchange"),
-    ("cli", "__init__", "__main__"),  # the roof: doors that open what they are asked for
+    ("cli", "__init__", "__main__"),  # import what a command needs when it runs
 )
 MOST_LINES = 600
 MOST_IMPORTS = 25  # in a chain, from a command down
@@ -35,7 +35,7 @@ VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "mis
 COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"cli"}
-# the floors of public names
+# the parts that public names come from
 PUBLIC = {"load_scene": "scene", "fed": "studies", "plan": "planning"} | dict.fromkeys(
     ("Fleet", "FleetInputs", "FleetRecord", "FleetState", "LiveState", "Snapshot", "Twin",
      "live_state"),
@@ -43,16 +43,16 @@ PUBLIC = {"load_scene": "scene", "fed": "studies", "plan": "planning"} | dict.fr
 )  # fmt: skip
 
 
-def part(path: Path) -> str:
-    """The floor's room that a file belongs to: its first folder, or its own name."""
+def package_of(path: Path) -> str:
+    """Return the part of rope_twin that a file belongs to: its first folder, or its own name."""
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
-def floor(room: str) -> int:
-    """Its number, from the ground."""
-    found = [number for number, rooms in enumerate(FLOORS) if room in rooms]
-    assert found, f"'{room}' stands on no floor; add it to FLOORS in test/style/test_layers.py"
-    return found[0]
+def layer_of(name: str) -> int:
+    """Return the layer of a part, counted from the lowest."""
+    numbers = [number for number, names in enumerate(LAYERS) if name in names]
+    assert numbers, f"'{name}' is in no layer; add it to LAYERS in test/style/test_layers.py"
+    return numbers[0]
 
 
 @cache
@@ -69,47 +69,48 @@ def nodes(path: Path) -> tuple[ast.AST, ...]:
 
 @cache
 def imported(path: Path) -> tuple[tuple[int, str], ...]:
-    """Line and full name of everything imported, lazily or not, `from a import b` as a.b."""
-    found: list[tuple[int, str]] = []
+    """Return line and full name of every import, `from a import b` as a.b."""
+    imports: list[tuple[int, str]] = []
     for node in nodes(path):
         if isinstance(node, ast.Import):
-            found += ((node.lineno, alias.name) for alias in node.names)
+            imports += ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: relative import"
-            found += ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
-    return tuple(found)
+            imports += ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+    return tuple(imports)
 
 
-def room_of(name: str) -> str | None:
-    """The room that an imported name lies in; None outside the package."""
-    words = name.split(".")
-    if words[0] != "rope_twin":
+def package_of_import(name: str) -> str | None:
+    """Return the part that an imported name belongs to; None outside rope_twin."""
+    parts = name.split(".")
+    if parts[0] != "rope_twin":
         return None
-    if len(words) == 1 or not (
-        (PACKAGE / words[1]).is_dir() or (PACKAGE / f"{words[1]}.py").exists()
+    if len(parts) == 1 or not (
+        (PACKAGE / parts[1]).is_dir() or (PACKAGE / f"{parts[1]}.py").exists()
     ):
-        return PUBLIC.get(words[-1], "errors")
-    return words[1]
+        return PUBLIC.get(parts[-1], "errors")
+    return parts[1]
 
 
 def relative(path: Path) -> str:
-    """As it is written in a report."""
+    """Return the path as reports show it."""
     return str(path.relative_to(ROOT))
 
 
-def test_imports_run_downward() -> None:
-    """No file uses what stands on a floor above its own."""
+def test_no_layer_imports_from_a_higher_one() -> None:
+    """A file imports only from its own layer and lower ones."""
     upward = [
         f"{relative(path)}:{line}: {name}"
         for path in SOURCES
         for line, name in imported(path)
-        if (room := room_of(name)) is not None and floor(room) > floor(part(path))
+        if (other := package_of_import(name)) is not None
+        and layer_of(other) > layer_of(package_of(path))
     ]
     assert not upward
 
 
 def loaded_with(node: ast.AST) -> Iterator[ast.AST]:
-    """Everything that runs when a module is loaded: no functions, nothing for the type checker."""
+    """Yield every node that runs on import: no functions, nothing for the type checker."""
     for child in ast.iter_child_nodes(node):
         checks = isinstance(child, ast.If) and getattr(child.test, "id", "") == "TYPE_CHECKING"
         if not checks and not isinstance(child, ast.FunctionDef):
@@ -118,40 +119,40 @@ def loaded_with(node: ast.AST) -> Iterator[ast.AST]:
 
 
 def file_of(name: str) -> Path | None:
-    """The file of a module of the package, or None if the package has no such module."""
-    place = ROOT / name.replace(".", "/")
-    files = (place.with_suffix(".py"), place / "__init__.py")
+    """Return the file of a module of rope_twin, or None if it has no such module."""
+    path = ROOT / name.replace(".", "/")
+    files = (path.with_suffix(".py"), path / "__init__.py")
     return next((file for file in files if file.exists()), None)
 
 
 @cache
 def chain(path: Path) -> tuple[str, ...]:
-    """The longest chain of files of the package of which each loads the next, from this one on."""
+    """Return the longest chain of files of which each imports the next, from this one on."""
     files: set[Path | None] = set()
     for node in loaded_with(tree(path)):
         if isinstance(node, ast.Import):
             files |= {file_of(alias.name) for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module is not None:
-            own = file_of(node.module)
-            files |= {file_of(f"{node.module}.{alias.name}") or own for alias in node.names}
+            package = file_of(node.module)
+            files |= {file_of(f"{node.module}.{alias.name}") or package for alias in node.names}
     chains = [chain(file) for file in files if file is not None and file != path]
     return (relative(path), *max(chains, key=len, default=()))
 
 
-def test_chains_of_imports_are_short() -> None:
-    """A reader who follows the imports of a command arrives at the errors in so many files."""
+def test_import_chains_are_short() -> None:
+    """At most MOST_IMPORTS files from a command down to the errors."""
     longest = max((chain(path) for path in SOURCES), key=len)
     assert len(longest) <= MOST_IMPORTS, "\n".join(longest)
 
 
 def test_only_commands_start_ros() -> None:
-    """Everything else runs without ROS; a command imports it when it is asked for."""
-    inside = [path for path in SOURCES if part(path) not in ("ros", "cli")]
+    """Only commands import rope_twin.ros; everything else runs without ROS."""
+    inside = [path for path in SOURCES if package_of(path) not in ("ros", "cli")]
     assert not importers("rope_twin.ros", [*inside, *LABORATORY])
     assert importers("rope_twin.ros", SOURCES)
 
 
-def test_the_package_never_imports_its_laboratory() -> None:
+def test_the_package_does_not_import_validation_or_benchmarks() -> None:
     """validation/ and benchmarks/ use the package and are not installed with it."""
     everywhere = [*SOURCES, *sorted(ROOT.glob("launch/*.py"))]
     for name in ("validation", "benchmarks", "test"):
@@ -159,13 +160,13 @@ def test_the_package_never_imports_its_laboratory() -> None:
     assert importers("rope_twin", LABORATORY)
 
 
-def test_validation_stands_below_benchmarks() -> None:
+def test_validation_does_not_import_benchmarks() -> None:
     """Benchmarks use rigs and published ropes of validation, never the reverse."""
     assert not importers("benchmarks", VALIDATION)
 
 
 def importers(package: str, paths: list[Path]) -> list[str]:
-    """Imports of a package, or of a part of it, in these files."""
+    """Return the imports of a package, or of a part of it, in these files."""
     return [
         f"{relative(path)}:{line}: {name}"
         for path in paths
@@ -174,12 +175,12 @@ def importers(package: str, paths: list[Path]) -> list[str]:
     ]
 
 
-def outside(names: set[str], rooms: set[str]) -> list[str]:
-    """Where one of these packages is imported outside these parts of the package."""
+def outside(names: set[str], allowed: set[str]) -> list[str]:
+    """Return where one of these packages is imported outside these parts of rope_twin."""
     return [
         f"{relative(path)}:{line}: {name}"
         for path in (*SOURCES, *LABORATORY)
-        if path in LABORATORY or part(path) not in rooms
+        if path in LABORATORY or package_of(path) not in allowed
         for line, name in imported(path)
         if name.split(".")[0] in names
     ]
@@ -210,24 +211,24 @@ def test_private_parts_of_the_compiler_have_one_folder() -> None:
     assert any(name == "numba.types" for path in elsewhere for _, name in imported(path))
 
 
-def test_effects_know_the_core_and_no_one_else() -> None:
-    """An effect may use core, vortex and quantity; of the other effects only EFFECTS knows."""
-    strangers = [
+def test_effects_do_not_import_each_other() -> None:
+    """An effect may use core, vortex and quantity; only EFFECTS lists the effects."""
+    imports = [
         f"{relative(path)}:{line}: {name}"
         for path in sorted((PACKAGE / "effects").glob("*.py"))
         if path.name != "__init__.py"
         for line, name in imported(path)
         if name.startswith("rope_twin.effects")
     ]
-    assert not strangers
+    assert not imports
 
 
 def test_only_commands_print() -> None:
-    """Elsewhere a logger, a return value or an exception speaks."""
+    """Other parts use a logger, a return value or an exception."""
     printing = [
         f"{relative(path)}:{node.lineno}"
         for path in SOURCES
-        if part(path) not in PRINTERS
+        if package_of(path) not in PRINTERS
         for node in nodes(path)
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
     ]
@@ -240,27 +241,27 @@ def test_files_are_short() -> None:
     assert not {name: lines for name, lines in lengths.items() if lines > MOST_LINES}
 
 
-def test_names_tell_something() -> None:
-    """No file or folder is called after nothing."""
+def test_file_names_are_not_vague() -> None:
+    """No file or folder has a name such as utils, common or base."""
     vague = [p for p in EVERYTHING if VAGUE & {p.stem, *p.relative_to(ROOT).parts[:-1]}]
     assert not [relative(path) for path in vague]
 
 
-def test_nothing_is_left_behind() -> None:
-    """No debugger, no note to oneself."""
+def test_no_debugger_or_note_is_left() -> None:
+    """No debugger call and no note to oneself."""
     marks = ("TO" + "DO", "FIX" + "ME", "XX" + "X", "break" + "point(", "set_" + "trace(")
     left = [f"{relative(p)}: {mark}" for p in EVERYTHING for mark in marks if mark in p.read_text()]
     assert not left
 
 
 def is_silent(handler: ast.ExceptHandler) -> bool:
-    """`except:` at all, or `except Exception: pass`."""
+    """Return whether a handler is a bare `except:` or `except Exception: pass`."""
     broad = getattr(handler.type, "id", "") in ("Exception", "BaseException")
     return handler.type is None or (broad and all(isinstance(n, ast.Pass) for n in handler.body))
 
 
 def test_no_exception_is_swallowed() -> None:
-    """Every error is reported to someone."""
+    """No broad handler passes silently."""
     assert not [
         f"{relative(path)}:{node.lineno}"
         for path in (*SOURCES, *LABORATORY)
@@ -269,7 +270,7 @@ def test_no_exception_is_swallowed() -> None:
     ]
 
 
-def test_every_file_says_what_it_is_for() -> None:
+def test_every_file_has_a_docstring() -> None:
     """A docstring at its head, unless it is empty."""
     files = (*SOURCES, *LABORATORY)
     trees = {relative(path): tree(path) for path in files}
