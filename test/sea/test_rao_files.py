@@ -1,4 +1,4 @@
-"""RAOs from four kinds of file: the same vessel, its conventions, and its motion in long waves."""
+"""RAO files in four formats: one vessel, its conventions, and its motion in long waves."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def write(folder: Path, name: str) -> Path:
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_one_vessel_in_four_formats_moves_its_crane_tip_alike(tmp_path: Path, name: str) -> None:
+def test_crane_tip_motion_is_equal_in_four_rao_formats(tmp_path: Path, name: str) -> None:
     """To 1e-9 of what its closed form gives, at any heading and period, with arms written out."""
     table = read_responses(str(write(tmp_path, name)), FORMATS[name][1])
     assert table.origin_m == (0.0, 0.0, 0.0)
@@ -77,17 +77,17 @@ def test_one_vessel_in_four_formats_moves_its_crane_tip_alike(tmp_path: Path, na
 
 
 @pytest.mark.parametrize("name", FORMATS)
-def test_a_scene_rides_on_any_of_the_files(tmp_path: Path, name: str) -> None:
+def test_a_scene_moves_alike_with_any_rao_format(tmp_path: Path, name: str) -> None:
     """Its crane tip moves as in the scene that has the CSV and the arm in the sea's axes."""
     conventions = FORMATS[name][1]
     text = (share_dir() / "config" / "scenes" / "ship_6dof.yaml").read_text()
     text = text.replace("reference_m: [0.0, 0.0, -12.0]", "motion_ramp_s: 8.0")
     given = [f"{key}: {getattr(conventions, key)}" for key in conventions._later
             if getattr(conventions, key) not in (None, "")]  # fmt: skip
-    said = ", ".join(one.replace("(", "[").replace(")", "]") for one in given)
+    message = ", ".join(one.replace("(", "[").replace(")", "]") for one in given)
     riding = f"responses: ./{name}, heading_deg: 30.0, crane_tip_m: [10.0, 18.0, 12.0]"
     text = text.replace("responses: vessel_120m, heading_deg: 0.0",
-                        f"{riding}, conventions: {{{said}}}")  # fmt: skip
+                        f"{riding}, conventions: {{{message}}}")  # fmt: skip
     (tmp_path / "own.yaml").write_text(text)
     write(tmp_path, name)
     scene = load_scene(tmp_path / "own.yaml")
@@ -125,7 +125,7 @@ conventions = st.builds(
 
 @given(said=conventions)
 @settings(max_examples=40, deadline=None)
-def test_whatever_conventions_orcaflex_has_the_vessel_is_one(
+def test_orcaflex_conventions_give_one_vessel(
     tmp_path_factory: pytest.TempPathFactory, said: samples.Said
 ) -> None:
     """Units, lead or lag, relative to crest or crossings, and any positive directions."""
@@ -158,7 +158,7 @@ def written(vessel: Responses, headings: object, answer: object, symmetry: str) 
                    np.asarray(answer), symmetry, samples.MIDSHIPS, samples.MIDSHIPS)  # fmt: skip
 
 
-def test_symmetry_only_saves_rows() -> None:
+def test_symmetry_of_orcaflex_raos() -> None:
     """A quarter, one side or the whole circle of a box: the same RAOs at every heading."""
     vessel = samples.box()
     around, all_sides = samples.full_circle(vessel)
@@ -186,7 +186,7 @@ arms = st.tuples(*[st.floats(-100.0, 100.0)] * 3)
 
 
 @given(first=arms, second=arms)
-def test_moves_add_up(first: Point, second: Point) -> None:
+def test_moving_the_rao_point_is_additive(first: Point, second: Point) -> None:
     """By way of another point, and there and back."""
     answer = samples.box_small().answer
     both = tuple(a + b for a, b in zip(first, second, strict=True))
@@ -196,7 +196,7 @@ def test_moves_add_up(first: Point, second: Point) -> None:
     assert np.abs(back - answer).max() < 1e-11
 
 
-def test_long_waves_move_the_box_with_the_water() -> None:
+def test_long_wave_limit_of_the_box_raos() -> None:
     """Heave 1 in phase; pitch k·cos β a quarter ahead; roll k·sin β a quarter behind; no doubts.
 
     The surface a·cos(k·x·cos β + k·y·sin β - ω·t) at the origin, bow down and starboard down
@@ -220,7 +220,7 @@ def test_long_waves_move_the_box_with_the_water() -> None:
     assert list(long_wave_doubts(vessel)) == []
 
 
-def test_a_wrong_convention_shows_in_long_waves() -> None:
+def test_a_wrong_phase_convention_is_detected_in_long_waves() -> None:
     """Lag taken for lead turns pitch, a flipped heave turns heave, waves that come from 0 do so."""
     vessel = samples.box()
     lag = replace(vessel, answer=np.conj(vessel.answer))

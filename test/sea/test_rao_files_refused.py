@@ -1,4 +1,4 @@
-"""Wrong RAO files: each is refused in one sentence that names the file and what would be right."""
+"""Invalid RAO files are rejected in one sentence that names file and remedy."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def refused(path: Path, conventions: RaoConventions, words: str) -> None:
 
 
 @pytest.mark.parametrize("fault", ORCAFLEX)
-def test_a_wrong_orcaflex_file_is_refused(tmp_path: Path, fault: str) -> None:
+def test_invalid_orcaflex_files_are_rejected(tmp_path: Path, fault: str) -> None:
     spoil, words = ORCAFLEX[fault]
     model, path = samples.orcaflex_model(samples.box_wide()), tmp_path / "vessel.yml"
     path.write_text(samples.orcaflex_text(model))
@@ -147,7 +147,7 @@ WAMIT: dict[str, tuple[Callable[[list[str]], Any], str]] = {
 
 
 @pytest.mark.parametrize("fault", WAMIT)
-def test_a_wrong_wamit_file_is_refused(tmp_path: Path, fault: str) -> None:
+def test_invalid_wamit_files_are_rejected(tmp_path: Path, fault: str) -> None:
     spoil, words = WAMIT[fault]
     path, rows = tmp_path / "vessel.4", samples.wamit_text(samples.box()).splitlines()
     path.write_text("\n".join(rows))
@@ -158,7 +158,7 @@ def test_a_wrong_wamit_file_is_refused(tmp_path: Path, fault: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["scale_length_m", "origin_m", "phase_origin_m", "symmetry"])
-def test_what_a_wamit_file_does_not_state_is_asked_for(tmp_path: Path, name: str) -> None:
+def test_wamit_files_need_keys_that_they_do_not_state(tmp_path: Path, name: str) -> None:
     path = tmp_path / "vessel.4"
     path.write_text(samples.wamit_text(samples.box()))
     missing = replace(WAMIT_SAID, **{name: "" if name == "symmetry" else None})
@@ -176,7 +176,7 @@ def test_what_a_wamit_file_does_not_state_is_asked_for(tmp_path: Path, name: str
         ("vessel.csv", RaoConventions(scale_length_m=9.0), "a CSV has fixed conventions but for"),
     ],
 )
-def test_what_a_file_states_is_not_stated_again(
+def test_keys_that_a_file_states_are_rejected(
     tmp_path: Path, name: str, conventions: RaoConventions, words: str
 ) -> None:
     path, vessel = tmp_path / name, samples.box()
@@ -212,7 +212,7 @@ CAPYTAINE: dict[str, tuple[dict[str, Any], RaoConventions, str]] = {
 
 
 @pytest.mark.parametrize("fault", CAPYTAINE)
-def test_a_wrong_capytaine_file_is_refused(tmp_path: Path, fault: str) -> None:
+def test_invalid_capytaine_files_are_rejected(tmp_path: Path, fault: str) -> None:
     pytest.importorskip("h5netcdf")
     pytest.importorskip("h5py")
     changes, conventions, words = CAPYTAINE[fault]
@@ -232,7 +232,7 @@ def test_a_wrong_capytaine_file_is_refused(tmp_path: Path, fault: str) -> None:
         ("vessel.csv", b"\xff\xfe\x00", "it cannot be read ("),
     ],
 )
-def test_what_is_no_such_file_is_refused(
+def test_files_of_other_kinds_are_rejected(
     tmp_path: Path, name: str, content: bytes, words: str
 ) -> None:
     if name.endswith(".nc"):

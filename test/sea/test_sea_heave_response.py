@@ -1,4 +1,4 @@
-"""The closed-form heave response: its limits, its equation typed out, its hull."""
+"""Closed-form heave RAO of a box hull: limits, equation of motion, invalid hulls."""
 
 import numpy as np
 import pytest
@@ -19,14 +19,14 @@ HULLS = st.builds(
 
 
 @given(HULLS)
-def test_ship_rides_long_waves_and_sleeps_on_short_ones(hull):
+def test_heave_rao_limits_in_long_and_short_waves(hull):
     long, short = heave_response(hull, np.array([1e-3, 1.0]))
     assert long == pytest.approx(1.0, abs=5e-3)
     assert abs(short) < 1e-2
 
 
 @given(HULLS, st.floats(0.02, 0.4))
-def test_amplitude_is_that_of_the_paper(hull, frequency_hz):
+def test_heave_rao_amplitude_of_the_published_formula(hull, frequency_hz):
     # Φ_w = η·F with η = 1/√((1 − 2kTα²)² + (A²/(kBα²))²), α = 1
     k = (2 * np.pi * frequency_hz) ** 2 / G
     b, t = hull.breadth_m * hull.block_coefficient, hull.draught_m
@@ -34,11 +34,11 @@ def test_amplitude_is_that_of_the_paper(hull, frequency_hz):
     eta = 1 / np.sqrt((1 - 2 * k * t) ** 2 + (a**2 / (k * b)) ** 2)
     f = np.sqrt((1 - k * t) ** 2 + (a**2 / (k * b)) ** 2)
     force = np.exp(-k * t) * f * 2 / (k * hull.length_m) * np.sin(k * hull.length_m / 2)
-    found = heave_response(hull, np.array([frequency_hz]))[0]
-    assert abs(found) == pytest.approx(abs(eta * force), rel=1e-9)
+    computed = heave_response(hull, np.array([frequency_hz]))[0]
+    assert abs(computed) == pytest.approx(abs(eta * force), rel=1e-9)
 
 
-def test_it_solves_the_equation_of_motion():
+def test_the_heave_rao_solves_the_equation_of_motion():
     # 2·(kT/ω²)·ẅ + A²/(k·B·ω)·ẇ + w = F·cos ωt, checked in time at quarter periods
     hull, frequency_hz = BoxHull(), 0.08
     omega = 2 * np.pi * frequency_hz
@@ -55,12 +55,12 @@ def test_it_solves_the_equation_of_motion():
     assert left == pytest.approx(force * np.cos(omega * t), abs=1e-12)
 
 
-def test_waves_of_the_hulls_own_length_do_not_move_it():
+def test_heave_vanishes_in_waves_of_the_hulls_length():
     frequency_hz = np.sqrt(G / (2 * np.pi * 120.0))
     assert abs(heave_response(BoxHull(length_m=120.0), np.array([frequency_hz]))[0]) < 1e-12
 
 
-def test_heave_comes_a_quarter_period_late_at_its_own_period():
+def test_heave_lags_by_a_quarter_period_at_resonance():
     frequency_hz = np.sqrt(G / (2 * 7.0)) / (2 * np.pi)  # 2kT = 1
     response = heave_response(BoxHull(length_m=20.0, draught_m=7.0), np.array([frequency_hz]))[0]
     assert np.angle(response) == pytest.approx(-np.pi / 2)
@@ -70,6 +70,6 @@ def test_heave_comes_a_quarter_period_late_at_its_own_period():
     ("name", "value"),
     [("length_m", 0.0), ("breadth_m", np.nan), ("draught_m", -7.0), ("block_coefficient", 1.2)],
 )
-def test_impossible_hull_is_refused(name, value):
+def test_invalid_hulls_are_rejected(name, value):
     with pytest.raises(InputError, match=f"hull {name}: .*right is "):
         BoxHull(**{name: value})

@@ -1,4 +1,4 @@
-"""Wave spectra: the measured file, JONSWAP, and what a wrong file gets."""
+"""Wave spectra: measured files, JONSWAP, Pierson-Moskowitz, invalid files."""
 
 from math import gamma
 
@@ -41,7 +41,7 @@ def test_density_is_linear_between_and_zero_outside():
 
 
 @given(height=st.floats(0.3, 15.0), period=st.floats(3.0, 20.0), peak=st.floats(1.0, 7.0))
-def test_jonswap_holds_the_height_and_peaks_at_its_period(height, period, peak):
+def test_jonswap_height_and_peak_period(height, period, peak):
     spectrum = jonswap(height, period, peak)
     assert spectrum.significant_height_m == pytest.approx(height, rel=0.01)
     assert spectrum.peak_period_s == pytest.approx(period, rel=0.006)
@@ -76,7 +76,7 @@ def test_pierson_moskowitz_has_its_closed_form_moments():
 
 
 @pytest.mark.parametrize("arguments", [(0.0, 8.0), (2.0, np.nan), (2.0, 50.0), (2.0, 8.0, 0.5)])
-def test_jonswap_refuses_what_is_no_sea(arguments):
+def test_invalid_jonswap_parameters_are_rejected(arguments):
     with pytest.raises(InputError, match="right is"):
         jonswap(*arguments)
 
@@ -110,7 +110,7 @@ BAD_FILES = {
 
 
 @pytest.mark.parametrize("name", BAD_FILES)
-def test_wrong_file_gets_one_sentence_with_its_line(tmp_path, name):
+def test_invalid_spectrum_files_are_rejected_with_the_line(tmp_path, name):
     content, reported = BAD_FILES[name]
     path = tmp_path / "sea.csv"
     path.write_bytes(content)
@@ -123,7 +123,7 @@ def test_wrong_file_gets_one_sentence_with_its_line(tmp_path, name):
     assert "\n" not in text
 
 
-def test_wrong_column_and_wrong_name_are_answered_with_the_nearest():
+def test_unknown_columns_and_names_are_reported_with_the_nearest():
     with pytest.raises(InputError, match="did you mean '1996-10-16T00Z'"):
         read_spectrum("ndbc_46042_1996", "1996-10-16T01Z")
     with pytest.raises(InputError, match="did you mean 'ndbc_46042_1996'"):

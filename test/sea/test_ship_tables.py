@@ -1,4 +1,4 @@
-"""What a user reads who gives a wrong table, or a pose that no ship has."""
+"""Tables of prescribed motion and RAOs, and poses: invalid ones, and RAOs beyond the table."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("fault", WAYS)
-def test_a_wrong_way_is_refused(tmp_path: Path, fault: str) -> None:
+def test_invalid_motion_tables_are_rejected(tmp_path: Path, fault: str) -> None:
     """One sentence, with the file and what would be right."""
     text, words = WAYS[fault]
     path = tmp_path / "way.csv"
@@ -54,7 +54,7 @@ def test_a_wrong_way_is_refused(tmp_path: Path, fault: str) -> None:
     assert str(path) in str(caught.value)
 
 
-def test_a_scene_tells_where_its_table_is_wrong(tmp_path: Path) -> None:
+def test_a_table_fault_is_reported_at_the_scene_key(tmp_path: Path) -> None:
     """The fault of a table beside the scene is reported at the key that names it."""
     text = (share_dir() / "config" / "scenes" / "deep_tow_turn.yaml").read_text()
     scene = tmp_path / "tow.yaml"
@@ -84,7 +84,7 @@ def rows() -> list[str]:
     ],
     ids=["missing column", "missing row", "row twice", "one heading", "negative"],
 )  # fmt: skip
-def test_wrong_responses_are_refused(tmp_path: Path, spoil, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_invalid_rao_tables_are_rejected(tmp_path: Path, spoil, words: str) -> None:  # type: ignore[no-untyped-def]
     """One sentence each; a sound table is read."""
     path = tmp_path / "ship.csv"
     path.write_text("\n".join([",".join(COLUMNS), *rows()]))
@@ -106,7 +106,7 @@ def heaving(folder: Path, lowest_hz: float, highest_hz: float) -> Responses:
     return read_responses(str(path))
 
 
-def test_beyond_a_table_responses_hold_below_and_fade_above(tmp_path: Path) -> None:
+def test_raos_beyond_the_table_hold_below_and_fade_above(tmp_path: Path) -> None:
     """Such a table was refused: it had to reach as far as the waves."""
     table = heaving(tmp_path, 0.05, 0.2)
     f = np.array([0.001, 0.05, 0.1, 0.2, 0.21, 0.22, 0.23, 0.24, 0.4])
@@ -120,9 +120,7 @@ def test_beyond_a_table_responses_hold_below_and_fade_above(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("cut_hz", [0.08, 0.1, 0.15, 0.25, 0.45])
-def test_the_variance_left_out_is_the_integral_of_the_spectrum(
-    tmp_path: Path, cut_hz: float
-) -> None:
+def test_neglected_variance_is_the_integral_of_the_spectrum(tmp_path: Path, cut_hz: float) -> None:
     """∫ (1 - fade²)·S df / ∫ S df of Pierson and Moskowitz's S = A·f⁻⁵·exp(-1.25·(fp/f)⁴)."""
     fp = 0.1
     table = heaving(tmp_path, 0.001, cut_hz)
@@ -147,7 +145,7 @@ def test_the_variance_left_out_is_the_integral_of_the_spectrum(
     assert share == pytest.approx(1.0 - kept, abs=1e-12)
 
 
-def test_the_variance_left_out_is_of_the_hang_off(tmp_path: Path) -> None:
+def test_neglected_variance_refers_to_the_hang_off(tmp_path: Path) -> None:
     """Roll moves what is far from the reference point, as seen from the turned bow."""
     zeros = ",".join(["0"] * 8)
     rolls = [(0.05, 0.0), (0.1, 0.0), (0.11, 2.0)]  # a ship that rolls at the table's end alone
@@ -182,7 +180,7 @@ def cut_table(folder: Path, lowest_hz: float, highest_hz: float) -> Path:
     return path
 
 
-def test_a_cut_table_moves_the_ship_and_is_warned_of_above_one_per_cent(tmp_path: Path) -> None:
+def test_a_truncated_rao_table_is_warned_of_above_one_per_cent(tmp_path: Path) -> None:
     """The warning has the share of the variance of the hang-off's motion."""
     whole = load_scene("ship_6dof")
     assert sense_checks(whole) == []
@@ -226,7 +224,7 @@ POSES = {
 
 
 @pytest.mark.parametrize("fault", POSES)
-def test_a_pose_of_no_ship_is_refused_and_counted(fault: str) -> None:
+def test_an_implausible_pose_is_rejected_and_counted(fault: str) -> None:
     """As of heave: one sentence, counted; the next good one is taken."""
     track = HangOffTrack(load_scene("still_water"))
     assert track.offer_pose(replace(GOOD, stamp_ns=0, position_m=STILL)) == ""
@@ -248,7 +246,7 @@ def test_heave_and_pose_do_not_mix() -> None:
     assert "heave moves the hang-off already" in heaving.offer_pose(GOOD)
 
 
-def test_a_pose_comes_back_from_its_message() -> None:
+def test_a_pose_message_round_trip() -> None:
     """Every number to the bit, the stamp apart; and the arm is the scene's."""
     pose = replace(GOOD, stamp_ns=0, velocity_m_per_s=(0.4, 0.5, 0.6))
     assert read_pose(encode_pose(1_700_000_000_123_456_789, pose)) == (
