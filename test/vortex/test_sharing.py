@@ -1,4 +1,4 @@
-"""Which mode drives which part of a rope: the larger all of it, nothing that jumps."""
+"""Mode competition: which mode excites which part of a rope, without jumps."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ def by_rank(size: Floats, locked: Floats) -> Floats:
     return given
 
 
-def test_clear_ranks_are_taken_one_after_the_other() -> None:
+def test_distinct_modes_take_their_bands_in_order() -> None:
     """Sizes a fifth and more apart, bands that overlap, whole places and parts, one of size 0."""
     rng = np.random.default_rng(5)
     size = 1.2 ** rng.permutation(12).astype(float)
     size[4] = 0.0
-    place = np.linspace(0.0, 1.0, 40)[:, None]
-    locked = np.clip(8.0 * (0.25 - np.abs(place - np.linspace(0.0, 1.0, 12))), 0.0, 1.0)
+    position = np.linspace(0.0, 1.0, 40)[:, None]
+    locked = np.clip(8.0 * (0.25 - np.abs(position - np.linspace(0.0, 1.0, 12))), 0.0, 1.0)
     np.testing.assert_allclose(share_out(size, locked, 0.1), by_rank(size, locked), atol=1e-12)
 
 
-def test_a_tie_is_shared_and_nothing_jumps() -> None:
+def test_equal_modes_share_their_band_continuously() -> None:
     """Equal ones take halves; from a tenth smaller to a tenth larger no step is a jump."""
     locked = np.array([[1.0, 1.0, 0.0], [0.4, 1.0, 0.3]])
     assert share_out(np.array([2.0, 2.0, 1.0]), locked, 0.1)[0] == pytest.approx([0.5, 0.5, 0.0])

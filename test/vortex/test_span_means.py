@@ -1,4 +1,4 @@
-"""Means of what goes up and down between coarse nodes."""
+"""Means of a fast-varying quantity between coarse nodes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def test_means_of_a_straight_line_and_of_a_kink() -> None:
     np.testing.assert_allclose(kink, [2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0])
 
 
-def test_nothing_between_coarse_nodes_is_missed() -> None:
+def test_means_on_coarse_nodes_sum_to_the_integral() -> None:
     """Thirty half waves of sin², five nodes: the shares add up to the integral, ½ of the length."""
     s = np.linspace(-90.0, 0.0, 901)
     at = np.array([-90.0, -61.0, -40.0, -7.0, 0.0])
@@ -35,7 +35,7 @@ def test_nothing_between_coarse_nodes_is_missed() -> None:
     assert beyond == there == pytest.approx(-4.0)
 
 
-def test_standing_waves_are_the_same_on_any_nodes() -> None:
+def test_mean_of_standing_waves_is_independent_of_the_mesh() -> None:
     """|sin| of half waves of 15 m: its mean, 2/π, on nodes 1 m, 4 m and 10 m apart."""
     s = np.linspace(-300.0, 0.0, 6001)
     values = np.abs(np.sin(np.pi * s / 15.0))
@@ -45,7 +45,7 @@ def test_standing_waves_are_the_same_on_any_nodes() -> None:
         assert np.abs(means - 2.0 / np.pi).max() < 1e-5
 
 
-def test_what_goes_up_and_down_a_little_faster_than_is_known_is_nearly_the_same() -> None:
+def test_means_of_slightly_shorter_waves_than_given() -> None:
     """Half waves of 12.5 m where 15 m are given: sinc²(1.2) = 0.024 of them is left, on any nodes.
 
     On every tenth metre they would look like waves of 50 m.

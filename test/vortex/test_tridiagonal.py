@@ -1,4 +1,4 @@
-"""Eigenvalues and vectors of three diagonals against a closed form and LAPACK."""
+"""Eigenvalues and eigenvectors of a tridiagonal matrix against a closed form and LAPACK."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def rough_string(n: int) -> tuple[Floats, Floats]:
     return (k[1:] + k[:-1]) / m, -k[1:-1] / np.sqrt(m[1:] * m[:-1])
 
 
-def test_equal_masses_on_a_string() -> None:
+def test_eigenpairs_of_equal_masses_on_a_string() -> None:
     """λ_j = 4·sin²(jπ/2(n + 1)), vectors are sines."""
     n = 300
     angle = np.pi * np.arange(1, 41) / (n + 1)
@@ -39,7 +39,7 @@ def test_equal_masses_on_a_string() -> None:
 
 
 @pytest.mark.parametrize("shifts", [2, 7, 400])
-def test_as_lapack_has_them(shifts: int) -> None:
+def test_eigenpairs_equal_lapacks(shifts: int) -> None:
     """A band in the middle, from grids that part the eigenvalues and from ones that do not."""
     own, between = rough_string(200)
     low, high = 0.3, 1.1
@@ -50,7 +50,7 @@ def test_as_lapack_has_them(shifts: int) -> None:
     np.testing.assert_allclose(np.abs((vectors * theirs[1]).sum(axis=0)), 1.0, rtol=0, atol=1e-12)
 
 
-def test_two_that_are_almost_one() -> None:
+def test_nearly_degenerate_eigenvalues() -> None:
     """Two equal strings that a weak spring joins: pairs 1e-9 apart, and each vector solves."""
     half_own, half_between = rough_string(60)
     own = np.concatenate([half_own, half_own[::-1]])
@@ -66,7 +66,7 @@ def test_two_that_are_almost_one() -> None:
     assert np.abs(left).max() < 1e-13
 
 
-def test_none_where_there_is_none() -> None:
+def test_no_eigenvalue_in_an_empty_range() -> None:
     own, between = rough_string(20)
     values, vectors = found(own, between, np.array([-2.0, -1.0]))
     assert (values.shape, vectors.shape) == ((0,), (20, 0))
