@@ -30,14 +30,14 @@ LONG = [case for case in HARD_CASES if not case.quick]
 
 
 @pytest.mark.parametrize("case", QUICK, ids=lambda case: case.id)
-def test_a_quick_case_holds(case: Case) -> None:
+def test_a_quick_robustness_case_passes(case: Case) -> None:
     """Every figure is within its limit."""
     assert failures(case) == []
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", LONG, ids=lambda case: case.id)
-def test_a_long_case_holds(case: Case) -> None:
+def test_a_long_robustness_case_passes(case: Case) -> None:
     """The same for those that take longer: `pytest -m long test/validation`."""
     assert failures(case) == []
 
@@ -50,7 +50,7 @@ def test_the_document_has_every_case() -> None:
         assert f"| {case.about} | {case.source} |" in row
 
 
-def test_json_tells_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_of_robustness_cases(capsys: pytest.CaptureFixture[str]) -> None:
     """Rows of id, ok, figure, limit, what; exit code 0 when all hold."""
     assert main(["--hard-cases", "--json", "neutral_slack", "explicit_added_mass"]) == 0
     rows = json.loads(capsys.readouterr().out)
@@ -75,7 +75,7 @@ NOT_HELD = [
 
 @pytest.mark.parametrize("case", NOT_HELD, ids=lambda case: case.id)
 @pytest.mark.parametrize("form", [[], ["--json"], ["--markdown"]])
-def test_a_case_that_does_not_hold_is_an_error(
+def test_a_failing_robustness_case_is_an_error(
     case: Case,
     form: list[str],
     monkeypatch: pytest.MonkeyPatch,
@@ -84,16 +84,16 @@ def test_a_case_that_does_not_hold_is_an_error(
     """Exit code 1 and the reason, in every form; JSON stays JSON."""
     monkeypatch.setattr(registry, "HARD_CASES", (case,))
     assert main(["--hard-cases", *form]) == 1
-    said = capsys.readouterr().out
+    message = capsys.readouterr().out
     what = "not finite" if case.id == "broken" else case.run().findings[0].quantity
-    assert what in said
+    assert what in message
     if form == ["--json"]:
-        (row,) = json.loads(said)
+        (row,) = json.loads(message)
         assert row["ok"] is False
         assert row["figure"] in (2.0, None)
 
 
-def test_a_wrong_id_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_unknown_case_id_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     """In one sentence with the nearest one."""
     assert main(["--hard-cases", "emergency_stp"]) == 1
     assert "did you mean 'emergency_stop'?" in capsys.readouterr().err

@@ -20,12 +20,12 @@ def test_lines_of_one_material(line) -> None:
     from moorpy.Catenary import catenary
 
     friction = FRICTION if line is RUBBING else 0.0
-    found = catenary(
+    computed = catenary(
         line.across, line.up, line.length, line.EA, line.weight,
         CB=friction if line.on_bed else -1000.0, Tol=1e-9,
     )  # fmt: skip
-    np.testing.assert_allclose(found[:2], line.lower, rtol=1e-6, atol=1e-3)
-    np.testing.assert_allclose(found[2:4], line.upper, rtol=1e-6)
+    np.testing.assert_allclose(computed[:2], line.lower, rtol=1e-6, atol=1e-3)
+    np.testing.assert_allclose(computed[2:4], line.upper, rtol=1e-6)
 
 
 def test_a_line_in_two_sections() -> None:

@@ -1,4 +1,4 @@
-"""The validation cases hold; the long ones in their short form."""
+"""The validation cases pass, in their short form by default; page and command."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ HEAVY = ("L4", "P4", "P13", "Q1")  # even in short
         for case in DAILY
     ],
 )
-def test_case_in_short(case: Case) -> None:
+def test_validation_case_in_short_form(case: Case) -> None:
     """Every judged figure of the daily form is met, unless the page tells that it is not."""
-    found = (case.short or case.run)()
-    assert any(finding.judged for finding in found.findings)
+    computed = (case.short or case.run)()
+    assert any(finding.judged for finding in computed.findings)
     (reported,) = (result for result in read_results(DOCS) if result["id"] == case.id)
     known = {row["quantity"] for row in reported["rows"] if row["met"] is False}
-    assert not [words for words in missed(found) if words.split(" is ")[0] not in known]
+    assert not [words for words in missed(computed) if words.split(" is ")[0] not in known]
 
 
 WHOLE = [case for case in CASES if case.short is not None or not case.quick]
@@ -47,7 +47,7 @@ WHOLE = [case for case in CASES if case.short is not None or not case.quick]
 
 @pytest.mark.long
 @pytest.mark.parametrize("case", WHOLE, ids=[case.id for case in WHOLE])
-def test_case_whole(case: Case) -> None:
+def test_validation_case_in_full_form(case: Case) -> None:
     """`pytest -n 0 -m long test/validation/test_validation_cases.py`: what the page tells is so.
 
     A case that the page tells as not met may not be met.
@@ -58,7 +58,7 @@ def test_case_whole(case: Case) -> None:
     assert row.ok == reported[case.id]["met"], missed(row.found)
 
 
-def test_the_page_tells_of_every_case() -> None:
+def test_the_page_has_every_case() -> None:
     """docs/validation.md is made from docs/validation, which has every case and its picture."""
     results = read_results(DOCS)
     assert [result["id"] for result in results] == [case.id for case in CASES]
@@ -70,7 +70,7 @@ def test_the_page_tells_of_every_case() -> None:
         assert result["met"] or result["notes"], "what is not met says why"
 
 
-def test_findings_judge() -> None:
+def test_findings_compare_with_inclusive_limits() -> None:
     """Limits are inclusive; what is not a number is never met; what is shown always is."""
     assert within_pct("x", 1.01, 1.0, 1.0).ok
     assert not within_pct("x", 1.011, 1.0, 1.0).ok
@@ -103,7 +103,9 @@ def test_an_unknown_case_is_refused() -> None:
         choose("validation", CASES, ["P99"])
 
 
-def test_the_command_tells_ours_beside_theirs(capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_command_prints_computed_and_published_values(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     """S2 as JSON: every row has both numbers, as in its case."""
     assert main(["S2", "--json"]) == 0
     reported = json.loads(capsys.readouterr().out)
