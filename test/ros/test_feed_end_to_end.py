@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import json
 import signal
-import socket
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy as np
 import pytest
 from conftest import free_domain
 from feed_samples import SETTINGS
-from ros_bench import Bench
+from ros_bench import Bench, free_port
 from ros_process import Processes
 from serial_cable import cable
 
@@ -39,12 +38,6 @@ measured:
   tension: {uncertainty_n: 2500.0}
   line_out: {uncertainty_m: 0.06, resolution_m: 0.01}
 """
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 def settings_file(path: Path, **feeds: dict[str, Any]) -> str:

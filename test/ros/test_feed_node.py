@@ -6,7 +6,6 @@ import math
 import os
 import pty
 import select
-import socket
 import time
 import tty
 from itertools import pairwise
@@ -16,7 +15,7 @@ from typing import Any
 import pytest
 import yaml
 from feed_samples import DATA, SAMPLES, SETTINGS
-from ros_bench import Bench
+from ros_bench import Bench, free_port, stamp_ns
 
 from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings
@@ -29,12 +28,6 @@ from rope_twin.ros.feed_node import _Channel
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
 NAN = math.nan
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 def settings_file(folder: Path, **feeds: dict[str, Any]) -> str:
@@ -50,10 +43,6 @@ def rows(diagnostics: list[Any], name: str) -> list[Any]:
 
 def values(row: Any) -> dict[str, str]:
     return {pair.key: pair.value for pair in row.values}
-
-
-def stamp_ns(message: Any) -> int:
-    return int(message.header.stamp.sec) * S + int(message.header.stamp.nanosec)
 
 
 def test_a_winch_by_udp_and_a_motion_sensor_by_a_serial_line(bench: Bench, tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from ros_bench import Bench
+from ros_bench import Bench, stamp_ns
 from ros_messages import encode_speed
 
 from rope_twin.errors import BagError, InputError, SceneError
@@ -32,10 +32,6 @@ def sea_state(bench: Bench, **parameters: Any) -> Any:
 def winch_schedule(bench: Bench, **parameters: Any) -> Any:
     given = {"scene": SCENE, "lead_s": LEAD_S, "simulation_node": "bench", **parameters}
     return bench.make("winch_schedule", **given)
-
-
-def stamp_ns(message: Any) -> int:
-    return int(message.header.stamp.sec) * S + int(message.header.stamp.nanosec)
 
 
 def publish_epoch(bench: Bench, ahead_s: float = LEAD_S) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import socket
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,6 +11,18 @@ from typing import Any
 # Every wait of these tests ends as soon as it may; this is only for one that would never end.
 PATIENCE_S = 300.0
 POLL_S = 0.01  # between two looks at a condition
+
+
+def free_port() -> int:
+    """Return a UDP port of this machine that is free now."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def stamp_ns(message: Any) -> int:
+    """Return the header stamp of a message [ns]."""
+    return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
 
 def ros_ahead_ns() -> int:
