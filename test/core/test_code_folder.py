@@ -1,4 +1,4 @@
-"""The folder of compiled kernels: this user's alone, or not used; the seal of its files."""
+"""The folder of compiled kernels: private to the user, or not used; the seal of its files."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def mode(path: Path) -> int:
 
 
 @pytest.mark.parametrize("mask", [0o000, 0o002, 0o022, 0o077])
-def test_folders_and_key_are_made_for_this_user_alone(cache: Path, mask: int) -> None:
+def test_folders_and_key_are_private_to_the_user(cache: Path, mask: int) -> None:
     before = os.umask(mask)
     try:
         folder = opened()
@@ -51,7 +51,7 @@ def test_folders_and_key_are_made_for_this_user_alone(cache: Path, mask: int) ->
     assert opened() == folder
 
 
-def test_a_chosen_place_comes_first(
+def test_a_chosen_folder_comes_first(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("ROPE_TWIN_CACHE", str(tmp_path / "mine"))
@@ -106,7 +106,7 @@ REFUSED: dict[str, tuple[Callable[[Path], None], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_a_folder_that_is_not_ours_alone_is_refused_with_one_warning(
+def test_a_shared_folder_is_rejected_with_one_warning(
     cache: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture, case: str
 ) -> None:
     """In its place comes a folder of unpredictable name that only this user can enter."""
@@ -126,7 +126,7 @@ def test_a_folder_that_is_not_ours_alone_is_refused_with_one_warning(
     assert first.key != second.key
 
 
-def test_a_folder_of_another_user_is_refused(
+def test_a_folder_of_another_user_is_rejected(
     cache: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     owner = os.geteuid()
@@ -136,7 +136,7 @@ def test_a_folder_of_another_user_is_refused(
     assert f"belongs to another user (uid {owner})" in caplog.text
 
 
-def test_a_place_that_cannot_be_made_is_reported(
+def test_an_impossible_folder_is_reported(
     cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setenv("ROPE_TWIN_CACHE", "/proc/none")
@@ -146,7 +146,7 @@ def test_a_place_that_cannot_be_made_is_reported(
     assert open_folder(DIGEST) is None
 
 
-def test_of_two_keys_made_at_once_the_first_holds(
+def test_the_first_of_two_concurrent_keys_is_used(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     key = opened().key
@@ -155,7 +155,7 @@ def test_of_two_keys_made_at_once_the_first_holds(
     assert sorted(path.name for path in cache.iterdir()) == [DIGEST, "key"]
 
 
-def test_the_seal_is_of_content_and_key(cache: Path) -> None:
+def test_the_seal_depends_on_content_and_key(cache: Path) -> None:
     folder = opened()
     sealed = folder.seal(b"compiled code")
     assert folder.unseal(sealed) == b"compiled code"

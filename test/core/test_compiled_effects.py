@@ -1,4 +1,4 @@
-"""What a scene lists is compiled and vectorised; what it does not list leaves no trace in the code.
+"""Listed effects are compiled and vectorised; effects that are not listed leave no code.
 
 Read from the assembly of the whole step, compiled here afresh (cached code cannot be inspected).
 """
@@ -81,14 +81,14 @@ def bare() -> str:
     )
 
 
-def test_a_listed_effect_is_in_the_code(whole: str) -> None:
+def test_a_listed_effect_is_in_the_assembly(whole: str) -> None:
     """So that the next test cannot pass by looking for the wrong name."""
     names = listed(main_job())
     assert {"current", "weight", "drag", "added_mass", "payload"} <= names
     assert not [name for name in names if not traces(whole, name)]
 
 
-def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
+def test_an_absent_effect_is_not_in_the_assembly(whole: str, bare: str) -> None:
     """Neither a symbol nor a square root, and less code."""
     names = {"weight", "payload"}
     assert not [name for name in names if not traces(bare, name)]
@@ -100,7 +100,7 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
     assert lines_of_passes(whole) - lines_of_passes(bare) > LEAST_LINES
 
 
-def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) -> None:
+def test_a_stiffness_table_is_compiled_only_where_listed(whole: str) -> None:
     """Its law is in the elements' loop of a rope that has one, and nowhere in the main job."""
     law = "by_table"
     rope = build(load_scene("hybrid_lift"))
@@ -110,7 +110,7 @@ def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) ->
     assert "by_stiffness" in whole
 
 
-def test_drag_that_grows_leaves_no_trace_where_it_does_not(whole: str) -> None:
+def test_drag_amplification_is_compiled_only_where_needed(whole: str) -> None:
     """Its kernels are in the loads of a rope whose vortices are beside the step."""
     module = "rope_twin.vortex.drag_amplification"
     scene = main_job()

@@ -1,4 +1,4 @@
-"""Products and sums of exact kernels: fused where they say so and nowhere else, at both widths."""
+"""Fused multiply-add in exact kernels: only where they ask for it, at both widths."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ def _lanes(rows: Any) -> None:
     _both_ways(table(rows))
 
 
-def test_one_number() -> None:
+def test_fused_sums_of_scalars() -> None:
     row = np.array([NEAR_ONE, LESS, np.nan, np.nan])
     _one(row)
     assert row[2] == (SMALL * SMALL if FUSES else 0.0)
     assert row[3] == 0.0
 
 
-def test_lanes() -> None:
+def test_fused_sums_in_lanes() -> None:
     rows = aligned(4, LANES)
     rows[0] = NEAR_ONE + SMALL * np.arange(LANES)
     rows[1] = LESS
@@ -59,7 +59,7 @@ def test_lanes() -> None:
     assert np.array_equal(rows.T, expected)
 
 
-def test_a_product_that_is_never_fused() -> None:
+def test_an_unfused_product_stays_unfused() -> None:
     """Also where others are, of which the kernel does not say so."""
     row = np.array([NEAR_ONE, NEAR_ONE, LESS, np.nan, np.nan])
     _rounded_by_itself(row)

@@ -1,4 +1,4 @@
-"""A struct that is held gives the same fields as the struct, and is one pointer to the compiler."""
+"""A struct passed by reference has the same fields and is one pointer to the compiler."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _entry(outer: Any) -> Any:
     return _sum_up(hold(outer))
 
 
-def test_fields_of_a_held_struct_are_those_of_the_struct() -> None:
+def test_fields_of_a_referenced_struct_equal_the_struct() -> None:
     """Numbers, arrays and structs within; what the kernel wrote is in the array afterwards."""
     border = np.arange(4.0).reshape(2, 2)
     outer = Outer(
@@ -57,7 +57,7 @@ def test_fields_of_a_held_struct_are_those_of_the_struct() -> None:
     assert _sum_up.py_func(outer) == expected
 
 
-def test_a_held_struct_is_one_pointer() -> None:
+def test_a_referenced_struct_is_one_pointer() -> None:
     """To the kernel that it is handed on to; as itself it would be all that is in it."""
     border = np.zeros((2, 2))
     outer = Outer(Inner(np.zeros((2, 3)), 3, (7.0, 8.0)), Boundary(border, border))

@@ -73,7 +73,7 @@ def test_damaged_code_is_reported_and_compiled_again(tmp_path: Path) -> None:
     assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
 
 
-def test_code_that_cannot_be_kept_is_reported_and_runs(tmp_path: Path) -> None:
+def test_code_that_cannot_be_cached_is_reported_and_runs(tmp_path: Path) -> None:
     """A folder in the place of the file: nothing can be read from it or written to it."""
     _said(_start(tmp_path, CHAIN))
     (kept,) = tmp_path.rglob("*.nbc")
@@ -96,7 +96,7 @@ class _Planted:
         return os.system, (f"touch {self._mark}",)
 
 
-def test_what_was_not_written_here_is_never_unpickled(tmp_path: Path) -> None:
+def test_foreign_cache_files_are_never_unpickled(tmp_path: Path) -> None:
     """A pickle in place of the code, with the check sum that anybody can compute, and an index."""
     cache, mark = tmp_path / "cache", tmp_path / "mark"
     _said(_start(cache, CHAIN))
@@ -113,7 +113,7 @@ def test_what_was_not_written_here_is_never_unpickled(tmp_path: Path) -> None:
     assert mark.exists()
 
 
-def test_a_folder_that_others_may_write_to_is_neither_read_nor_written(tmp_path: Path) -> None:
+def test_a_cache_folder_writable_by_others_is_not_used(tmp_path: Path) -> None:
     _said(_start(tmp_path, CHAIN))
     (kept,) = tmp_path.rglob("*.nbc")
     before = kept.stat().st_mtime_ns
@@ -127,7 +127,7 @@ def test_a_folder_that_others_may_write_to_is_neither_read_nor_written(tmp_path:
     assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
 
 
-def test_every_folder_of_the_cache_is_closed_to_others(tmp_path: Path) -> None:
+def test_every_cache_folder_is_private(tmp_path: Path) -> None:
     before = os.umask(0)
     try:
         _said(_start(tmp_path, CHAIN))
@@ -139,7 +139,7 @@ def test_every_folder_of_the_cache_is_closed_to_others(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_scenes_that_start_at_once_find_their_own_code_later(tmp_path: Path) -> None:
+def test_concurrent_cold_starts_find_their_code_later(tmp_path: Path) -> None:
     """Two of one set and one of another, with nothing compiled, and again: the same to the bit."""
     scenes = ("still_water", "still_water", "deep_lift")
     first = [_start(tmp_path, LIFT, scene) for scene in scenes]

@@ -46,12 +46,12 @@ def _both(a: float, n: int) -> float:
     return float(_loosely(a, n) + _strictly(a, n) + _loosely(n, n) + _strictly(n, a))
 
 
-def test_what_a_call_that_is_dropped_shares_with_others_is_there() -> None:
+def test_kernels_shared_with_a_dropped_call_are_linked() -> None:
     """LLVM links what was asked for so far: those who ask come first."""
     assert numba.njit(**OPTIONS)(_entry)(5.0) == 12.0
 
 
-def test_types_that_are_remembered_are_distinguished() -> None:
+def test_cached_types_are_distinguished() -> None:
     """The same operators of other types, in kernels of other options."""
     assert numba.njit(**OPTIONS)(_both)(1.5, 2) == 4.0 + 4.0 + 5.0 + 4.0
 
@@ -82,7 +82,7 @@ def _is_forced(kernel: Any) -> bool:
     return any(b"alwaysinline" in attribute for f in functions for attribute in f.attributes)
 
 
-def test_what_is_apart_is_not_forced_into_a_kernel_that_is_inlined() -> None:
+def test_a_separate_kernel_is_not_inlined_into_an_inlined_one() -> None:
     """Nor is what it calls: numba hands the order to inline on to all below."""
     assert numba.njit(**OPTIONS)(_asks_within)(5.0) == 24.0
     assert _is_forced(_within)

@@ -74,12 +74,12 @@ SAMPLES: dict[str, bytes] = {
 
 
 def settings(name: str, **more: Any) -> FeedSettings:
-    """The settings of a format, checked."""
+    """Return the checked settings of a format."""
     given = {**SETTINGS[name], **more}
     if "registers" in given:
         given["registers"] = {key: Register(**one) for key, one in given["registers"].items()}
     if "nodes" in given:
         given["nodes"] = {key: OpcNode(**one) for key, one in given["nodes"].items()}
-    made = FeedSettings(format=name, **given)
-    assert made.check() is None
-    return made
+    checked = FeedSettings(format=name, **given)
+    assert checked.check() is None
+    return checked
