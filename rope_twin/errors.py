@@ -92,7 +92,7 @@ def phrase(where: str, problem: str, remedy: str) -> str:
 def unreadable(path: Path, error: OSError | UnicodeDecodeError) -> InputError:
     """Return the error to raise where a file cannot be read as text."""
     if isinstance(error, UnicodeDecodeError):
-        problem = f"it is no UTF-8 text (byte {error.object[error.start]:#04x} at {error.start})"
+        problem = f"it is not UTF-8 text (byte {error.object[error.start]:#04x} at {error.start})"
         return InputError(str(path), problem, "save it as UTF-8, or give the path of a text file")
     problem = f"it cannot be read ({error.strerror or error})"
     return InputError(str(path), problem, "give the path of a text file")

@@ -319,7 +319,7 @@ def test_a_deck_in_latin_1_is_refused_in_one_sentence(tmp_path: Path) -> None:
     path.write_bytes(b"Str\xe4nge\n" + TWO_LINES.encode())
     with pytest.raises(InputError) as caught:
         read_deck(path)
-    right = "it is no UTF-8 text (byte 0xe4 at 3); save it as UTF-8, or give the path of a text"
+    right = "it is not UTF-8 text (byte 0xe4 at 3); save it as UTF-8, or give the path of a text"
     assert f"lines.txt: {right}" in str(caught.value)
 
 

@@ -228,8 +228,8 @@ def test_invalid_capytaine_files_are_rejected(tmp_path: Path, fault: str) -> Non
         ("vessel.nc", b"\x89HDF\r\n\x1a\nno", "it cannot be read ("),
         ("vessel.yml", b"a: [", "it is not YAML ("),
         ("vessel.yml", b"- 1\n", "its top is not a mapping"),
-        ("vessel.4", b"\xff\xfe\x00", "it is no UTF-8 text (byte 0xff at 0)"),
-        ("vessel.csv", b"\xff\xfe\x00", "it is no UTF-8 text (byte 0xff at 0)"),
+        ("vessel.4", b"\xff\xfe\x00", "it is not UTF-8 text (byte 0xff at 0)"),
+        ("vessel.csv", b"\xff\xfe\x00", "it is not UTF-8 text (byte 0xff at 0)"),
     ],
 )
 def test_files_of_other_kinds_are_rejected(

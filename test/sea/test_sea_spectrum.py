@@ -105,7 +105,7 @@ BAD_FILES = {
     "frequency zero": ((HEAD + "0,1,1\n0.2,1,1\n").encode(), "line 2: the frequency 0 Hz"),
     "one frequency": ((HEAD + "0.1,1,1\n").encode(), "it has one frequency"),
     "no energy": ((HEAD + "0.1,0,1\n0.2,0,1\n").encode(), "'a' is zero everywhere"),
-    "not text": (b"\xff\xfe\x00" * 20, "it is no UTF-8 text (byte 0xff at 0)"),
+    "not text": (b"\xff\xfe\x00" * 20, "it is not UTF-8 text (byte 0xff at 0)"),
 }
 
 

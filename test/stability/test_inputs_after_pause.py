@@ -50,7 +50,7 @@ def started() -> tuple[HeaveTrack, np.ndarray]:
 
 
 def test_a_repeated_replay_continues_bit_identically() -> None:
-    """None of it is refused, and the motion is that without the pause."""
+    """Every repeated sample is accepted, and the motion equals that without the pause."""
     track, _ = started()
     track.invalidate()
     # from a little before the twin's present on, as a feeding node does
