@@ -124,6 +124,17 @@ def read_quantity(words: str, unit: str) -> float:
     raise ValueError(f"'{words}' is not a {_KINDS[unit]}; {remedy}, like {_EXAMPLES[unit]}")
 
 
+def rounded(value: float, decimals: int) -> str:
+    """Return a number with these decimals, or with two significant digits where it is small."""
+    is_small = 0.0 < abs(value) < 10.0 ** (1 - decimals)
+    return f"{value:.2g}" if is_small else f"{value:.{decimals}f}"
+
+
+def kilonewtons(force_n: float, decimals: int = 0) -> str:
+    """Return a force as `rounded` in kN with its unit; less than half a newton is zero."""
+    return f"{rounded(1e-3 * force_n if abs(force_n) >= 0.5 else 0.0, decimals)} kN"
+
+
 _UNIT_ENDINGS = {
     "_m_per_s": "m s-1", "_m": "m", "_n": "N", "_s": "s", "_deg": "degree", "_rad": "rad",
     "_kg": "kg",

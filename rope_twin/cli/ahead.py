@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.errors import InputError
+from rope_twin.quantity import kilonewtons
 from rope_twin.run.arguments import add_json, add_time, measure
 
 if TYPE_CHECKING:
@@ -157,7 +158,7 @@ def _print_forecasts(
         risk, quiet = _risks(forecaster, forecast, limits)
         print(f"\n{forecast.order}{': ' + forecast.note if forecast.note else ''}")
         rows = [["within", *(f"{window.span_s:g} s" for window in risk)]]
-        name = f"P(T > {limits.tension_n / 1e3:.0f} kN)"
+        name = f"P(T > {kilonewtons(limits.tension_n)})"
         if forecast.others:
             name = "P(any rope's T > its limit)"
         rows.append([name, *(f"{r.tension:.2f}" for r in risk)])
@@ -247,7 +248,7 @@ def _print_score(args: argparse.Namespace, lift: RecordedLift, scored: Recording
         ])  # fmt: skip
     print_table(rows)
     print()
-    rows = [[f"P(T > {scored.limit_n / 1e3:.0f} kN) within", "base rate", "Brier score",
+    rows = [[f"P(T > {kilonewtons(scored.limit_n)}) within", "base rate", "Brier score",
              "gain %", "probability: came (n)"]]  # fmt: skip
     for event in scored.events:
         scores = event.score

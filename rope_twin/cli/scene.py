@@ -21,6 +21,7 @@ from rope_twin.cli import CaseProgress, ExitCode, print_json, scene_exchange
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words, compressed_words
+from rope_twin.quantity import kilonewtons, rounded
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import format_bound
@@ -341,8 +342,8 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
         bend_radius_m = rope.minimum_bend_radius_m
         bend = f", minimum bend radius {bend_radius_m:g} m" if bend_radius_m else ""
         yield (
-            f"{extent}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
-            f"MBL {rope.breaking_load_n / 1e3:.0f} kN{bend}"
+            f"{extent}{rope.mass_kg_per_m:.3f} kg/m, EA {rounded(bar.stiffness_n / 1e6, 2)} MN"
+            f"{table}, MBL {kilonewtons(rope.breaking_load_n)}{bend}"
         )
 
 
@@ -406,15 +407,15 @@ def _order_words(row: ScheduleRow) -> str:
 
 def _suspended_load(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """Return the suspended loads of a multi-line system."""
-    rows = [("loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
+    rows = [("loads in water", kilonewtons(figures.payload_weight_n, 1))]
     load = hung_together(scene)
     if load is None:
         return rows
     factor = f"safety factor {load.breaking_load_n / load.weight_n:.2f}"
     if len(load.lines) == 1:
-        return [*rows, ("static top tension", f"{load.weight_n / 1e3:.1f} kN, {factor}")]
+        return [*rows, ("static top tension", f"{kilonewtons(load.weight_n, 1)}, {factor}")]
     text = (
-        f"{load.weight_n / 1e3:.1f} kN, {factor} if shared evenly; `rope_twin run` reports "
+        f"{kilonewtons(load.weight_n, 1)}, {factor} if shared evenly; `rope_twin run` reports "
         "the tension of each"
     )
     return [*rows, (f"{len(load.lines)} lines carry", text)]
@@ -423,14 +424,14 @@ def _suspended_load(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """Return the derived values, one row each."""
     line, density = scene.ropes[0], scene.environment.water_density_kg_per_m3
-    rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
+    rows = [("rope in water", f"{rounded(figures.rope_weight_n_per_m, 2)} N/m")]
     axial = f"{figures.first_axial_period_s:.2f} s"
     if is_joined(scene):
         rows += _suspended_load(scene, figures)
         axial += f" of '{line.name}' with all suspended loads; system modes: `rope_twin modes`"
     elif figures.rises:
         lift = -figures.top_tension_n(line.length_m)
-        rows.append(("net lift", f"{lift / 1e3:.1f} kN fully submerged: it floats"))
+        rows.append(("net lift", f"{kilonewtons(lift, 1)} fully submerged: it floats"))
     elif figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
         rope, largest = figures.weakest(line.length_m)
@@ -440,12 +441,18 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         condition = ", without current" if scene.listed(CurrentParams) is not None else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
-            ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
-            ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
-            ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
+            ("payload in water", kilonewtons(figures.payload_weight_n, 1)),
+            (
+                "payload added mass",
+                " / ".join(rounded(mass, 0) for mass in added) + " kg (x / y / z)",
+            ),
+            (
+                "payload drag area",
+                " / ".join(rounded(area, 2) for area in drag) + " m² (x / y / z)",
+            ),
             ("terminal velocity", f"{figures.sinking_speed_m_per_s(density):.2f} m/s (slack line)"),
-            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}{condition}"),
-            ("static elongation", f"{stretch_m(figures):.2f} m"),
+            ("static top tension", f"{kilonewtons(top, 1)}{factor}{air}{condition}"),
+            ("static elongation", f"{rounded(stretch_m(figures), 2)} m"),
         ]
     return [
         *rows,

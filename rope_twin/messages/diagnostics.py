@@ -9,6 +9,7 @@ from typing import Any
 
 from rope_twin.core.loads.hooks import FACTORS
 from rope_twin.messages.status import Level, Status, counted, quality_status, residuals_status
+from rope_twin.quantity import kilonewtons
 from rope_twin.scene.error_bound import KnownError, format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
@@ -50,8 +51,8 @@ def strength_status(ropes: Sequence[RopeStrength]) -> Status:
 def strength_words(rope: RopeStrength, named: bool) -> str:
     """Return the utilisation of a rope in words; `named`: say of which rope."""
     of_rope = f" of '{rope.name}'" if named else ""
-    tension = f"maximum tension{of_rope} {rope.highest_n / 1e3:.1f} kN"
-    mbl = f"MBL {rope.breaking_load_n / 1e3:.0f} kN"
+    tension = f"maximum tension{of_rope} {kilonewtons(rope.highest_n, 1)}"
+    mbl = f"MBL {kilonewtons(rope.breaking_load_n)}"
     words = f"{tension}, utilisation {rope.utilisation:.2f} ({mbl})"
     if rope.utilisation >= 1.0:
         words = (

@@ -21,7 +21,7 @@ from rope_twin.messages.diagnostics import (
 )
 from rope_twin.messages.reports import alarm_words, learned_words
 from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
-from rope_twin.quantity import or_none
+from rope_twin.quantity import kilonewtons, or_none
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
@@ -337,7 +337,7 @@ def _times(factor: float) -> str:
 
 
 def _kn(newtons: float) -> str:
-    return f"{newtons / 1e3:.1f} kN"
+    return kilonewtons(newtons, 1)
 
 
 def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:

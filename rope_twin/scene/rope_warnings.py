@@ -15,6 +15,7 @@ from rope_twin.effects.hull_contact import HullContactParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import phrase
+from rope_twin.quantity import kilonewtons
 from rope_twin.scene.grid import Bar, tension_at_length
 from rope_twin.scene.lift import (
     LiftFigures,
@@ -65,7 +66,7 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
             continue
         called = rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
         top = "top tension" if len(figures.bars) == 1 else f"tension of {called}"
-        words = f"static {top} {tension / 1e3:.0f} kN{when}"
+        words = f"static {top} {kilonewtons(tension)}{when}"
         yield _weak(path, words, tension / rope.breaking_load_n, rope.breaking_load_n)
         return
 
@@ -85,13 +86,13 @@ def load_together(scene: Scene) -> Iterator[str]:
             tension, when = load.weight_at(longest_m), f" with {longest_m:g} m out"
             path = "winch.most_line_out_m"
     if tension > load.breaking_load_n / SAFETY_FACTOR:
-        words = f"{words} {tension / 1e3:.0f} kN{when}"
+        words = f"{words} {kilonewtons(tension)}{when}"
         yield _weak(path, words, tension / load.breaking_load_n, load.breaking_load_n)
 
 
 def _weak(path: str, words: str, utilisation: float, breaking_n: float) -> str:
     """Return the warning of a tension beyond the safety factor, or beyond the MBL."""
-    problem = f"{words} against a breaking load of {breaking_n / 1e3:.0f} kN"
+    problem = f"{words} against a breaking load of {kilonewtons(breaking_n)}"
     if utilisation >= 1.0:
         problem, remedy = f"{problem}: rope breaks", "take stronger rope or a lighter load"
     else:
@@ -152,7 +153,7 @@ def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str
     pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - offset_m**2)
     stretch = pull / sling.stiffness_n_per_m
     if stretch > LONGEST_STRETCH * length:
-        problem = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
+        problem = f"its share of the load, {kilonewtons(pull)}, stretches it by {stretch:.2g} m"
         yield phrase(".stiffness_n_per_m", problem, "give EA over length in N/m, not kN/m")
 
 
@@ -263,7 +264,7 @@ def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if tension > weakest / SAFETY_FACTOR:
         problem = (
             f"the fixed end is {figures.chord_m:.1f} m from the hang-off, which stretches "
-            f"{line.length_m:g} m of rope to {tension / 1e3:.0f} kN"
+            f"{line.length_m:g} m of rope to {kilonewtons(tension)}"
         )
         yield phrase("ropes[0].fixed_at_m", problem, "give more rope, or a nearer end")
 
@@ -278,10 +279,10 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("ropes[0].elements", problem, remedy)
     length = figures.shortest_element_m
     fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
-    if length < SHORTEST_ELEMENT_M and not fine:
-        problem = f"elements of {length:.2f} m cost time and bring no accuracy"
-        remedy = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
-        yield phrase("ropes[0].elements", problem, remedy)
+    sufficient = max(3, floor(line.length_m / SHORTEST_ELEMENT_M))
+    if length < SHORTEST_ELEMENT_M and line.elements > sufficient and not fine:
+        problem = f"elements of {length:.2g} m cost time and bring no accuracy"
+        yield phrase("ropes[0].elements", problem, f"{sufficient} elements are sufficient")
 
 
 def _hull_edges(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -364,8 +365,8 @@ def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         return
     state = "floats" if weight <= 0.0 else "nearly floats"
     problem = (
-        f"it {state}: {in_air / 1e3:.1f} kN in air displaces {volume:.2f} m³ and weighs "
-        f"{weight / 1e3:.1f} kN in water"
+        f"it {state}: {kilonewtons(in_air, 1)} in air displaces {volume:.2f} m³ and weighs "
+        f"{kilonewtons(weight, 1)} in water"
     )
     remedy = "give more mass_kg, or the displaced_volume_m3 of a frame or flooded body"
     yield phrase("payloads[0]", problem, remedy)
@@ -377,8 +378,8 @@ def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if figures.payload is None or lift <= max(figures.payload_weight_n, 0.0) / SAFETY_FACTOR:
         return
     problem = (
-        f"the rope floats with {lift / 1e3:.2f} kN over {line.length_m:g} m against "
-        f"{figures.payload_weight_n / 1e3:.2f} kN of payload"
+        f"the rope floats with {kilonewtons(lift, 2)} over {line.length_m:g} m against "
+        f"{kilonewtons(figures.payload_weight_n, 2)} of payload"
     )
     yield phrase("ropes[0]", problem, "give a heavier payload, or the rope goes slack or rises")
 
@@ -533,7 +534,7 @@ def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
             f"{height:g} m of rope above the water is computed as submerged, with "
             f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface current in excess"
         )
-        remedy = f"expect this error in the top tension of {tension / 1e3:.1f} kN"
+        remedy = f"expect this error in the top tension of {kilonewtons(tension, 1)}"
         yield phrase("ship.hang_off_m[2]", problem, remedy)
 
 

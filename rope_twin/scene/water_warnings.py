@@ -16,6 +16,7 @@ from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import phrase
+from rope_twin.quantity import kilonewtons
 from rope_twin.scene.environment import bed_at, reference_point_m, spectrum_of, vessel_raos
 from rope_twin.scene.lift import LiftFigures, point_figures
 from rope_twin.scene.rigging import body_payload, places, winches_by_name
@@ -382,8 +383,8 @@ def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     for part, torque in torques.items():
         if torque is not None and torque < load * radius:
             problem = (
-                f"it holds {torque / radius * 1e-3:.0f} kN on layer {layer}, static tension is "
-                f"{load * 1e-3:.0f} kN"
+                f"it holds {kilonewtons(torque / radius)} on layer {layer}, static tension is "
+                f"{kilonewtons(load)}"
             )
             remedy = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect it to render"
             yield phrase(f"winch.{part}", problem, remedy)
@@ -419,8 +420,8 @@ def check_compensator(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         return
     side, force = ("retracted", smallest_n) if load <= smallest_n else ("extended", largest_n)
     problem = (
-        f"{load / 1e3:.0f} kN of static load leave it {side}, where the gas holds "
-        f"{force / 1e3:.0f} kN"
+        f"{kilonewtons(load)} of static load leave it {side}, where the gas holds "
+        f"{kilonewtons(force)}"
     )
     remedy = f"give {max(load, 0.0) / unit.piston_area_m2:.3g} Pa for mid stroke"
     yield phrase("effects.compensator.gas_pressure_pa", problem, remedy)

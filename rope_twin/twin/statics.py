@@ -17,6 +17,7 @@ from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError, phrase
+from rope_twin.quantity import kilonewtons
 from rope_twin.scene.lift import hung_together
 from rope_twin.scene.rigging import places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
@@ -122,8 +123,8 @@ def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
         load = float(tension.max())
         if load > breaking / SAFETY_FACTOR:
             problem = (
-                f"'{line.name}' carries {load / 1e3:.0f} kN at rest against a breaking load "
-                f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / load:.2f}"
+                f"'{line.name}' carries {kilonewtons(load)} at rest against a breaking load "
+                f"of {kilonewtons(breaking)}, a safety factor of {breaking / load:.2f}"
             )
             remedy = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
             yield phrase(f"{scene.path}: ropes[{number}]", problem, remedy)

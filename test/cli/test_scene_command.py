@@ -54,6 +54,39 @@ def test_show_tells_parts_and_what_follows(capsys: pytest.CaptureFixture[str]) -
     assert "warning" not in out
 
 
+BENCH = """\
+about: a kilogram on a metre of cord
+source: bench model
+ropes:
+  - name: cord
+    rope: {diameter_m: 0.002, hydrodynamic_diameter_m: 0.002, mass_kg_per_m: 0.003,
+           axial_stiffness_n: 2000.0, breaking_load_n: 100.0}
+    length_m: 1.0
+    elements: 3
+    damping: {fraction_of_first_axial_mode: 0.01}
+    to: load
+payloads: [{name: load, mass_kg: 1.0, shape: {sphere: {diameter_m: 0.05}}}]
+effects: [weight: {}, payload: {}]
+time: {step_s: 0.0002}
+"""
+
+
+def test_show_prints_two_digits_of_small_figures(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An MBL of 100 N is not 0 kN; three elements, the fewest, are not too many for 1 m."""
+    assert command("show", str(written(tmp_path, BENCH))) == 0
+    out = capsys.readouterr().out
+    for words in (
+        "EA 0.002 MN, MBL 0.1 kN",
+        "rope in water        -0.0022 N/m",
+        "payload in water     0.0091 kN",
+        "static elongation    0.0046 m",
+    ):
+        assert words in out
+    assert "warning" not in out
+
+
 def test_show_takes_a_fixed_end_and_warns(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -35,6 +35,7 @@ from collections import deque
 from collections.abc import Callable
 
 from rope_twin.effects.compensator import SEALS, CompensatorForces, forces, of
+from rope_twin.quantity import kilonewtons
 from rope_twin.scene import winch as winch_parts
 from rope_twin.scene.winch import HeaveCompensation, PassiveCompensation
 from rope_twin.scene.winch import Winch as WinchScene
@@ -273,8 +274,8 @@ class Drive(Component):
         layer, radius = self._machine.layer(before.length_m)
         limit = self._params.torque_limit_n_m / radius
         return (
-            f"renders: {step.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
-            f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
+            f"renders: {kilonewtons(step.feedback.pull_n)} on the rope, the drive gives "
+            f"{kilonewtons(limit)} on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
             f"{wanted.speed_m_per_s:+.2f} m/s is wanted"
         )
 
