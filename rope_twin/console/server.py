@@ -15,6 +15,7 @@ import gzip
 import hashlib
 import ipaddress
 import json
+import logging
 import re
 import socket
 import sys
@@ -280,6 +281,7 @@ class Server:
             ws_ping_interval=PING_S, ws_ping_timeout=PONG_S, timeout_graceful_shutdown=1,
             server_header=False,
         )  # fmt: skip
+        logging.getLogger("uvicorn.error").addFilter(_say_not_utf8)
         self._server = uvicorn.Server(config)
         self._thread: threading.Thread | None = None
         self.processor_s = 0.0  # CPU time of the server's thread, once it has ended
@@ -314,6 +316,14 @@ class Server:
     def _run(self) -> None:
         asyncio.run(self._server.serve([self._socket]))
         self.processor_s = time.thread_time()
+
+
+def _say_not_utf8(record: logging.LogRecord) -> bool:
+    """Word a page's text that is not UTF-8 in one line, where uvicorn logs a traceback."""
+    if record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError):
+        record.msg = "a page sent text that is not UTF-8; its connection is closed"
+        record.levelno, record.levelname, record.exc_info = logging.WARNING, "WARNING", None
+    return True
 
 
 def _bound(host: str, port: int) -> socket.socket:

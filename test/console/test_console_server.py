@@ -10,6 +10,9 @@ import pytest
 from console_rig import ConsoleRig
 from starlette.testclient import TestClient
 from starlette.websockets import WebSocketDisconnect
+from websockets.exceptions import ConnectionClosedError
+from websockets.sync.client import connect
+from websockets.typing import Origin
 
 from rope_twin.console.server import FOLDER, Server, is_own_host, make_app, read_address
 from rope_twin.errors import InputError
@@ -154,6 +157,26 @@ def test_an_address_in_use_is_refused_in_words() -> None:
             Server(rig.pages, rig.desk, rig.log, "127.0.0.1", first.port)
     finally:
         first.close()
+
+
+def test_text_that_is_not_utf8_closes_its_connection(capfd: pytest.CaptureFixture[str]) -> None:
+    """The log has one line and no traceback; the next page is served."""
+    rig = ConsoleRig()
+    server = Server(rig.pages, rig.desk, rig.log, "127.0.0.1", 0)
+    server.start()
+    url, origin = f"ws{server.address[4:]}live", Origin(server.address[:-1])
+    try:
+        with connect(url, origin=origin) as wrong:
+            wrong.send(b"\xff\xfe", text=True)
+            with pytest.raises(ConnectionClosedError, match="1007"):
+                list(wrong)  # what the server sent until it closed
+        with connect(url, origin=origin) as right:
+            assert json.loads(right.recv(5.0))[0]["type"] == "hello"
+    finally:
+        server.close()
+    (line,) = capfd.readouterr().err.splitlines()
+    assert "WARNING" in line
+    assert line.endswith("a page sent text that is not UTF-8; its connection is closed")
 
 
 def test_a_connection_without_answers_is_lost_within_seconds() -> None:
