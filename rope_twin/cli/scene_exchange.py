@@ -259,7 +259,9 @@ def add_import(actions: argparse._SubParsersAction[Any]) -> None:
 
 def _load(option: str) -> tuple[str, float]:
     """Return the line type, "" for all others, and its breaking load [N]."""
-    kind, _, force = option.rpartition("=")
+    kind, equals, force = option.rpartition("=")
+    if equals and not kind:
+        raise argparse.ArgumentTypeError(f"'{option}' names no line type before its =")
     return kind, measure("N")(force)
 
 

@@ -187,9 +187,14 @@ def _lines(path: Path) -> list[str]:
     try:
         if path.stat().st_size > LARGEST_FILE_BYTES:
             raise InputError(str(path), "it is larger than 10 MB", "give a deck")
-        return path.read_text(encoding="utf-8").splitlines()
+        text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise unreadable(path, error) from None
+    before, nul, _ = text.partition("\0")
+    if nul:
+        problem = f"it is not text (byte 0x00 in line {before.count(chr(10)) + 1})"
+        raise InputError(str(path), problem, "give a whole deck")
+    return text.splitlines()
 
 
 Rows = Sequence[tuple[int, list[str]]]
@@ -314,7 +319,7 @@ def _number(where: str, cell: str, name: str) -> float:
 
 
 def _integer(where: str, cell: str) -> int:
-    if not cell.isdigit():
+    if not cell.isdecimal():
         problem = f"'{cell}' is not the number of a point or line"
         raise InputError(where, problem, "give numbers, as bodies, rods and turbines have no equal")
     return int(cell)

@@ -272,6 +272,14 @@ def test_wrong_breaking_loads_are_refused_in_one_sentence(
     assert not out.exists()
 
 
+def test_a_breaking_load_with_a_stray_equals_sign_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["scene", "import", "legs.txt", "--breaking-load", "=2MN", "--out", "legs.yaml"])
+    assert "'=2MN' names no line type before its =" in capsys.readouterr().err
+
+
 WRONG: dict[str, tuple[Callable[[str], str], str]] = {
     "no lines": (lambda t: t.replace("--- LINES ---", "--- CABLES ---"), "no section LINES"),
     "no types": (lambda t: t.replace("--- LINE TYPES ---", "--- CABLES ---"), "section LINE TYPES"),
@@ -279,6 +287,8 @@ WRONG: dict[str, tuple[Callable[[str], str], str]] = {
     "unknown point": (lambda t: t.replace("1 wire 1 2", "1 wire 1 9"), "there is no point 9"),
     "a rod": (lambda t: t.replace("1 wire 1 2", "1 wire R1A 2"), "'R1A' is not the number of"),
     "a body's point": (lambda t: t.replace("2 Free 0", "2 Body1 0"), "a point of type body1"),
+    "superscript": (lambda t: t.replace("1 wire 1 2", "1 wire 1 ²"), "'²' is not the number of"),
+    "NUL bytes": (lambda t: t + "\0\0", "not text (byte 0x00 in line 35); give a whole deck"),
     "words": (lambda t: t.replace("100 20 p", "long 20 p"), "UnstrLen is 'long'"),
     "not finite": (lambda t: t.replace("wire 0.05 8.0", "wire 0.05 nan"), "mass_kg_per_m is 'nan'"),
     "negative": (lambda t: t.replace("wire 0.05", "wire -0.05"), "diameter_m is -0.05; give 0"),
