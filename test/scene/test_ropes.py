@@ -80,7 +80,11 @@ def test_an_unknown_preset_is_rejected() -> None:
 
 @pytest.mark.parametrize("mm", [16, 28, 44, 52, 60])
 def test_steel_wire_of_any_diameter_is_near_the_standard(mm: int) -> None:
-    """EN 12385-4, class 6x36 with steel core, 1770: W = 0.409·d² kg per 100 m, F = 0.356·R·d²."""
+    """EN 12385-4, class 6x36 with steel core, 1770: W = 0.409·d² kg per 100 m, F = 0.356·R·d².
+
+    W2 and K2 as a rope maker tabulates them (vornbaeumen.de, technical notes, calculation
+    variables).
+    """
     rope = rope_preset(f"steel_wire_{mm}mm")
     assert rope.diameter_m == pytest.approx(1e-3 * mm)
     assert rope.mass_kg_per_m == pytest.approx(0.409e-2 * mm**2, rel=0.03)
