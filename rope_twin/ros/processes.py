@@ -370,7 +370,7 @@ class _Supervisor:
             summary,
             error=error,
             bag=bag,
-            view=options.shown,
+            view=None if self._codes.get("viewer", 0) else options.shown,
             state=summary.state if options.save else None,
             not_kept=not_kept,
             restarts=self._restarts,

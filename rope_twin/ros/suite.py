@@ -39,6 +39,7 @@ class Suite:
         self._precompilation: Precompilation | None = None
         self._lock: InstanceLock | None = None
         self.not_recorded = 0  # messages missing in the bag, known when closed
+        self.not_shown = ""  # why the view is incomplete, known when closed
         self.not_kept = ""  # why the bag is incomplete, known when closed
 
     def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
@@ -115,6 +116,8 @@ class Suite:
                 self.not_kept = self._nodes[name].failure
             else:
                 self._nodes[name].close()
+            if name == "viewer":
+                self.not_shown = self._nodes[name].failure
         for node in self._nodes.values():
             leave(node)
         self._nodes.clear()
@@ -155,7 +158,8 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
         summary = suite.summary()
         suite.close()
         not_kept = " ".join(filter(None, (suite.not_kept, summary.not_kept)))
-        return replace(summary, not_recorded=suite.not_recorded, not_kept=not_kept)
+        view = None if suite.not_shown else summary.view
+        return replace(summary, view=view, not_recorded=suite.not_recorded, not_kept=not_kept)
     finally:
         suite.close()
         stop.restore()

@@ -43,7 +43,7 @@ class ViewerNode(SuiteNode):
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._senders = Senders(self)
-        self._failure = ""
+        self.failure = ""  # why the run is not shown, complete once closed
         self._malformed: set[str] = set()  # topics of which a message was left out
         self._shut = False  # the user has closed the window
 
@@ -71,9 +71,14 @@ class ViewerNode(SuiteNode):
         Raises:
             InputError: the view could not be opened.
         """
-        if self._failure:
-            raise InputError(self._failure)
+        if self.failure:
+            raise InputError(self.failure)
         return self._shut
+
+    @property
+    def exit_code(self) -> int:
+        """Return 1 if the view could not be opened or written."""
+        return int(bool(self.failure))
 
     def close(self) -> None:
         """Show the queued messages and close the view; a window stays open for the user."""
@@ -101,7 +106,7 @@ class ViewerNode(SuiteNode):
             self._fail(f"view: {type(error).__name__}: {error}")
 
     def _fail(self, sentence: str) -> None:
-        self._failure = sentence
+        self.failure = sentence
         self.get_logger().warning(f"run not shown: {sentence}")
 
     def _show(self) -> None:

@@ -218,6 +218,7 @@ def test_a_bag_and_a_state_that_find_no_room_are_reported_at_the_end(
     assert f"`rope_twin recover {bag}`" in str(summary["not_kept"])
     assert str(state) in str(summary["not_kept"])
     assert summary["state"] is None
+    assert summary["view"] is None
 
 
 @pytest.mark.ros
