@@ -25,7 +25,7 @@ from typing import Any, NoReturn, TextIO
 
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.quantity import json_value
-from rope_twin.run.arguments import HelpFormatter, add_command
+from rope_twin.run.options import HelpFormatter, add_command
 from rope_twin.run.progress import FigureProgress
 
 DESCRIPTION = """Real-time simulator of winch, wire and payload for subsea lifting, on ROS 2.

@@ -17,7 +17,7 @@ from typing import Any
 from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError
-from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
+from rope_twin.run.options import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.convergence import known_error, read_study, study_path
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.scene.load import load_scene, scene_names

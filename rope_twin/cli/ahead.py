@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.quantity import kilonewtons
-from rope_twin.run.arguments import add_json, add_time, measure
+from rope_twin.run.options import add_json, add_time, measure
 
 if TYPE_CHECKING:
     from rope_twin.forecast.offline import RecordingForecaster, RecordingScore

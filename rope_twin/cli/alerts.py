@@ -16,7 +16,7 @@ from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader
-from rope_twin.run.arguments import add_json
+from rope_twin.run.options import add_json
 from rope_twin.topics import ALERTS, recorded_name
 
 EXAMPLES = (
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
             raise InputError("--replies", str(args.replies), "give a port, 1 to 65535")
         # rclpy takes a second to import and is needed here only
         from rope_twin.ros.alert_output_node import run_output
-        from rope_twin.ros.middleware import keep_to_loopback
+        from rope_twin.ros.entry import keep_to_loopback
 
         keep_to_loopback()
         return run_output(host, port, args.replies)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from rope_twin.cli import ExitCode, build_parser, print_json
-from rope_twin.run.arguments import add_json
+from rope_twin.run.options import add_json
 from rope_twin.scene.load import scene_names
 
 EXAMPLES = (

@@ -12,8 +12,7 @@ from contextlib import closing
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.console.server import announce
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_json
-from rope_twin.run.options import CONSOLE
+from rope_twin.run.options import CONSOLE, add_json
 from rope_twin.run.progress import StopSignal
 
 EXAMPLES = (
@@ -85,8 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _live(args: argparse.Namespace) -> int:
     from rope_twin.ros.console_node import ConsoleNode
-    from rope_twin.ros.entry import run_node
-    from rope_twin.ros.middleware import keep_to_loopback
+    from rope_twin.ros.entry import keep_to_loopback, run_node
     from rope_twin.ros.params import overrides
 
     if not args.network:
@@ -120,7 +118,7 @@ def _terminal(args: argparse.Namespace) -> int:
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.ros.console_node import suite_source
-    from rope_twin.ros.middleware import keep_to_loopback
+    from rope_twin.ros.entry import keep_to_loopback
 
     stop = StopSignal(signal.SIG_DFL)
     try:

@@ -20,7 +20,7 @@ from typing import Any
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError, RopeTwinError
-from rope_twin.run.arguments import add_json
+from rope_twin.run.options import add_json
 
 DISTRIBUTIONS = {"7": "jazzy", "9": "kilted"}  # of ROS 2, by the first number of rclpy's version
 REQUIRED = ("numpy", "numba", "llvmlite", "scipy", "PyYAML", "mcap", "zstandard",
@@ -44,7 +44,7 @@ def ros_distribution() -> str:
 
 def load_middleware() -> Any:
     """Return the module that knows the middleware, which loads rclpy."""
-    return importlib.import_module("rope_twin.ros.middleware")
+    return importlib.import_module("rope_twin.ros.entry")
 
 
 def version_text() -> str:

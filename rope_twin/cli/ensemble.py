@@ -19,7 +19,7 @@ from rope_twin.cli import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError
 from rope_twin.quantity import json_value, read_quantity
-from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene, add_time
+from rope_twin.run.options import add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene

@@ -7,7 +7,7 @@ import sys
 
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
-from rope_twin.run.arguments import add_json, add_out
+from rope_twin.run.options import add_json, add_out
 
 EXAMPLES = (
     "export lift --out lift.csv",

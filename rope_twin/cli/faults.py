@@ -11,7 +11,7 @@ from typing import Any
 
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.run.arguments import add_json, add_scene
+from rope_twin.run.options import add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene

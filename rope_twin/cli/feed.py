@@ -17,7 +17,7 @@ from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_fau
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source
 from rope_twin.messages.status import counted
-from rope_twin.run.arguments import add_duration, add_json
+from rope_twin.run.options import add_duration, add_json
 from rope_twin.run.progress import StopSignal
 
 _POLL_S = 0.1
@@ -82,9 +82,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_node(args: argparse.Namespace) -> int:
-    from rope_twin.ros.entry import run_node
+    from rope_twin.ros.entry import keep_to_loopback, run_node
     from rope_twin.ros.feed_node import FeedNode, FeedSimulator
-    from rope_twin.ros.middleware import keep_to_loopback
     from rope_twin.ros.params import overrides
 
     keep_to_loopback()

@@ -11,7 +11,7 @@ import numpy as np
 
 from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_json, add_out, add_time
+from rope_twin.run.options import add_json, add_out, add_time
 from rope_twin.run.progress import FigureProgress
 
 EXAMPLES = (

@@ -9,7 +9,7 @@ from typing import Any
 
 from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
+from rope_twin.run.options import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.two_lines import SEA_STATES, LineRun, draw_lines, record_of, run_lines

@@ -9,7 +9,7 @@ from math import inf
 from typing import Any
 
 from rope_twin.cli import ExitCode, print_json, print_table
-from rope_twin.run.arguments import add_json, add_out, add_scene
+from rope_twin.run.options import add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.studies.modes import (

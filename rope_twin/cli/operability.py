@@ -24,7 +24,7 @@ from rope_twin.planning.weather_files import (
     read_limits,
     read_spectra,
 )
-from rope_twin.run.arguments import add_json, add_time, measure
+from rope_twin.run.options import add_json, add_time, measure
 from rope_twin.studies.picture import check_picture, draw_panels
 
 EXAMPLES = (

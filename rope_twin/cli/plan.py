@@ -36,7 +36,7 @@ from rope_twin.planning.run import (
     run_plan,
 )
 from rope_twin.planning.tables import further_tables
-from rope_twin.run.arguments import add_json, add_out
+from rope_twin.run.options import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.picture import check_picture, write_picture

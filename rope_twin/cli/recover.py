@@ -8,7 +8,7 @@ from typing import Any
 
 from rope_twin.cli import print_json
 from rope_twin.recording.recover import Recovery, recover
-from rope_twin.run.arguments import add_json, add_out
+from rope_twin.run.options import add_json, add_out
 
 EXAMPLES = (
     "recover lift",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rope_twin.cli import ExitCode, print_json
-from rope_twin.run.arguments import add_json
+from rope_twin.run.options import add_json
 
 if TYPE_CHECKING:
     from rope_twin.recording.exact_replay import Verification

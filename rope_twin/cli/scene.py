@@ -22,7 +22,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words, compressed_words
 from rope_twin.quantity import kilonewtons, rounded
-from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
+from rope_twin.run.options import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.scene.lift import LiftFigures, hung_together, lift_figures, listed_effects, stretch_m

@@ -23,7 +23,7 @@ from rope_twin.recording.heave import (
     read_poses,
     write_sea_bag,
 )
-from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, measure
+from rope_twin.run.options import add_command, add_duration, add_json, add_out, measure
 from rope_twin.scene.schema import RecordedPoses
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import (

@@ -11,7 +11,7 @@ from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.errors import InputError
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.run import cell_named
-from rope_twin.run.arguments import add_json, add_out
+from rope_twin.run.options import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.studies.picture import check_picture, draw_panels
 

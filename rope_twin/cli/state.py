@@ -7,7 +7,7 @@ import dataclasses
 from pathlib import Path
 
 from rope_twin.cli import ExitCode, print_json
-from rope_twin.run.arguments import add_command, add_json
+from rope_twin.run.options import add_command, add_json
 from rope_twin.twin.state import SavedState, load_state
 
 EXAMPLES = (

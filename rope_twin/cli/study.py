@@ -23,7 +23,7 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError
 from rope_twin.files import shipped_file
-from rope_twin.run.arguments import add_json, add_out
+from rope_twin.run.options import add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.studies.ensemble import QUANTILES
 from rope_twin.studies.picture import check_picture, write_picture

@@ -10,7 +10,7 @@ from typing import Any
 
 from rope_twin.cli import ExitCode, print_json
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_json, add_out, add_time
+from rope_twin.run.options import add_json, add_out, add_time
 
 EXAMPLES = (
     "view lift",

@@ -16,7 +16,7 @@ import numpy as np
 from rope_twin.cli import ExitCode, print_json, print_table
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
-from rope_twin.run.arguments import add_duration, add_json, add_out, add_scene
+from rope_twin.run.options import add_duration, add_json, add_out, add_scene
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
+import select
 import signal
 import subprocess
 import sys
 import tempfile
 import time
 from collections import deque
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,20 +21,19 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
-from rope_twin.ros.entry import PARENT, initialise, leave
-from rope_twin.ros.middleware import keep_to_loopback
+from rope_twin.ros.entry import PARENT, initialise, keep_to_loopback, leave
 from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
-from rope_twin.ros.startup import Spare
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import FigureProgress, StopSignal
+from rope_twin.run.progress import FigureProgress, StopSignal, ending_signals
 from rope_twin.run.summary import RUN_ROW, RunSummary
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUT_LOG_TOPIC, SESSION_TOPIC, SNAPSHOT_TOPICS
+from rope_twin.twin.twin import Twin
 
 STANDBY = "recorder_standby"  # takes over immediately if the recorder fails
 _WAIT_S = 0.1
@@ -42,6 +44,7 @@ _SETTLED_S = 1.0  # time from the newest start until a spare is started
 _FIND_S = 20.0  # time allowed for processes to start and to discover each other
 _FIND_AGAIN_S = 3.0  # time allowed for a restarted process to discover the others
 _MAX_WARNINGS = 10  # warnings about ignored messages, one per sender
+_COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
 _END_S = 15.0  # time allowed for a process to end before it is killed
 
 
@@ -88,6 +91,47 @@ class Monitor(Node):
         if kind not in self._warned and len(self._warned) < _MAX_WARNINGS:
             self._warned.add(kind)
             self.get_logger().warning(sentence)
+
+
+class Spare:
+    """Spare process of a run, as the process that starts the nodes sees it.
+
+    It has imported everything, and has loaded the compiled code of the scene, before a node dies:
+    importing the libraries takes longer than all the rest of a start. It then reads the node's name
+    and arguments from its standard input and continues as that node.
+    """
+
+    def __init__(self, scene: str, environment: dict[str, str]) -> None:
+        # A session of its own, as every node has: Ctrl-C comes to the run's own process alone.
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rope_twin.ros.processes", scene],
+            stdin=subprocess.PIPE,
+            env=environment,
+            start_new_session=True,
+        )
+
+    @property
+    def waits(self) -> bool:
+        """Return whether the process is still waiting to become a node."""
+        return self.process.poll() is None
+
+    def become(self, node: str, arguments: list[str]) -> bool:
+        """Make the process continue as a node; return False if it has ended."""
+        assert self.process.stdin is not None
+        try:
+            with self.process.stdin as pipe:
+                pipe.write(json.dumps([node, arguments]).encode() + b"\n")
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Kill the process."""
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdin is not None:
+            with suppress(OSError):
+                self.process.stdin.close()
 
 
 class Processes:
@@ -400,3 +444,33 @@ class _Supervisor:
 
 def _words(code: int) -> str:
     return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
+
+
+def main(scene: str) -> int:
+    """Wait in a spare process for a node's name and arguments, run it and return its exit code.
+
+    The code is 0 if no node is wanted.
+    """
+    for number in ending_signals():  # until it is a node, only the run's own process ends it
+        signal.signal(number, signal.SIG_IGN)
+    modules = {}
+    for node in NODES:
+        with suppress(ImportError):  # the viewer needs an extra
+            modules[node] = importlib.import_module(f"rope_twin.ros.{node}_node")
+    if not select.select([sys.stdin], [], [], 0.0)[0]:  # else it is wanted already
+        with suppress(RopeTwinError):  # the node itself reports what is wrong with the scene
+            Twin(load_scene(scene)).advance(1)
+    line = sys.stdin.readline()
+    if not line:  # the run's own process is gone
+        return 0
+    node, arguments = json.loads(line)
+    for number in ending_signals():
+        signal.signal(number, signal.SIG_DFL)
+    with suppress(OSError):
+        _COMM.write_text(node)
+    sys.argv = [f"rope_twin.ros.{node}_node", *arguments]
+    return int(modules[node].main(sys.argv))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import multiprocessing
+import os
 import signal
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,21 +15,74 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
+from rope_twin.core.jit.decorators import make_ready
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import InstanceLock, SuiteNode, initialise, leave, lock_instance
+from rope_twin.ros.entry import (
+    InstanceLock,
+    SuiteNode,
+    initialise,
+    keep_to_loopback,
+    leave,
+    lock_instance,
+)
 from rope_twin.ros.executor import make_executor
-from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters, overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.simulation_node import SimulationNode
-from rope_twin.ros.startup import Precompilation
 from rope_twin.run.options import RunOptions
-from rope_twin.run.progress import FigureProgress, StopSignal
+from rope_twin.run.progress import FigureProgress, StopSignal, ending_signals
 from rope_twin.run.summary import RunSummary
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import at_setting, load_scene
+from rope_twin.twin.twin import Twin
 
 _WAIT_S = 0.1
 _QUIET_S, _DRAIN_S = 0.2, 3.0
+
+
+class Precompilation:
+    """Process that compiles while the nodes are made; a fork, to be started before any thread.
+
+    The first start of a set of effects compiles it, which takes more than 10 s on one core. This
+    process only leaves compiled code in the cache: when it is done, the twin is built here from the
+    cache, and errors of the scene are reported here as usual.
+    """
+
+    def __init__(self, options: RunOptions) -> None:
+        fork = multiprocessing.get_context("fork")
+        self._process = fork.Process(target=_build, args=(options,), daemon=True)
+        self._process.start()
+
+    @property
+    def exit_code(self) -> int | None:
+        """Return the exit code; 0: all code is compiled, None: still running."""
+        return self._process.exitcode
+
+    def wait(self, stop: StopSignal) -> None:
+        """Wait until the process has ended, successfully or not.
+
+        Raises:
+            KeyboardInterrupt: a stop was requested.
+        """
+        make_ready()
+        while self._process.is_alive():
+            if stop.requested:
+                raise KeyboardInterrupt
+            self._process.join(_WAIT_S)
+
+    def end(self) -> None:
+        """Terminate the process if it still runs; may be called twice."""
+        if self._process.is_alive():
+            self._process.terminate()
+        self._process.join()
+
+
+def _build(options: RunOptions) -> None:
+    """Build the run's twin and drop it, with all output suppressed: the real build repeats it."""
+    for number in ending_signals():
+        signal.signal(number, signal.SIG_DFL)
+    sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
+    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
+    Twin(scene, options.monitors)
 
 
 class Suite:

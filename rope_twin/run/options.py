@@ -1,4 +1,4 @@
-"""The options of `rope_twin run`, checked."""
+"""Options of `rope_twin run`, checked, and those that several commands share."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
-from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.twin.state_file import check_place
 from rope_twin.view.sinks import has_rerun, has_screen
 from rope_twin.vortex.fatigue import CURVES, OWN
@@ -27,6 +26,8 @@ if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
     from rope_twin.twin.monitors import Monitors
     from rope_twin.twin.state import StateDescription
+import textwrap
+from collections.abc import Callable, Iterable, Sequence
 
 STEP_TOL = 1e-6  # of a step: what an end may be off a whole number of them
 CONSOLE = "127.0.0.1:8420"  # address of the operator console
@@ -450,3 +451,95 @@ def _is_free(path: Path) -> bool:
 
 
 _claims: list[socket.socket] = []  # held until the process ends
+
+
+Parsers = Any  # argparse._SubParsersAction: generic only in the type checker's eyes
+SCENE = "name of a scene (see `rope_twin scene list`) or path of a scene file"
+
+
+class HelpFormatter(argparse.HelpFormatter):
+    """Paragraphs are wrapped; an indented line, such as an example, stays as it is."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        blocks = []
+        for paragraph in text.split("\n\n"):
+            lines = paragraph.splitlines()
+            if not any(line.startswith("  ") for line in lines):
+                lines = textwrap.wrap(" ".join(lines), width)
+            blocks.append("\n".join(indent + line for line in lines))
+        return "\n\n".join(blocks)
+
+
+def add_command(
+    parsers: Parsers, name: str, about: str, examples: Sequence[str], more: str = ""
+) -> argparse.ArgumentParser:
+    """Add a command; `about` is its line in the list of commands and begins its own help.
+
+    examples: command lines without `rope_twin`; more: the rest of the description.
+    """
+    title = about[0].upper() + about[1:]
+    parser: argparse.ArgumentParser = parsers.add_parser(
+        name,
+        help=about,
+        description=f"{title}.\n\n{more}" if more else f"{title}.",
+        epilog="examples:\n" + "\n".join(f"  rope_twin {line}" for line in examples),
+        formatter_class=HelpFormatter,
+    )
+    return parser
+
+
+def measure(unit: str) -> Callable[[str], float]:
+    """Return the type of an option whose value is a quantity, such as 90s, 2min or 120."""
+
+    def read(words: str) -> float:
+        try:
+            return read_quantity(words, unit)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    return read
+
+
+def add_scene(parser: argparse._ActionsContainer, **more: Any) -> None:
+    """Declare the scene."""
+    parser.add_argument("scene", metavar="SCENE", **{"help": SCENE, **more})
+
+
+def add_duration(
+    parser: argparse._ActionsContainer, about: str, default: float | None = None
+) -> None:
+    """Declare how much time is simulated."""
+    add_time(parser, "--duration", about, default)
+
+
+def add_time(
+    parser: argparse._ActionsContainer, option: str, about: str, default: float | None = None
+) -> None:
+    """Declare an option whose value is a time; it is stored in seconds."""
+    words = about if default is None else f"{about} (default: {default:g}s)"
+    parser.add_argument(option, type=measure("s"), default=default, metavar="TIME", help=words)
+
+
+def add_out(parser: argparse._ActionsContainer, metavar: str, about: str, **more: Any) -> None:
+    """Declare the file or folder that the command writes."""
+    parser.add_argument("--out", type=Path, metavar=metavar, help=about, **more)
+
+
+def add_json(parser: argparse._ActionsContainer) -> None:
+    """Declare the output for programs."""
+    words = "print one JSON object on stdout in place of text"
+    parser.add_argument("--json", action="store_true", help=words)
+
+
+def leaf_parsers(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
+    """Yield the parsers of all commands that can be run, depth first."""
+    nested = [
+        action_group
+        for action_group in parser._actions
+        if isinstance(action_group, argparse._SubParsersAction)
+    ]
+    if not nested:
+        yield parser
+    for action in nested:
+        for child in action.choices.values():
+            yield from leaf_parsers(child)

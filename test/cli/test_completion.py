@@ -8,7 +8,7 @@ import subprocess
 import pytest
 
 from rope_twin.cli import build_parser, main
-from rope_twin.run.arguments import leaf_parsers
+from rope_twin.run.options import leaf_parsers
 
 COMPLETE = """
 source /dev/stdin <<< "$SCRIPT"

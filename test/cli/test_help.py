@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from rope_twin.cli import MEANINGS, ExitCode, build_parser, main
-from rope_twin.run.arguments import leaf_parsers
+from rope_twin.run.options import leaf_parsers
 
 PARSER = build_parser()
 COMMANDS = list(leaf_parsers(PARSER))

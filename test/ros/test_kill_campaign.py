@@ -95,7 +95,7 @@ class Campaign:
                 continue
             name = next((w.split(".")[-1] for w in words if w.startswith("rope_twin.ros.")), "")
             standby = any("standby:=" in word for word in words)
-            if name == "startup":  # a spare; it may be a node by now, and is called so
+            if name == "processes":  # a spare; it may be a node by now, and is called so
                 called = Path(f"/proc/{child.pid}/comm").read_text().strip()
                 name = f"{called}_node" if called in NODES else ""
                 standby = called == "recorder"

@@ -15,16 +15,16 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.ros import startup
+from rope_twin.ros import suite
 from rope_twin.ros.params import NODES, node_parameters
-from rope_twin.ros.startup import Precompilation
+from rope_twin.ros.suite import Precompilation
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 
 FROM_THE_CACHE = """
 from rope_twin.run.options import RunOptions
 from rope_twin.core.step import advance_steps
-from rope_twin.ros.startup import Precompilation
+from rope_twin.ros.suite import Precompilation
 from rope_twin.run.progress import StopSignal
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
@@ -61,7 +61,7 @@ def test_it_is_waited_for_until_it_ends(stop: StopSignal) -> None:
 def test_who_is_reported_to_stop_does_not_wait(
     stop: StopSignal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(startup, "_build", lambda options: time.sleep(600.0))
+    monkeypatch.setattr(suite, "_build", lambda options: time.sleep(600.0))
     compiling = Precompilation(RunOptions())
     stop.requested = True
     with pytest.raises(KeyboardInterrupt):

@@ -7,8 +7,7 @@ import argparse
 import pytest
 
 from rope_twin.quantity import UNITS, read_quantity
-from rope_twin.run.arguments import measure
-from rope_twin.run.options import add_arguments, read_options
+from rope_twin.run.options import add_arguments, measure, read_options
 
 
 @pytest.mark.parametrize(
