@@ -15,8 +15,7 @@ from rope_twin.alerts.alert_list import Priority
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages.diagnostics import breach_words
-from rope_twin.messages.reports import crew_limits_row
-from rope_twin.messages.status import Status
+from rope_twin.messages.reports import Status, crew_limits_row
 from rope_twin.scene.lift import LiftFigures, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene

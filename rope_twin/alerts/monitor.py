@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from rope_twin.alerts.alert_list import ACTIONS, EVERY, SECOND, Alert, AlertList, Priority
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.messages.status import Status
+from rope_twin.messages.reports import Status
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.snapshot import Snapshot
 

@@ -29,7 +29,7 @@ from rope_twin.alerts.limits import (
     SceneFigures,
     present,
 )
-from rope_twin.messages.status import RECORDER_ROW, Level, Status
+from rope_twin.messages.reports import RECORDER_ROW, Level, Status
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.quality import BUILD_UP
 from rope_twin.twin.snapshot import BORDER, Snapshot, disagrees

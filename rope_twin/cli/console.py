@@ -114,9 +114,9 @@ def _terminal(args: argparse.Namespace) -> int:
         remedy = "install it with `pip install 'rope_twin[console]'`"
         raise InputError("--terminal", f"{error.name} is not installed", remedy) from error
     from rope_twin.console.control import Desk
-    from rope_twin.console.facts import session_facts
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
+    from rope_twin.console.requests import session_facts
     from rope_twin.ros.console_node import suite_source
     from rope_twin.ros.entry import keep_to_loopback
 
@@ -136,10 +136,9 @@ def _terminal(args: argparse.Namespace) -> int:
 
 def _recorded(args: argparse.Namespace) -> int:
     from rope_twin.console.control import Desk
-    from rope_twin.console.facts import SeaLimits, session_facts
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
-    from rope_twin.console.requests import Log
+    from rope_twin.console.requests import Log, SeaLimits, session_facts
     from rope_twin.console.server import Server, read_address
     from rope_twin.scene.load_chart import read_load_chart
 

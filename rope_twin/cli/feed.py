@@ -16,7 +16,7 @@ from rope_twin.feeds.instrument import Instrument, LineSample, Sample
 from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_faults
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source
-from rope_twin.messages.status import counted
+from rope_twin.messages.reports import counted
 from rope_twin.run.options import add_duration, add_json
 from rope_twin.run.progress import StopSignal
 

@@ -20,7 +20,7 @@ from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
-from rope_twin.messages.status import counted
+from rope_twin.messages.reports import counted
 from rope_twin.run.options import add_command, add_json, add_out, add_scene, measure
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names

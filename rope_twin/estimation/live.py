@@ -38,8 +38,7 @@ from rope_twin.estimation.figures import (
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.worker import Ask, Begin, Heave, Input, Motion, Reading, Worker
-from rope_twin.messages.reports import estimate_status
-from rope_twin.messages.status import Level, Status
+from rope_twin.messages.reports import Level, Status, estimate_status
 from rope_twin.scene.instruments import SHEAVE
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene

@@ -20,7 +20,8 @@ from rope_twin.estimation.figures import ROPE_FIGURES, hung_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.input_log import decode_json
-from rope_twin.recording.lift_topics import (
+from rope_twin.recording.session import Session
+from rope_twin.recording.track import (
     HANG_OFF,
     HEAVE,
     LENGTH,
@@ -32,7 +33,6 @@ from rope_twin.recording.lift_topics import (
     rope_values,
     vertical_motion,
 )
-from rope_twin.recording.session import Session
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of

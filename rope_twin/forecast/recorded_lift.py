@@ -28,7 +28,8 @@ from rope_twin.forecast.tension_forecast import ForecastSettings, Observations
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.lift_topics import (
+from rope_twin.recording.recorded_run import read_content
+from rope_twin.recording.track import (
     HANG_OFF,
     HEAVE,
     LENGTH,
@@ -41,7 +42,6 @@ from rope_twin.recording.lift_topics import (
     rope_values,
     vertical_motion,
 )
-from rope_twin.recording.recorded_run import read_content
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging import is_joined

@@ -14,7 +14,7 @@ from rope_twin.messages.inputs import (
     encode_order,
     encode_pose,
 )
-from rope_twin.messages.status import Level, Status, encode_diagnostics
+from rope_twin.messages.reports import Level, Status, encode_diagnostics
 from rope_twin.messages.templates import CloudReader, read_cloud
 
 __all__ = [

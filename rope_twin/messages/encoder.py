@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates, encode_text, new
-from rope_twin.messages.status import QUALITY_COLUMNS, quality_rows
+from rope_twin.messages.reports import QUALITY_COLUMNS, quality_rows
 from rope_twin.messages.templates import RopeMarkers
 from rope_twin.quantity import or_nan
 from rope_twin.twin.snapshot import (

@@ -23,7 +23,7 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.messages import decode
 from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
-from rope_twin.messages.status import counted
+from rope_twin.messages.reports import counted
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC, is_topic, slot_of
 from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls

@@ -22,10 +22,16 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from rope_twin.console.control import Desk, Outcome, Token, new_token
-from rope_twin.console.facts import SeaLimits, scene_facts, session_facts
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
-from rope_twin.console.requests import LEARNING, Log, Requests
+from rope_twin.console.requests import (
+    LEARNING,
+    Log,
+    Requests,
+    SeaLimits,
+    scene_facts,
+    session_facts,
+)
 from rope_twin.console.server import Server, announce, read_address
 from rope_twin.errors import InputError, phrase
 from rope_twin.forecast.orders import read_orders

@@ -38,7 +38,7 @@ from rope_twin.messages import (
     encode_measurement,
     encode_pose,
 )
-from rope_twin.messages.status import counted
+from rope_twin.messages.reports import counted
 from rope_twin.quantity import or_none
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import FeedParams, declare

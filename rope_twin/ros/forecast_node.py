@@ -36,8 +36,7 @@ from rope_twin.forecast.tension_forecast import (
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
 from rope_twin.messages.inputs import read_heave, read_measurement
-from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast
-from rope_twin.messages.status import read_diagnostics
+from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast, read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish

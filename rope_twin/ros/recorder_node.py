@@ -21,7 +21,7 @@ from typing import Any
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
-from rope_twin.messages.status import counted
+from rope_twin.messages.reports import counted
 from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.bag_writer import BagRecorder
 from rope_twin.ros.entry import SuiteNode, run_node

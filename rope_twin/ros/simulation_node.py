@@ -28,7 +28,7 @@ from std_srvs.srv import SetBool, Trigger
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.diagnostics import MOTION_ROW
-from rope_twin.messages.status import RECORDER_ROW, read_diagnostics
+from rope_twin.messages.reports import RECORDER_ROW, read_diagnostics
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read

@@ -19,8 +19,15 @@ from rope_twin.messages.diagnostics import (
     strength_words,
     touchdown_words,
 )
-from rope_twin.messages.reports import alarm_words, learned_words
-from rope_twin.messages.status import Level, Status, counted, lowest_words, residual_words
+from rope_twin.messages.reports import (
+    Level,
+    Status,
+    alarm_words,
+    counted,
+    learned_words,
+    lowest_words,
+    residual_words,
+)
 from rope_twin.quantity import kilonewtons, or_none
 from rope_twin.scene.error_bound import format_bound
 from rope_twin.twin.pacing import PacingHealth

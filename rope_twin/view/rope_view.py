@@ -21,33 +21,31 @@ from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
-from rope_twin.view.blueprint import (
-    AHEAD_CURVES,
-    AHEAD_EVERY_S,
-    AHEAD_S,
-    CURVES,
-    INTERVAL_CURVES,
-    LOG,
-    LOWER_END,
-    OVERVIEW,
-    PROFILE,
-    SURFACE,
-    Ranges,
-    Shown,
-    layout,
-)
 from rope_twin.view.canvas import decade_range
 from rope_twin.view.lower_end import LowerEnd
 from rope_twin.view.overview import Overview, Surface
 from rope_twin.view.profile import Profile, WatchedCharts
 from rope_twin.view.series import (
+    AHEAD_CURVES,
+    AHEAD_EVERY_S,
+    AHEAD_S,
+    CURVES,
     FILE_BATCH_NS,
+    INTERVAL_CURVES,
     LIVE_BATCH_NS,
+    LOG,
+    LOWER_END,
+    OVERVIEW,
+    PROFILE,
+    SURFACE,
     Cells,
     Figures,
+    Ranges,
     Series,
+    Shown,
     StatusLog,
     Timelines,
+    layout,
 )
 from rope_twin.view.sinks import Sink
 

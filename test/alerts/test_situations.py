@@ -16,8 +16,7 @@ from rope_twin.alerts.alert_list import AlertList, Priority, State
 from rope_twin.alerts.monitor import AlertMonitor, rates
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError
-from rope_twin.messages.reports import decode_alerts, encode_alerts
-from rope_twin.messages.status import Level, Status
+from rope_twin.messages.reports import Level, Status, decode_alerts, encode_alerts
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.twin.quality import QualityIndex

@@ -22,7 +22,7 @@ from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
 from rope_twin.console.requests import Log, Requests
 from rope_twin.console.server import Server
-from rope_twin.messages.status import Level, Status
+from rope_twin.messages.reports import Level, Status
 
 CHROMIUM = Path("/usr/bin/chromium")
 pytestmark = [

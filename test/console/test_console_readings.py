@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 from sample_snapshot import hanging_body, hanging_rope, lifted
 
 from rope_twin import messages
-from rope_twin.console.facts import scene_facts
 from rope_twin.console.pages import POINTS, RopeProfile, Trend
 from rope_twin.console.readings import (
     AHEAD_S,
@@ -26,6 +25,7 @@ from rope_twin.console.readings import (
     of_winch,
     stale_limits_s,
 )
+from rope_twin.console.requests import scene_facts
 from rope_twin.estimation.figures import REPORTED, WINCH_FIGURES
 from rope_twin.estimation.report import FigureEstimate
 from rope_twin.messages import Level, Status

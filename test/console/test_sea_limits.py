@@ -11,7 +11,7 @@ import pytest
 from console_rig import ConsoleRig, replies
 
 from rope_twin.cli import main
-from rope_twin.console.facts import SeaLimits
+from rope_twin.console.requests import SeaLimits
 from rope_twin.scene.load_chart import read_load_chart
 
 PHASE = {"kind": "lowering", "governing": [["swl_n"] * 2] * 2, "hook_load_n": [[3e5] * 2] * 2}

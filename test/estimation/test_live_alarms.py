@@ -12,8 +12,7 @@ from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
 from rope_twin.estimation.live import ROW
 from rope_twin.estimation.worker import Motion
 from rope_twin.messages.cdr import encode_text, typestore
-from rope_twin.messages.reports import alarm_words
-from rope_twin.messages.status import Level
+from rope_twin.messages.reports import Level, alarm_words
 from rope_twin.topics import ALARM_TOPIC, BY_NAME
 from rope_twin.twin.readings import Measurement
 

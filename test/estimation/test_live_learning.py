@@ -16,8 +16,7 @@ from rope_twin.estimation.figures import BIAS, INDEX
 from rope_twin.estimation.live import LiveLearning
 from rope_twin.estimation.worker import Ask, Input, Motion, Reading, Worker
 from rope_twin.messages.cdr import typestore
-from rope_twin.messages.reports import FIGURE_COLUMNS, ROW, encode_estimate
-from rope_twin.messages.status import Level
+from rope_twin.messages.reports import FIGURE_COLUMNS, ROW, Level, encode_estimate
 from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.readings import Measurement

@@ -17,7 +17,7 @@ from rope_twin.errors import InputError
 from rope_twin.messages import Encoder, Level, encode_measurement, read_cloud, statuses
 from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.inputs import read_measurement
-from rope_twin.messages.status import residuals_status
+from rope_twin.messages.reports import residuals_status
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.scene.instruments import Measured
