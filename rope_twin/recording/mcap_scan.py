@@ -16,6 +16,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, NamedTuple, TypeAlias
@@ -27,7 +28,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from rope_twin.recording.bag import MCAP_MAGIC
+from rope_twin.recording.bag import MCAP_MAGIC, OWN_RECORD
 from rope_twin.topics import is_topic
 
 _FRAME = struct.Struct("<BQ")  # opcode, length
@@ -96,18 +97,16 @@ def topic_messages(
 
     problems: takes what was lost in the files.
     """
+
+    @cache
+    def topic_of(name: str) -> str | None:
+        return next((topic for topic in wanted if is_topic(name, topic)), None)
+
     for file in files:
-        scan, names = McapScan(file), dict[int, str]()
-        for record in scan.records():
-            if isinstance(record, Channel):
-                topic = next(
-                    (topic_name for topic_name in wanted if is_topic(record.topic, topic_name)),
-                    None,
-                )
-                if topic is not None:
-                    names[record.id] = topic
-            elif isinstance(record, StoredMessage) and record.channel_id in names:
-                yield names[record.channel_id], record
+        scan = McapScan(file)
+        for name, _, message in scan.messages():
+            if (topic := topic_of(name)) is not None:
+                yield topic, message
         problems += scan.problems
 
 
@@ -119,6 +118,7 @@ class McapScan:
         self.problems: list[str] = []
         self.mended: list[str] = []  # damage that cost no message
         self.left_out: set[str] = set()  # kinds of records that are whole but not handed on
+        self.notes: dict[str, str] = {}  # of the bag's own, once `messages` has read them
 
     def records(self) -> Iterator[Stored]:
         """Return schemas, channels, metadata and messages in file order; it never raises.
@@ -130,6 +130,20 @@ class McapScan:
                 yield from self._read(_File(stream))
         except OSError as error:
             self._report(f"cannot be read ({error.strerror})")
+
+    def messages(self) -> Iterator[tuple[str, str, StoredMessage]]:
+        """Yield topic, type ("": its definition is lost) and message, in file order."""
+        types, channels = dict[int, str](), dict[int, tuple[str, str]]()
+        for record in self.records():
+            if isinstance(record, Schema):
+                types[record.id] = record.name
+            elif isinstance(record, Channel):
+                channels[record.id] = record.topic, types.get(record.schema_id, "")
+            elif isinstance(record, StoredMessage):
+                if record.channel_id in channels:
+                    yield *channels[record.channel_id], record
+            elif record.name == OWN_RECORD:
+                self.notes |= record.metadata
 
     def _read(self, file: _File) -> Iterator[Stored]:
         position = file.begin()

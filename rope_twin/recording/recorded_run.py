@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from mcap.records import Channel, Metadata
 
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.inputs import (
@@ -27,9 +26,8 @@ from rope_twin.messages.inputs import (
     read_order,
     read_pose,
 )
-from rope_twin.recording.bag import OWN_RECORD
 from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
-from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.recording.mcap_scan import McapScan, mcap_files
 from rope_twin.recording.session import Session
 from rope_twin.topics import (
     CUT_TOPIC,
@@ -131,8 +129,9 @@ class BagContent:
         known: dict[tuple[str, int], RecordedSession] = {}
         for file in self._files:
             scan = McapScan(file)
-            for one in _scan(scan, own_notes):
-                self._take(one, known, logged)
+            for message in _recorded(scan):
+                self._take(message, known, logged)
+            own_notes |= scan.notes
             self.notes += scan.problems
         self.sessions = sorted(known.values(), key=lambda one: (one.log_ns, one.session.number))
         for key, session in known.items():
@@ -173,7 +172,7 @@ class BagContent:
         """Return the messages of these topics, in file order."""
         names = frozenset(topics)
         for file in self._files:
-            yield from (message for message in _scan(McapScan(file)) if message.topic in names)
+            yield from (message for message in _recorded(McapScan(file)) if message.topic in names)
 
     def _take(
         self,
@@ -303,17 +302,10 @@ def read_content(bag: Path) -> BagContent:
     return content
 
 
-def _scan(scan: McapScan, notes: dict[str, str] | None = None) -> Iterator[Recorded]:
-    """Return the messages of a file with their topic names; `notes` takes those on the bag."""
-    topics: dict[int, str] = {}
-    for record in scan.records():
-        if isinstance(record, StoredMessage):
-            if (topic := topics.get(record.channel_id)) is not None:
-                yield Recorded(topic, record.sequence, record.log_ns, record.data)
-        elif isinstance(record, Channel):
-            topics[record.id] = record.topic.removeprefix("/")
-        elif isinstance(record, Metadata) and record.name == OWN_RECORD and notes is not None:
-            notes |= record.metadata
+def _recorded(scan: McapScan) -> Iterator[Recorded]:
+    """Yield the messages of a file, topics without their leading slash."""
+    for topic, _, stored in scan.messages():
+        yield Recorded(topic.removeprefix("/"), stored.sequence, stored.log_ns, stored.data)
 
 
 def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:

@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
-from mcap.records import Channel, Schema
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
@@ -470,15 +469,8 @@ class _DamagedBag:
     def _stored(self, problems: list[str]) -> Iterator[tuple[str, str, StoredMessage]]:
         """Return topic, type and message in file order; problems: takes the damage."""
         for file in mcap_files(self.path):
-            scan, types = McapScan(file), dict[int, str]()
-            channels: dict[int, tuple[str, str]] = {}
-            for record in scan.records():
-                if isinstance(record, Schema):
-                    types[record.id] = record.name
-                elif isinstance(record, Channel) and record.schema_id in types:
-                    channels[record.id] = record.topic, types[record.schema_id]
-                elif isinstance(record, StoredMessage) and record.channel_id in channels:
-                    yield *channels[record.channel_id], record
+            scan = McapScan(file)
+            yield from (stored for stored in scan.messages() if stored[1])
             problems += scan.problems
 
 
