@@ -431,9 +431,8 @@ class Desk:
             mode = f"{winch}: brake {'set' if holds else 'released'}"
         else:
             compensated = row.get("compensation_on")
-            in_effect = compensated is not None and bool(compensated) == (
-                command.kind == COMPENSATE
-            )
+            wanted = command.kind == COMPENSATE
+            in_effect = compensated is not None and bool(compensated) == wanted
             mode = f"{winch}: compensation {'on' if compensated else 'off'}"
         return (True, f"the twin reports {mode or _words(command)}") if in_effect else None
 

@@ -18,14 +18,8 @@ G_M_PER_S2 = 9.80665  # a tonne-force is the weight of a tonne at standard gravi
 UNKNOWN, MINUS = "–", "−"
 LOST_S = 3.0  # age from which a residual's reading is that of an instrument that is lost
 RISK_SPANS_S = (10.0, 20.0, 30.0)
-_PER_ROPE = (
-    "ropes",
-    "tension_n",
-    "line_out_m",
-    "line_speed_m_per_s",
-    "error_interval",
-    "utilisation",
-)
+_PER_ROPE = ("ropes", "tension_n", "line_out_m", "line_speed_m_per_s", "error_interval",
+             "utilisation")  # fmt: skip
 _ELEMENTS = {"top_tension": "Top tension", "payload_depth": "Payload depth", "slack": "Slack",
              "fatigue": "Fatigue"}  # fmt: skip
 
@@ -130,12 +124,8 @@ def of_rope(view: View, rope: int) -> View:
     facts["ropes"] = [row_of_rope]
     names = {"winches": row_of_rope.get("winch"), "payloads": row_of_rope.get("payload")}
     if len(ropes) > 1:
-        names_of_rope = set(names.values())
-        values["residuals"] = [
-            residual
-            for residual in values.get("residuals", ())
-            if residual["name"] in names_of_rope
-        ]
+        residuals = values.get("residuals", ())
+        values["residuals"] = [row for row in residuals if row["name"] in names.values()]
     for name in _PER_ROPE:
         if values.get(name):
             values[name] = values[name][rope : rope + 1]
@@ -160,9 +150,7 @@ def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
     if known(winch.get("most_line_out_m")):
         shortest_m, longest_m = winch.get("least_line_out_m"), winch["most_line_out_m"]
         reach = f"{fixed(shortest_m, 0)} to {fixed(longest_m, 0)} m"
-    compared, out_warns = _compared(
-        values, "line_out_m", lambda number, sign: fixed(number, 2, sign), reach
-    )
+    compared, out_warns = _compared(values, "line_out_m", lambda m, sign: fixed(m, 2, sign), reach)
     note, warns = _compared(values, "top_tension_n", units.forces, _computed(values, units))
     allowed = rope.get("allowed_n")
     above_limit = known(allowed) and known(tension) and tension > allowed
@@ -222,12 +210,8 @@ def height_above_bed_m(values: Values, facts: Values) -> float | None:
 
 def sea_figures(values: Values, facts: Values) -> list[Figure]:
     """Return heave of the first hang-off and the sea."""
-    topic, place, speed = (
-        "hang_off/odometry",
-        values.get("hang_off_m"),
-        values.get("hang_off_m_per_s"),
-    )
-    mean = facts.get("hang_off_m")
+    place, speed = values.get("hang_off_m"), values.get("hang_off_m_per_s")
+    topic, mean = "hang_off/odometry", facts.get("hang_off_m")
     heave = place[2] - (mean[2] if mean else 0.0) if place and known(place[2]) else None
     rows = [
         Figure("Heave", fixed(heave, 2, True), "m", topic),
@@ -326,10 +310,8 @@ def first_winch(facts: Values) -> Values:
 def _utilisation(values: Values, rope: Values, tension: float | None, units: Units) -> Figure:
     used, breaking = _first(values.get("utilisation")), rope.get("breaking_load_n")
     highest, utilisation = used.get("max_tension_n"), used.get("utilisation")
-    load = (
-        highest / utilisation if known(highest) and known(utilisation) and utilisation else breaking
-    )
-    note = ""
+    is_used = known(highest) and known(utilisation) and utilisation
+    load, note = highest / utilisation if is_used else breaking, ""
     if known(load):
         note = f"of MBL {units.forces(load)} {units.force}"
         if known(highest):
@@ -352,14 +334,8 @@ def _computed(values: Values, units: Units) -> str:
 
 def _compared(values: Values, quantity: str, text: Any, other: str) -> tuple[str, bool]:
     """Return measured and residual in words, or `other`; and whether it is outside its interval."""
-    row = next(
-        (
-            candidate
-            for candidate in values.get("residuals", ())
-            if candidate["quantity"] == quantity
-        ),
-        None,
-    )
+    rows = (row for row in values.get("residuals", ()) if row["quantity"] == quantity)
+    row = next(rows, None)
     if row is None or not known(row["measured"]) or (row["age_s"] or 0.0) > LOST_S:
         return other, False
     upper, lower, residual = row.get("upper"), row.get("lower"), row["residual"]

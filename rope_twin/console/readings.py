@@ -29,7 +29,7 @@ from rope_twin.messages.reports import (
     figure_unit,
 )
 from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
-from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds
 from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
 from rope_twin.twin.motion.ship_motion import turned
 from rope_twin.twin.snapshot import CAUSES
@@ -169,11 +169,10 @@ class Readings:
             return values
         message = decode(topic, data)
         if topic == EPOCH:
-            self.epoch_ns = message.sec * NANOSECONDS + message.nanosec
+            self.epoch_ns = nanoseconds(message)
             return {"epoch_s": self.epoch_ns / NANOSECONDS}
         if topic == TENSION:
-            stamp = message.header.stamp
-            self.stamp_ns = int(stamp.sec * NANOSECONDS + stamp.nanosec)
+            self.stamp_ns = nanoseconds(message.header.stamp)
             if self.epoch_ns is None:
                 self.epoch_ns = self.stamp_ns
         return _READERS[topic](message)

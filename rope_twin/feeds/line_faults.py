@@ -49,9 +49,6 @@ class LineFaults:
         return any(getattr(self, name) for name in FAULTS)
 
 
-NO_FAULTS = LineFaults()
-
-
 def read_faults(words: str) -> LineFaults:
     """Return the faults in words such as `lost:0.01,delayed:0.01:0.2s,seed:3`; "": none.
 

@@ -239,9 +239,7 @@ def table(type_name: str, messages: Sequence[bytes], paths: Sequence[str]) -> Ta
     if any(len(data) != message_bytes for data in messages):
         return None
     joined = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), message_bytes)
-    is_constant = np.ones(
-        message_bytes, np.bool_
-    )  # bytes that are no numbers: texts, lengths, padding
+    is_constant = np.ones(message_bytes, np.bool_)  # bytes of texts, lengths, padding
     for slot in template.slots.values():
         span = int(np.prod(slot.shape, dtype=np.int64)) * slot.dtype.itemsize
         is_constant[slot.offset : slot.offset + span] = False

@@ -73,9 +73,8 @@ def limits_status(snapshot: Snapshot) -> Status:
     for breach in violated:
         label = f"{breach.where}: {breach.limit}"
         values[f"{label}, worst (limit {breach.allowed:g})"] = f"{breach.worst:.6g}"
-        values[f"{label}, first, worst and last violation [s]"] = (
-            f"{breach.first_s:.2f}, {breach.worst_s:.2f}, {breach.last_s:.2f}"
-        )
+        times = f"{breach.first_s:.2f}, {breach.worst_s:.2f}, {breach.last_s:.2f}"
+        values[f"{label}, first, worst and last violation [s]"] = times
     newest = max(breach.last_s for breach in violated)
     level = Level.ERROR if snapshot.time_s - newest < VIOLATED_FOR_S else Level.WARN
     return Status(name, level, "; ".join(breach_words(breach) for breach in violated), values)
@@ -433,9 +432,8 @@ def _error_interval(snapshot: Snapshot) -> Status:
     for rope in snapshot.ropes[1:]:
         if rope.error_interval is not None:
             values[f"error bound of '{rope.name}' [N]"] = f"{rope.error_interval.bound_n:.3g}"
-    message = (
-        f"top tension within {interval.bound_n:.3g} N of the converged solution (95 % interval)"
-    )
+    message = f"top tension within {interval.bound_n:.3g} N of the converged solution"
+    message += " (95 % interval)"
     return Status("simulation: error interval", Level.OK, message, values)
 
 
@@ -475,9 +473,8 @@ def _most_bent(fatigue: MaterialFatigue) -> tuple[str, bool, dict[str, str]]:
     if (bent := fatigue.bent) is None:
         return "", False, {}
     metre = fatigue.most_bent
-    bends, damage, discard = (
-        float(column[metre]) for column in (bent.bends, bent.damage, bent.discard)
-    )
+    columns = bent.bends, bent.damage, bent.discard
+    bends, damage, discard = (float(column[metre]) for column in columns)
     from_end = f"{fatigue.from_lower_end_m[metre]:.1f}"
     values = {"most bent metre, from the lower end [m]": from_end, "its bends": f"{bends:g}"}
     if not math.isnan(damage):

@@ -105,6 +105,13 @@ class Encoder:
         points = np.array(encoded, templates.point_type(templates.columns(names)))
         return self._cloud(topic, snapshot, points)
 
+    def _numbers(
+        self, topic: str, snapshot: Snapshot, names: str, table: NDArray[np.floating]
+    ) -> bytes:
+        """Return a PointCloud2 of the rows of a table of numbers; names: of its columns."""
+        point_type = templates.point_type(templates.columns(names, table.dtype.str))
+        return self._cloud(topic, snapshot, table.view(point_type).ravel())
+
     def _cloud(self, topic: str, snapshot: Snapshot, points: NDArray[Any]) -> bytes:
         """Return a PointCloud2 of points of a structured type."""
         template = self._sized.get(
@@ -119,31 +126,19 @@ class Encoder:
 
     def _nodes(self, snapshot: Snapshot) -> bytes:
         ropes = ropes_of(snapshot)
-        counts = [len(rope.node_position_m) for rope in ropes]
-        points = np.empty((sum(counts), 5), dtype="<f4")
-        first = 0
-        for number, (rope, count) in enumerate(zip(ropes, counts, strict=True)):
-            rope_points = points[first : first + count]
-            rope_points[:, :3], rope_points[:, 3], rope_points[:, 4] = (
-                rope.node_position_m,
-                rope.node_tension_n,
-                number,
-            )
-            first += count
-        point_type = templates.point_type(templates.columns("x y z tension_n rope", "<f4"))
-        return self._cloud("ropes/nodes", snapshot, points.view(point_type).ravel())
+        points = np.empty((sum(len(rope.node_position_m) for rope in ropes), 5), dtype="<f4")
+        points[:, :3] = np.concatenate([rope.node_position_m for rope in ropes])
+        points[:, 3] = np.concatenate([rope.node_tension_n for rope in ropes])
+        points[:, 4] = _numbers_of([len(rope.node_tension_n) for rope in ropes])
+        return self._numbers("ropes/nodes", snapshot, "x y z tension_n rope", points)
 
     def _element_tension(self, snapshot: Snapshot) -> bytes:
         ropes = ropes_of(snapshot)
         columns = (*templates.columns("tension_n"), *templates.columns("rope", "<f4"))
-        points = np.empty(
-            sum(len(rope.element_tension_n) for rope in ropes), templates.point_type(columns)
-        )
-        first = 0
-        for number, rope in enumerate(ropes):
-            rope_points = points[first : first + len(rope.element_tension_n)]
-            rope_points["tension_n"], rope_points["rope"] = rope.element_tension_n, number
-            first += len(rope_points)
+        counts = [len(rope.element_tension_n) for rope in ropes]
+        points = np.empty(sum(counts), templates.point_type(columns))
+        points["tension_n"] = np.concatenate([rope.element_tension_n for rope in ropes])
+        points["rope"] = _numbers_of(counts)
         return self._cloud("ropes/element_tension", snapshot, points)
 
     def _vibration(self, snapshot: Snapshot) -> bytes:
@@ -158,9 +153,7 @@ class Encoder:
                 names = " ".join(("x", "y", "z", *columns, "rope"))
         if not tables:
             raise InputError("encode", "the snapshot has no vibration", "ask for it")
-        kind = templates.point_type(templates.columns(names, "<f4"))
-        points = np.vstack(tables).astype("<f4")
-        return self._cloud("ropes/vibration", snapshot, points.view(kind).ravel())
+        return self._numbers("ropes/vibration", snapshot, names, np.vstack(tables).astype("<f4"))
 
     def _fatigue(self, snapshot: Snapshot) -> bytes:
         """Return accumulated damage and position of each metre of rope."""
@@ -179,9 +172,7 @@ class Encoder:
         if not tables:
             raise InputError("encode", "the snapshot has no fatigue", "ask for it")
         names = "from_lower_end_m from_hang_off_m damage rope bends bend_damage discard_fraction"
-        kind = templates.point_type(templates.columns(names))
-        points = np.concatenate(tables).view(kind).ravel()
-        return self._cloud("ropes/fatigue", snapshot, points)
+        return self._numbers("ropes/fatigue", snapshot, names, np.concatenate(tables))
 
     # -- hang-off, payloads, winches, seabed -----------------------------------------------------
 
@@ -241,6 +232,11 @@ class Encoder:
         names = list(dict.fromkeys(name for row in winches for name in row)) or ["name"]
         rows = (tuple(row.get(name, math.nan) for name in names) for row in winches)
         return self._table("winch/state", snapshot, " ".join(names), rows)
+
+
+def _numbers_of(counts: Sequence[int]) -> NDArray[np.int_]:
+    """Return the number of the rope of each row, for ropes of so many rows."""
+    return np.repeat(np.arange(len(counts)), counts)
 
 
 def ropes_of(snapshot: Snapshot) -> tuple[RopeShot, ...]:
@@ -370,13 +366,8 @@ def _seabed_contact(snapshot: Snapshot) -> Rows:
 def _touchdown(snapshot: Snapshot) -> Rows:
     """Yield the touchdown point of each rope on the seabed; none if there is none."""
     for touchdown in snapshot.touchdowns:
-        figures = (
-            touchdown.line_out_m,
-            touchdown.layback_m,
-            touchdown.tension_n,
-            touchdown.angle_deg,
-        )
-        yield touchdown.name, *touchdown.position_m, *figures
+        lengths_m, tension_n = (touchdown.line_out_m, touchdown.layback_m), touchdown.tension_n
+        yield touchdown.name, *touchdown.position_m, *lengths_m, tension_n, touchdown.angle_deg
 
 
 def _contact(snapshot: Snapshot) -> Rows:

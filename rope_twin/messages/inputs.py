@@ -344,4 +344,4 @@ def _stamped(topic: str, data: bytes) -> tuple[Any, int]:
 def _stamp_ns(topic: str, stamp: Any) -> int:
     if not 0 <= stamp.nanosec < NANOSECONDS:
         raise InputError(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
-    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+    return templates.nanoseconds(stamp)

@@ -107,7 +107,6 @@ def counted(number: int, noun: str) -> str:
 def residuals_status(residuals: Sequence[Residual]) -> Status:
     """Return the row on measured less computed values: WARN if one is outside for long."""
     values: dict[str, str] = {}
-    outside: list[Residual] = []
     for residual in residuals:
         quantity, scale, unit, form = _QUANTITIES[residual.quantity]
         label = f"{residual.name}: {quantity}"
@@ -119,13 +118,10 @@ def residuals_status(residuals: Sequence[Residual]) -> Status:
         }
         if residual.outside is not None:
             values[f"{label}, outside its interval [%]"] = f"{100.0 * residual.outside:.0f}"
-            if disagrees(residual):
-                outside.append(residual)
-    if outside:
-        words = "; ".join(residual_words(residual) for residual in outside)
-        return Status("simulation: residuals", Level.WARN, words, values)
-    words = "; ".join(residual_words(residual) for residual in residuals)
-    return Status("simulation: residuals", Level.OK, words, values)
+    outside = [residual for residual in residuals if disagrees(residual)]
+    words = "; ".join(residual_words(residual) for residual in outside or residuals)
+    level = Level.WARN if outside else Level.OK
+    return Status("simulation: residuals", level, words, values)
 
 
 def residual_words(residual: Residual) -> str:
@@ -139,21 +135,15 @@ def residual_words(residual: Residual) -> str:
     if residual.half_width is None or residual.outside is None:
         return f"{words}, interval unknown (give `measured` in the scene)"
     scope = "" if residual.twin is not None else " (of the instrument alone)"
-    coverage = (
-        f"{100.0 * residual.outside:.0f} % outside ±{scale * residual.half_width:{form}} {unit}"
-    )
-    return f"{words}, {coverage}{scope}"
+    outside = f"{100.0 * residual.outside:.0f} % outside"
+    return f"{words}, {outside} ±{scale * residual.half_width:{form}} {unit}{scope}"
 
 
 def quality_rows(snapshot: Snapshot) -> Iterator[tuple[Any, ...]]:
     """Yield the rows of `twin/quality`; cause: its number in CAUSES, NaN: unknown."""
     for quality in snapshot.quality:
-        yield (
-            quality.element,
-            quality.index,
-            CAUSES.index(quality.cause),
-            *map(or_nan, quality.components),
-        )
+        components = map(or_nan, quality.components)
+        yield quality.element, quality.index, CAUSES.index(quality.cause), *components
 
 
 def quality_status(elements: Sequence[Quality]) -> Status:
@@ -332,11 +322,8 @@ def read_risks(data: bytes) -> list[dict[str, float]]:
     table = templates.read_cloud(decode(RISK_TOPIC, data))
     columns = FORECAST_COLUMNS[RISK_TOPIC]
     if not len(table) or not set(columns).issubset(table.dtype.names or ()):
-        problem, remedy = (
-            f"{len(table)} rows without {', '.join(SCORE)}",
-            "send the forecast node's",
-        )
-        raise InputError(RISK_TOPIC, problem, remedy)
+        problem = f"{len(table)} rows without {', '.join(SCORE)}"
+        raise InputError(RISK_TOPIC, problem, "send the forecast node's")
     return [{name: float(row[name]) for name in columns} for row in table]
 
 
@@ -356,8 +343,7 @@ def encode_alerts(stamp_ns: int, now_ns: int, alerts: Sequence[Alert]) -> bytes:
         now_ns: twin time, to which the times of the alerts refer.
         alerts: in the order to be shown; shelved ones at the end.
     """
-    rows = [_row(alert, now_ns) for alert in alerts]
-    return encode_diagnostics(stamp_ns, rows)
+    return encode_diagnostics(stamp_ns, [_row(alert, now_ns) for alert in alerts])
 
 
 def _row(alert: Alert, now_ns: int) -> Status:
@@ -421,5 +407,4 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
         except (KeyError, ValueError) as error:
             problem = f"row '{row.name}' is no alert ({error})"
             raise InputError(ALERTS, problem, "only the simulation publishes here") from None
-    stamp = message.header.stamp
-    return PublishedAlerts(stamp.sec * 1_000_000_000 + stamp.nanosec, now_ns, tuple(alerts))
+    return PublishedAlerts(templates.nanoseconds(message.header.stamp), now_ns, tuple(alerts))

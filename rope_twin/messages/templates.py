@@ -25,9 +25,7 @@ from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 Columns = tuple[tuple[str, str], ...]  # name and type of each column of a table
 NANOSECONDS = 1_000_000_000
-KNOWN_VARIANCE = (
-    1e-6  # [m², rad², m²/s² or rad²/s²] a standard deviation of 0.001: a computed value
-)
+KNOWN_VARIANCE = 1e-6  # [m², rad², m²/s², rad²/s²] standard deviation of 0.001: computed
 UNKNOWN_VARIANCE = 1e6  # of axes that a message does not state, as robot_localization expects
 HEAVE = (2,)  # axes of a heave message
 NAME_TYPE = "S32"  # of a column with names: UTF-8, zeros at the end
@@ -44,20 +42,20 @@ _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
 _LEAST_LINE_M = 100.0
 
 
-def split(time_ns: int) -> tuple[int, int]:
-    """Return seconds and nanoseconds of a ROS time."""
-    return divmod(time_ns, NANOSECONDS)
-
-
 def stamp(time_ns: int, path: str = "header.stamp") -> dict[str, int]:
     """Return the values of a template's stamp at a path."""
-    sec, nanosec = split(time_ns)
+    sec, nanosec = divmod(time_ns, NANOSECONDS)
     return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
 
 
 def time(time_ns: int) -> Any:
-    sec, nanosec = split(time_ns)
+    sec, nanosec = divmod(time_ns, NANOSECONDS)
     return new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def nanoseconds(time: Any) -> int:
+    """Return the nanoseconds in a builtin_interfaces/Time."""
+    return int(time.sec) * NANOSECONDS + int(time.nanosec)
 
 
 def header(frame_id: str) -> Any:
@@ -216,8 +214,7 @@ class CloudReader:
         self._points = points.dtype, len(points), begin
         self._size = len(data) if begin else 0
         self._description = self._described(data, begin)
-        stamp = message.header.stamp
-        return stamp.sec * NANOSECONDS + stamp.nanosec, points
+        return nanoseconds(message.header.stamp), points
 
     def _described(self, data: bytes, begin: int) -> bytes:
         """Return all that precedes the points but the stamp."""

@@ -288,19 +288,13 @@ def _no_such(message: Recorded, replay: RunReplay) -> Difference:
 
 def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
     """Return in words the first difference of two messages."""
-    where, recorded_text, produced_text = (
-        "",
-        f"{len(recorded)} bytes",
-        f"{len(produced.data)} bytes",
-    )
+    sizes = f"{len(recorded)} bytes", f"{len(produced.data)} bytes"
     try:
         mismatch = first_difference(decode(topic, recorded), decode(topic, produced.data))
     except InputError as error:
-        mismatch = ("", str(error), produced_text)
-    if mismatch is not None:
-        where, recorded_text, produced_text = mismatch
-    time_s = produced.time_ns * 1e-9
-    return Difference(topic, time_s, produced.session, where, recorded_text, produced_text)
+        mismatch = "", str(error), sizes[1]
+    numbers = mismatch or ("", *sizes)
+    return Difference(topic, produced.time_ns * 1e-9, produced.session, *numbers)
 
 
 def first_difference(first: Any, second: Any, location: str = "") -> tuple[str, str, str] | None:

@@ -24,6 +24,7 @@ from rope_twin.messages import decode
 from rope_twin.messages.cdr import encode_text
 from rope_twin.messages.inputs import read_measurement
 from rope_twin.messages.reports import counted
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.topics import INPUT_LOG_TOPIC, MEASURED_TOPICS, SESSION_TOPIC, is_topic, slot_of
 from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls
@@ -39,8 +40,7 @@ from rope_twin.twin.readings import (
 from rope_twin.twin.snapshot import Snapshot
 
 _EPOCH = "twin/epoch"
-_SECOND_NS = 1_000_000_000
-APART_NS = 86_400 * _SECOND_NS  # readings further from t = 0 are of another voyage
+APART_NS = 86_400 * NANOSECONDS  # readings further from t = 0 are of another voyage
 GROUPS = {WINCH_SENSORS: WINCH_MEASURED, MOTOR: MOTOR_TENSION, PAYLOAD: PAYLOAD_DEPTH}
 
 
@@ -208,12 +208,10 @@ def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
     zero_ns = begins_ns or epoch_ns or first_ns
     if last_ns < zero_ns or first_ns > zero_ns + APART_NS:
         early_s = (zero_ns - first_ns) * 1e-9
-        problem = (
-            f"its readings begin {abs(early_s):.6g} s {'before' if early_s > 0 else 'after'} t = 0"
-        )
-        raise BagError(
-            where, problem, "heave and measurements must be of the same time, by one clock"
-        )
+        side = "before" if early_s > 0 else "after"
+        problem = f"its readings begin {abs(early_s):.6g} s {side} t = 0"
+        remedy = "heave and measurements must be of the same time, by one clock"
+        raise BagError(where, problem, remedy)
     counts = Counter(reading.source for reading in readings)
     parts = [counted(counts[source], group.replace("_", " ") + " reading")
              for source, group in GROUPS.items() if counts[source]]  # fmt: skip
@@ -252,6 +250,5 @@ def _epoch_ns(reader: BagReader) -> int:
     epochs: set[int] = set()
     for name in (topic for topic in reader.topics if is_topic(topic, _EPOCH)):
         for _, data in reader.messages(name):
-            stamp: Any = decode(_EPOCH, data)
-            epochs.add(int(stamp.sec) * _SECOND_NS + int(stamp.nanosec))
+            epochs.add(nanoseconds(decode(_EPOCH, data)))
     return epochs.pop() if len(epochs) == 1 else 0

@@ -207,10 +207,10 @@ class BagContent:
         first.
         """
         session, epoch_ns = self.sessions[index], self.sessions[index].session.epoch_ns
-        first = (
-            ns - epoch_ns for log_ns, ns in self._stamps if index == 0 or log_ns > session.log_ns
+        begun_ns = -1 if index == 0 else session.log_ns
+        return min(
+            (ns - epoch_ns for log_ns, ns in self._stamps if log_ns > begun_ns), default=None
         )
-        return min(first, default=None)
 
     def _judge_tail(self) -> None:
         """Check the end of a truncated bag: messages may be present whose inputs are lost."""

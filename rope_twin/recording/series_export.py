@@ -20,7 +20,7 @@ import numpy as np
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, did_you_mean, require
 from rope_twin.files import write_whole
-from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
@@ -131,9 +131,9 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
             continue
         if name == EPOCH:
             if epoch_ns is None:
-                epoch_ns = message.sec * NANOSECONDS + message.nanosec
+                epoch_ns = nanoseconds(message)
             continue
-        stamp = message.header.stamp.sec * NANOSECONDS + message.header.stamp.nanosec
+        stamp = nanoseconds(message.header.stamp)
         for name_part, value in SERIES[name](message):
             series.setdefault(f"{name}/{name_part}", {})[stamp] = value
     if not series:

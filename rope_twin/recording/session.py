@@ -69,6 +69,12 @@ class Setup:
     follow_measured: bool = False  # every winch follows its measured line out
     feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
 
+    @classmethod
+    def of(cls, options: Any, **others: Any) -> Setup:
+        """Return the parameters that a run's options have under the same names, and others."""
+        names = [field.name for field in dataclasses.fields(cls) if hasattr(options, field.name)]
+        return cls(**{name: getattr(options, name) for name in names} | others)
+
     def make(self, scene: Scene, state: SavedState | Path | None) -> Twin:
         """Return the twin of a run with these parameters, in static equilibrium or at a state.
 

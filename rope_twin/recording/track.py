@@ -375,12 +375,8 @@ def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple
     interval = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
     step = ((time_ns[interval + 1] - time_ns[interval]) * 1e-9)[:, None]
     s = ((at_ns - time_ns[interval]) * 1e-9)[:, None] / step
-    a, b, m, n = (
-        value[interval],
-        value[interval + 1],
-        slope[interval] * step,
-        slope[interval + 1] * step,
-    )
+    a, b = value[interval], value[interval + 1]
+    m, n = slope[interval] * step, slope[interval + 1] * step
     result = a + s * (m + s * (3.0 * (b - a) - 2.0 * m - n + s * (2.0 * (a - b) + m + n)))
     rate = (
         m + s * (2.0 * (3.0 * (b - a) - 2.0 * m - n) + 3.0 * s * (2.0 * (a - b) + m + n))
@@ -497,10 +493,8 @@ def vertical_motion(topic: str, data: bytes) -> tuple[float, tuple[float, float]
         stamp_ns, moved = read_heave(data)
         return stamp_ns * 1e-9, moved
     message: Any = decode(topic, data)
-    return _stamp_s(message), (
-        float(message.pose.pose.position.z),
-        float(message.twist.twist.linear.z),
-    )
+    place, speed = message.pose.pose.position, message.twist.twist.linear
+    return _stamp_s(message), (float(place.z), float(speed.z))
 
 
 def rope_values(topic: str, data: bytes) -> tuple[float, list[RopeValues]]:

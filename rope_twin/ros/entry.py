@@ -42,9 +42,7 @@ from rope_twin.topics import BY_NAME
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
 _WAIT_S = 0.1  # longest wait in the executor, and so the delay until a signal is noticed
-END_S = (
-    10.0  # time allowed for the middleware to release what a node held; less than a supervisor's
-)
+END_S = 10.0  # for the middleware to release what a node held; less than a supervisor's
 _READ_S = 0.2  # from the sentence to the end of the process
 _NOT_RELEASED = (
     b"the middleware did not release the resources of this node in time: the process ends without "

@@ -13,13 +13,20 @@ own executor.
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import Any, NamedTuple
+from typing import Any
 
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
 _NEEDED = ("_take_timer", "_take_subscription", "_guard", "_context", "_tasks")
+_KINDS = {  # of entities, in the order of NumberOfEntities: where a node has them
+    "subscription": "subscriptions",
+    "guard_condition": "guards",
+    "timer": "timers",
+    "client": "clients",
+    "service": "services",
+}
 _EARLIER = "_execute_timer"  # rclpy versions with it do not return the callback of a timer
 
 
@@ -68,53 +75,36 @@ class SuiteExecutor(SingleThreadedExecutor):
         wait_set = self._wait_set
         if wait_set is None:
             wait_set = self._wait_set = _WaitSet(self.get_nodes(), self._guard, self._context)
-        ready = wait_set.wait(timeout_sec)
+        ready, has_others = wait_set.wait(timeout_sec)
         if not self._context.ok():
             raise ExternalShutdownException
-        for timer in ready.timers:
+        for timer in ready["timer"]:
             if timer.handle.is_timer_ready():
                 _run(self._take_timer(timer))
-        for subscription in ready.subscriptions:
+        for subscription in ready["subscription"]:
             _run(self._take_subscription(subscription))
-        if ready.others or self._tasks:
+        if has_others or self._tasks:
             super().spin_once(timeout_sec=0.0)
-
-
-class _Ready(NamedTuple):
-    """Ready entities after a wait."""
-
-    timers: list[Any]
-    subscriptions: list[Any]
-    others: bool
 
 
 class _WaitSet:
     """Wait set with all entities of some nodes; it holds references so that none is destroyed."""
 
     def __init__(self, nodes: list[Any], guard: Any, context: Any) -> None:
-        references = self._references = ExitStack()
-        self._timers = _by_pointer(references, [timer for node in nodes for timer in node.timers])
-        self._subscriptions = _by_pointer(
-            references, [subscription for node in nodes for subscription in node.subscriptions]
-        )
-        self._services = _by_pointer(
-            references, [service for node in nodes for service in node.services]
-        )
-        self._clients = _by_pointer(
-            references, [client for node in nodes for client in node.clients]
-        )
-        self._guards = _by_pointer(references, [entity for node in nodes for entity in node.guards])
+        self._references = ExitStack()
         self._guard = guard.handle
         self._waitables = [entity for node in nodes for entity in node.waitables]
         for entity in (guard.handle, context.handle, *self._waitables):
-            references.enter_context(entity)
-        count = NumberOfEntities(
-            len(self._subscriptions),
-            len(self._guards) + 1,
-            len(self._timers),
-            len(self._clients),
-            len(self._services),
-        )
+            self._references.enter_context(entity)
+        # by kind and by the pointer that a wait set reports
+        self._entities: dict[str, dict[int, Any]] = {}
+        for kind, attribute in _KINDS.items():
+            entities = [entity for node in nodes for entity in getattr(node, attribute)]
+            for entity in entities:
+                self._references.enter_context(entity.handle)
+            self._entities[kind] = {entity.handle.pointer: entity for entity in entities}
+        count = NumberOfEntities(*map(len, self._entities.values()))
+        count.num_guard_conditions += 1
         for waitable in self._waitables:
             count += waitable.get_num_entities()
         self._handle = rclpy_implementation.WaitSet(
@@ -130,49 +120,30 @@ class _WaitSet:
     def __del__(self) -> None:
         self._references.close()
 
-    def wait(self, timeout_s: float | None) -> _Ready:
-        """Wait at most `timeout_s` for any entity (None: for ever) and return the ready ones."""
-        wait_set = self._handle
+    def wait(self, timeout_s: float | None) -> tuple[dict[str, list[Any]], bool]:
+        """Wait at most `timeout_s` for any entity (None: for ever).
+
+        Return the ready entities by kind, and whether others than timers and subscriptions are.
+        """
+        wait_set: Any = self._handle
         wait_set.clear_entities()
-        for subscription in self._subscriptions.values():
-            wait_set.add_subscription(subscription.handle)
-        for timer in self._timers.values():
-            wait_set.add_timer(timer.handle)
-        for service in self._services.values():
-            wait_set.add_service(service.handle)
-        for client in self._clients.values():
-            wait_set.add_client(client.handle)
-        for entity in self._guards.values():
-            wait_set.add_guard_condition(entity.handle)
+        for kind, entities in self._entities.items():
+            add = getattr(wait_set, f"add_{kind}")
+            for entity in entities.values():
+                add(entity.handle)
         wait_set.add_guard_condition(self._guard)
         for waitable in self._waitables:
             waitable.add_to_wait_set(wait_set)
         wait_set.wait(-1 if timeout_s is None else round(timeout_s * 1e9))
-        guards = _ready(self._guards, wait_set.get_ready_entities("guard_condition"))
+        ready = {
+            kind: [entities[p] for p in wait_set.get_ready_entities(kind) if p in entities]
+            for kind, entities in self._entities.items()
+        }
+        guards = ready["guard_condition"]
         for guard in guards:  # the wait has consumed the trigger: set it again for rclpy's executor
             guard._executor_triggered = True
-        has_others = (
-            bool(wait_set.get_ready_entities("service"))
-            or bool(wait_set.get_ready_entities("client"))
-            or bool(guards)
-            or any(entity.is_ready(wait_set) for entity in self._waitables)
-        )
-        return _Ready(
-            _ready(self._timers, wait_set.get_ready_entities("timer")),
-            _ready(self._subscriptions, wait_set.get_ready_entities("subscription")),
-            has_others,
-        )
-
-
-def _by_pointer(references: ExitStack, entities: list[Any]) -> dict[int, Any]:
-    """Return the entities by the pointer that a wait set reports, and hold a reference to each."""
-    for entity in entities:
-        references.enter_context(entity.handle)
-    return {entity.handle.pointer: entity for entity in entities}
-
-
-def _ready(entities: dict[int, Any], pointers: list[int]) -> list[Any]:
-    return [entities[pointer] for pointer in pointers if pointer in entities]
+        has_others = bool(guards or ready["service"] or ready["client"])
+        return ready, has_others or any(entity.is_ready(wait_set) for entity in self._waitables)
 
 
 def _run(call: Any) -> None:

@@ -19,7 +19,6 @@ from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
-    NO_FAULTS,
     FaultySink,
     LineFaults,
     read_faults,
@@ -39,17 +38,17 @@ from rope_twin.messages import (
     encode_pose,
 )
 from rope_twin.messages.reports import counted
+from rope_twin.messages.templates import nanoseconds
 from rope_twin.quantity import or_none
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import FeedParams, declare
 from rope_twin.ros.qos import listen, publish
-from rope_twin.topics import BY_NAME, MOTION_TOPICS, MOTOR_TENSION, WINCH_MEASURED
+from rope_twin.topics import BY_NAME, MOTOR_TENSION, WINCH_MEASURED
 from rope_twin.twin.motion.ship_motion import ShipPose, pose_fault
 from rope_twin.twin.readings import Measurement
 
 _POLL_S = 0.005
 _DIAGNOSTICS_S = 1.0
-_SECOND_NS = 1_000_000_000
 _WAITING = 10_000  # pieces of bytes that may wait for the node
 _STALE_NS = 100_000_000
 _RECENT_S = 60.0  # for so long after a refused line the row is WARN
@@ -64,8 +63,8 @@ class _Channel:
         settings: FeedSettings,
         speed: float,
         start_ns: int,
-        faults: LineFaults = NO_FAULTS,
-        number: int = 0,
+        faults: LineFaults,
+        number: int,
     ) -> None:
         self.name, self.settings = name, settings
         self.instrument = Instrument(settings)
@@ -167,26 +166,17 @@ class FeedNode(SuiteNode):
         start_ns = self.get_clock().now().nanoseconds
         faults = read_faults(self._params.faults)
         for number, (name, settings) in enumerate(feeds.items()):
-            arguments = (name, settings, self._params.speed, start_ns, faults, number)
-            self._channels.append(_Channel(*arguments))
+            channel = _Channel(name, settings, self._params.speed, start_ns, faults, number)
+            self._channels.append(channel)
             self.get_logger().info(f"{name}: {settings.format} from {settings.source}")
-        for topic in (WINCH_MEASURED, MOTOR_TENSION, *MOTION_TOPICS):
-            if self._needs(topic):
-                self._own_publishers[topic] = publish(self, BY_NAME[topic])
+            for topic in topics_of(settings):
+                if topic not in self._own_publishers:
+                    self._own_publishers[topic] = publish(self, BY_NAME[topic])
         self.every(_POLL_S, self._publish_arrived)
         self.every(_DIAGNOSTICS_S, self._publish_diagnostics)
         self._began_s = time.monotonic()
         for channel in self._channels:
             channel.source.start()
-
-    def _needs(self, topic: str) -> bool:
-        lines = any(channel.settings.is_line_monitor for channel in self._channels)
-        motion = {
-            "ship/heave" if channel.settings.heave_of == "crane_tip" else "ship/odometry"
-            for channel in self._channels
-            if not channel.settings.is_line_monitor
-        }
-        return topic in motion or (lines and topic not in MOTION_TOPICS)
 
     def close(self) -> None:
         """Stop all sources and report; may be called twice."""
@@ -195,11 +185,8 @@ class FeedNode(SuiteNode):
 
     def figures(self) -> dict[str, Any]:
         """Return the counts of all feeds for an output in JSON."""
-        return {
-            "feeds": {
-                channel.name: channel.instrument.counts.figures() for channel in self._channels
-            }
-        }
+        counts = {channel.name: channel.instrument.counts for channel in self._channels}
+        return {"feeds": {name: of_feed.figures() for name, of_feed in counts.items()}}
 
     def statuses(self) -> list[Status]:
         """Return a diagnostics row for each instrument."""
@@ -220,6 +207,13 @@ class FeedNode(SuiteNode):
             if row.level != Level.OK and self._logged.get(row.name) != kind:
                 self.get_logger().warning(f"{row.name}: {row.message}")
             self._logged[row.name] = kind
+
+
+def topics_of(settings: FeedSettings) -> tuple[str, ...]:
+    """Return the topics of an instrument."""
+    if settings.is_line_monitor:
+        return WINCH_MEASURED, MOTOR_TENSION
+    return ("ship/heave" if settings.heave_of == "crane_tip" else "ship/odometry",)
 
 
 def _messages(channel: _Channel, sample: Sample) -> list[tuple[str, bytes]]:
@@ -311,7 +305,7 @@ class FeedSimulator(SuiteNode):
         for k, rope in enumerate(message.name):
             tension_n = self._tension_n.get(rope, math.nan)
             sample = LineSample(
-                _stamp_ns(message), tension_n, float(message.velocity[k]),
+                nanoseconds(message.header.stamp), tension_n, float(message.velocity[k]),
                 float(message.position[k]), tension_n,
             )  # fmt: skip
             self._send(
@@ -325,18 +319,18 @@ class FeedSimulator(SuiteNode):
     def _take_heave(self, data: bytes) -> None:
         message = decode("ship/heave", data)
         heave, rate = message.pose.pose.position.z, message.twist.twist.linear.z
-        self._hold(MotionSample(_stamp_ns(message), heave, rate, 0.0, 0.0, math.nan))
+        stamp_ns = nanoseconds(message.header.stamp)
+        self._hold(MotionSample(stamp_ns, heave, rate, 0.0, 0.0, math.nan))
 
     def _take_pose(self, data: bytes) -> None:
         message = decode("ship/odometry", data)
         pose, twist = message.pose.pose, message.twist.twist
-        position, quaternion, velocity = pose.position, pose.orientation, twist.linear
-        orientation, velocity_m_per_s = (
-            (quaternion.x, quaternion.y, quaternion.z, quaternion.w),
-            (velocity.x, velocity.y, velocity.z),
-        )
+        position, turn, velocity = pose.position, pose.orientation, twist.linear
         ship_pose = ShipPose(
-            _stamp_ns(message), (position.x, position.y, position.z), velocity_m_per_s, orientation
+            nanoseconds(message.header.stamp),
+            (position.x, position.y, position.z),
+            (velocity.x, velocity.y, velocity.z),
+            (turn.x, turn.y, turn.z, turn.w),
         )
         if not pose_fault(ship_pose):
             self._hold(ship_pose)
@@ -361,10 +355,6 @@ class FeedSimulator(SuiteNode):
                     sample = motion_of_pose(sample, settings.rest_heading_deg or 0.0)
                 sink.send(write(sample))
                 self.sent += 1
-
-
-def _stamp_ns(message: Any) -> int:
-    return int(message.header.stamp.sec) * _SECOND_NS + int(message.header.stamp.nanosec)
 
 
 def _encode_line(sample: LineSample, winch: str) -> list[tuple[str, bytes]]:

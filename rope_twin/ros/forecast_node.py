@@ -37,6 +37,7 @@ from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_c
 from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
 from rope_twin.messages.inputs import read_heave, read_measurement
 from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast, read_diagnostics
+from rope_twin.messages.templates import nanoseconds
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ForecastParams, declare
 from rope_twin.ros.qos import listen, publish
@@ -83,23 +84,15 @@ class ForecastNode(SuiteNode):
         """
         params = self._params
         scene = load_scene(params.scene)
-        limits = (
-            params.tension_limit_n,
-            params.contact_limit_m_per_s,
-            params.quiet_m_per_s,
-            params.quiet_s,
-        )
-        self._limits = read_limits(scene, limits)
+        limits = params.tension_limit_n, params.contact_limit_m_per_s
+        self._limits = read_limits(scene, (*limits, params.quiet_m_per_s, params.quiet_s))
         self._hang_off, self._seabed_m = scene.ship.hang_off_m, seabed_depth_m(scene)
         error = MotionError(coloured_m=ERROR_MARGIN * params.motion_error_m)
         settings = ForecastSettings(
             members=params.members, motion_error=error, spread=unlearned_spread(scene.learning)
         )
-        self._winches = (
-            "",
-            WINCH,
-            scene.ropes[0].name,
-        )  # names of the main winch in the topics of the simulation
+        # names of the main winch in the topics of the simulation
+        self._winches = "", WINCH, scene.ropes[0].name
         self._others = {
             label: name
             for name, (r, _) in other_winches(scene).items()
@@ -171,7 +164,7 @@ class ForecastNode(SuiteNode):
         stamp = message.header.stamp
         at_s, inputs = stamp.sec + 1e-9 * stamp.nanosec, self._inputs
         if name == "hang_off/odometry":
-            self._admission.note_simulated(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            self._admission.note_simulated(nanoseconds(stamp))
             if self._is_silent("heave", at_s) and not inputs.doubt:
                 z = float(message.pose.pose.position.z)
                 inputs.heave_m.add(at_s, z - self._hang_off[2])
@@ -206,10 +199,8 @@ class ForecastNode(SuiteNode):
                 self._line_of(name).add(at_s, line_out_m - self._bias_m)
             if tension_n is not None and name == WINCH:
                 self._measured_s["tension"] = at_s
-                for series in (
-                    inputs.tension_n,
-                    inputs.pin_n,
-                ):  # verified by measurements only, not by the twin's tension
+                # `pin_n` verifies by measurements only, not by the twin's tension
+                for series in (inputs.tension_n, inputs.pin_n):
                     series.add(at_s, tension_n - self._bias_n)
 
     def _line_of(self, winch: str) -> Series:
@@ -243,10 +234,9 @@ class ForecastNode(SuiteNode):
             if row.name == MOTION_ROW:
                 age = row.values.get(SAMPLE_AGE, "never")
                 is_lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
-                self._inputs.doubt = (
-                    f"the ship's heave is lost, see {MOTION_ROW}" if is_lost else ""
-                )
+                self._inputs.doubt = ""
                 if is_lost:
+                    self._inputs.doubt = f"the ship's heave is lost, see {MOTION_ROW}"
                     self._inputs.heave_m.drop_after(self._measured_s.get("heave", -math.inf))
 
     def _publish_diagnostics(self) -> None:

@@ -7,6 +7,7 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from rope_twin.errors import phrase
+from rope_twin.messages.templates import nanoseconds
 from rope_twin.ros.entry import SuiteNode
 from rope_twin.ros.qos import Senders, message_type, profile, publish
 from rope_twin.topics import BY_NAME
@@ -114,9 +115,8 @@ class InputNode(SuiteNode, ABC):
 
     def _follow(self, message: Any, info: dict[str, Any]) -> None:
         """Follow an epoch as soon as its sender is known."""
-        epoch_ns = message.sec * 1_000_000_000 + message.nanosec
         if len(self._epochs) < _MAX_EPOCHS:
-            self._epochs[info["publisher_gid"]["data"]] = epoch_ns, info
+            self._epochs[info["publisher_gid"]["data"]] = nanoseconds(message), info
         self._publish_due()
 
     def _check_epochs(self) -> None:

@@ -113,10 +113,8 @@ def level_row(protection: TwinOverloadProtection, last: Snapshot) -> Status:
     name = "simulation: accuracy level"
     if number == 1:
         return Status(name, Level.OK, f"full accuracy level: {protection.words()}", values)
-    message = (
-        f"degraded to accuracy level {number} of {count}, {protection.words()}: {protection.reason}"
-    )
-    return Status(name, Level.WARN, message, values)
+    level = f"accuracy level {number} of {count}, {protection.words()}"
+    return Status(name, Level.WARN, f"degraded to {level}: {protection.reason}", values)
 
 
 _log = logging.getLogger(__name__)
@@ -257,7 +255,8 @@ class PacedTwin:
         self._params = params
         self._publish, self._published = publish, published
         self._made_ns = time.monotonic_ns()
-        setup = _setup(params)
+        mesh = {"elements": params.elements or None, "step_s": params.step_s or None}
+        setup = Setup.of(params, **mesh)
         self.twin, self.begun = _begin(scene, setup, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self._recovery = Recovery(self.twin)
@@ -285,7 +284,11 @@ class PacedTwin:
         )
         if self.protection is not None:
             self.pacer.watch(self.protection.judge)
-        self.learning = _learning(scene, self._inputs) if params.learn else None
+        self.learning: LiveLearning | None = None
+        if params.learn:  # without it nothing of the estimator is loaded
+            from rope_twin.estimation.live import LiveLearning  # with SciPy's solvers
+
+            self.learning = LiveLearning(scene, self._inputs)
         watch = None if self.learning is None else self.learning.see
         self.alerts = AlertMonitor(scene)
         self._publisher = Publisher(
@@ -493,17 +496,6 @@ class PacedTwin:
         return rows
 
 
-def _learning(scene: Scene, inputs: InputQueue) -> LiveLearning:
-    """Return learning beside the twin; without it nothing of the estimator is loaded.
-
-    Raises:
-        InputError: the scene cannot be learned yet.
-    """
-    from rope_twin.estimation.live import LiveLearning  # with SciPy's solvers
-
-    return LiveLearning(scene, inputs)
-
-
 def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
     if not params.from_state:
@@ -514,22 +506,6 @@ def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, 
         return setup.make(scene, None), words
     twin = setup.make(scene, path)
     return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
-
-
-def _setup(params: SimulationParams) -> Setup:
-    """Return the parameters that the results depend on."""
-    return Setup(
-        elements=params.elements or None,
-        step_s=params.step_s or None,
-        energy=params.energy,
-        error_interval=params.error_interval,
-        vibration=params.vibration,
-        fatigue=params.fatigue,
-        other_sea=params.other_sea,
-        sender_lead_s=params.sender_lead_s,
-        correct_sender_clocks=params.correct_sender_clocks,
-        follow_measured=params.follow_measured,
-    )
 
 
 def _protection_of(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:

@@ -234,48 +234,35 @@ NODES = (
 
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     """Return the parameters of each node to be started with these options, by node."""
-    speed = {"speed": options.speed}
+
+    def shared(*names: str) -> dict[str, Any]:
+        return {name: getattr(options, name) for name in names}
+
     cut = {"allow_cut": options.allow_cut or bool(options.cut)}
     nodes: dict[str, dict[str, Any]] = {}
-    nodes["sea_state"] = {
-        "scene": options.scene,
-        "bag": options.bag,
-        "poses": options.poses,
-        "topic": options.topic,
-        "sea_offset_s": options.sea_offset_s,
-        **speed,
-    }
-    nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
+    nodes["sea_state"] = shared("scene", "bag", "poses", "topic", "sea_offset_s", "speed")
+    nodes["winch_schedule"] = shared("scene", "cut", "speed")
     if options.ahead:
-        nodes["forecast"] = {"scene": options.scene}
+        nodes["forecast"] = shared("scene")
     # After the nodes that read named files: nothing is written to disk for a mistyped name.
     if options.record is not None:
         nodes["recorder"] = {"out": str(options.record), **cut}
     if options.view is not None:
         nodes["viewer"] = {"file": str(options.view_file or "")}
     if options.console:
-        nodes["console"] = {
-            "address": options.console,
-            "scene": options.scene,
-            "control": options.control,
-        }
+        nodes["console"] = {"address": options.console, **shared("scene", "control")}
     nodes["simulation"] = {
-        "scene": options.scene,
+        **shared("scene", "speed", "energy", "error_interval", "other_sea", "learn"),
+        **shared("apply_learned"),
         "stop_after_s": options.end_s or 0.0,
         "save_state": str(options.save or ""),
         "from_state": str(options.start_from or ""),
         "failure_directory": str(options.failure_folder),
-        "energy": options.energy,
         "elements": options.elements or 0,
         "step_s": options.step_s or 0.0,
-        "error_interval": options.error_interval,
-        "other_sea": options.other_sea,
-        **cut,
         "vibration": options.watch.vibration if options.watch else "",
         "fatigue": options.watch.fatigue if options.watch else "",
-        "learn": options.learn,
-        "apply_learned": options.apply_learned,
-        **speed,
+        **cut,
     }
     return nodes
 

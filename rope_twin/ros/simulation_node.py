@@ -29,6 +29,7 @@ from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.diagnostics import MOTION_ROW
 from rope_twin.messages.reports import RECORDER_ROW, read_diagnostics
+from rope_twin.messages.templates import nanoseconds
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -341,8 +342,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
     def _grant(self, message: Any) -> None:
         """Let the twin step to the time of a master."""
         if self.paced is not None and self.paced.granted is not None:
-            stamp = message.clock
-            self.paced.granted.grant(stamp.sec * 10**9 + stamp.nanosec)
+            self.paced.granted.grant(nanoseconds(message.clock))
 
     # -- messages ------------------------------------------------------------------------------
 

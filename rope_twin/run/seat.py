@@ -71,9 +71,7 @@ class CommandSeat:
         self._reserved_until_s = 0.0
         self._lost = ""  # how the last commander was lost, until another one commands
         self._yielded = ""
-        self._awaited_ns: int | None = (
-            None  # since when the commander from before a restart is awaited
-        )
+        self._awaited_ns: int | None = None  # since when the one of before a restart is awaited
         self._commanded_s = 0.0  # arrival time of the last command
         self._newest_ns = 0  # simulation time up to which the winch was commanded
         self._streak = 0  # consecutive commands of a stream

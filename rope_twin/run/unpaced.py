@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from statistics import median
 
 from rope_twin.alerts.monitor import AlertMonitor
@@ -86,7 +86,9 @@ class UnpacedRun:
             self._measured = open_measured(options.measured, getattr(self._sea, "begins_ns", 0))
         if options.follow_measured:
             scene = following_measured(scene)
-        setup, start = _setup(options), options.start_from
+        watch = {} if options.watch is None else asdict(options.watch)
+        # `_offer` passes on the samples of `open_sea` only
+        setup, start = Setup.of(options, **watch, feeds_itself=True), options.start_from
         self.twin = setup.make(scene, start)
         self.twin.failure_folder = options.failure_folder
         self._recovery = Recovery(self.twin)
@@ -222,22 +224,6 @@ class UnpacedRun:
         if self._bag is not None:
             self._sequence[name] += 1
             self._bag.write(name, self.epoch_ns + at_ns, data, sequence=self._sequence[name])
-
-
-def _setup(options: RunOptions) -> Setup:
-    """Return the options that the results depend on."""
-    watch = options.watch
-    return Setup(
-        elements=options.elements,
-        step_s=options.step_s,
-        energy=options.energy,
-        error_interval=options.error_interval,
-        vibration=watch.vibration if watch else "",
-        fatigue=watch.fatigue if watch else "",
-        other_sea=options.other_sea,
-        follow_measured=options.follow_measured,
-        feeds_itself=True,  # `_offer` passes on the samples of `open_sea` only
-    )
 
 
 def measure_alone(options: RunOptions, time_s: float) -> float:

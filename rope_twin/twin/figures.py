@@ -205,9 +205,8 @@ def scaled_fields(
     for effect, base_effect in zip(effects, base, strict=True):
         inner_name = _INSIDE.get(type(effect))
         if inner_name is not None:
-            (inner,) = scaled_fields(
-                (getattr(base_effect, inner_name),), (getattr(effect, inner_name),), factors
-            )
+            base_inner, inner = (getattr(whole, inner_name) for whole in (base_effect, effect))
+            (inner,) = scaled_fields((base_inner,), (inner,), factors)
             result.append(effect._replace(**{inner_name: inner}))
             continue
         fields = _fields_of(effect)
@@ -311,9 +310,8 @@ class FigureBase:
         rope: the present one; effects: those in use, whose internal variables and current are kept.
         """
         used = dict(factors)
-        unchanged = np.array_equal(
-            rope.sections, self._scaled
-        )  # not after a return to an earlier state
+        # not after a return to an earlier state
+        unchanged = np.array_equal(rope.sections, self._scaled)
         if isinstance(rope.law, Table):
             unchanged = unchanged and np.array_equal(rope.law.tension, self._scaled_law.tension)
         if used == self._used and effects is self._seen and unchanged:

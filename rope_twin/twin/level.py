@@ -138,9 +138,8 @@ class Mesh:
                     grid = self._grid(r, on_mesh[r], marks, node_marks)
                     on_mesh[r] = finer(on_mesh[r], grid, ends[r])
         self.level, self._marks = level, marks
-        scene_step = self._base[
-            0
-        ].model.step  # restores a step that is no whole number of nanoseconds
+        # the scene's own step may be no whole number of nanoseconds
+        scene_step = self._base[0].model.step
         step = scene_step if round(scene_step * 1e9) == level.step_ns else level.step_s
         return [rope._replace(model=rope.model._replace(step=step)) for rope in on_mesh]
 
@@ -270,9 +269,8 @@ class TwinOverloadProtection(OverloadProtection):
     def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
         scene = twin.scene
         levels = levels_of(scene)
-        super().__init__(
-            twin, levels if twin.level in levels else (twin.level,), twin.level, wait_s
-        )
+        known = levels if twin.level in levels else (twin.level,)
+        super().__init__(twin, known, twin.level, wait_s)
         self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:

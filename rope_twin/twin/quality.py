@@ -143,10 +143,9 @@ class ElementIndex:
         if len(self._faults) < 2:
             return history
         at_s, reason = self._faults[-1]
-        value = max(MIN_FAULTS_VALUE, 1.0 - FAULT_PENALTY * (len(self._faults) - 1))
-        text = (
-            f"{len(self._faults)} faults in the last hour, the last one at {at_s:.0f} s: {reason}"
-        )
+        count = len(self._faults)
+        value = max(MIN_FAULTS_VALUE, 1.0 - FAULT_PENALTY * (count - 1))
+        text = f"{count} faults in the last hour, the last one at {at_s:.0f} s: {reason}"
         return _worst((history, Component(value, text)))
 
     def deactivate(self) -> None:

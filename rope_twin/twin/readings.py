@@ -138,12 +138,8 @@ class Readings(ABC):
             fault = "non_finite", "nothing is measured", remedy
         if fault:
             return (name, None, None, None), self._refuse(fault)
-        single_values = (
-            (name, position, None, None),
-            (name, None, speed, None),
-            (name, None, None, tension),
-        )
-        faults = [self._number_fault(single) for single in single_values]
+        each = (position, None, None), (None, speed, None), (None, None, tension)
+        faults = [self._number_fault((name, *values)) for values in each]
         position, speed, tension = (
             None if fault else value for value, fault in zip(row[1:], faults, strict=True)
         )
@@ -190,9 +186,8 @@ class Readings(ABC):
         since_ns, first_position, first_travel, _ = window[0]
         change, travel = position - first_position, travel - first_travel
         speeds = [entry[3] for entry in window]
-        allowed = (
-            self._slip_m + SPEED_SCALE_TOL * abs(travel) + SPEED_LAG_S * (max(speeds) - min(speeds))
-        )
+        allowed = self._slip_m + SPEED_SCALE_TOL * abs(travel)
+        allowed += SPEED_LAG_S * (max(speeds) - min(speeds))
         self.speed_doubt = ""
         if abs(change - travel) > allowed:
             self.speed_doubt = (
@@ -287,9 +282,8 @@ class Readings(ABC):
         steady_ns = stamp_ns - self._steady_ns
         if steady_ns < self._confirm_ns:
             self._distrust = f"{self._quantity} distrusted, as it jumps to and fro"
-            problem = (
-                f"{self._quantity} steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
-            )
+            steady = f"steady for {steady_ns * 1e-9:.1f} s after jumping to and fro"
+            problem = f"{self._quantity} {steady}"
             remedy = f"accepted again after {self._confirm_ns * 1e-9:g} s without a jump"
             return "unconfirmed", problem, remedy
         self._confirm_ns = max(GAP_NS, 2 * self._confirm_ns)

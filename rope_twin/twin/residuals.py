@@ -360,15 +360,11 @@ class MeasuredInputs:
             twin = None if interval is None else interval.bound_n / COVERAGE
             rms_pct = shot.study_error.rms_pct if r == 0 else math.nan
             comparison.look(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
-        for comparison in self._lengths:
-            comparison.look(
-                self._history, 0.0, None
-            )  # prescribed to the rope: it has no error of its own
+        for comparison in self._lengths:  # prescribed to the rope: it has no error of its own
+            comparison.look(self._history, 0.0, None)
         self._depths.look(self._history, None, None)
-        results = (
-            comparison.result() for comparison in (*self._tensions, *self._lengths, self._depths)
-        )
-        return tuple(comparison for comparison in results if comparison is not None)
+        comparisons = (*self._tensions, *self._lengths, self._depths)
+        return tuple(filter(None, (comparison.result() for comparison in comparisons)))
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted reading of each sensor group [ns]."""
@@ -383,11 +379,8 @@ class MeasuredInputs:
             return {}
         for index, readings in enumerate(self._winches):
             tensions = () if self._motor_tells else (self._tensions[index],)
-            doubts = [
-                readings.speed_doubt,
-                *(comparison.doubt for comparison in (*tensions, self._lengths[index])),
-            ]
-            readings.warning = "; ".join(text for text in doubts if text)
+            compared = (comparison.doubt for comparison in (*tensions, self._lengths[index]))
+            readings.warning = "; ".join(filter(None, (readings.speed_doubt, *compared)))
         if self._motor_tells:
             for motor, comparison in zip(self._motors, self._tensions, strict=True):
                 motor.warning = comparison.doubt

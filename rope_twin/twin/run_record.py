@@ -203,14 +203,8 @@ class LoadRecord:
             static_n = self._static_n[r]
             if static_n > 0.0 and peak_n > self._amplification[r] * static_n:
                 self._amplification[r] = peak_n / static_n
-        amplification = self._amplification[r]
-        return RopeStrength(
-            strength.name,
-            highest_n,
-            strength.breaking_load_n,
-            self._static_n[r],
-            amplification or None,
-        )
+        name, mbl_n, amplification = strength.name, strength.breaking_load_n, self._amplification[r]
+        return RopeStrength(name, highest_n, mbl_n, self._static_n[r], amplification or None)
 
     def _check_tension(
         self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
@@ -246,9 +240,8 @@ class LoadRecord:
             return
         height_m = shot.seabed.payload_height_m
         if height_m < limits.bed_clearance_m:
-            self._record_breach(
-                first + deepest_number * len(PAYLOAD_LIMITS) + 3, -height_m, shot.time_s
-            )
+            row = first + deepest_number * len(PAYLOAD_LIMITS) + 3
+            self._record_breach(row, -height_m, shot.time_s)
 
     def _check_landing(self, shot: Snapshot, rules: LoadRules) -> None:
         """Record the sinking speed before contact, the larger of this snapshot and the last one, if
@@ -259,9 +252,8 @@ class LoadRecord:
         sinking, lowest = max((-float(v[2]), -k) for k, (_, v) in enumerate(motions))
         sinking, landed = max(sinking, 0.0), shot.seabed.payload_landed
         if landed and not self._landed:
-            speed, known, limit = (
-                max(sinking, self._sinking), self.landings, rules.limits.landing_speed_m_per_s
-            )  # fmt: skip
+            speed, known = max(sinking, self._sinking), self.landings
+            limit = rules.limits.landing_speed_m_per_s
             first = Landings(1, shot.time_s, speed, shot.time_s, speed)
             self.landings = first if known is None else known.then(shot.time_s, speed)
             if limit is not None and speed > limit:
@@ -344,10 +336,8 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
     length = np.sqrt((chord * chord).sum(axis=1))[:, None]
     direction = np.divide(chord, length, out=np.zeros_like(chord), where=length > 0.0)
     curvature = np.zeros(len(position))
-    turn = np.diff(direction, axis=0)
-    curvature[1:-1] = (
-        2.0 * np.sqrt((turn * turn).sum(axis=1)) / (rest_lengths[1:] + rest_lengths[:-1])
-    )
+    turn, both = np.diff(direction, axis=0), rest_lengths[1:] + rest_lengths[:-1]
+    curvature[1:-1] = 2.0 * np.sqrt((turn * turn).sum(axis=1)) / both
     if held is not None:
         curvature[0] = 2.0 * float(np.linalg.norm(direction[0] - held)) / rest_lengths[0]
     return curvature
@@ -400,10 +390,8 @@ def smallest_radius(shape: RopeShape, time_s: float) -> tuple[Bend, tuple[float,
     For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
     minimum radius, only these count.
     """
-    curvature, radii = (
-        curvatures(shape.position_m, shape.arc_m, _clamped_direction(shape)),
-        minimum_radii(shape),
-    )
+    curvature = curvatures(shape.position_m, shape.arc_m, _clamped_direction(shape))
+    radii = minimum_radii(shape)
     node = int(np.argmax(curvature * radii if radii.any() else curvature))
     rest_lengths = np.diff(shape.arc_m)[max(node - 1, 0) : node + 1]
     x, y, z = (float(part) for part in shape.position_m[node])
@@ -422,10 +410,8 @@ def compressed_length_m(shape: RopeShape) -> float:
     """Return the unstretched length of a stiff rope's compressed elements [m]."""
     if bending_stiffness(shape.core.effects) == 0.0:
         return 0.0
-    rest_lengths, length = (
-        np.diff(shape.arc_m),
-        np.linalg.norm(np.diff(shape.position_m, axis=0), axis=1),
-    )
+    rest_lengths = np.diff(shape.arc_m)
+    length = np.linalg.norm(np.diff(shape.position_m, axis=0), axis=1)
     return float(rest_lengths[length < (1.0 - SHORTENING_TOL) * rest_lengths].sum())
 
 
@@ -535,9 +521,7 @@ class RunRecord:
             shapes = ropes.shapes(rope, shot)
             if bed is not None:
                 touchdowns = (touchdown_of(shape, bed) for shape in shapes)
-                added["touchdowns"] = tuple(
-                    touchdown for touchdown in touchdowns if touchdown is not None
-                )
+                added["touchdowns"] = tuple(filter(None, touchdowns))
             if self.bends is not None:
                 added["bends"] = self.bends.look(shapes, shot.time_s)
         results = self.loads.look(shot, self._rules, added.get("bends", ()))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError
-from rope_twin.messages.templates import NANOSECONDS, read_cloud, scale_above
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds, read_cloud, scale_above
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
@@ -110,7 +110,7 @@ class RopeView:
         name = topic_name.removeprefix("/")
         if name == "twin/epoch":
             if self._timelines is None:
-                self._begin(message.sec * NANOSECONDS + message.nanosec)
+                self._begin(nanoseconds(message))
         elif name in self._show:
             self._take(name, message, _stamp_ns(message, time_ns))
 
@@ -368,9 +368,7 @@ def _cells(message: Any) -> list[tuple[str, str, float]]:
 def _stamp_ns(message: Any, time_ns: int) -> int:
     """Return the stamp of a message, or its time of arrival if it has none."""
     header = getattr(message, "header", None)
-    if header is None:
-        return time_ns
-    return header.stamp.sec * NANOSECONDS + header.stamp.nanosec or time_ns
+    return (0 if header is None else nanoseconds(header.stamp)) or time_ns
 
 
 @dataclass
@@ -406,7 +404,7 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
         try:
             message = messages.decode(name, stored.data)
             if name == "twin/epoch" and not played.shown:
-                played.start_ns = message.sec * NANOSECONDS + message.nanosec
+                played.start_ns = nanoseconds(message)
             elif played.start_ns is None:
                 played.start_ns = stored.log_ns
             assert played.start_ns is not None
