@@ -67,6 +67,9 @@ class Commander(Protocol):
     def command_alerts(self, words: str) -> None:
         """Send words such as `acknowledge 10001.1` to the alert list."""
 
+    def call(self, service: str) -> Callable[[], Outcome | None]:
+        """Call a service of the suite; the result returns its answer, None while there is none."""
+
 
 class Token:
     """Secret that allows control; only its hash is kept, and wrong ones are counted."""

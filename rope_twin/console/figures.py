@@ -310,8 +310,9 @@ def first_winch(facts: Values) -> Values:
 def _utilisation(values: Values, rope: Values, tension: float | None, units: Units) -> Figure:
     used, breaking = _first(values.get("utilisation")), rope.get("breaking_load_n")
     highest, utilisation = used.get("max_tension_n"), used.get("utilisation")
-    is_used = known(highest) and known(utilisation) and utilisation
-    load, note = highest / utilisation if is_used else breaking, ""
+    load, note = breaking, ""
+    if known(highest) and known(utilisation) and utilisation:
+        load = highest / utilisation
     if known(load):
         note = f"of MBL {units.forces(load)} {units.force}"
         if known(highest):

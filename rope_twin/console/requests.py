@@ -19,17 +19,16 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
-from typing import Any, Protocol
+from typing import Any
 
 from rope_twin.alerts.limits import CREW_LIMITS, SCENE, impossible_limits, scene_limits
-from rope_twin.console.control import Desk, Outcome, Refusal, Sent, is_finite
+from rope_twin.console.control import Commander, Desk, Outcome, Refusal, Sent, is_finite
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import Values, crew_limit
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import RopeTwinError, SceneError, did_you_mean, phrase
-from rope_twin.recording.input_log import decode_json
-from rope_twin.recording.session import Session
+from rope_twin.recording.session import Session, decode_json
 from rope_twin.scene.load_chart import LoadChart, PhaseChart
 from rope_twin.scene.rigging import winch_of, winches_by_name
 from rope_twin.scene.schema import Scene, Winch
@@ -55,12 +54,12 @@ class Extremes:
 
     def see(self, row: Mapping[str, float | None]) -> None:
         """Take a row of the trend."""
-        self.deepest_m = _larger(self.deepest_m, row["depth_m"])
-        self.longest_m = _larger(self.longest_m, row["line_out_m"])
-        self.highest_n = _larger(self.highest_n, row["tension_n"])
-        lowest = None if row["tension_n"] is None else -row["tension_n"]
-        larger_n = _larger(None if self.lowest_n is None else -self.lowest_n, lowest)
-        self.lowest_n = None if larger_n is None else -larger_n
+        for name, column, pick in (
+            ("deepest_m", "depth_m", max), ("longest_m", "line_out_m", max),
+            ("highest_n", "tension_n", max), ("lowest_n", "tension_n", min),
+        ):  # fmt: skip
+            known = [number for number in (getattr(self, name), row[column]) if number is not None]
+            setattr(self, name, pick(known, default=None))
 
 
 @dataclass
@@ -177,10 +176,6 @@ class Log:
         return ""
 
 
-def _larger(known: float | None, value: float | None) -> float | None:
-    return value if known is None else known if value is None else max(known, value)
-
-
 def _csv(names: list[str], rows: list[list[Any]]) -> str:
     """Return CSV (RFC 4180); a text that a spreadsheet would run as a formula is quoted by '."""
     stream = io.StringIO()
@@ -193,22 +188,12 @@ def _csv(names: list[str], rows: list[list[Any]]) -> str:
     return stream.getvalue()
 
 
-class Caller(Protocol):
-    """Way to the alert list and to the services of the suite."""
-
-    def command_alerts(self, words: str) -> None:
-        """Send a command to the alert list."""
-
-    def call(self, service: str) -> Callable[[], Outcome | None]:
-        """Call a service; the result returns its answer, None while there is none."""
-
-
 class Requests:
     """Takes limits and requests to learning."""
 
-    def __init__(self, pages: Pages, desk: Desk, caller: Caller) -> None:
+    def __init__(self, pages: Pages, desk: Desk, commander: Commander) -> None:
         """Add the requests to those of a desk that commands."""
-        self._pages, self._caller = pages, caller
+        self._pages, self._commander = pages, commander
         desk.staged |= {"limit": self._limit, "learning": self._learning}
 
     def _limit(self, page: Page, content: Mapping[str, Any]) -> Sent:
@@ -216,7 +201,7 @@ class Requests:
         name, value = content.get("name"), content.get("value")
         self._check_limit(name, value)
         value_text = SCENE if value is None else repr(float(value))
-        self._caller.command_alerts(f"limit {name} {value_text}")
+        self._commander.command_alerts(f"limit {name} {value_text}")
 
         def outcome() -> Outcome | None:
             in_force = crew_limit(self._pages.readings.values, str(name))
@@ -232,7 +217,7 @@ class Requests:
         if service is None:
             raise Refusal("learning", f"'{action}'", did_you_mean(str(action), LEARNING))
         why_not = phrase(f"service {service}", "no answer", "learning needs a run with --learn")
-        return Sent(self._caller.call(service), lambda: why_not)
+        return Sent(self._commander.call(service), lambda: why_not)
 
     def _check_limit(self, name: object, value: object) -> None:
         if not isinstance(name, str) or name not in CREW_LIMITS:

@@ -19,8 +19,7 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.estimation.figures import ROPE_FIGURES, hung_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
-from rope_twin.recording.input_log import decode_json
-from rope_twin.recording.session import Session
+from rope_twin.recording.session import Session, decode_json
 from rope_twin.recording.track import (
     HANG_OFF,
     HEAVE,

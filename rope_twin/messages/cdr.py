@@ -101,11 +101,9 @@ def decode(topic_name: str, data: bytes | memoryview) -> Any:
     try:
         return deserialise(topic.type_name, data)
     except SerdeError as error:
-        raise InputError(
-            f"topic {name}",
-            f"{len(data)} bytes that do not decode ({error})",
-            f"it must be a {topic.type_name} in CDR",
-        ) from error
+        problem = f"{len(data)} bytes that do not decode ({error})"
+        remedy = f"it must be a {topic.type_name} in CDR"
+        raise InputError(f"topic {name}", problem, remedy) from error
 
 
 @dataclass(frozen=True)
@@ -124,12 +122,8 @@ class Slot:
 
     def moved(self, new_offset: Callable[[int], int]) -> Slot:
         """Return the slot with its offsets mapped by `new_offset`."""
-        length = self.length_offset
-        return replace(
-            self,
-            offset=new_offset(self.offset),
-            length_offset=None if length is None else new_offset(length),
-        )
+        length = None if self.length_offset is None else new_offset(self.length_offset)
+        return replace(self, offset=new_offset(self.offset), length_offset=length)
 
 
 class Template:
@@ -145,10 +139,8 @@ class Template:
         walk = _Walk()
         walk.part(message, message.__msgtype__, "")
         if walk.position != len(self.data):
-            raise ValueError(
-                f"{message.__msgtype__}: {len(self.data)} bytes, but its fields end at "
-                f"{walk.position}"
-            )
+            sizes = f"{len(self.data)} bytes, but its fields end at {walk.position}"
+            raise ValueError(f"{message.__msgtype__}: {sizes}")
         self.slots = walk.slots
 
     def stretched(self, counts: Mapping[str, int]) -> Template:

@@ -24,6 +24,7 @@ from rope_twin.quantity import or_nan
 from rope_twin.twin.snapshot import (
     CONTROL_MODES,
     BodyShot,
+    PayloadShot,
     RopeShot,
     Snapshot,
     WinchShot,
@@ -177,49 +178,39 @@ class Encoder:
     # -- hang-off, payloads, winches, seabed -----------------------------------------------------
 
     def _hang_off_wrench(self, snapshot: Snapshot) -> bytes:
-        return self._wrench.fill(
-            {**self._stamp(snapshot), "wrench.force": snapshot.hang_off_force_n}
-        )
+        force = {"wrench.force": snapshot.hang_off_force_n}
+        return self._wrench.fill({**self._stamp(snapshot), **force})
 
     def _lower_end_wrench(self, snapshot: Snapshot) -> bytes:
         if not snapshot.lower_end_force_n:
             problem = "the snapshot has no force on a lower end"
             raise InputError("encode", problem, "give a scene with `end_motion`")
-        return self._wrench.fill(
-            {**self._stamp(snapshot), "wrench.force": np.array(snapshot.lower_end_force_n)}
-        )
+        force = {"wrench.force": snapshot.lower_end_force_n}
+        return self._wrench.fill({**self._stamp(snapshot), **force})
 
     def _hang_off_odometry(self, snapshot: Snapshot) -> bytes:
-        return self._hang_off.fill(
-            {
-                **self._stamp(snapshot),
-                "pose.pose.position": snapshot.hang_off_position_m,
-                "twist.twist.linear": snapshot.hang_off_velocity_m_per_s,
-            }
-        )
+        place, speed = snapshot.hang_off_position_m, snapshot.hang_off_velocity_m_per_s
+        motion = {"pose.pose.position": place, "twist.twist.linear": speed}
+        return self._hang_off.fill({**self._stamp(snapshot), **motion})
 
     def _payloads_state(self, snapshot: Snapshot) -> bytes:
         """Return pose and velocity of each payload; a 6-DOF payload has its twist in body axes."""
-        payloads = [
-            (payload.name, payload.position_m, payload.velocity_m_per_s)
-            for payload in snapshot.payloads
-        ]
-        if not payloads:
-            single = snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
-            payloads = [(PAYLOAD, *single)]
-        names = tuple(name for name, *_ in payloads)
+        single = PAYLOAD, snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
+        payloads = snapshot.payloads or (PayloadShot(*single),)
+        names = tuple(payload.name for payload in payloads)
         template = self._sized.get(
             "payloads/state", names, lambda: templates.free_bodies(MAP, names)
         )
         values: dict[str, Any] = self._stamp(snapshot)
-        for number, (_, position_m, velocity_m_per_s) in enumerate(payloads):
-            values[f"transforms.{number}.translation"] = position_m
-            values[f"twist.{number}.linear"] = velocity_m_per_s
+        for number, payload in enumerate(payloads):
+            values[f"transforms.{number}.translation"] = payload.position_m
+            values[f"twist.{number}.linear"] = payload.velocity_m_per_s
         body = snapshot.body
         if body is not None:
             body_number = _carried(snapshot)
             values[f"transforms.{body_number}.rotation"] = body.quaternion
-            values[f"twist.{body_number}.linear"] = payloads[body_number][2] @ body.turn
+            velocity_m_per_s = payloads[body_number].velocity_m_per_s
+            values[f"twist.{body_number}.linear"] = velocity_m_per_s @ body.turn
             values[f"twist.{body_number}.angular"] = body.angular_velocity_rad_per_s
         return template.fill(values)
 

@@ -35,6 +35,7 @@ from rope_twin.twin.snapshot import DEPTH, LENGTH, SPEED, TENSION
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, EMERGENCY_STOP, WinchCommand
 
 RECORD_FRAME = "sea"  # frame of the sea records in bags/, which readers ignore
+_COLUMNS = "position", "velocity", "effort"  # of a JointState: line out, line speed, tension
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
 
@@ -49,26 +50,17 @@ def encode_heave(
     template = _odometry("map", "hang_off", templates.HEAVE)
     if recorded:
         template = _odometry(RECORD_FRAME, "hang_off", None)
-    return template.fill(
-        {
-            **templates.stamp(stamp_ns),
-            "pose.pose.position": (0.0, 0.0, position_m),
-            "twist.twist.linear": (0.0, 0.0, velocity_m_per_s),
-        }
-    )
+    heave, rate = (0.0, 0.0, position_m), (0.0, 0.0, velocity_m_per_s)
+    motion = {"pose.pose.position": heave, "twist.twist.linear": rate}
+    return template.fill({**templates.stamp(stamp_ns), **motion})
 
 
 def encode_lower_end(
     stamp_ns: int, position_m: Sequence[float], velocity_m_per_s: Sequence[float]
 ) -> bytes:
     """Return a lower_end/odometry message: motion of the rope's lower end, in map."""
-    return _odometry("map", "lower_end").fill(
-        {
-            **templates.stamp(stamp_ns),
-            "pose.pose.position": tuple(position_m),
-            "twist.twist.linear": tuple(velocity_m_per_s),
-        }
-    )
+    motion = {"pose.pose.position": position_m, "twist.twist.linear": velocity_m_per_s}
+    return _odometry("map", "lower_end").fill({**templates.stamp(stamp_ns), **motion})
 
 
 def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
@@ -123,16 +115,11 @@ def encode_measurement(stamp_ns: int, measurement: Measurement) -> tuple[str, by
         depth_m = or_nan(rows[0][1])
         return MEASURED_DEPTH, _elevation(False).fill({**stamp, "point": (0.0, 0.0, -depth_m)})
     names = tuple(row[0] or WINCH for row in rows)
-    columns = {
-        "position": [or_nan(row[1]) for row in rows],
-        "velocity": [or_nan(row[2]) for row in rows],
-        "effort": [or_nan(row[3]) for row in rows],
-    }
+    columns = {name: [or_nan(row[1:][k]) for row in rows] for k, name in enumerate(_COLUMNS)}
     if measurement.source == MOTOR:
-        return MOTOR_TENSION, _joints(names, ("effort",)).fill(
-            {**stamp, "effort": columns["effort"]}
-        )
-    return WINCH_MEASURED, _joints(names, tuple(columns)).fill({**stamp, **columns})
+        effort = {"effort": columns["effort"]}
+        return MOTOR_TENSION, _joints(names, ("effort",)).fill({**stamp, **effort})
+    return WINCH_MEASURED, _joints(names, _COLUMNS).fill({**stamp, **columns})
 
 
 def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
@@ -188,21 +175,20 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
     if topic == MEASURED_DEPTH:
         return Measurement(PAYLOAD, stamp_ns, (("", or_none(-message.point.z), None, None),))
     names = [str(name) for name in message.name] or [""]
-    fields = ("effort",) if topic == MOTOR_TENSION else ("position", "velocity", "effort")
-    columns: dict[str, list[float | None]] = {}
-    for field in ("position", "velocity", "effort"):
+    fields = ("effort",) if topic == MOTOR_TENSION else _COLUMNS
+    columns: list[list[float | None]] = []
+    for field in _COLUMNS:
         values = getattr(message, field) if field in fields else ()
         if len(values) not in (0, len(names)):
             problem = f"{len(values)} values of {field} for {len(names)} winches"
             remedy = "give one for each name, NaN where nothing is measured, or none"
             raise InputError(topic, problem, remedy)
-        columns[field] = [or_none(float(value)) for value in values] or [None] * len(names)
+        columns.append([or_none(float(value)) for value in values] or [None] * len(names))
     if len(names) > MOST_WINCHES or len(set(names)) < len(names):
         problem = f"{len(names)} names"
         raise InputError(topic, problem, f"give each winch once, {MOST_WINCHES} at most")
     source = MOTOR if topic == MOTOR_TENSION else WINCH_SENSORS
-    rows = zip(names, columns["position"], columns["velocity"], columns["effort"], strict=True)
-    return Measurement(source, stamp_ns, tuple(rows))
+    return Measurement(source, stamp_ns, tuple(zip(names, *columns, strict=True)))
 
 
 MOST_WINCHES = 100  # in one message

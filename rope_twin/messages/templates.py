@@ -124,22 +124,12 @@ def cloud(frame_id: str, count: int, point: np.dtype[Any]) -> Any:
 
     Text is a field of 32 values of UINT8.
     """
-    fields = []
-    offsets = {name: described[1] for name, described in (point.fields or {}).items()}
-    for name in point.names or ():
-        kind, offset = point[name], offsets[name]
-        datatype = _UINT8 if kind.char == "S" else _FIELD_TYPES[kind]
-        values = kind.itemsize if kind.char == "S" else 1
-        fields.append(
-            new(
-                "sensor_msgs/msg/PointField",
-                name=name,
-                offset=offset,
-                datatype=datatype,
-                count=values,
-            )
-        )
-    size = point.itemsize
+    fields, size = [], point.itemsize
+    for name, (kind, offset, *_) in (point.fields or {}).items():
+        is_text = kind.char == "S"
+        datatype, values = (_UINT8, kind.itemsize) if is_text else (_FIELD_TYPES[kind], 1)
+        described = {"name": name, "offset": offset, "datatype": datatype, "count": values}
+        fields.append(new("sensor_msgs/msg/PointField", **described))
     return new(
         "sensor_msgs/msg/PointCloud2",
         header=header(frame_id),
@@ -254,25 +244,17 @@ def rope_markers(
     markers += [
         _marker(frame_id, f"payload {name}", _CUBE, colour(PAYLOAD_RGB)) for name in further
     ]
-    if bars:
-        markers.append(_marker(frame_id, "bars", _LINE_LIST, colour(HANG_OFF_RGB)))
-        markers[-1].points = [new(_POINT) for _ in range(2 * bars)]
-    if slings:
-        markers.append(_marker(frame_id, "slings", _LINE_LIST, colour(HANG_OFF_RGB)))
-        markers[-1].points = [new(_POINT) for _ in range(2 * slings)]
+    for namespace, count in (("bars", bars), ("slings", slings)):
+        if count:
+            markers.append(_marker(frame_id, namespace, _LINE_LIST, colour(HANG_OFF_RGB)))
+            markers[-1].points = [new(_POINT) for _ in range(2 * count)]
     return new("visualization_msgs/msg/MarkerArray", markers=markers)
 
 
 def _marker(frame_id: str, namespace: str, kind: int, rgba: Any) -> Any:
     lifetime = new("builtin_interfaces/msg/Duration", sec=MARKER_LIFETIME_S)
-    return new(
-        "visualization_msgs/msg/Marker",
-        header=header(frame_id),
-        ns=namespace,
-        type=kind,
-        color=rgba,
-        lifetime=lifetime,
-    )
+    parts = {"header": header(frame_id), "color": rgba, "lifetime": lifetime}
+    return new("visualization_msgs/msg/Marker", ns=namespace, type=kind, **parts)
 
 
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose

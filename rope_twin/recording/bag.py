@@ -49,11 +49,8 @@ class RecordedTopic:
 
     def channel_metadata(self) -> dict[str, str]:
         """Return the metadata of the MCAP channel."""
-        return {
-            **self.extra,
-            "offered_qos_profiles": self.qos_profiles,
-            "topic_type_hash": self.type_hash,
-        }
+        own = {"offered_qos_profiles": self.qos_profiles, "topic_type_hash": self.type_hash}
+        return {**self.extra, **own}
 
 
 def describe_topic(topic: Topic) -> RecordedTopic:
@@ -64,11 +61,9 @@ def describe_topic(topic: Topic) -> RecordedTopic:
     """
     store = typestore()
     if topic.type_name not in store.fielddefs:
-        raise BagError(
-            f"topic {topic.name}",
-            f"unknown message type '{topic.type_name}'",
-            did_you_mean(topic.type_name, store.fielddefs),
-        )
+        problem = f"unknown message type '{topic.type_name}'"
+        remedy = did_you_mean(topic.type_name, store.fielddefs)
+        raise BagError(f"topic {topic.name}", problem, remedy)
     definition, _ = store.generate_msgdef(topic.type_name, ros_version=2)
     return RecordedTopic(
         name=recorded_name(topic.name),

@@ -160,13 +160,7 @@ class _McapFile:
         self.add_metadata(CHANNELS_RECORD, noted)
 
     def write(self, name: str, stamp_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
-        self._writer.add_message(
-            self._channels[name],
-            log_time=stamp_ns,
-            data=data,
-            publish_time=publish_ns,
-            sequence=sequence,
-        )
+        self._writer.add_message(self._channels[name], stamp_ns, data, publish_ns, sequence)
         self._counts[name] += 1
         self._first_ns = min(self._first_ns, stamp_ns)
         self._last_ns = max(self._last_ns, stamp_ns)
@@ -248,11 +242,10 @@ class BagWriter(ClosableBag):
         reason = self._disk_trouble
         if not reason:
             return ""
-        return phrase(
-            f"bag {self.directory}",
-            f"the disk refuses to take it ({reason}), {self._waiting_bytes} bytes wait in memory",
-            "make room and it goes on",
+        problem = (
+            f"the disk refuses to take it ({reason}), {self._waiting_bytes} bytes wait in memory"
         )
+        return phrase(f"bag {self.directory}", problem, "make room and it goes on")
 
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
         """Add notes on the bag."""
@@ -365,18 +358,15 @@ class BagWriter(ClosableBag):
         if self._displaced:
             raise self._displacement()
         if self._waiting_bytes:
-            raise self._error(
-                f"the disk did not take its last {self._waiting_bytes} bytes "
-                f"({self._disk_trouble})",
-                f"`rope_twin recover {self.directory}` saves what is there",
-            )
+            problem = f"the disk did not take its last {self._waiting_bytes} bytes "
+            remedy = f"`rope_twin recover {self.directory}` saves what is there"
+            raise self._error(f"{problem}({self._disk_trouble})", remedy)
         try:
             write_whole(self.directory / "metadata.yaml", self._summary().as_file().encode())
         except OSError as error:
-            raise self._error(
-                f"metadata.yaml cannot be written ({error.strerror})",
-                f"`rope_twin recover {self.directory}` makes one",
-            ) from error
+            problem = f"metadata.yaml cannot be written ({error.strerror})"
+            remedy = f"`rope_twin recover {self.directory}` makes one"
+            raise self._error(problem, remedy) from error
 
     @property
     def _sinks(self) -> list[FileSink]:
@@ -483,11 +473,9 @@ class BagRecorder(ClosableBag):
         with self._condition:
             trouble = self._bag.trouble
             if self._lost and not trouble:
-                trouble = phrase(
-                    f"bag {self._bag.directory}",
-                    f"{self._lost} messages were not recorded ({self._reason})",
-                    "record fewer topics or on a faster disk",
-                )
+                problem = f"{self._lost} messages were not recorded ({self._reason})"
+                remedy = "record fewer topics or on a faster disk"
+                trouble = phrase(f"bag {self._bag.directory}", problem, remedy)
             return RecorderHealth(
                 self._recorded, self._lost, len(self._queue), self._bag.size_bytes, trouble
             )

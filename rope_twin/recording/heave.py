@@ -42,6 +42,7 @@ from rope_twin.twin.motion.ship_motion import (
     Vector3,
     hang_off_motion,
 )
+from rope_twin.twin.validity import HeaveSample
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]
@@ -120,13 +121,8 @@ def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
     Raises:
         BagError: most of it cannot be used.
     """
-    names = [
-        name
-        for name, content in bag.topics.items()
-        if content.type_name == _ELEVATION.type_name
-        and is_topic(name, _ELEVATION.name)
-        and content.messages > 1
-    ]
+    names = [name for name, topic in bag.topics.items() if is_topic(name, _ELEVATION.name)
+             and topic.type_name == _ELEVATION.type_name and topic.messages > 1]  # fmt: skip
     if len(names) != 1:
         return np.empty(0, np.int64), np.empty(0), []
     rows = StampedRows(bag, names[0], "heave", ("point.z",))
@@ -179,26 +175,11 @@ def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector
         problem = f"a sample every {usual_s:.3g} s, too few to compare its rate with its position"
         raise BagError(where, problem, f"give one every {LONGEST_PERIOD_S:g} s or more often")
     if agreement < 0.0:
-        raise BagError(
-            where,
-            f"twist.linear.z runs against pose.position.z (correlation {agreement:.2f})",
-            "both count up as positive",
-        )
+        problem = f"twist.linear.z runs against pose.position.z (correlation {agreement:.2f})"
+        raise BagError(where, problem, "both count up as positive")
     if agreement < 0.5:
         return velocity, f"{where}: rate and position agree poorly (correlation {agreement:.2f})."
     return velocity, ""
-
-
-@dataclass(frozen=True)
-class HeaveSample:
-    """Heave sample in simulation time."""
-
-    stamp_ns: int  # since the twin's start
-    position_m: float  # up, above the rest position
-    velocity_m_per_s: float
-    elevation_m: float | None  # water surface at the ship, where the record has it
-    pose: ShipPose | None = None  # of the ship, where that is what moves the hang-off
-    aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
 
 
 def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
@@ -222,7 +203,11 @@ class HeaveReplay(RecordReplay):
         heave, rate = record.position_m[:, None], record.velocity_m_per_s[:, None]
         track = Track(record.time_ns, heave, rate, record.period_ns)
         rows = np.concatenate([heave, rate], axis=1)
-        super().__init__(record, track, rows, _blended, start_s, loop)
+
+        def blended(splice: Splice) -> Table:
+            return np.concatenate([splice.value, splice.rate], axis=1)
+
+        super().__init__(record, track, rows, blended, start_s, loop)
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
@@ -230,10 +215,6 @@ class HeaveReplay(RecordReplay):
             HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
             for stamp_ns, (z, v, eta) in self.rows(from_ns, to_ns)
         ]
-
-
-def _blended(splice: Splice) -> Table:
-    return np.concatenate([splice.value, splice.rate], axis=1)
 
 
 def open_heave(
@@ -307,11 +288,8 @@ def write_sea_bag(
     with BagWriter(directory, topics, metadata) as bag:
         for k in range(len(heave)):
             stamp_ns = START_NS + round(k * 1e9 / sea.rate_hz)
-            bag.write(
-                "ship/heave",
-                stamp_ns,
-                encode_heave(stamp_ns, float(heave[k]), float(velocity[k]), recorded=True),
-            )
+            data = encode_heave(stamp_ns, float(heave[k]), float(velocity[k]), recorded=True)
+            bag.write("ship/heave", stamp_ns, data)
             if k % every == 0:
                 data = encode_elevation(stamp_ns, float(elevation[k]), recorded=True)
                 bag.write("sea/elevation", stamp_ns, data)
@@ -342,9 +320,8 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
         name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
         if not recorded.topic and is_topic(name, _HEAVE.name):
             problem = f"it has heave of the hang-off ({name}) and no pose of the ship"
-            raise BagError(
-                f"bag {path}", problem, "replay it by --bag, or by `sea_state: {bag: ...}`"
-            )
+            remedy = "replay it by --bag, or by `sea_state: {bag: ...}`"
+            raise BagError(f"bag {path}", problem, remedy)
         twisted = bag.topics[name].type_name == _ODOMETRY
         rows = StampedRows(bag, name, "odometry", _ODOMETRY_FIELDS if twisted else _POSE_FIELDS)
         stamp_ns, values = rows.usable(_judge)
@@ -435,10 +412,8 @@ def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list
         note = f"{where}: it has no twist, velocity and rate of turn are derived."
         return np.concatenate([values, *derivatives], axis=1), [note]
     notes = []
-    for part, derived, name in (
-        (_VELOCITY, derivatives[0], "linear"),
-        (_RATE, derivatives[1], "angular"),
-    ):
+    for part, derived, name in zip((_VELOCITY, _RATE), derivatives, ("linear", "angular"),
+                                   strict=True):  # fmt: skip
         recorded = values[:, part]
         if not recorded.any() and derived.any():
             values[:, part] = derived

@@ -1,15 +1,22 @@
-"""Ship motion of a run: selection of its source, the same for every runner, and computed sources.
+"""Ship motion and measurements of a run: selection of their source, and computed motion.
 
 Together with the winch schedule (`rope_twin.twin.winch.commands`) this is all input of a run.
 The stamps are the same in a real-time run over ROS and in an unpaced one. Computed are a regular
 heave, a table of prescribed motion, and the motion by RAOs or of a box hull in waves; records are
-in `heave` and `poses`.
+in `heave`.
+
+The measurements of a bag (line out, line speed, tensions, payload depth) go to an unpaced run.
+Stamps are placed in simulation time by the ROS time of t = 0: that of the replayed motion where it
+comes from a bag with stamps of the same voyage, else that of the run that the bag recorded
+(`twin/epoch`), else the first reading. The record is played once; nothing is made up after it.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import cos, pi, sin
 from typing import TYPE_CHECKING, Protocol
@@ -18,18 +25,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.errors import InputError
-from rope_twin.messages import encode_heave, encode_pose
-from rope_twin.recording.heave import HeaveSample, open_heave, open_poses, sample_of
+from rope_twin.errors import BagError, InputError
+from rope_twin.messages import decode, encode_heave, encode_pose
+from rope_twin.messages.inputs import read_measurement
+from rope_twin.messages.reports import counted
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds
+from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.heave import open_heave, open_poses, sample_of
+from rope_twin.recording.track import names_of
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
 from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
 from rope_twin.sea.spectrum import Waves, wave_at
 from rope_twin.sea.tables import Vector
+from rope_twin.topics import MEASURED_TOPICS
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.motion.ship_motion import ShipPose, Vector3, attitude, body_rates, turned
+from rope_twin.twin.readings import (
+    MOTOR,
+    MOTOR_TENSION,
+    PAYLOAD,
+    PAYLOAD_DEPTH,
+    WINCH_MEASURED,
+    WINCH_SENSORS,
+    Measurement,
+)
+from rope_twin.twin.validity import HeaveSample
 
 if TYPE_CHECKING:
     from rope_twin.twin.input_queue import InputQueue
@@ -40,6 +63,9 @@ Floats = NDArray[np.float64]
 FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them
 LEAD_NS = 200_000_000  # samples are passed to the twin this long before they are needed
 SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
+_EPOCH = "twin/epoch"
+APART_NS = 86_400 * NANOSECONDS  # readings further from t = 0 are of another voyage
+GROUPS = {WINCH_SENSORS: WINCH_MEASURED, MOTOR: MOTOR_TENSION, PAYLOAD: PAYLOAD_DEPTH}
 
 
 class Sea(Protocol):
@@ -309,3 +335,84 @@ def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
         return ShipOnWaves(waves, responses, scene)
     x, y, _ = scene.ship.hang_off_m
     return WaveSea(waves, riding.hull, x, y)
+
+
+class MeasuredReplay:
+    """Measurements by simulation time, in the order of their stamps."""
+
+    def __init__(self, measurements: list[Measurement], source: str, note: str = "") -> None:
+        """Keep measurements whose stamps are in simulation time [ns]."""
+        self._measurements = sorted(measurements, key=lambda measurement: measurement.stamp_ns)
+        self._stamps = [measurement.stamp_ns for measurement in self._measurements]
+        self.source, self.note = source, note
+
+    def between(self, from_ns: int, to_ns: int) -> list[Measurement]:
+        """Return the measurements with from_ns <= stamp_ns < to_ns, in order."""
+        first, end = bisect_left(self._stamps, from_ns), bisect_left(self._stamps, to_ns)
+        return self._measurements[first:end]
+
+
+def open_measured(bag: str, begins_ns: int = 0) -> MeasuredReplay:
+    """Return the measurements of a bag; begins_ns: ROS time of t = 0, 0: by the bag itself.
+
+    Raises:
+        BagError: it is no bag, has no measurement, or none near the time of the motion.
+    """
+    path = find_bag(bag)
+    with BagReader(path) as reader:
+        messages = list(_measurements(reader))
+        epoch_ns = _epoch_ns(reader)
+    where = f"bag {path}"
+    readings = [message for message in messages if isinstance(message, Measurement)]
+    if not readings:
+        remedy = f"name one with {', '.join(MEASURED_TOPICS)}, whose messages are stamped"
+        faults = [message for message in messages if isinstance(message, str)]
+        raise BagError(where, faults[0] if faults else "it has no measurements", remedy)
+    first_ns, last_ns = (pick(reading.stamp_ns for reading in readings) for pick in (min, max))
+    zero_ns = begins_ns or epoch_ns or first_ns
+    if last_ns < zero_ns or first_ns > zero_ns + APART_NS:
+        early_s = (zero_ns - first_ns) * 1e-9
+        side = "before" if early_s > 0 else "after"
+        problem = f"its readings begin {abs(early_s):.6g} s {side} t = 0"
+        remedy = "heave and measurements must be of the same time, by one clock"
+        raise BagError(where, problem, remedy)
+    counts = Counter(reading.source for reading in readings)
+    parts = [counted(counts[source], group.replace("_", " ") + " reading")
+             for source, group in GROUPS.items() if counts[source]]  # fmt: skip
+    span = f"from {(first_ns - zero_ns) * 1e-9:.2f} to {(last_ns - zero_ns) * 1e-9:.2f} s"
+    source = f"bag {path.name}: {', '.join(parts)}, {span}"
+    wrong = Counter(message for message in messages if isinstance(message, str))
+    notes = [f"{where}: {counted(count, 'message')} left out: {reason}"
+             for reason, count in wrong.most_common(3)]  # fmt: skip
+    placed = [reading._replace(stamp_ns=reading.stamp_ns - zero_ns) for reading in readings]
+    return MeasuredReplay(placed, source, " ".join(notes))
+
+
+def _measurements(reader: BagReader) -> Iterator[Measurement | str]:
+    """Yield each measurement, stamped in ROS time, or why a message is none.
+
+    Raises:
+        BagError: a topic is there twice, in several namespaces.
+    """
+    for topic in MEASURED_TOPICS:
+        names = names_of(reader, topic)
+        if len(names) > 1:
+            problem = f"{topic} is there in {len(names)} namespaces"
+            raise BagError(f"bag {reader.path}", problem, f"keep one of {', '.join(names)}")
+        for name in names:
+            for _, data in reader.messages(name):
+                try:
+                    measurement = read_measurement(topic, data)
+                except InputError as error:
+                    yield str(error)
+                    continue
+                yield measurement if measurement.stamp_ns > 0 else f"{topic}: its stamp is 0"
+
+
+def _epoch_ns(reader: BagReader) -> int:
+    """Return the ROS time of t = 0 of the run that the bag recorded; 0: none, or several."""
+    epochs: set[int] = set()
+    for name in names_of(reader, _EPOCH):
+        for _, data in reader.messages(name):
+            epochs.add(nanoseconds(decode(_EPOCH, data)))
+    return epochs.pop() if len(epochs) == 1 else 0

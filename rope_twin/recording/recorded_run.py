@@ -26,9 +26,8 @@ from rope_twin.messages.inputs import (
     read_order,
     read_pose,
 )
-from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
 from rope_twin.recording.mcap_scan import McapScan, mcap_files
-from rope_twin.recording.session import Session
+from rope_twin.recording.session import LoggedCalls, Session, Skipped, decode_json, read_log
 from rope_twin.topics import (
     CUT_TOPIC,
     INPUT_LOG_TOPIC,

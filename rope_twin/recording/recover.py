@@ -226,13 +226,8 @@ class _Salvage:
             return
         writer = self._open()
         try:
-            writer.write(
-                topic.name,
-                message.log_ns,
-                message.data,
-                publish_ns=message.publish_ns,
-                sequence=message.sequence,
-            )
+            more = {"publish_ns": message.publish_ns, "sequence": message.sequence}
+            writer.write(topic.name, message.log_ns, message.data, **more)
         except BagError as error:
             if writer.trouble:  # a full disk is not the old bag's fault
                 raise

@@ -3,6 +3,11 @@
 A message of twin/session is one JSON object, written at each start and after each pause: scene
 files with their text, parameters, program, machine, seeds, the number of messages published before
 on each topic, and the state of a twin that does not start from static equilibrium.
+
+A message of twin/inputs, the log of applied inputs, is one JSON object too. `run` and `session`
+identify its twin/session, `number` counts the messages of a session from 1. Either `calls` were
+made at `time_ns`, or the snapshots after `skipped_ns[0]` and before `skipped_ns[1]` were computed
+and not published.
 """
 
 from __future__ import annotations
@@ -12,6 +17,7 @@ import dataclasses
 import functools
 import hashlib
 import importlib.metadata
+import json
 import math
 import os
 import platform
@@ -19,18 +25,20 @@ import shutil
 import subprocess
 import weakref
 import zlib
+from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import mkdtemp
-from typing import Any
+from typing import Any, NamedTuple
 
 from rope_twin import __version__
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.errors import BagError, InputError, RopeTwinError, StateError
 from rope_twin.files import share_dir
-from rope_twin.recording.input_log import encode_json
+from rope_twin.messages import decode
+from rope_twin.messages.cdr import encode_text
 from rope_twin.recording.motion_source import open_sea
 from rope_twin.scene.convergence import OTHER_SEA, study_path
 from rope_twin.scene.error_bound import AccuracyLevel
@@ -39,9 +47,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
 from rope_twin.sea.ship_motion import WAYS_FOLDER
 from rope_twin.sea.tables import find_table
-from rope_twin.topics import SESSION_TOPIC
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, slot_of
 from rope_twin.twin.health import SENDER_LEAD_S
+from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls
 from rope_twin.twin.monitors import Monitors
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.results import MonitorSettings
@@ -51,6 +61,135 @@ _SHARED = "share/"  # before names of files that come with the package
 _BINARY = "data:application/octet-stream;base64,"  # before the content of a file that is no text
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")
+
+
+def encode_json(content: Any) -> bytes:
+    """Return a std_msgs/String with a JSON text; floats are restored bit by bit."""
+    return encode_text(json.dumps(content))
+
+
+def decode_json(topic: str, data: bytes) -> dict[str, Any]:
+    """Return the JSON object in a std_msgs/String.
+
+    Raises:
+        BagError: there is none.
+    """
+    try:
+        content = json.loads(decode(topic, data).data)
+    except (InputError, ValueError, RecursionError) as error:
+        raise _damaged(topic, str(error)) from error
+    if not isinstance(content, dict):
+        raise _damaged(topic, "no JSON object")
+    return content
+
+
+class Mark(NamedTuple):
+    """A session that begins while the twin runs."""
+
+    time_ns: int
+    described: dict[str, Any]  # content of twin/session
+
+
+class InputLog:
+    """Entries on their way from the thread that steps to the one that publishes."""
+
+    def __init__(self, run: str) -> None:
+        """Make an empty log; `run`: a name that is unique in the bag."""
+        self.run = run
+        self.session = 0  # number of the newest one, from 1
+        self.logged = 0  # messages of the newest session
+        self._waiting: deque[LogEntry | Mark] = deque()
+        self._published_ns = 0
+
+    def begin(self, time_ns: int) -> dict[str, Any]:
+        """Start a session at this time, between steps, and return its part of twin/session."""
+        self._published_ns = time_ns
+        return self._next_session()
+
+    def take(self, entry: LogEntry | Mark) -> None:
+        """Queue an entry; to be called by the solver thread."""
+        self._waiting.append(entry)
+
+    def messages(self, snapshot: Snapshot | None) -> Iterator[tuple[str, dict[str, Any]]]:
+        """Return topic and content of the entries before a snapshot (None: all).
+
+        With snapshots that were thrown out before this one. A session that begins is the content of
+        twin/session without the number of messages that were published before.
+        """
+        while self._waiting and (snapshot is None or self._waiting[0].time_ns < snapshot.stamp_ns):
+            entry = self._waiting.popleft()
+            if isinstance(entry, Mark):
+                yield SESSION_TOPIC, entry.described | self._next_session()
+            else:
+                content = {"time_ns": entry.time_ns, "calls": plain_calls(entry.calls)}
+                yield INPUT_LOG_TOPIC, self._numbered(content)
+        if snapshot is None:
+            return
+        if snapshot.stamp_ns - slot_of(snapshot)[1] > self._published_ns:
+            skipped = {"skipped_ns": [self._published_ns, snapshot.stamp_ns]}
+            yield INPUT_LOG_TOPIC, self._numbered(skipped)
+        self._published_ns = snapshot.stamp_ns
+
+    def _next_session(self) -> dict[str, Any]:
+        self.session += 1
+        before, self.logged = self.logged, 0
+        return {"run": self.run, "session": self.session, "logged_before": before}
+
+    def _numbered(self, content: dict[str, Any]) -> dict[str, Any]:
+        self.logged += 1
+        return {"run": self.run, "session": self.session, "number": self.logged, **content}
+
+
+@dataclass(frozen=True)
+class LoggedCalls:
+    """One message of the log; its calls are read when they are needed."""
+
+    number: int
+    time_ns: int
+    plain: Any
+
+    def calls(self) -> tuple[Call, ...]:
+        """Return the calls with their arguments.
+
+        Raises:
+            BagError: they are not valid calls.
+        """
+        try:
+            return calls_of(self.plain)
+        except (ValueError, TypeError) as error:
+            raise _damaged(INPUT_LOG_TOPIC, str(error)) from error
+
+
+@dataclass(frozen=True)
+class Skipped:
+    """Snapshots that were not published: those of twin times between the two."""
+
+    number: int
+    after_ns: int
+    before_ns: int
+
+
+def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
+    """Return run and number of the session, and the content of a message of twin/inputs.
+
+    Raises:
+        BagError: it is not such a message.
+    """
+    content = decode_json(INPUT_LOG_TOPIC, data)
+    try:
+        session = str(content["run"]), int(content["session"])
+        number = int(content["number"])
+        if "calls" in content:
+            return session, LoggedCalls(number, int(content["time_ns"]), content["calls"])
+        after_ns, before_ns = content["skipped_ns"]
+        return session, Skipped(number, int(after_ns), int(before_ns))
+    except (KeyError, TypeError, ValueError) as error:
+        raise _damaged(INPUT_LOG_TOPIC, repr(error)) from error
+
+
+def _damaged(topic: str, reason: str) -> BagError:
+    remedy = "give a bag that rope_twin recorded"
+    return BagError(f"topic {topic}", f"a message does not make sense ({reason})", remedy)
 
 
 @dataclass(frozen=True, kw_only=True)

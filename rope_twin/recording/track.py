@@ -455,12 +455,9 @@ class _DamagedBag:
 
     def messages(self, topic_name: str) -> Iterator[tuple[int, bytes]]:
         """Return log time [ns] and CDR bytes of each message of a topic, by log time."""
-        matching = [
-            (message.log_ns, message.data)
-            for name, _, message in self._stored([])
-            if name == topic_name
-        ]
-        yield from sorted(matching, key=lambda message: message[0])
+        matching = [stored for name, _, stored in self._stored([]) if name == topic_name]
+        for message in sorted(matching, key=lambda message: message.log_ns):
+            yield message.log_ns, message.data
 
     def _stored(self, problems: list[str]) -> Iterator[tuple[str, str, StoredMessage]]:
         """Return topic, type and message in file order; problems: takes the damage."""
@@ -543,9 +540,9 @@ def names_of(bag: Messages, topic: str) -> list[str]:
 def refusal_words(refused: Counter[str]) -> tuple[str, ...]:
     """Return a sentence for each topic of which messages were left out."""
     return tuple(
-        f"{counted(count, 'message')} of {topic} could not be read and "
-        f"{'was' if count == 1 else 'were'} left out"
-        for topic, count in refused.items()
+        f"{counted(n, 'message')} of {topic} could not be read and {'was' if n == 1 else 'were'} "
+        "left out"
+        for topic, n in refused.items()
     )
 
 

@@ -9,6 +9,7 @@ site, and a gateway beside this node decides it.
 from __future__ import annotations
 
 import socket
+from dataclasses import replace
 from typing import Any
 
 from rope_twin.alerts.alert_list import Alert, State
@@ -74,21 +75,17 @@ class AlertOutputNode(SuiteNode):
 
     def _take(self, data: bytes) -> None:
         stamp_ns, now_ns, alerts = decode_alerts(data)
-        before, shown = self._alerts, {}
-        for alert in alerts:
-            if not alert.shelved(now_ns):
-                shown[alert.key] = alert
+        before = self._alerts
+        shown = {alert.key: alert for alert in alerts if not alert.shelved(now_ns)}
         for key, one in shown.items():
             if key not in before or _state_of(before[key]) != _state_of(one):
                 self._send_alert(one, stamp_ns - now_ns + one.changed_ns)
         for key in before.keys() - shown.keys():
             previous = before[key]
             if previous.state is not State.NORMAL:  # rectified or shelved: no display lists it now
-                fields = vars(previous) | {
-                    "state": State.NORMAL,
-                    "revision": previous.revision % 99 + 1,
-                }
-                self._send_alert(Alert(**fields), stamp_ns)
+                revision = previous.revision % 99 + 1
+                over = replace(previous, state=State.NORMAL, revision=revision)
+                self._send_alert(over, stamp_ns)
         self._alerts = shown
 
     def _send_alert(self, alert: Alert, utc_ns: int) -> None:

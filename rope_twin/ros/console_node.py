@@ -77,14 +77,10 @@ class SuiteSource:
             start_parameter_services=False,
             parameter_overrides=[Parameter("start_type_description_service", value=False)],
         )
-        self._subscriptions = [
-            (
-                name,
-                subscribe(self._node, BY_NAME[name], _never_called, _depth(name)).handle,
-                message_type(BY_NAME[name]),
-            )
-            for name in SHOWN
-        ]
+        self._subscriptions = []  # name of the topic, handle and type of message
+        for name in SHOWN:
+            subscription = subscribe(self._node, BY_NAME[name], _never_called, _depth(name))
+            self._subscriptions.append((name, subscription.handle, message_type(BY_NAME[name])))
 
     def poll(self, readings: Readings, now_s: float) -> None:
         """Take what has arrived: of streams the newest message, of diagnostics every one."""

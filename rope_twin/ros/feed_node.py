@@ -290,12 +290,6 @@ class FeedSimulator(SuiteNode):
         faulty = [sink.line.counts for *_, sink in self._writers if isinstance(sink, FaultySink)]
         return {"sent": self.sent, "faults": dict(sum(faulty, Counter[str]()))}
 
-    def _send(self, sample: Sample, is_addressed: Any) -> None:
-        for settings, write, sink in self._writers:
-            if is_addressed(settings):
-                sink.send(write(sample))
-                self.sent += 1
-
     def _take_tension(self, data: bytes) -> None:
         message = decode("ropes/tension_top", data)
         self._tension_n = dict(zip(message.name, message.effort.tolist(), strict=True))
@@ -308,13 +302,11 @@ class FeedSimulator(SuiteNode):
                 nanoseconds(message.header.stamp), tension_n, float(message.velocity[k]),
                 float(message.position[k]), tension_n,
             )  # fmt: skip
-            self._send(
-                sample,
-                lambda feed, rope=rope, k=k: (
-                    feed.is_line_monitor
-                    and (feed.winch == rope or (k == 0 and feed.winch == "winch"))
-                ),
-            )
+            for feed, write, sink in self._writers:
+                is_winch = feed.winch == rope or (k == 0 and feed.winch == "winch")
+                if feed.is_line_monitor and is_winch:
+                    sink.send(write(sample))
+                    self.sent += 1
 
     def _take_heave(self, data: bytes) -> None:
         message = decode("ship/heave", data)

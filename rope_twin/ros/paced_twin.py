@@ -23,8 +23,15 @@ from rope_twin.errors import InputError
 from rope_twin.messages import Encoder, Level, Status, encode_text, statuses
 from rope_twin.messages.diagnostics import BreachWords
 from rope_twin.messages.reports import counted, encode_alerts, encode_estimate
-from rope_twin.recording.input_log import InputLog, Mark, encode_json
-from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
+from rope_twin.recording.session import (
+    InputLog,
+    Mark,
+    Setup,
+    describe_run,
+    describe_session,
+    encode_json,
+    encode_session,
+)
 from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise

@@ -146,12 +146,9 @@ class Processes:
         self._parameters = node_parameters(options)
         simulation = self._parameters["simulation"]
         simulation |= {"wait_for": _awaited(options), "wait_for_s": _FIND_S}
-        # A restarted simulation resumes from there.
-        simulation |= {
-            "save_state": simulation["save_state"]
-            or str(Path(self._folder.name) / "simulation.state"),
-            "save_every_s": _SAVE_EVERY_S,
-        }
+        own_state = str(Path(self._folder.name) / "simulation.state")
+        simulation["save_state"] = simulation["save_state"] or own_state  # for a restarted one
+        simulation["save_every_s"] = _SAVE_EVERY_S
         self._scene = options.scene
         self._spare: Spare | None = None
         self._call = Path()  # file that activates the current standby recorder
@@ -398,11 +395,8 @@ class _Supervisor:
         code = self._codes.get("simulation", 0)
         summary = self._monitor.summary
         if summary is None:
-            raise InputError(
-                "simulation",
-                f"ended ({_words(code)}) before it started",
-                "see its own messages above",
-            )
+            problem = f"ended ({_words(code)}) before it started"
+            raise InputError("simulation", problem, "see its own messages above")
         error = summary.error or (f"the simulation ended ({_words(code)})" if code else "")
         bag = str(options.record) if options.record else None
         not_kept = summary.not_kept if options.save else ""

@@ -76,14 +76,8 @@ def _open(params: SeaStateParams) -> Sea | None:
         spectrum = jonswap(params.significant_height_m, params.peak_period_s)
         sea = synthesise(spectrum, BoxHull(), params.seed)
         return replay_sea(sea, params.sea_offset_s, params.loop)
-    return open_sea(
-        load_scene(params.scene),
-        params.bag,
-        params.topic,
-        params.sea_offset_s,
-        params.loop,
-        params.poses,
-    )
+    scene, start_s = load_scene(params.scene), params.sea_offset_s
+    return open_sea(scene, params.bag, params.topic, start_s, params.loop, params.poses)
 
 
 def main(args: list[str] | None = None) -> int:

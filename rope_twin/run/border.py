@@ -15,6 +15,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import TypeVar
 
 from rope_twin.errors import InputError, phrase
@@ -50,6 +51,7 @@ INTERVALS, LONGEST_S = 3.0, 10.0  # ... or so many intervals of a measured quant
 MOST_SENSORS = 1000  # quantities of winches of which the sender is selected
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 REMARK_S = 5.0  # between two remarks to the twin
+_DEPTH, _QUANTITIES = "depth", ("line out", "line speed", "tension")  # values of a row
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
 
 Content = TypeVar("Content")
@@ -132,12 +134,8 @@ class InputBorder:
         self._ignored = 0
         self._latched: set[str] = set()  # winches whose stop waits for the simulation to go on
         self._remarked_s = -math.inf
-        self.seats = Seats(
-            twin.scene,
-            priority,
-            lambda order, winch: inputs.offer_command(None, order, winch),
-            now_s,
-        )
+        order = partial(inputs.offer_command, None)
+        self.seats = Seats(twin.scene, priority, order, now_s)
         # called with each measurement that could be decoded, in twin time; None: no listener
         self.listener: Callable[[Measurement], None] | None = None
         # called with stamp [ns] and height [m] of each sample of motion
@@ -278,7 +276,7 @@ class InputBorder:
                     self._sensors[key] = SelectedSender(LONGEST_S)
                 if key in self._sensors and not self._sensors[key].admit(sender, now_s):
                     values[k] = None
-                    refused.append(_quantities(topic)[k])
+                    refused.append(_DEPTH if topic == MEASURED_DEPTH else _QUANTITIES[k])
             if refused:
                 what = " and ".join(refused) + (f" of '{name}'" if name else "")
                 self._refuse_stranger(topic, what, now_s)
@@ -410,11 +408,6 @@ def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:
         level = Level.ERROR if any(topic in MOTION_TOPICS for topic in notes) else Level.WARN
         return Status(SENDERS_ROW, level, " ".join(notes.values()), values)
     return Status(SENDERS_ROW, Level.OK, "one sender of each input", values)
-
-
-def _quantities(topic: str) -> tuple[str, str, str]:
-    """Return the names of the values in a row."""
-    return "depth" if topic == MEASURED_DEPTH else "line out", "line speed", "tension"
 
 
 _MOTION_READERS: dict[str, Callable[[bytes], tuple[int, ShipPose | tuple[float, float]]]] = {

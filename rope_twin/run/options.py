@@ -143,49 +143,29 @@ def _add_run(parser: argparse.ArgumentParser) -> None:
     add_scene(parser, nargs="?", help=words)
     add_duration(parser, "simulated time (default: run until Ctrl-C)")
     add = parser.add_argument
-    add(
-        "--speed",
-        type=float,
-        default=1.0,
-        metavar="X",
-        help="simulated time over real time; 0: as fast as possible, without ROS (default: 1)",
-    )
+    words = "simulated time over real time; 0: as fast as possible, without ROS (default: 1)"
+    add("--speed", type=float, default=1.0, metavar="X", help=words)
     add("--headless", action="store_true", help="open no viewer window")
-    add(
-        "--allow-overload",
-        action="store_true",
-        help="exit with code 0 even if a limit of the scene was exceeded (default: 4)",
-    )
+    words = "exit with code 0 even if a limit of the scene was exceeded (default: 4)"
+    add("--allow-overload", action="store_true", help=words)
     add_json(parser)
 
 
 def _add_motion(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--bag",
-        default="",
-        metavar="BAG",
-        help="replay recorded heave: a name in bags/ or a path (default: the scene's motion)",
-    )
-    add(
-        "--poses",
-        default="",
-        metavar="BAG",
-        help="replay recorded poses of the vessel: a name in bags/ or a path",
-    )
+    words = "replay recorded heave: a name in bags/ or a path (default: the scene's motion)"
+    add("--bag", default="", metavar="BAG", help=words)
+    words = "replay recorded poses of the vessel: a name in bags/ or a path"
+    add("--poses", default="", metavar="BAG", help=words)
     add("--topic", default="", metavar="NAME", help="topic of heave or poses in that bag")
     add_time(group, "--sea-offset", "start this far into the recording", 0.0)
 
 
 def _add_measured(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--measured",
-        default="",
-        metavar="BAG",
-        help="compare with the measurements of a recording, and report residuals; with --speed 0. "
-        "t = 0 is that of --bag or --poses, else that of the run or first reading in BAG",
-    )
+    add("--measured", default="", metavar="BAG", help="compare with the measurements of a "
+        "recording, and report residuals; with --speed 0. t = 0 is that of --bag or --poses, else "
+        "that of the run or first reading in BAG")  # fmt: skip
     add("--follow-measured", action="store_true",
         help="every winch follows its line out in there instead of its schedule")  # fmt: skip
 
@@ -203,25 +183,14 @@ def _add_kept(group: argparse._ArgumentGroup) -> None:
 
 def _add_accuracy(group: argparse._ArgumentGroup) -> None:
     target = group.add_mutually_exclusive_group()
-    target.add_argument(
-        "--within",
-        metavar="ERROR",
-        help="use the cheapest mesh and time step that meet this error target, such as 1%%, by the "
-        "scene's convergence study",
-    )
-    target.add_argument(
-        "--budget",
-        metavar="SHARE",
-        help="use the most accurate mesh and time step within this share of one CPU core, such as "
-        "30%%",
-    )
+    words = "use the cheapest mesh and time step that meet this error target, such as 1%%, by the "
+    target.add_argument("--within", metavar="ERROR", help=f"{words}scene's convergence study")
+    words = "use the most accurate mesh and time step within this share of one CPU core, such as "
+    target.add_argument("--budget", metavar="SHARE", help=f"{words}30%%")
     add = group.add_argument
     add("--quantity", metavar="NAME", help="quantity whose error counts (default: tension_rms)")
-    add(
-        "--error-interval",
-        action="store_true",
-        help="publish a 95 %% discretisation-error interval on top tension (+50 %% CPU)",
-    )
+    words = "publish a 95 %% discretisation-error interval on top tension (+50 %% CPU)"
+    add("--error-interval", action="store_true", help=words)
 
 
 def _add_monitors(group: argparse._ArgumentGroup) -> None:
@@ -233,24 +202,16 @@ def _add_monitors(group: argparse._ArgumentGroup) -> None:
     add("--vibration", default="", metavar="MODEL",
         help="publish the VIV response along the line: time-domain (the scene's own VIV model) or "
         "frequency-domain (natural modes that follow the line)")  # fmt: skip
-    add(
-        "--fatigue",
-        default="",
-        metavar="CURVE",
-        help="publish accumulated fatigue damage per metre of rope, and its bends over sheaves and "
-        f"drum, by an S-N curve: {', '.join(CURVES)}, or {OWN} (the rope's, in the scene)",
-    )
+    add("--fatigue", default="", metavar="CURVE", help="publish accumulated fatigue damage per "
+        "metre of rope, and its bends over sheaves and drum, by an S-N curve: "
+        f"{', '.join(CURVES)}, or {OWN} (the rope's, in the scene)")  # fmt: skip
     add("--learn", action="store_true",
         help="learn weight, mass, drag, stiffness from the tension on winch/measured")  # fmt: skip
     add("--apply-learned", action="store_true",
         help="with --learn: take the figures over after each minute")  # fmt: skip
-    add(
-        "--cut",
-        default="",
-        metavar="[ROPE:]PLACE@TIME",
+    add("--cut", default="", metavar="[ROPE:]PLACE@TIME",
         help="cut the rope at this length below the hang-off, or at its lower end (end), at this "
-        "simulated time; ROPE selects one of several",
-    )
+        "simulated time; ROPE selects one of several")  # fmt: skip
 
 
 def _add_network(group: argparse._ArgumentGroup) -> None:
@@ -319,11 +280,8 @@ def read_options(args: argparse.Namespace) -> RunOptions:
     scene = args.scene or (_scene_of(start) if start else "deep_lift")
     # a path as absolute, since other processes may run elsewhere
     args.scene = str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
-    parsed = {
-        option_field.name: getattr(args, option_field.name)
-        for option_field in fields(RunOptions)
-        if option_field.name in args
-    }
+    names = [field.name for field in fields(RunOptions) if field.name in args]
+    parsed = {name: getattr(args, name) for name in names}
     derived: dict[str, Any] = {
         "end_s": end_s,
         "sea_offset_s": args.sea_offset,
@@ -533,11 +491,7 @@ def add_json(parser: argparse._ActionsContainer) -> None:
 
 def leaf_parsers(parser: argparse.ArgumentParser) -> Iterable[argparse.ArgumentParser]:
     """Yield the parsers of all commands that can be run, depth first."""
-    nested = [
-        action_group
-        for action_group in parser._actions
-        if isinstance(action_group, argparse._SubParsersAction)
-    ]
+    nested = [one for one in parser._actions if isinstance(one, argparse._SubParsersAction)]
     if not nested:
         yield parser
     for action in nested:

@@ -185,10 +185,7 @@ class RunSummary:
             f"top tension{rope_label}: min. {_kn(self.tension_top_min_n)}, "
             f"max. {_kn(self.tension_top_max_n)}, mean {_kn(self.tension_top_mean_n)}",
             *self._strength_words(),
-            *(
-                f"limit violated: {breach_words(LimitBreach(**breach))}"
-                for breach in self.limits_broken
-            ),
+            *(f"limit violated: {breach_words(LimitBreach(**one))}" for one in self.limits_broken),
             *self._shape_words(),
             self._error_words(),
             *self._end_words(),
@@ -205,25 +202,24 @@ class RunSummary:
             lines.append(cut_words(CutShot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
-        names = [field.name for field in fields(Residual)]
-        residuals = (
-            Residual(**{name: residual[name] for name in names}) for residual in self.residuals
-        )
-        lines += [residual_words(residual) for residual in residuals]
+        lines += [residual_words(_of_fields(Residual, residual)) for residual in self.residuals]
         lines += [lowest_words(self.quality)] if self.quality else []
         lines += [learned_words(figure) for figure in self.learned]
         lines += [alarm_words(alarm) for alarm in self.alarms]
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
-        lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
+        missing = ""
+        if self.not_recorded:
+            missing = f"; {counted(self.not_recorded, 'message')} missing"
+            missing += "" if self.not_kept else " (CPU overload)"
+        lines += [f"bag {self.bag}{missing}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
 
     def _strength_words(self) -> list[str]:
         """Return the highest utilisation of a rope, and all beyond the MBL."""
-        names = [field.name for field in fields(RopeStrength)]
-        ropes = [RopeStrength(**{name: rope[name] for name in names}) for rope in self.strength]
+        ropes = [_of_fields(RopeStrength, rope) for rope in self.strength]
         ropes.sort(key=lambda rope: -rope.utilisation)
         reported = [rope for n, rope in enumerate(ropes) if n == 0 or rope.utilisation >= 1.0]
         return [strength_words(rope, len(ropes) > 1) for rope in reported]
@@ -276,12 +272,6 @@ class RunSummary:
             lines.append(f"error interval: {self.no_error_interval}")
         return lines
 
-    def _missing_words(self) -> str:
-        if not self.not_recorded:
-            return ""
-        cause = "" if self.not_kept else " (CPU overload)"
-        return f"; {counted(self.not_recorded, 'message')} missing{cause}"
-
     def _end_words(self) -> list[str]:
         """Return the final state: line out and depth, or each rope and payload of several."""
         if not self.ropes:
@@ -293,19 +283,15 @@ class RunSummary:
             f"upper-end tension {_kn(float(rope['tension_top_n']))}"
             for rope in self.ropes
         ]
-        loads = [
-            f"{payload['name']} at {payload['depth_m']:.1f} m depth" for payload in self.payloads
-        ]
+        loads = [f"{one['name']} at {one['depth_m']:.1f} m depth" for one in self.payloads]
         return [*lines, ", ".join(loads)] if loads else lines
 
     def _error_words(self) -> str:
         reason = self.tension_top_error_reason
         if self.tension_top_error_pct is None:
             return f"top-tension error {reason}"
-        rms, peak = (
-            "unknown" if bound_pct is None else f"{format_bound(bound_pct)} %"
-            for bound_pct in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
-        )
+        bounds_pct = self.tension_top_error_pct, self.tension_top_peak_error_pct
+        rms, peak = ("unknown" if pct is None else f"{format_bound(pct)} %" for pct in bounds_pct)
         return f"top-tension error: {rms} RMS, {peak} peak, {reason}"
 
     def as_progress(self) -> str:
@@ -320,6 +306,11 @@ class RunSummary:
         )
 
 
+def _of_fields(kind: Any, values: dict[str, Any]) -> Any:
+    """Return a dataclass with the values of its fields, which may be among others."""
+    return kind(**{field.name: values[field.name] for field in fields(kind)})
+
+
 def _is_a(value: Any, hint: Any) -> bool:
     """Return whether a value has a type, as far as JSON has it: outermost, and items of lists."""
     kinds = typing.get_args(hint)
@@ -328,14 +319,11 @@ def _is_a(value: Any, hint: Any) -> bool:
         return any(_is_a(value, kind) for kind in kinds)
     if hint is Any:
         return True
-    if origin is tuple:
-        return isinstance(value, tuple) and all(_is_a(item, kinds[0]) for item in value)
-    if origin is list:
-        return isinstance(value, list) and all(_is_a(item, kinds[0]) for item in value)
-    if hint is float:
-        return isinstance(value, int | float) and not isinstance(value, bool)
-    if hint is int:
-        return isinstance(value, int) and not isinstance(value, bool)
+    if origin in (tuple, list):
+        return isinstance(value, origin) and all(_is_a(item, kinds[0]) for item in value)
+    if hint in (int, float):
+        number = int | float if hint is float else int
+        return isinstance(value, number) and not isinstance(value, bool)
     return isinstance(value, origin or hint)
 
 
@@ -389,10 +377,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
             }
             for rope in snapshot.ropes
         ],
-        payloads=[
-            {"name": payload.name, "depth_m": -float(payload.position_m[2])}
-            for payload in snapshot.payloads
-        ],
+        payloads=[{"name": p.name, "depth_m": -float(p.position_m[2])} for p in snapshot.payloads],
         strength=[asdict(rope) | {"utilisation": rope.utilisation} for rope in snapshot.strength],
         limits_broken=[asdict(breach) for breach in snapshot.breaches],
         touchdowns=[asdict(touchdown) for touchdown in snapshot.touchdowns],
@@ -419,13 +404,8 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         energy=snapshot.energy.figures() if snapshot.energy else None,
         error_interval=asdict(snapshot.error_interval) if snapshot.error_interval else None,
         no_error_interval=snapshot.no_error_interval,
-        residuals=[
-            asdict(residual) | {"residual": residual.residual} for residual in snapshot.residuals
-        ],
-        quality=[
-            asdict(element) | {"components": list(element.components)}
-            for element in snapshot.quality
-        ],
+        residuals=[asdict(one) | {"residual": one.residual} for one in snapshot.residuals],
+        quality=[asdict(one) | {"components": list(one.components)} for one in snapshot.quality],
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

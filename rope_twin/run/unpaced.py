@@ -26,15 +26,24 @@ from rope_twin.messages import (
 )
 from rope_twin.messages.reports import encode_alerts
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.input_log import (
+from rope_twin.recording.motion_source import (
+    FIRST_NS,
     GROUPS,
-    InputLog,
+    LEAD_NS,
     MeasuredReplay,
-    encode_json,
+    encode_motion,
+    offer,
     open_measured,
+    open_sea,
 )
-from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
-from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
+from rope_twin.recording.session import (
+    InputLog,
+    Setup,
+    describe_run,
+    describe_session,
+    encode_json,
+    encode_session,
+)
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import StopSignal
 from rope_twin.run.summary import RunSummary, summarise

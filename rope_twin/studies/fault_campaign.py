@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.recording.heave import HeaveSample
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea
 from rope_twin.run.border import InputBorder
 from rope_twin.run.seat import PRIORITY
@@ -57,6 +56,7 @@ from rope_twin.twin.readings import Measurement
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import SPEED, Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.validity import HeaveSample
 from rope_twin.twin.winch.commands import WinchCommand
 
 LATENCY_NS = 10_000_000  # from a stamp to the arrival of its message

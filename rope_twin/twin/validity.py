@@ -20,6 +20,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -191,26 +192,22 @@ def _half_heights(scene: Scene) -> dict[str, float]:
     }
 
 
-class MotionSample(Protocol):
-    """One sample of the hang-off's heave, with the ship's pose if that moves the hang-off."""
+@dataclass(frozen=True)
+class HeaveSample:
+    """Sample of the hang-off's motion in simulation time."""
 
-    @property
-    def position_m(self) -> float:
-        """Heave [m]."""
-
-    @property
-    def velocity_m_per_s(self) -> float:
-        """Heave rate [m/s]."""
-
-    @property
-    def pose(self) -> ShipPose | None:
-        """The ship's pose; None: heave alone."""
+    stamp_ns: int  # since the twin's start
+    position_m: float  # up, above the rest position
+    velocity_m_per_s: float
+    elevation_m: float | None  # water surface at the ship, where the record has it
+    pose: ShipPose | None = None  # of the ship, where that is what moves the hang-off
+    aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
 
 
 class SceneMotion(Protocol):
     """Motion by the scene's own sea, in twin time."""
 
-    def between(self, from_ns: int, to_ns: int) -> Sequence[MotionSample]:
+    def between(self, from_ns: int, to_ns: int) -> Sequence[HeaveSample]:
         """Return the samples with from_ns <= stamp_ns < to_ns, in order."""
 
 
@@ -260,10 +257,8 @@ class StudyValidity:
         if scene_motion is None and self._moves:
             return
         expected = self._expected(scene_motion, pose.stamp_ns)
-        self._record_match(
-            pose.stamp_ns,
-            isinstance(expected, ShipPose) and _matches(_numbers(expected), _numbers(pose)),
-        )
+        matches = isinstance(expected, ShipPose) and _matches(_numbers(expected), _numbers(pose))
+        self._record_match(pose.stamp_ns, matches)
 
     def _expected(
         self, scene_motion: SceneMotion | None, stamp_ns: int
@@ -291,10 +286,8 @@ class StudyValidity:
             return
         for winch in shot.winches:
             if winch.off_schedule_s is not None:
-                self._latch(
-                    "winch commands differ from the scene's schedule from "
-                    f"{winch.off_schedule_s:.2f} s on"
-                )
+                since = f"{winch.off_schedule_s:.2f} s on"
+                self._latch(f"winch commands differ from the scene's schedule from {since}")
         if self._strange is not None and now_ns > self._strange[0]:
             self._latch(self._strange[1])
         if self._moves:

@@ -22,8 +22,7 @@ from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
 from rope_twin.view.canvas import decade_range
-from rope_twin.view.lower_end import LowerEnd
-from rope_twin.view.overview import Overview, Surface
+from rope_twin.view.overview import LowerEnd, Overview, Surface
 from rope_twin.view.profile import Profile, WatchedCharts
 from rope_twin.view.series import (
     AHEAD_CURVES,

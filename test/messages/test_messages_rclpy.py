@@ -20,7 +20,7 @@ from rope_twin.messages.reports import (
     encode_estimate,
     encode_forecast,
 )
-from rope_twin.recording.input_log import encode_json
+from rope_twin.recording.session import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
 from rope_twin.twin.winch.commands import WinchCommand
 

@@ -35,7 +35,7 @@ from rope_twin.messages.reports import (
 )
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.input_log import encode_json
+from rope_twin.recording.session import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.winch.commands import WinchCommand

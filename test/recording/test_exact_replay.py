@@ -19,8 +19,8 @@ from rope_twin.files import share_dir
 from rope_twin.messages import decode, encode_heave
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.exact_replay import Outcome, same_payload, verify
-from rope_twin.recording.input_log import decode_json, encode_json
 from rope_twin.recording.recorded_run import Recorded, read_content
+from rope_twin.recording.session import decode_json, encode_json
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene

@@ -15,7 +15,7 @@ from rope_twin.messages import decode, encode_epoch, encode_measurement
 from rope_twin.recording.bag import BagReader
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.exact_replay import Outcome, verify
-from rope_twin.recording.input_log import open_measured
+from rope_twin.recording.motion_source import open_measured
 from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced

@@ -15,7 +15,7 @@ from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.messages import encode_heave
 from rope_twin.messages.inputs import encode_measurement
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.input_log import encode_json
+from rope_twin.recording.session import encode_json
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, INPUT_LOG_TOPIC
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs

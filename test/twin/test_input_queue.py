@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
-from rope_twin.recording.input_log import InputLog, Mark, Skipped, encode_json, read_log
+from rope_twin.recording.session import InputLog, Mark, Skipped, encode_json, read_log
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.input_queue import (

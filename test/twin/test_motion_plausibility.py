@@ -9,7 +9,6 @@ from dataclasses import replace
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.recording.heave import HeaveSample
 from rope_twin.recording.motion_source import FIRST_NS, open_sea
 from rope_twin.scene.load import scene_names
 from rope_twin.twin.health import SenderClock, StuckDetector
@@ -17,6 +16,7 @@ from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.plausibility import end_slope, needed_interval_s, shortest_period_s
 from rope_twin.twin.motion.ship_motion import ShipPose, turned
 from rope_twin.twin.snapshot import InputHealth
+from rope_twin.twin.validity import HeaveSample
 
 STEP_NS, AHEAD_NS, FAULT_NS = 20_000_000, 200_000_000, 8_000_000_000
 SCENE = load_scene("ship_6dof")

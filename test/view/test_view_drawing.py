@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from rope_twin.view import overview
 from rope_twin.view.canvas import decade_range, depth_words, depths_over, round_step, ticks_over
-from rope_twin.view.lower_end import depth_in_words
-from rope_twin.view.overview import eye, frame_for, has_left
+from rope_twin.view.overview import depth_in_words, eye, frame_for, has_left
 
 SPANS = st.floats(1e-6, 1e9)
 VALUES = st.floats(-1e6, 1e6)
@@ -172,7 +171,7 @@ def test_a_ship_under_way_stays_in_the_picture() -> None:
 @given(st.floats(0.0, 80.0))
 def test_hang_off_and_water_are_in_one_picture(above_m: float) -> None:
     """And a hang-off at the water is seen as ever."""
-    position, target = (np.array(point) for point in overview.Sight(above_m).eye())
+    position, target = (np.array(point) for point in overview.SurfaceSight(above_m).eye())
     forward = (target - position) / np.linalg.norm(target - position)
     up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
     for height in (0.0, above_m):
