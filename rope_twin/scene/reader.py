@@ -96,19 +96,22 @@ class Place:
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's composer without aliases, tags and unlimited nesting."""
+    """PyYAML's composer without aliases, tags and unlimited nesting, for the file of a place."""
 
-    depth = 0
+    def __init__(self, text: str, place: Place) -> None:
+        super().__init__(text)
+        self.place, self.depth = place, 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
+        at = Place(self.place.file, "", _line(event))
         if isinstance(event, yaml.AliasEvent):
-            raise _refusal("an alias (*name) is not supported", "write the value out", event)
+            raise at.refuse("an alias (*name) is not supported", "write the value out")
         if getattr(event, "tag", None) is not None:
-            raise _refusal(f"the tag {shown(event.tag)} is not supported", "remove it", event)
+            raise at.refuse(f"the tag {shown(event.tag)} is not supported", "remove it")
         if self.depth >= DEEPEST_NESTING:
             problem = f"more than {DEEPEST_NESTING} levels of nesting"
-            raise _refusal(problem, "follow the structure of the scenes in config/scenes", event)
+            raise at.refuse(problem, "follow the structure of the scenes in config/scenes")
         self.depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
@@ -183,13 +186,11 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
     """Return PyYAML's node tree; its errors become SceneErrors."""
     remedy = "check indentation, colons, quotes and brackets there"
     try:
-        loader = _Loader(text)
+        loader = _Loader(text, place)
         try:
             node: yaml.Node | None = loader.get_single_node()
         finally:
             loader.dispose()
-    except _Refusal as refusal:
-        raise Place(place.file, "", refusal.line).refuse(refusal.problem, refusal.remedy) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark
         at_mark = Place(place.file, "", mark.line + 1 if mark else 0)
@@ -199,18 +200,6 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
         reason = getattr(error, "reason", "unreadable characters")
         raise place.refuse(f"it is not YAML ({reason})", "give a YAML text file") from error
     return node
-
-
-class _Refusal(Exception):
-    """Rejection by the composer, to become a SceneError."""
-
-    def __init__(self, problem: str, remedy: str, line: int) -> None:
-        super().__init__(problem)
-        self.problem, self.remedy, self.line = problem, remedy, line
-
-
-def _refusal(problem: str, remedy: str, event: yaml.Event) -> _Refusal:
-    return _Refusal(problem, remedy, _line(event))
 
 
 def _convert(node: yaml.Node, place: Place, errors: SceneErrors, line: int = 0) -> Item:
@@ -305,11 +294,21 @@ def read_object(
         SceneError: for every key that is unknown, missing or has an invalid value.
     """
     fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
-    mapping, errors = _mapping(item, place, fields), SceneErrors()
-    hints = _hints_of(cls)
+    mapping, errors, hints = item.value, SceneErrors(), _hints_of(cls)
+    if not isinstance(mapping, dict):
+        remedy = (
+            f"give a mapping with {', '.join(fields)}" if fields else "give an empty mapping {}"
+        )
+        raise place.refuse(f"{kind(item)} instead of a mapping", remedy)
     unknown = _refuse_unknown(mapping, place, fields, hints, errors)
-    missing = [field for name, field in fields.items() if _needed(field) and name not in mapping]
-    missing = [field for field in missing if f"did you mean '{key_of(field)}'?" not in unknown]
+    missing = [
+        field
+        for name, field in fields.items()
+        if field.init
+        and field.default is field.default_factory is dataclasses.MISSING
+        and name not in mapping
+        and f"did you mean '{name}'?" not in unknown
+    ]
     if missing:
         names = ", ".join(field.name for field in missing)
         remedy = f"add {missing[0].name} ({_meaning(missing[0])})"
@@ -318,15 +317,12 @@ def read_object(
     for name, child in mapping.items():
         if name not in fields:
             continue
-        below = place.key(name, child.line)
-        reader = readers.get(f"{cls.__name__}.{name}")
-        field = fields[name]
+        below, field = place.key(name, child.line), fields[name]
         with errors:
-            values[field.name] = (
-                reader(child, below)
-                if reader
-                else _read(hints[field.name], child, below, field, readers)
-            )
+            if reader := readers.get(f"{cls.__name__}.{name}"):
+                values[field.name] = reader(child, below)
+            else:
+                values[field.name] = _read(hints[field.name], child, below, field, readers)
     errors.raise_any()
     result = cls(**values)
     complaint = result.check() if hasattr(result, "check") else None
@@ -337,14 +333,6 @@ def read_object(
 
 
 _hints_of = cache(get_type_hints)  # evaluating annotations takes longer than reading their values
-
-
-def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
-    """Return the pairs of a mapping."""
-    if not isinstance(item.value, dict):
-        remedy = f"give a mapping with {', '.join(known)}" if known else "give an empty mapping {}"
-        raise place.refuse(f"{kind(item)} instead of a mapping", remedy)
-    return item.value
 
 
 def _refuse_unknown(
@@ -397,12 +385,6 @@ def key_of(field: dataclasses.Field[Any]) -> str:
     return field.name.rstrip("_")
 
 
-def _needed(field: dataclasses.Field[Any]) -> bool:
-    return (
-        field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-    ) and field.init
-
-
 def _meaning(field: dataclasses.Field[Any]) -> str:
     """Return a field's description, with its range if it has one."""
     quantity: Quantity | None = field.metadata.get("quantity")
@@ -422,28 +404,42 @@ def _read(
         raise place.refuse("no value", f"give one ({meaning}) or remove the key")
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return read_object(hint, item, place, readers)
-    if get_origin(hint) is tuple:
-        return _read_list(get_args(hint), item, place, field, readers)
-    if get_origin(hint) is dict:
-        return _read_named(get_args(hint)[1], item, place, field, readers)
+    if get_origin(hint) in (tuple, dict):
+        return _read_entries(hint, item, place, field, readers)
     if hint is bool:
-        return _read_truth(item, place, meaning)
+        if not isinstance(item.value, bool):
+            remedy = f"write true or false ({meaning})"
+            raise place.refuse(f"{kind(item)} is not true or false", remedy)
+        return item.value
     if hint is str:
-        return _read_text(item, place, meaning)
+        if item.doubt:
+            raise place.refuse(f"{shown(item.value)} {item.doubt}", "put it in quotes")
+        if not isinstance(item.value, str):
+            remedy = "give words" if isinstance(item.value, dict | list) else "put it in quotes"
+            raise place.refuse(f"{kind(item)} is not text", f"{remedy} ({meaning})")
+        return " ".join(item.value.split())
     if hint in (int, float):
         return _read_number(hint, item, place, field)
     raise TypeError(f"{field.name}: the reader does not support {hint}")  # a defect of the program
 
 
-def _read_list(
-    hints: tuple[Any, ...],
-    item: Item,
-    place: Place,
-    field: dataclasses.Field[Any],
-    readers: Readers,
-) -> tuple[Any, ...]:
-    """Return a tuple of a fixed length, or of any length where the hint ends with an ellipsis."""
-    meaning = _meaning(field)
+def _read_entries(
+    hint: Any, item: Item, place: Place, field: dataclasses.Field[Any], readers: Readers
+) -> Any:
+    """Return a mapping from names chosen in the file, or a tuple.
+
+    Its length is fixed, or any where the hint ends with an ellipsis.
+    """
+    meaning, hints, errors = _meaning(field), get_args(hint), SceneErrors()
+    if get_origin(hint) is dict:
+        if not isinstance(item.value, dict):
+            raise place.refuse(f"{kind(item)} instead of a mapping", f"give names ({meaning})")
+        named = {}
+        for name, child in item.value.items():
+            with errors:
+                named[name] = _read(hints[1], child, place.key(name, child.line), field, readers)
+        errors.raise_any()
+        return named
     if not isinstance(item.value, list):
         raise place.refuse(f"{kind(item)} instead of a list", f"give a list ({meaning})")
     if hints[-1] is Ellipsis:
@@ -451,41 +447,12 @@ def _read_list(
     if len(item.value) != len(hints):
         problem = f"{len(item.value)} values in the list"
         raise place.refuse(problem, f"give {len(hints)} ({meaning})")
-    errors, values = SceneErrors(), []
-    for number, (hint, child) in enumerate(zip(hints, item.value, strict=True)):
+    values = []
+    for number, (one, child) in enumerate(zip(hints, item.value, strict=True)):
         with errors:
-            values.append(_read(hint, child, place.index(number, child.line), field, readers))
+            values.append(_read(one, child, place.index(number, child.line), field, readers))
     errors.raise_any()
     return tuple(values)
-
-
-def _read_named(
-    hint: Any, item: Item, place: Place, field: dataclasses.Field[Any], readers: Readers
-) -> dict[str, Any]:
-    """Return a mapping from names chosen in the file."""
-    if not isinstance(item.value, dict):
-        raise place.refuse(f"{kind(item)} instead of a mapping", f"give names ({_meaning(field)})")
-    errors, values = SceneErrors(), {}
-    for name, child in item.value.items():
-        with errors:
-            values[name] = _read(hint, child, place.key(name, child.line), field, readers)
-    errors.raise_any()
-    return values
-
-
-def _read_truth(item: Item, place: Place, meaning: str) -> bool:
-    if not isinstance(item.value, bool):
-        raise place.refuse(f"{kind(item)} is not true or false", f"write true or false ({meaning})")
-    return item.value
-
-
-def _read_text(item: Item, place: Place, meaning: str) -> str:
-    if item.doubt:
-        raise place.refuse(f"{shown(item.value)} {item.doubt}", "put it in quotes")
-    if not isinstance(item.value, str):
-        remedy = "put it in quotes" if not isinstance(item.value, dict | list) else "give words"
-        raise place.refuse(f"{kind(item)} is not text", f"{remedy} ({meaning})")
-    return " ".join(item.value.split())
 
 
 def _read_number(
