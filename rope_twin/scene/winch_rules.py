@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 from rope_twin.errors import did_you_mean
@@ -16,7 +16,6 @@ from rope_twin.scene.winch import (
     SWITCHES,
     WHEN_COMMANDER_LOST,
     BendingSheave,
-    ScheduleRow,
     Winch,
 )
 
@@ -41,56 +40,50 @@ def line_out_faults(scene: Scene) -> Iterator[Fault]:
             yield f"ropes[{number}].length_m", problem, remedy
 
 
-def _schedule(scene: Scene) -> Iterator[Fault]:
-    for path, winch in winches(scene):
-        yield from _one_schedule(path, winch)
+def _of_each(rule: Callable[[Winch], Iterator[Fault]]) -> Rule:
+    """Return a rule of scenes from one of winches, whose paths begin at the winch."""
+
+    def check(scene: Scene) -> Iterator[Fault]:
+        for path, winch in winches(scene):
+            for key, problem, remedy in rule(winch):
+                yield f"{path}.{key}", problem, remedy
+
+    return check
 
 
-def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
+def _schedule(winch: Winch) -> Iterator[Fault]:
     for number, row in enumerate(winch.schedule):
         if row.speed_m_per_s is not None and abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
             problem = f"{row.speed_m_per_s:g} m/s exceeds the winch's {winch.speed_limit_m_per_s:g}"
             remedy = "slow it down, or raise speed_limit_m_per_s"
-            yield f"{path}.schedule[{number}].speed_m_per_s", problem, remedy
+            yield f"schedule[{number}].speed_m_per_s", problem, remedy
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
         is_switch = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
         if after.at_s <= before.at_s and not is_switch:
             problem = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
-            yield (
-                f"{path}.schedule[{number}].at_s",
-                problem,
-                "order the rows by time, each time once",
-            )
-    repeat, where = winch.schedule_repeats_every_s, f"{path}.schedule_repeats_every_s"
-    if repeat is None:
-        return
-    if not winch.schedule:
+            yield f"schedule[{number}].at_s", problem, "order the rows by time, each time once"
+    repeat, where = winch.schedule_repeats_every_s, "schedule_repeats_every_s"
+    if repeat is not None and not winch.schedule:
         yield where, "there is no schedule to repeat", "add `schedule`, or remove this"
-    elif repeat <= winch.schedule[-1].at_s:
+    elif repeat is not None and repeat <= winch.schedule[-1].at_s:
         problem = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
         yield where, problem, "give more than the time of the last row"
 
 
-def _parts(scene: Scene) -> Iterator[Fault]:
-    for path, winch in winches(scene):
-        if winch.drive is not None and winch.drum is None:
-            problem = "a drive turns a drum, and there is none"
-            yield f"{path}.drive", problem, "add `drum: {core_radius_m: ..., turns_per_layer: ...}`"
-        if winch.brake is not None and winch.drive is None:
-            problem = "a brake acts on the inertia of a drive, and there is none"
-            yield (
-                f"{path}.brake",
-                problem,
-                "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`",
-            )
+def _parts(winch: Winch) -> Iterator[Fault]:
+    if winch.drive is not None and winch.drum is None:
+        remedy = "add `drum: {core_radius_m: ..., turns_per_layer: ...}`"
+        yield "drive", "a drive turns a drum, and there is none", remedy
+    if winch.brake is not None and winch.drive is None:
+        remedy = "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`"
+        yield "brake", "a brake acts on the inertia of a drive, and there is none", remedy
 
 
-def _passive(scene: Scene) -> Iterator[Fault]:
+def _passive(winch: Winch) -> Iterator[Fault]:
     """A passive compensator gives way ahead of a winch that holds its line."""
-    for path, winch in winches(scene):
-        if winch.passive_compensation is not None and winch.drive is not None:
-            problem = "it is between the rope and a winch that holds its line, and this one renders"
-            yield f"{path}.passive_compensation", problem, "remove it, or `drive` and `brake`"
+    if winch.passive_compensation is not None and winch.drive is not None:
+        problem = "it is between the rope and a winch that holds its line, and this one renders"
+        yield "passive_compensation", problem, "remove it, or `drive` and `brake`"
 
 
 def _sheave(scene: Scene) -> Iterator[Fault]:
@@ -106,16 +99,13 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
                 yield f"{path}.outer_wire_m", problem, "give the diameter of one outer wire"
 
 
-def _bend_order(scene: Scene) -> Iterator[Fault]:
+def _bend_order(winch: Winch) -> Iterator[Fault]:
     """Yield a drum that is not further inboard than the sheaves before it."""
-    for path, winch in winches(scene):
-        ends = [sheave.inboard_m + sheave.arc_m for sheave in winch.inboard_sheaves]
-        if winch.drum is not None and ends and winch.drum.inboard_m < max(ends):
-            problem = (
-                f"the drum at {winch.drum.inboard_m:g} m is outboard of a sheave, which ends at "
-            )
-            remedy = "give its distance from the hang-off along the rope"
-            yield f"{path}.drum.inboard_m", f"{problem}{max(ends):g} m", remedy
+    end_m = max((one.inboard_m + one.arc_m for one in winch.inboard_sheaves), default=0.0)
+    if winch.drum is not None and winch.drum.inboard_m < end_m:
+        place = f"the drum at {winch.drum.inboard_m:g} m"
+        problem = f"{place} is outboard of a sheave, which ends at {end_m:g} m"
+        yield "drum.inboard_m", problem, "give its distance from the hang-off along the rope"
 
 
 def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]:
@@ -133,51 +123,44 @@ def _passed(scene: Scene, line: RopeLine) -> Iterator[tuple[str, BendingSheave]]
         yield f"{path}.inboard_sheaves[{number}]", sheave
 
 
-def _commander(scene: Scene) -> Iterator[Fault]:
+def _commander(winch: Winch) -> Iterator[Fault]:
     """A winch supports its action for a lost commander."""
-    for path, winch in winches(scene):
-        key, action = f"{path}.when_commander_lost", winch.when_commander_lost
-        if action not in WHEN_COMMANDER_LOST:
-            yield key, f"'{action}' is unknown", did_you_mean(action, WHEN_COMMANDER_LOST)
-        elif action == SET_THE_BRAKE and winch.brake is None:
-            remedy = f"add `brake` to it, or use {RAMP_TO_ZERO}"
-            yield key, f"'{action}' but this winch has no brake", remedy
+    key, action = "when_commander_lost", winch.when_commander_lost
+    if action not in WHEN_COMMANDER_LOST:
+        yield key, f"'{action}' is unknown", did_you_mean(action, WHEN_COMMANDER_LOST)
+    elif action == SET_THE_BRAKE and winch.brake is None:
+        remedy = f"add `brake` to it, or use {RAMP_TO_ZERO}"
+        yield key, f"'{action}' but this winch has no brake", remedy
 
 
-def _follows(scene: Scene) -> Iterator[Fault]:
+def _follows(winch: Winch) -> Iterator[Fault]:
     """A winch that follows its measured line out has no motion of its own."""
-    for path, winch in winches(scene):
-        if winch.follows not in FOLLOWS:
-            remedy = did_you_mean(winch.follows, FOLLOWS)
-            yield f"{path}.follows", f"'{winch.follows}' is unknown", remedy
-        elif winch.follows == FOLLOWS_MEASURED and winch.passive_compensation is not None:
-            problem = "the stroke of `passive_compensation` is not part of a measured line out"
-            yield f"{path}.follows", problem, "remove the compensator, or follow commands"
+    if winch.follows not in FOLLOWS:
+        yield "follows", f"'{winch.follows}' is unknown", did_you_mean(winch.follows, FOLLOWS)
+    elif winch.follows == FOLLOWS_MEASURED and winch.passive_compensation is not None:
+        problem = "the stroke of `passive_compensation` is not part of a measured line out"
+        yield "follows", problem, "remove the compensator, or follow commands"
 
 
-def _rows(scene: Scene) -> Iterator[Fault]:
-    for path, winch in winches(scene):
-        for number, row in enumerate(winch.schedule):
-            for key, problem, right in _row(winch, row):
-                yield f"{path}.schedule[{number}].{key}", problem, right
-
-
-def _row(winch: Winch, row: ScheduleRow) -> Iterator[Fault]:
+def _rows(winch: Winch) -> Iterator[Fault]:
     least, most = winch.least_line_out_m, winch.most_line_out_m
-    if row.line_out_m is not None and not least <= row.line_out_m <= most:
-        problem = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
-        yield "line_out_m", problem, "change it, or least_line_out_m or most_line_out_m"
-    if row.tension_n is not None and winch.constant_tension is None:
-        problem = "this winch has no constant-tension mode"
-        yield "tension_n", problem, "add `constant_tension: {gain_m_per_s_per_kn: ...}` to it"
-    if row.switch is None:
-        return
-    if row.switch not in SWITCHES:
-        yield "switch", f"'{row.switch}' is unknown", did_you_mean(row.switch, SWITCHES)
-    elif getattr(winch, SWITCHES[row.switch]) is None:
-        part = SWITCHES[row.switch]
-        problem = f"'{row.switch}' but this winch has no {part.replace('_', ' ')}"
-        yield "switch", problem, f"add `{part}` to it"
+    for number, row in enumerate(winch.schedule):
+        path = f"schedule[{number}]"
+        if row.line_out_m is not None and not least <= row.line_out_m <= most:
+            problem = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
+            remedy = "change it, or least_line_out_m or most_line_out_m"
+            yield f"{path}.line_out_m", problem, remedy
+        if row.tension_n is not None and winch.constant_tension is None:
+            problem = "this winch has no constant-tension mode"
+            remedy = "add `constant_tension: {gain_m_per_s_per_kn: ...}` to it"
+            yield f"{path}.tension_n", problem, remedy
+        if row.switch is not None and row.switch not in SWITCHES:
+            remedy = did_you_mean(row.switch, SWITCHES)
+            yield f"{path}.switch", f"'{row.switch}' is unknown", remedy
+        elif row.switch is not None and getattr(winch, SWITCHES[row.switch]) is None:
+            part = SWITCHES[row.switch]
+            problem = f"'{row.switch}' but this winch has no {part.replace('_', ' ')}"
+            yield f"{path}.switch", problem, f"add `{part}` to it"
 
 
 def _depth(scene: Scene) -> Iterator[Fault]:
@@ -192,13 +175,8 @@ def _depth(scene: Scene) -> Iterator[Fault]:
 
 WINCH_RULES: tuple[Rule, ...] = (
     line_out_faults,
-    _schedule,
-    _parts,
-    _passive,
+    *map(_of_each, (_schedule, _parts, _passive)),
     _sheave,
-    _bend_order,
-    _commander,
-    _follows,
-    _rows,
+    *map(_of_each, (_bend_order, _commander, _follows, _rows)),
     _depth,
 )
