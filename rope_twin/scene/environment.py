@@ -15,7 +15,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams, WaveSystem
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.files import share_dir
-from rope_twin.scene.schema import Fault, OnWaves, Rule, Scene, Triple
+from rope_twin.scene.schema import Fault, Rule, Scene, Triple
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import NO_CONVENTIONS, Responses
 from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_way
@@ -279,10 +279,11 @@ def _responses(scene: Scene) -> Iterator[Fault]:
             yield where, "`crane_tip_m` and `conventions` are those of an RAO file", remedy
         return
     try:
-        table = _table_of(scene, riding)
+        table = vessel_raos(scene)
     except InputError as error:
         yield f"{where}.responses", *_halves(error)
         return
+    assert table is not None, "its file is named"
     if riding.crane_tip_m is not None:
         if scene.ship.reference_m is not None:
             problem = "both `crane_tip_m` and `ship.reference_m` are given"
@@ -298,11 +299,6 @@ def _responses(scene: Scene) -> Iterator[Fault]:
         yield where, problem, remedy
 
 
-def _table_of(scene: Scene, riding: OnWaves) -> Responses:
-    """Return the RAOs of a scene's vessel. Raises InputError."""
-    return read_responses(beside(scene, riding.responses), riding.conventions)
-
-
 def vessel_raos(scene: Scene) -> Responses | None:
     """Return the RAOs that a scene's ship moves by; None if it has no table of them.
 
@@ -310,7 +306,9 @@ def vessel_raos(scene: Scene) -> Responses | None:
         InputError: the file is invalid.
     """
     riding = scene.sea_state.on_waves
-    return None if riding is None or not riding.responses else _table_of(scene, riding)
+    if riding is None or not riding.responses:
+        return None
+    return read_responses(beside(scene, riding.responses), riding.conventions)
 
 
 def reference_point_m(scene: Scene) -> Triple:
@@ -325,9 +323,10 @@ def reference_point_m(scene: Scene) -> Triple:
     riding, hang_off_m = scene.sea_state.on_waves, scene.ship.hang_off_m
     if riding is None or riding.crane_tip_m is None:
         return scene.ship.reference_m or hang_off_m
-    origin = _table_of(scene, riding).origin_m
-    assert origin is not None, "checked when the scene was read"
-    x, y, z = (tip - origin_m for tip, origin_m in zip(riding.crane_tip_m, origin, strict=True))
+    table = vessel_raos(scene)
+    assert table is not None, "its file is named"
+    assert table.origin_m is not None, "checked when the scene was read"
+    x, y, z = (tip - own for tip, own in zip(riding.crane_tip_m, table.origin_m, strict=True))
     c, s = cos(radians(riding.heading_deg)), sin(radians(riding.heading_deg))
     return hang_off_m[0] - (c * x - s * y), hang_off_m[1] - (s * x + c * y), hang_off_m[2] - z
 

@@ -25,6 +25,7 @@ from rope_twin.scene.grid import elements_with
 from rope_twin.scene.net_grid import net_faults, with_nets
 from rope_twin.scene.reader import Item, Place, kind, read_choice, read_document, read_object
 from rope_twin.scene.relations import faults, independent_faults
+from rope_twin.scene.rigging import winches_by_name, with_winches
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import SHAPES
 from rope_twin.scene.winch import FOLLOWS_MEASURED
@@ -205,13 +206,11 @@ def load_scene(name_or_path: str | Path) -> Scene:
             digest=hashlib.sha256(data).hexdigest(),
         )
     errors.raise_any()
-    for where, problem, remedy in net_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(problem, remedy))
-    errors.raise_any()
-    scene = with_nets(scene) if scene.nets else scene
-    for where, problem, remedy in independent_faults(scene):
-        errors.add(Place(path, where, tree.find(where).line).refuse(problem, remedy))
-    errors.raise_any()
+    for find_faults in (net_faults, independent_faults):
+        for where, problem, remedy in find_faults(scene):
+            errors.add(Place(path, where, tree.find(where).line).refuse(problem, remedy))
+        errors.raise_any()
+        scene = with_nets(scene) if scene.nets else scene
     return _with_files_found(scene)
 
 
@@ -337,11 +336,16 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
     """
     if not changes:
         return scene
-    scene = change_part(scene, changes, scene.path)
-    for where, problem, right in faults(scene):
-        raise Place(scene.path, where).refuse(problem, right)
+    scene = _checked(change_part(scene, changes, scene.path))
     content = "\n".join([scene.digest, *(repr(change) for change in changes)])
     return dataclasses.replace(scene, digest=hashlib.sha256(content.encode()).hexdigest())
+
+
+def _checked(scene: Scene) -> Scene:
+    """Return the scene, or raise its first fault between values."""
+    for where, problem, remedy in faults(scene):
+        raise Place(scene.path, where).refuse(problem, remedy)
+    return scene
 
 
 Part = TypeVar("Part")
@@ -382,21 +386,12 @@ def following_measured(scene: Scene) -> Scene:
     Raises:
         SceneError: there is no winch, or one cannot follow.
     """
-    winch = scene.winch and dataclasses.replace(scene.winch, follows=FOLLOWS_MEASURED)
-    hang_offs = tuple(
-        dataclasses.replace(
-            hang_off,
-            winch=hang_off.winch and dataclasses.replace(hang_off.winch, follows=FOLLOWS_MEASURED),
-        )
-        for hang_off in scene.hang_offs
-    )
-    if winch is None and not any(hang_off.winch for hang_off in hang_offs):
+    if not winches_by_name(scene):
         place = Place(scene.path, "winch")
         raise place.refuse("there is no winch that could follow a measured line out", "add one")
-    scene = dataclasses.replace(scene, winch=winch, hang_offs=hang_offs)
-    for where, problem, right in faults(scene):
-        raise Place(scene.path, where).refuse(problem, right)
-    return scene
+    return _checked(
+        with_winches(scene, lambda _, winch: dataclasses.replace(winch, follows=FOLLOWS_MEASURED))
+    )
 
 
 def _steps(change: Change, place: Place) -> list[str | int | None]:

@@ -28,16 +28,14 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.grid import FEWEST_ELEMENTS
-from rope_twin.scene.rigging import NetPart, winch_of
+from rope_twin.scene.rigging import NetPart, runs_over_sheave, winch_of, with_winches
 from rope_twin.scene.schema import (
-    WINCH,
     Fault,
     FlexibleNet,
     Joint,
     Rope,
     RopeLine,
     Scene,
-    ScheduleRow,
     Winch,
 )
 from rope_twin.scene.winch import FOLLOWS_MEASURED
@@ -92,11 +90,8 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]
         remedy = "let some rope be left above the net"
         yield "to_m", f"the net reaches {net.to_m:g} m up '{name}' of {line.length_m:g} m", remedy
     if line.rope is None or line.grading is not None:
-        yield (
-            "between",
-            f"'{name}' has sections or a grading",
-            "give it one `rope`, without grading",
-        )
+        problem = f"'{name}' has sections or a grading"
+        yield "between", problem, "give it one `rope`, without grading"
     winch = winch_of(scene, line)
     if winch is not None and winch.follows == FOLLOWS_MEASURED:
         problem = f"the winch of '{name}' follows a measured line out, which no net divides"
@@ -107,7 +102,7 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]
             f"than {winch.least_line_out_m:g} m out"
         )
         yield "to_m", problem, f"raise least_line_out_m to {net.to_m + LEFT_M:g} m at least"
-    if any(line.to == sheave.name for sheave in scene.sheaves):
+    if runs_over_sheave(scene, line):
         yield "between", f"'{name}' runs over a sheave, which no net passes", "name another rope"
     if line.fixed_at_m is not None and net.from_m == 0.0:
         yield "from_m", f"the lower end of '{name}' is fixed", "begin the net above it"
@@ -185,28 +180,23 @@ def _panels(net: FlexibleNet) -> NetCurtainParams:
 def _shortened(scene: Scene) -> Scene:
     """Return the scene with the limits of its winches for the rope above the highest net."""
 
-    def above(name: str, winch: Winch | None) -> Winch | None:
-        lines = [line.name for line in scene.ropes if line.from_ == name]
-        reach_m = max((n.to_m for n in scene.nets if {*lines} & {*n.between}), default=0.0)
-        if winch is None or not reach_m:
+    def above(name: str, winch: Winch) -> Winch:
+        lines = {line.name for line in scene.ropes if line.from_ == name}
+        reach_m = max((net.to_m for net in scene.nets if lines & {*net.between}), default=0.0)
+        if not reach_m:
             return winch
+        schedule = [
+            row if row.line_out_m is None else replace(row, line_out_m=row.line_out_m - reach_m)
+            for row in winch.schedule
+        ]
         return replace(
             winch,
             least_line_out_m=winch.least_line_out_m - reach_m,
             most_line_out_m=winch.most_line_out_m - reach_m,
-            schedule=tuple(_less(row, reach_m) for row in winch.schedule),
+            schedule=tuple(schedule),
         )
 
-    hang_offs = tuple(
-        replace(hang_off, winch=above(hang_off.name, hang_off.winch))
-        for hang_off in scene.hang_offs
-    )
-    return replace(scene, winch=above(WINCH, scene.winch), hang_offs=hang_offs)
-
-
-def _less(row: ScheduleRow, reach_m: float) -> ScheduleRow:
-    """Return a row of a schedule with its line out less the reach of the nets."""
-    return row if row.line_out_m is None else replace(row, line_out_m=row.line_out_m - reach_m)
+    return with_winches(scene, above)
 
 
 def _heights(net: FlexibleNet) -> list[float]:

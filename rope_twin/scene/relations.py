@@ -27,6 +27,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import RopeTwinError, did_you_mean
 from rope_twin.scene.environment import ENVIRONMENT_RULES
 from rope_twin.scene.grid import ends_m, grading_faults
+from rope_twin.scene.lift import listed_effects
 from rope_twin.scene.rigging import (
     RIGGING_RULES,
     body_holds,
@@ -68,9 +69,8 @@ def independent_faults(scene: Scene) -> list[Fault]:
 
 
 def _names(scene: Scene) -> Iterator[Fault]:
-    ropes = [line.name for line in scene.ropes]
-    payloads = [payload.name for payload in scene.payloads]
-    for key, names in (("ropes", ropes), ("payloads", payloads)):
+    for key in ("ropes", "payloads"):
+        names = [part.name for part in getattr(scene, key)]
         counts = Counter(names)
         for number, name in enumerate(names):
             if not name:
@@ -82,12 +82,8 @@ def _names(scene: Scene) -> Iterator[Fault]:
 
 def _payload_figures(scene: Scene) -> Iterator[Fault]:
     for number, payload in enumerate(scene.payloads):
-        figures = {
-            "displaced_volume_m3": payload.displaced_volume_m3,
-            "added_mass_kg": payload.added_mass_kg,
-            "drag_area_m2": payload.drag_area_m2,
-        }
-        missing = [name for name, value in figures.items() if value is None]
+        figures = ("displaced_volume_m3", "added_mass_kg", "drag_area_m2")
+        missing = [name for name in figures if getattr(payload, name) is None]
         if payload.shape is None and missing:
             problem = f"without a shape {', '.join(missing)} cannot be known"
             yield f"payloads[{number}]", problem, "add a shape, or these keys"
@@ -174,8 +170,7 @@ _NEEDED = (  # effect, another that it cannot be without, why, and how to list t
 
 
 def _effects(scene: Scene) -> Iterator[Fault]:
-    names = {effect.params: effect.name for effect in EFFECTS}
-    listed = [names[type(params)] for params in scene.effects]
+    listed = [*listed_effects(scene)]
     if "payload" in listed and not (scene.payloads or scene.joints):
         yield "effects", "`payload` is listed but no payload is", "add `payloads`, or remove it"
     shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
@@ -206,14 +201,11 @@ def _depth_profiles(scene: Scene) -> Iterator[Fault]:
     params = scene.listed(DepthProfilesParams)
     if params is None:
         return
-    names = {effect.params: effect.name for effect in EFFECTS}
-    listed = [names[type(params)] for params in scene.effects]
+    listed = listed_effects(scene)
     where, drag, rho = "effects", scene.listed(DragParams), params.density_kg_per_m3
     density = scene.environment.water_density_kg_per_m3
-    if shedding_model(scene):
-        problem = (
-            f"`depth_profiles` and `{shedding_model(scene)}`, whose water is the same all over"
-        )
+    if model := shedding_model(scene):
+        problem = f"`depth_profiles` and `{model}`, whose water is the same all over"
         yield where, problem, "keep one of them"
     if params.drag_factor and drag is None:
         problem = "`depth_profiles` scales the coefficients of `drag`, which is not listed"
@@ -270,42 +262,28 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
         yield "ropes[0].rope", "`compensator` is the rope's lowest section, and it has one", remedy
         return
     if line.fixed_at_m is not None:
-        remedy = "give the rope a payload, or remove it"
-        yield (
-            "ropes[0].fixed_at_m",
-            "`compensator` carries a payload, and this end is fixed",
-            remedy,
-        )
+        problem = "`compensator` carries a payload, and this end is fixed"
+        yield "ropes[0].fixed_at_m", problem, "give the rope a payload, or remove it"
     unit_m = line.made_of[0].length_m or 0.0
     least_m = scene.winch.least_line_out_m if scene.winch else 2.0 * unit_m
     if least_m < 2.0 * unit_m:
         problem = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
-        yield (
-            "winch.least_line_out_m",
-            problem,
-            f"give at least twice its length, {2.0 * unit_m:g} m",
-        )
-    names = {effect.params: effect for effect in EFFECTS}
-    for kind in (names[type(params)] for params in scene.effects):
-        if kind.sheds or kind.name == "bending":
-            problem = (
-                f"`{kind.name}` acts on the whole rope, and its lowest section is a compensator"
-            )
-            yield "effects", problem, f"remove `{kind.name}` or `compensator`"
+        remedy = f"give at least twice its length, {2.0 * unit_m:g} m"
+        yield "winch.least_line_out_m", problem, remedy
+    listed = listed_effects(scene)
+    for effect in EFFECTS:
+        if effect.name in listed and (effect.sheds or effect.name == "bending"):
+            whole = f"`{effect.name}` acts on the whole rope"
+            problem = f"{whole}, and its lowest section is a compensator"
+            yield "effects", problem, f"remove `{effect.name}` or `compensator`"
 
 
-def _hull_contact(scene: Scene) -> Iterator[Fault]:
-    """Boxes that move with the hang-off are for a rope that begins there."""
+def _rope_contact(scene: Scene) -> Iterator[Fault]:
+    """Boxes that move with the hang-off are for a rope that begins there; ropes touch others."""
     if scene.listed(HullContactParams) is not None and is_joined(scene):
         problem = "`hull_contact` moves with the hang-off of a single rope, and this scene has more"
         yield "effects", problem, "remove it, or the other ropes and connections"
-
-
-def _line_contact(scene: Scene) -> Iterator[Fault]:
-    """Yield contact between ropes in a scene with one."""
-    if scene.listed(LineContactParams) is None:
-        return
-    if len(scene.ropes) < 2:
+    if scene.listed(LineContactParams) is not None and len(scene.ropes) < 2:
         problem = "`line_contact` acts between ropes, and this scene has one"
         yield "effects", problem, "remove it, or add ropes"
 
@@ -398,20 +376,15 @@ def _fairings_of_one_kind(scene: Scene) -> Iterator[Fault]:
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
     """An effect at the lower end needs a payload there."""
     names = [payload.name for payload in scene.payloads]
-    kinds = {NetParams: "net", FairingParams: "fairing", PayloadSheddingParams: "payload_shedding"}
-    for effect in scene.effects:
-        name = kinds.get(type(effect))
-        if name is None:
+    for name, effect in listed_effects(scene).items():
+        if name not in ("net", "fairing", "payload_shedding"):
             continue
         if not names:
             problem = f"`{name}` is at the payload, and there is none"
             yield "effects", problem, "give the rope a payload, or remove it"
         elif effect.payload and effect.payload not in names:
-            problem, remedy = (
-                f"there is no payload '{effect.payload}'",
-                did_you_mean(effect.payload, names),
-            )
-            yield f"effects.{name}.payload", problem, remedy
+            remedy = did_you_mean(effect.payload, names)
+            yield f"effects.{name}.payload", f"there is no payload '{effect.payload}'", remedy
 
 
 def _shedding_payload(scene: Scene) -> Iterator[Fault]:
@@ -471,8 +444,7 @@ RULES: tuple[Rule, ...] = (
     _effects,
     _depth_profiles,
     _compensator,
-    _hull_contact,
-    _line_contact,
+    _rope_contact,
     _payload_contact,
     _payload_oscillation,
     _drag_that_grows,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.compensator import CompensatorParams
@@ -79,26 +80,26 @@ def winches_by_name(scene: Scene) -> dict[str, Winch]:
     return {name: winch for name, winch in named.items() if winch}
 
 
+def with_winches(scene: Scene, change: Callable[[str, Winch], Winch]) -> Scene:
+    """Return the scene with each winch as `change` makes it from its hang-off's name and itself."""
+    hang_offs = tuple(
+        replace(one, winch=one.winch and change(one.name, one.winch)) for one in scene.hang_offs
+    )
+    return replace(scene, winch=scene.winch and change(WINCH, scene.winch), hang_offs=hang_offs)
+
+
 def meeting_points(scene: Scene) -> list[str]:
     """Return the names of payloads, joints and sheaves."""
-    names = [*(payload.name for payload in scene.payloads), *(joint.name for joint in scene.joints)]
-    return [*names, *(sheave.name for sheave in scene.sheaves)]
-
-
-def _parts_given(scene: Scene) -> Iterator[Fault]:
-    if not scene.ropes:
-        yield "ropes", "no rope is given", "give at least one"
+    points: tuple[Any, ...] = (*scene.payloads, *scene.joints, *scene.sheaves)
+    return [point.name for point in points]
 
 
 def _own_names(scene: Scene) -> Iterator[Fault]:
-    """Payloads, joints and hang-offs have unique names."""
-    groups = {
-        "payloads": [payload.name for payload in scene.payloads],
-        "joints": [joint.name for joint in scene.joints],
-        "hang_offs": [hang_off.name for hang_off in scene.hang_offs],
-        "struts": [strut.name for strut in scene.struts],
-        "sheaves": [sheave.name for sheave in scene.sheaves],
-    }
+    """There is a rope; payloads, joints and hang-offs have unique names."""
+    if not scene.ropes:
+        yield "ropes", "no rope is given", "give at least one"
+    keys = ("payloads", "joints", "hang_offs", "struts", "sheaves")
+    groups = {key: [part.name for part in getattr(scene, key)] for key in keys}
     counts = Counter([WINCH, *(name for names in groups.values() for name in names)])
     for key, names in groups.items():
         for number, name in enumerate(names):
@@ -230,7 +231,6 @@ def _own_bending(scene: Scene) -> Iterator[Fault]:
 
 
 RIGGING_RULES: tuple[Rule, ...] = (
-    _parts_given,
     _own_names,
     _upper_ends,
     _lower_ends,
@@ -392,15 +392,11 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
         yield "effects.net_curtain.rope", f"there is no rope '{curtain.rope}'", remedy
         return
     yield from _curtain_between(curtain.between, names)
-    between = (
-        {curtain.rope or name for name in names}
-        if not curtain.between
-        else {*sum(curtain.between, ())}
-    )
+    between = {name for pair in curtain.between for name in pair}
     for line in scene.ropes:
-        if line.name not in between:
+        if line.name not in (between or {curtain.rope or line.name}):
             continue
-        if any(line.to == sheave.name for sheave in scene.sheaves):
+        if runs_over_sheave(scene, line):
             problem = f"'{line.name}' runs over a sheave, which no net passes"
             yield "effects.net_curtain.rope", problem, "name another rope"
         winch = winch_of(scene, line)
