@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from rope_twin.errors import InputError, did_you_mean
-from rope_twin.feeds import line_monitors, motion_sensors
+from rope_twin.feeds import telegrams
 from rope_twin.feeds.readings import OPCUA_START, START, OpcNode, Parser, Register
 from rope_twin.files import share_dir
 from rope_twin.quantity import quantity, text
@@ -262,66 +262,66 @@ OCTANS_SENTENCES = ("PHTRO PHLIN", "PHTRO PHLIN PHSPD", "PHLIN PHSPD", "PHLIN")
 FORMATS: dict[str, Format] = {
     "lci90": Format(
         LINE, "MTNW LCI-90 and LCI-90i: RD, with or without time and name",
-        lambda s: line_monitors.lci90(s.channel), _QUANTITIES, _LINE_SIGNS, has_time=True,
+        lambda s: telegrams.lci90(s.channel), _QUANTITIES, _LINE_SIGNS, has_time=True,
     ),
     "wir": Format(
-        LINE, "UNOLS wire string: $WIR", lambda s: line_monitors.wir(s.checksum),
+        LINE, "UNOLS wire string: $WIR", lambda s: telegrams.wir(s.checksum),
         _QUANTITIES, _LINE_SIGNS, {"checksum": ("sum", "none")}, has_time=True,
     ),
     "rcwd": Format(
-        LINE, "Rapp: @RCWD", lambda s: line_monitors.rcwd(s.length_at, s.channel),
+        LINE, "Rapp: @RCWD", lambda s: telegrams.rcwd(s.length_at, s.channel),
         _QUANTITIES, _LINE_SIGNS, {"length_at": ("block", "motor")},
     ),
     "columns": Format(
         LINE, "any line of separated fields, such as $R30C of MacArtney's Mermac",
-        lambda s: line_monitors.columns(s.start, s.columns, s.checksum, channel=s.channel),
-        _QUANTITIES, _LINE_SIGNS, {"checksum": line_monitors.SUM_KINDS},
+        lambda s: telegrams.columns(s.start, s.columns, s.checksum, channel=s.channel),
+        _QUANTITIES, _LINE_SIGNS, {"checksum": telegrams.SUM_KINDS},
     ),
     MODBUS: Format(
         LINE, "Modbus TCP or RTU by a map of registers",
-        lambda s: line_monitors.columns(
+        lambda s: telegrams.columns(
             START, {name: k for k, name in enumerate(s.registers, 1)}, "xor"
         ),
         _QUANTITIES, _LINE_SIGNS,
     ),
     OPCUA: Format(
-        LINE, "OPC UA by a map of nodes", lambda s: line_monitors.polled(OPCUA_START, (*s.nodes,)),
+        LINE, "OPC UA by a map of nodes", lambda s: telegrams.polled(OPCUA_START, (*s.nodes,)),
         _QUANTITIES, _LINE_SIGNS,
     ),
     "psxn": Format(
         MOTION, "Kongsberg Seapath: $PSXN,20, 23 and 24",
-        lambda s: motion_sensors.psxn(s.sentences == "23 24"), (), _MOTION_SIGNS,
+        lambda s: telegrams.psxn(s.sentences == "23 24"), (), _MOTION_SIGNS,
         {"sentences": ("", "23", "23 24")},
     ),
     "pashr": Format(
-        MOTION, "Applanix, Trimble and others: $PASHR", lambda s: motion_sensors.pashr,
+        MOTION, "Applanix, Trimble and others: $PASHR", lambda s: telegrams.pashr,
         ("heave",), _MOTION_SIGNS, has_time=True,
     ),
     "tss1": Format(
         MOTION, "TSS1 and CDL: colon and hexadecimal accelerations",
-        lambda s: motion_sensors.tss1, (), _MOTION_SIGNS,
+        lambda s: telegrams.tss1, (), _MOTION_SIGNS,
     ),
     "tss3": Format(
         MOTION, "TSS3: with remote heave, used where heave_of is crane_tip",
-        lambda s: motion_sensors.tss3(s.heave_of == CRANE_TIP), (), _MOTION_SIGNS,
+        lambda s: telegrams.tss3(s.heave_of == CRANE_TIP), (), _MOTION_SIGNS,
     ),
     "em3000": Format(
-        MOTION, "Kongsberg EM3000, binary", lambda s: motion_sensors.em3000, (), _MOTION_SIGNS
+        MOTION, "Kongsberg EM3000, binary", lambda s: telegrams.em3000, (), _MOTION_SIGNS
     ),
     "octans": Format(
         MOTION, "iXblue Octans and Phins: $PHTRO, $PHLIN, $PHSPD, $PHINF",
-        lambda s: motion_sensors.octans(_sentences(s, OCTANS_SENTENCES[0])), (), ("heave",),
+        lambda s: telegrams.octans(_sentences(s, OCTANS_SENTENCES[0])), (), ("heave",),
         {"sentences": ("", *OCTANS_SENTENCES)},
     ),
     "phtrh": Format(
         MOTION, "iXblue Octans: $PHTRH; positive heave is that of its letter O or U",
-        lambda s: motion_sensors.phtrh(s.positive["letter"]), (), ("letter",),
+        lambda s: telegrams.phtrh(s.positive["letter"]), (), ("letter",),
     ),
     "smc": Format(
-        MOTION, "SMC: $PSMCE and $PSMCK", lambda s: motion_sensors.smc, (), _MOTION_SIGNS
+        MOTION, "SMC: $PSMCE and $PSMCK", lambda s: telegrams.smc, (), _MOTION_SIGNS
     ),
     "norsub": Format(
-        MOTION, "Norwegian Subsea: $PNORSUB2", lambda s: motion_sensors.norsub, (), _MOTION_SIGNS
+        MOTION, "Norwegian Subsea: $PNORSUB2", lambda s: telegrams.norsub, (), _MOTION_SIGNS
     ),
 }  # fmt: skip
 SIGNS["letter"] = {"O": 1.0, "U": 1.0}  # PHTRH: the letter of a heave that is up

@@ -21,7 +21,6 @@ from rope_twin.feeds.configuration import (
     UNITS,
     FeedSettings,
 )
-from rope_twin.feeds.motion_sensors import EM3000_BYTES, em3000_starts
 from rope_twin.feeds.readings import (
     DUPLICATE,
     INCOMPLETE,
@@ -38,6 +37,7 @@ from rope_twin.feeds.readings import (
     Refusal,
     nearest_day_ns,
 )
+from rope_twin.feeds.telegrams import EM3000_BYTES, em3000_starts
 
 # Beyond these a number is a fault of the line, whatever the ship.
 MAX_TENSION_N, MAX_PAYOUT_M, MAX_SPEED_M_PER_S = 1e8, 20_000.0, 100.0

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import heapq
+import itertools
 import random
 import threading
 import time
@@ -203,6 +204,8 @@ def replay_with_faults(
 ) -> Take:
     """Return what takes the lines of a replayed file in place of `take`, and lays faults over them.
 
+    What is still held up at the end of the file never arrives.
+
     Raises:
         InputError: the source is no file: what is live has its own faults.
     """
@@ -211,32 +214,15 @@ def replay_with_faults(
     if read_address(settings.source).kind != FILE:
         problem = "faults are laid over a replayed file, or over what --simulate sends"
         raise InputError(f"source {settings.source}", problem, "leave --faults out")
-    return FaultyReplay(take, faults, settings.format == EM3000, number).take
+    line = FaultyLine(faults, False, settings.format == EM3000, number)  # as of datagrams
+    waiting: list[tuple[int, int, bytes, bool]] = []
+    heard = itertools.count()
 
+    def take_faulty(data: bytes, arrival_ns: int, is_complete: bool) -> None:
+        for due_ns, piece in line.take(data, arrival_ns):
+            heapq.heappush(waiting, (due_ns, next(heard), piece, is_complete))
+        while waiting and waiting[0][0] <= arrival_ns:
+            due_ns, _, piece, complete = heapq.heappop(waiting)
+            take(piece, due_ns, complete)
 
-class FaultyReplay:
-    """Takes the lines of a replayed file, and hands over what arrives of them, when it does.
-
-    What is still held up at the end of the file never arrives.
-    """
-
-    def __init__(
-        self, take: Take, faults: LineFaults, binary: bool = False, number: int = 0
-    ) -> None:
-        """Make the way to `take`; lines of a file are datagrams as far as their order goes."""
-        self._take = take
-        self.line = FaultyLine(faults, False, binary, number)
-        self._waiting: list[tuple[int, int, bytes, bool]] = []
-        self._heard = 0
-
-    def take(self, data: bytes, arrival_ns: int, is_complete: bool) -> None:
-        """Take a line that a sound way would deliver at this time [ns]."""
-        for due_ns, piece in self.line.take(data, arrival_ns):
-            self._heard += 1
-            heapq.heappush(self._waiting, (due_ns, self._heard, piece, is_complete))
-        self._deliver(arrival_ns)
-
-    def _deliver(self, until_ns: int) -> None:
-        while self._waiting and self._waiting[0][0] <= until_ns:
-            due_ns, _, piece, is_complete = heapq.heappop(self._waiting)
-            self._take(piece, due_ns, is_complete)
+    return take_faulty

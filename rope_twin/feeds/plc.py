@@ -47,17 +47,12 @@ class ModbusSource(Source):
             InputError: pymodbus is not installed, or a serial line has no parity.
         """
         super().__init__(address, take)
-        if (address.kind == SERIAL) != bool(settings.parity):
-            problem, remedy = (
-                "parity is missing",
-                f"give {', '.join(_PARITIES)}; there is no default",
-            )
-            if settings.parity:
-                problem, remedy = (
-                    f"parity is '{settings.parity}'",
-                    "it is of a serial line; remove it",
-                )
-            raise InputError(f"source {address}", problem, remedy)
+        if address.kind == SERIAL and not settings.parity:
+            remedy = f"give {', '.join(_PARITIES)}; there is no default"
+            raise InputError(f"source {address}", "parity is missing", remedy)
+        if address.kind != SERIAL and settings.parity:
+            problem = f"parity is '{settings.parity}'"
+            raise InputError(f"source {address}", problem, "it is of a serial line; remove it")
         require("pymodbus", "pymodbus is missing", "modbus", "source modbus")
         from pymodbus import client
 
@@ -68,24 +63,17 @@ class ModbusSource(Source):
 
     def _client(self) -> Any:
         name, number = self._address.name, self._address.number
+        limits = {"timeout": _MODBUS_TIMEOUT_S, "retries": 0}
         if self._address.kind == SERIAL:
-            return self._clients.ModbusSerialClient(
-                name,
-                baudrate=number,
-                parity=_PARITIES[self._parity],
-                timeout=_MODBUS_TIMEOUT_S,
-                retries=0,
-            )
-        name = name or "127.0.0.1"
-        return self._clients.ModbusTcpClient(
-            name, port=number, timeout=_MODBUS_TIMEOUT_S, retries=0
-        )
+            parity = _PARITIES[self._parity]
+            return self._clients.ModbusSerialClient(name, baudrate=number, parity=parity, **limits)
+        return self._clients.ModbusTcpClient(name or "127.0.0.1", port=number, **limits)
 
     def _read(self) -> None:
-        client = self._client()
-        with contextlib.closing(client):
+        with contextlib.closing(self._client()) as client:
             if not client.connect():
-                raise OSError(None, f"no connection to the Modbus {self._end}")
+                end = "line" if self._address.kind == SERIAL else "server"
+                raise OSError(None, f"no connection to the Modbus {end}")
             due_s = time.monotonic()
             while not self._stop.is_set():
                 before_ns = time.time_ns()
@@ -96,10 +84,6 @@ class ModbusSource(Source):
                 # a poll that took longer than the period is followed by the next one at once
                 due_s = max(due_s + self._period_s, time.monotonic())
                 self._stop.wait(due_s - time.monotonic())
-
-    @property
-    def _end(self) -> str:
-        return "line" if self._address.kind == SERIAL else "server"
 
     def _poll(self, client: Any) -> list[float]:
         """Return the values of all registers. Raises OSError where the device refuses."""
@@ -116,13 +100,9 @@ class ModbusSource(Source):
         return [self._value(client, register, words) for register in self._registers.values()]
 
     def _value(self, client: Any, register: Register, words: dict[tuple[str, int], int]) -> float:
-        register_words = [words[register.table, at] for at in range(register.address, register.end)]
-        kind = client.DATATYPE[register.type.upper()]
-        return register.scale * float(
-            client.convert_from_registers(
-                register_words, kind, word_order=register.word_order or "big"
-            )
-        )
+        own = [words[register.table, at] for at in range(register.address, register.end)]
+        kind, order = client.DATATYPE[register.type.upper()], register.word_order or "big"
+        return register.scale * float(client.convert_from_registers(own, kind, word_order=order))
 
 
 class Freshness:

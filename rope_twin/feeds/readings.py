@@ -276,16 +276,21 @@ def clean(line: bytes) -> str:
     text = line.decode("latin-1").translate(_CONTROL).strip()
     while match := _TAG.match(text):
         body, star, checksum = match[1].rpartition("*")
-        if not star or not _agrees(body, checksum):
+        if not star or not agrees(body, checksum):
             raise Refusal(CHECKSUM, "of the TAG block")
         text = text[match.end() :]
     return text
 
 
-def _agrees(body: str, checksum: str) -> bool:
-    return re.fullmatch(r"[0-9A-Fa-f]{2}", checksum) is not None and int(checksum, 16) == xor_of(
-        body
-    )
+def agrees(body: str, checksum: str) -> bool:
+    """Return whether two hexadecimal digits are the NMEA checksum of a sentence's body."""
+    return bool(re.fullmatch(r"[0-9A-Fa-f]{2}", checksum)) and int(checksum, 16) == xor_of(body)
+
+
+def since_start(line: bytes, start: str) -> str | None:
+    """Return the clean text of a line from the last `start` in it on; None: there is none."""
+    text = clean(line)
+    return text[text.rindex(start) :] if start in text else None
 
 
 def sentence(
@@ -304,17 +309,16 @@ def sentence(
     Raises:
         Refusal: it is incomplete, or its checksum is wrong.
     """
-    text = clean(line)
-    at = text.rfind(start)
-    if at < 0:
+    text = since_start(line, start)
+    if text is None:
         return None
-    body, star, checksum = text[at + 1 :].partition("*")
+    body, star, checksum = text[1:].partition("*")
     fields = body.split(",")
     if fields[0] not in names:
         return None
     if not star or len(checksum) < 2:
         raise Refusal(INCOMPLETE, f"{fields[0]} without its checksum")
-    if not _agrees(body, checksum):
+    if not agrees(body, checksum):
         raise Refusal(CHECKSUM, f"{fields[0]}: {checksum[:4]}, computed {xor_of(body):02X}")
     if counts and len(fields) not in counts:
         raise Refusal(INCOMPLETE, f"{len(fields)} fields in {fields[0]}")

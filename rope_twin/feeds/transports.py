@@ -22,8 +22,8 @@ from typing import Any
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import EM3000, FeedSettings
 from rope_twin.feeds.configuration import OPCUA as OPCUA_FORMAT
-from rope_twin.feeds.motion_sensors import EM3000_BYTES
 from rope_twin.feeds.readings import DAY_NS, iso_time_ns
+from rope_twin.feeds.telegrams import EM3000_BYTES
 
 Take = Callable[[bytes, int, bool], None]  # bytes, time of arrival [ns], whether they are whole
 

@@ -19,8 +19,8 @@ from rope_twin.feeds.configuration import (
     FeedSettings,
 )
 from rope_twin.feeds.instrument import LineSample, MotionSample, Sample
-from rope_twin.feeds.motion_sensors import EM3000_RECORD
 from rope_twin.feeds.readings import OPCUA_START, clock_of, line_of, nmea, sum_of
+from rope_twin.feeds.telegrams import EM3000_RECORD
 
 Writer = Callable[[Sample], bytes]
 
