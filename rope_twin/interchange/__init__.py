@@ -16,6 +16,7 @@ import yaml
 
 from rope_twin.errors import InputError, SceneError, did_you_mean
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.reader import plain
 from rope_twin.scene.schema import Scene
 
 Keys = dict[str, Any]
@@ -81,15 +82,9 @@ class _Dumper(yaml.SafeDumper):
     """Writes floats so that every YAML reader agrees on them."""
 
 
-def _float(dumper: yaml.SafeDumper, value: float) -> yaml.Node:
-    mantissa, e, exponent = repr(value).partition("e")
-    sign = "" if exponent[:1] in ("+", "-") else "+"
-    point = "" if "." in mantissa else ".0"
-    text = f"{mantissa}{point}e{sign}{exponent}" if e else mantissa
-    return dumper.represent_scalar("tag:yaml.org,2002:float", text)
-
-
-_Dumper.add_representer(float, _float)
+_Dumper.add_representer(
+    float, lambda dumper, value: dumper.represent_scalar("tag:yaml.org,2002:float", plain(value))
+)
 
 
 def write_scene(imported: Imported, path: Path) -> Scene:

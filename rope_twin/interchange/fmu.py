@@ -195,26 +195,19 @@ def register(slave: Any) -> None:
     slave.time = 0.0
     slave.author = "rope_twin"
     slave.register_units([Unit("s", s=1), *(Unit(unit, **si) for unit, si in UNITS.values())])
-    slave.register_variable(
-        Float64(
-            "time",
-            unit="s",
-            causality=Fmi3Causality.independent,
-            variability=Fmi3Variability.continuous,
-        )
-    )
+    independent = {"causality": Fmi3Causality.independent,
+                   "variability": Fmi3Variability.continuous}  # fmt: skip
+    slave.register_variable(Float64("time", unit="s", **independent))
     scene = slave.model.twin.scene
-    for name, about in inputs_of(scene).items():
-        setattr(slave, name, 0.0)
-        slave.register_variable(
-            Float64(name, unit=unit_of(name), causality=Fmi3Causality.input, description=about)
-        )
-    for name, value in slave.model.outputs().items():
+    inputs, outputs, abouts = inputs_of(scene), slave.model.outputs(), outputs_of(scene)
+    variables = [(name, 0.0, Fmi3Causality.input, about) for name, about in inputs.items()]
+    variables += [
+        (name, value, Fmi3Causality.output, abouts[name]) for name, value in outputs.items()
+    ]
+    for name, value, causality, about in variables:
         setattr(slave, name, value)
-        about = outputs_of(scene)[name]
-        slave.register_variable(
-            Float64(name, unit=unit_of(name), causality=Fmi3Causality.output, description=about)
-        )
+        unit = unit_of(name)
+        slave.register_variable(Float64(name, unit=unit, causality=causality, description=about))
 
 
 def export_fmu(name_or_path: str, out: Path) -> Scene:

@@ -83,10 +83,8 @@ def deck_of(scene: Scene) -> tuple[Deck, tuple[str, ...]]:
         options += [(repr(bed.stiffness_n_per_m3), "kBot"),
                     (repr(bed.friction), "FrictionCoefficient")]  # fmt: skip
         left_out.append(f"seabed: its damping χ of {bed.damping_s_per_m:g} s/m")
-    title = f"{scene.name}, from rope_twin"
-    deck = Deck(title, tuple(writer.types), tuple(writer.points), tuple(writer.lines),
-                tuple(options), tuple(profile))  # fmt: skip
-    return deck, tuple(left_out)
+    content: Any = map(tuple, (writer.types, writer.points, writer.lines, options, profile))
+    return Deck(f"{scene.name}, from rope_twin", *content), tuple(left_out)
 
 
 def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
@@ -118,9 +116,7 @@ def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
 
 def _profile(current: CurrentParams, depth_m: float) -> list[tuple[float, float, float, float]]:
     """Return rows from the bottom up that cover the water and the air above."""
-    rows = [
-        (float(z), float(x), float(y), float(vertical)) for z, x, y, vertical in current.table[::-1]
-    ]
+    rows = [(z, x, y, vertical) for z, x, y, vertical in current.table[::-1].tolist()]
     if rows[0][0] > -depth_m:
         rows.insert(0, (-depth_m, *rows[0][1:]))
     return [*rows, (ABOVE_M, *rows[-1][1:])]
@@ -145,10 +141,11 @@ class _Writer:
         for number, line in enumerate(self._scene.ropes):
             ropes = self._shot.ropes
             nodes = ropes[number].node_position_m if ropes else self._shot.node_position_m
-            below = self._lower_end(line, nodes[-1])
-            upper = self._numbers.get(line.from_)
-            if upper is None:
-                upper = self._add_free(line.from_, nodes[0])
+            if line.fixed_at_m is not None:
+                below = self._add_point(FIXED, line.fixed_at_m)
+            else:
+                below = self._numbers.get(line.to) or self._add_free(line.to, nodes[-1])
+            upper = self._numbers.get(line.from_) or self._add_free(line.from_, nodes[0])
             self._write_line(number, nodes, below, upper)
 
     def depth_m(self) -> float:
@@ -168,24 +165,15 @@ class _Writer:
 
     def step_s(self) -> float:
         """Return a stable step: 2/ω of the stiffest element, less by its damping."""
-        kinds = {line_type.name: line_type for line_type in self.types}
+        kinds = {kind.name: kind for kind in self.types}
         steps = []
         for line in self.lines:
-            line_type, segment = kinds[line.type_name], line.length_m / line.segments
-            omega = 2.0 * math.sqrt(line_type.EA_n / line_type.mass_kg_per_m) / segment
-            ratio = (
-                -line_type.damping
-                if line_type.damping < 0.0
-                else line_type.damping * omega / (2.0 * line_type.EA_n)
-            )
+            kind, segment = kinds[line.type_name], line.length_m / line.segments
+            omega = 2.0 * math.sqrt(kind.EA_n / kind.mass_kg_per_m) / segment
+            c = kind.damping
+            ratio = -c if c < 0.0 else c * omega / (2.0 * kind.EA_n)
             steps.append(STABLE * 2.0 / omega * (math.sqrt(ratio**2 + 1.0) - ratio))
         return min(steps)
-
-    def _lower_end(self, line: RopeLine, position: Any) -> int:
-        if line.fixed_at_m is not None:
-            return self._add_point(FIXED, line.fixed_at_m)
-        known = self._numbers.get(line.to)
-        return self._add_free(line.to, position) if known is None else known
 
     def _add_point(
         self, kind: str, position: Any, name: str = "", figures: PayloadFigures = NOTHING
@@ -194,27 +182,16 @@ class _Writer:
         displaced = self._density * figures.volume_m3
         x, y, z = (float(coordinate) for coordinate in position)
         Ca = figures.added_mass_kg[2] / displaced if displaced else 0.0
-        self.points.append(
-            Point(
-                number,
-                kind,
-                (x, y, z),
-                figures.mass_kg,
-                figures.volume_m3,
-                figures.drag_area_m2[2],
-                Ca,
-            )
-        )
+        body = figures.mass_kg, figures.volume_m3, figures.drag_area_m2[2], Ca
+        self.points.append(Point(number, kind, (x, y, z), *body))
         if name:
             self._numbers[name] = number
         return number
 
     def _add_free(self, name: str, position: Any) -> int:
         figures = self._figures.get(name, NOTHING)
-        for quantity, values in (
-            ("drag area", figures.drag_area_m2),
-            ("added mass", figures.added_mass_kg),
-        ):
+        triples = {"drag area": figures.drag_area_m2, "added mass": figures.added_mass_kg}
+        for quantity, values in triples.items():
             if len(set(values)) > 1:
                 remark = f"{name}: its {quantity} along x and y, that along z is used for all"
                 self._left_out.append(remark)
@@ -313,8 +290,7 @@ class _Reader:
         self._options: dict[str, float] = {}
         self._read_options()
         self._hang_offs = self._find_hang_offs()
-        used = [self._types[line.type_name] for line in deck.lines]
-        self._usual = used[0]
+        self._usual = self._types[deck.lines[0].type_name]
 
     def imported(self) -> Imported:
         """Return the scene's keys and what is left out."""
@@ -360,11 +336,9 @@ class _Reader:
             fixed = [point for point in self._deck.points if point.kind == FIXED]
             if not fixed:
                 return {}
-            top = max(fixed, key=lambda point: point.at_m[2])
-            self._left_out.append(
-                f"point {top.number}: fixed, it is the hang-off of a ship at rest"
-            )
-            coupled = [top.number]
+            top = max(fixed, key=lambda point: point.at_m[2]).number
+            self._left_out.append(f"point {top}: fixed, it is the hang-off of a ship at rest")
+            coupled = [top]
         return {n: WINCH if k == 0 else f"point_{n}" for k, n in enumerate(coupled)}
 
     def _upper_and_lower(self, line: Line) -> tuple[int, int] | None:
@@ -387,33 +361,22 @@ class _Reader:
 
     def _chains(self) -> Iterator[tuple[int, int, list[Line]]]:
         """Yield upper point, lower point and lines from the top down of each rope."""
-        spans = {line.number: self._upper_and_lower(line) for line in self._deck.lines}
-        by_number = {
-            line.number: line for line in self._deck.lines if spans[line.number] is not None
-        }
-        count = Counter(end for span in spans.values() if span for end in span)
-        inner = {n for n, point in self._points.items() if self._joins(n, point, count, spans)}
-        below = {span[0]: n for n, span in spans.items() if span is not None and span[0] in inner}
-        for number, span in spans.items():
-            if span is None or span[0] in inner:
+        spans = [(*span, line) for line in self._deck.lines
+                 if (span := self._upper_and_lower(line)) is not None]  # fmt: skip
+        begins, ends = Counter(upper for upper, *_ in spans), Counter(lower for _, lower, _ in spans)
+        inner = {  # points that only join a line that ends there with one that begins there
+            n for n, point in self._points.items()
+            if point.kind == FREE and begins[n] == ends[n] == 1 and not self._has_body(point)
+        }  # fmt: skip
+        below = {upper: (lower, line) for upper, lower, line in spans if upper in inner}
+        for upper, lower, line in spans:
+            if upper in inner:
                 continue
-            lines, (upper, lower) = [by_number[number]], span
+            lines = [line]
             while lower in inner:
-                nxt = below[lower]
-                lines.append(by_number[nxt])
-                lower = (spans[nxt] or (0, 0))[1]
+                lower, further = below[lower]
+                lines.append(further)
             yield upper, lower, lines
-
-    def _joins(
-        self, number: int, point: Point, count: Counter[int],
-        spans: dict[int, tuple[int, int] | None],
-    ) -> bool:  # fmt: skip
-        """Return whether a point only joins a line that ends there with one that begins there."""
-        if point.kind != FREE or count[number] != 2 or self._has_body(point):
-            return False
-        above = [n for n, span in spans.items() if span is not None and span[1] == number]
-        below = [n for n, span in spans.items() if span is not None and span[0] == number]
-        return len(above) == len(below) == 1
 
     @staticmethod
     def _has_body(point: Point) -> bool:

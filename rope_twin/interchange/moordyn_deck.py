@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass
 from operator import itemgetter
 from pathlib import Path
+from typing import Any
 
 from rope_twin.errors import InputError, unreadable
 
@@ -97,7 +98,7 @@ class Deck:
     lines: tuple[Line, ...]
     options: tuple[tuple[str, str], ...]  # value and name, in order
     current: tuple[tuple[float, float, float, float], ...] = ()  # z, ux, uy, uz; from the bottom up
-    unread: tuple[str, ...] = field(default=())  # what the deck has beyond this, one phrase each
+    unread: tuple[str, ...] = ()  # what the deck has beyond this, one phrase each
 
 
 def deck_text(deck: Deck) -> str:
@@ -109,18 +110,16 @@ def deck_text(deck: Deck) -> str:
         "(name) (m) (kg/m) (N) (N-s/-) (N-m^2) (-) (-) (-) (-)",
     ]
     for line_type in deck.types:
-        numbers = (line_type.diameter_m, line_type.mass_kg_per_m, line_type.EA_n,
-                   line_type.damping, line_type.EI_n_m2, line_type.Cd, line_type.Ca,
-                   line_type.CdAx, line_type.CaAx, *line_type.further)  # fmt: skip
-        rows.append(" ".join([line_type.name, *map(_cell, numbers)]))
+        name, *numbers, further = astuple(line_type)
+        rows.append(" ".join([name, *map(_cell, (*numbers, *further))]))
     rows += [
         f"{RULE} POINTS {RULE}",
         "Node Type X Y Z M V CdA CA",
         "(#) (word) (m) (m) (m) (kg) (m^3) (m^2) (-)",
     ]
     for point in deck.points:
-        figures = (*point.at_m, point.mass_kg, point.volume_m3, point.CdA_m2, point.Ca)
-        rows.append(" ".join([str(point.number), point.kind, *map(_cell, figures)]))
+        number, kind, position, *figures = astuple(point)
+        rows.append(" ".join([str(number), kind, *map(_cell, (*position, *figures))]))
     rows += [
         f"{RULE} LINES {RULE}",
         "Line LineType NodeA NodeB UnstrLen NumSegs Outputs",
@@ -172,7 +171,7 @@ def read_deck(path: Path) -> Deck:
             problem = f"there is no section {name.upper() if name != 'types' else 'LINE TYPES'}"
             raise InputError(str(path), problem, "give a deck of MoorDyn 2")
     types = tuple(_types(path, sections["types"], unread))
-    points = tuple(_points(path, sections["points"], unread))
+    points = tuple(_points(path, sections["points"]))
     lines = tuple(_read_lines(path, sections["lines"]))
     options = tuple(
         (cells[0], cells[1]) for _, cells in sections.get("options", []) if len(cells) > 1
@@ -218,10 +217,10 @@ def _table(
             problem = f"there is no column {' or '.join(known)}"
             raise InputError(f"{path}, line {number}", problem, "give a deck of MoorDyn 2")
     for number, cells in rows[2:]:
-        where = f"{path}, line {number}"
-        if len(cells) <= max(index.values()):
+        where, last = f"{path}, line {number}", max(index.values())
+        if len(cells) <= last:
             raise InputError(where, f"{len(cells)} values", f"the columns are {' '.join(names)}")
-        yield where, {name: cells[k] for name, k in index.items()}, cells[max(index.values()) + 1 :]
+        yield where, {name: cells[k] for name, k in index.items()}, cells[last + 1 :]
 
 
 def _types(path: Path, rows: Rows, unread: list[str]) -> Iterator[LineType]:
@@ -231,28 +230,24 @@ def _types(path: Path, rows: Rows, unread: list[str]) -> Iterator[LineType]:
             if "|" in cells[key]:
                 unread.append(f"line type {name}: {key} {cells[key]}, its dynamic part")
                 cells[key] = cells[key].split("|")[0]
-        numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
+        numbers: dict[str, Any] = {key: _number(where, cell, key) for key, cell in cells.items()}
         for key, value in numbers.items():
             if value < 0.0 and key != "damping":
                 raise InputError(where, f"{key} is {value:g}", "give 0 or more")
         if more:
             unread.append(f"line type {name}: further columns {' '.join(more)}")
-        yield LineType(
-            name, numbers["diameter_m"], numbers["mass_kg_per_m"], numbers["EA"],
-            numbers["damping"], numbers["EI_n_m2"], numbers["Cd"], numbers["Ca"], numbers["CdAx"],
-            numbers["CaAx"],
-        )  # fmt: skip
+        yield LineType(name, EA_n=numbers.pop("EA"), **numbers)
 
 
-def _points(path: Path, rows: Rows, unread: list[str]) -> Iterator[Point]:
+def _points(path: Path, rows: Rows) -> Iterator[Point]:
     for where, cells, _ in _table(path, rows, _POINT, ("mass_kg", "volume_m3", "CdA_m2", "Ca")):
         number, kind = _integer(where, cells.pop("number")), cells.pop("kind").lower()
         if kind not in _KINDS:
             remedy = "give Coupled, Free or Fixed points; bodies and rods have no equal"
             raise InputError(where, f"a point of type {kind}", remedy)
-        position = tuple(_number(where, cells.pop(axis), axis) for axis in "xyz")
+        x, y, z = (_number(where, cells.pop(axis), axis) for axis in "xyz")
         numbers = {key: _number(where, cell, key) for key, cell in cells.items()}
-        yield Point(number, _KINDS[kind], (position[0], position[1], position[2]), **numbers)
+        yield Point(number, _KINDS[kind], (x, y, z), **numbers)
 
 
 def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:

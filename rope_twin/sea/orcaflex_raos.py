@@ -97,9 +97,8 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
     where = str(path)
     needed = tuple(name for name in ("vessel", "draught") if getattr(conventions, name))
     conventions.require(where, needed, "the file states it itself")
-    kinds = model.get("VesselTypes")
-    kind = model if kinds is None and "Draughts" in model else None
-    if kind is None:
+    kind, kinds = model, model.get("VesselTypes")
+    if kinds is not None or "Draughts" not in model:
         kind = _chosen(kinds, conventions.vessel, where, "VesselTypes", "vessel")
     name = str(kind.get("Name", path.stem))
     where = f"{where}, {name}"
@@ -128,16 +127,13 @@ def _chosen(listed: Any, name: str, where: str, key: str, option: str) -> Keys:
         problem = f"there is no list {key}"
         raise InputError(where, problem, "give a vessel type as OrcaFlex saves it")
     names = [str(entry.get("Name", "")) for entry in listed]
-    if name:
-        if name in names:
-            chosen: Keys = listed[names.index(name)]
-            return chosen
+    if name and name not in names:
         raise InputError(where, f"no {option} '{name}'", did_you_mean(name, names))
-    if len(listed) != 1:
+    if not name and len(listed) != 1:
         problem = f"{len(listed)} of {key}: {', '.join(names)}"
         raise InputError(where, problem, f"name one with `{option}`")
-    only: Keys = listed[0]
-    return only
+    chosen: Keys = listed[names.index(name) if name else 0]
+    return chosen
 
 
 def _word(kind: Keys, key: str, where: str) -> str:
@@ -184,9 +180,8 @@ def _numbers(tables: Any, where: str) -> tuple[Vector, Vector, Vector]:
             raise InputError(where_heading, problem, "give the same for every direction")
         waves = block[:, 0]
         if (block[:, 1::2] < 0.0).any():
-            raise InputError(
-                where_heading, "an amplitude is negative", "give 0 or more, and a phase"
-            )
+            remedy = "give 0 or more, and a phase"
+            raise InputError(where_heading, "an amplitude is negative", remedy)
         if not np.isfinite(block[:, 1:]).all():
             raise InputError(where_heading, "a number is not finite", "give finite numbers")
         headings.append(heading)
@@ -228,10 +223,7 @@ def _responses(
     kind: Keys, numbers: Vector, frequency: Vector, unit_m: float, where: str
 ) -> Answers:
     """Return complex RAOs per metre of amplitude, (6, h, f)."""
-    amplitude, phase = (
-        np.moveaxis(numbers[:, :, 0::2], 2, 0),
-        np.moveaxis(numbers[:, :, 1::2], 2, 0),
-    )
+    amplitude, phase = (np.moveaxis(numbers[:, :, first::2], 2, 0) for first in (0, 1))
     angle = {"degrees": np.pi / 180.0, "radians": 1.0}
     turns = _choice(kind, "RAOResponseUnits", angle, where)
     phase = phase * _choice(kind, "RAOPhaseUnitsConvention", angle, where)
@@ -260,15 +252,13 @@ def _point(table: Keys, key: str, where: str, usual: Point | None = None) -> Poi
         raise InputError(where, f"{key} is not three numbers", "give x, y, z")
     if "" in entries:
         raise InputError(where, f"{key} is not stated", f"add {key}, as OrcaFlex writes it")
-    coordinates = list[float]()
-    for number, value in enumerate(entries):
-        if value is None and usual is not None:
-            coordinates.append(usual[number])
-        else:
-            coordinates.append(_number(value, f"{where}, {key}"))
-    if not np.isfinite(coordinates).all():
+    x, y, z = (
+        usual[axis] if value is None and usual is not None else _number(value, f"{where}, {key}")
+        for axis, value in enumerate(entries)
+    )
+    if not np.isfinite((x, y, z)).all():
         raise InputError(where, f"{key} is not finite", "give x, y, z")
-    return coordinates[0], coordinates[1], coordinates[2]
+    return x, y, z
 
 
 def _scaled(point: Point, unit_m: float) -> Point:

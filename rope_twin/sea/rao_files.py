@@ -54,7 +54,9 @@ _WAMIT = "PER BETA mode modulus phase real imaginary"
 _ROUNDED = 2e-4  # of the modulus: difference between both forms of a number with few digits
 _HDF5 = b"\x89HDF\r\n\x1a\n"  # first bytes of a netCDF 4 file
 _FREQUENCIES = ("omega", "freq", "period")
-_COEFFICIENTS = ("inertia_matrix", "hydrostatic_stiffness", "added_mass", "radiation_damping")
+_CONSTANT = ("inertia_matrix", "hydrostatic_stiffness")
+_PER_FREQUENCY = ("added_mass", "radiation_damping")
+_ADD_RAO = "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`"
 
 
 def read_responses(name_or_path: str, conventions: RaoConventions = NO_CONVENTIONS) -> Responses:
@@ -124,10 +126,7 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
     where = str(path)
     needed = ("scale_length_m", "origin_m", "phase_origin_m", "symmetry")
     conventions.require(where, needed, "a WAMIT file has one vessel at one draught")
-    origin, phases = conventions.origin_m, conventions.phase_origin_m
-    assert origin is not None, "required above"
-    assert phases is not None, "required above"
-    assert conventions.scale_length_m is not None, "required above"
+    length_m, origin, phases, symmetry = (getattr(conventions, name) for name in needed)
     rows, lines = _wamit_rows(path)
     period, heading = (_grouped(rows[:, column]) for column in (0, 1))
     i, j = _index(heading, rows[:, 1]), _index(period, rows[:, 0])
@@ -148,9 +147,9 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
         raise InputError(f"{where}, line {lines[int(np.argmax(inconsistent))]}", problem, remedy)
     answer = np.zeros(counts.shape, np.complex128)
     answer[mode, i, j] = value
-    answer[3:] /= conventions.scale_length_m
-    return Written(where, f"{where}, WAMIT", heading, 1.0 / period, answer,
-                   conventions.symmetry, origin, phases)  # fmt: skip
+    answer[3:] /= length_m
+    source = f"{where}, WAMIT"
+    return Written(where, source, heading, 1.0 / period, answer, symmetry, origin, phases)
 
 
 def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
@@ -161,7 +160,7 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
         raise unreadable(path, error) from None
     rows, lines = list[list[float]](), list[int]()
     for number, line in enumerate(text, 1):
-        where = f"{path}, line {number}"
+        where, remedy = f"{path}, line {number}", f"a row is {_WAMIT}"
         cells = line.replace("D", "E").split()
         if not cells:
             continue
@@ -171,19 +170,20 @@ def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
             if number == 1:
                 continue  # titles
             problem = f"'{line.strip()[:40]}' are not numbers"
-            raise InputError(where, problem, f"a row is {_WAMIT}") from None
+            raise InputError(where, problem, remedy) from None
         if len(values) != 7:
-            raise InputError(where, f"{len(values)} numbers", f"a row is {_WAMIT}")
-        if not np.isfinite(values).all():
-            raise InputError(where, "a number is not finite", f"a row is {_WAMIT}")
-        if values[0] <= 0.0:
-            remedy = "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"
-            raise InputError(where, f"PER is {values[0]:g}", remedy)
-        if values[2] not in range(1, _MODES + 1):
-            remedy = "give the six rigid modes of one body, 1 to 6"
-            raise InputError(where, f"mode {values[2]:g}", remedy)
-        if values[3] < 0.0:
-            raise InputError(where, f"modulus {values[3]:g}", "give 0 or more")
+            raise InputError(where, f"{len(values)} numbers", remedy)
+        period, _, mode, modulus = values[:4]
+        for fault, problem, right in (
+            (not np.isfinite(values).all(), "a number is not finite", remedy),
+            (period <= 0.0, f"PER is {period:g}",
+             "give periods in seconds above 0 (WAMIT: IPEROUT = 1)"),
+            (mode not in range(1, _MODES + 1), f"mode {mode:g}",
+             "give the six rigid modes of one body, 1 to 6"),
+            (modulus < 0.0, f"modulus {modulus:g}", "give 0 or more"),
+        ):  # fmt: skip
+            if fault:
+                raise InputError(where, problem, right)
         rows.append(values)
         lines.append(number)
     if not rows:
@@ -293,12 +293,10 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
         problem = "its RAOs are those of a vessel with forward speed"
         raise InputError(where, problem, "give RAOs at zero speed")
     direction = data.values("wave_direction", "wave_direction")
-    variable = "RAO" if data.has("RAO") else "excitation_force"
-    if not data.has(variable):
-        variable = "Froude_Krylov_force"
-    if not data.has(variable):
-        problem = "there is neither RAO nor excitation_force"
-        raise InputError(where, problem, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`")
+    names = ("RAO", "excitation_force", "Froude_Krylov_force")
+    variable = next((name for name in names if data.has(name)), None)
+    if variable is None:
+        raise InputError(where, "there is neither RAO nor excitation_force", _ADD_RAO)
     axis = next((name for name in _FREQUENCIES if name in data.dimensions(variable)), None)
     if axis is None:
         problem = f"{variable} has no dimension omega, freq or period"
@@ -311,9 +309,7 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
     answer = np.conj(_raos(data, axis, frequency))
     origin = conventions.origin_m
     if origin is None:
-        x, y, z = (
-            float(coordinate) for coordinate in data.values("rotation_center", "space_coordinate")
-        )
+        x, y, z = data.values("rotation_center", "space_coordinate").tolist()
         origin = (x, y, z)
     if not np.isfinite(origin).all():
         raise InputError(where, "rotation_center is not finite", "give one in the data set")
@@ -324,28 +320,17 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
 def _raos(data: _DataSet, axis: str, frequency: Vector) -> Answers:
     """Return RAOs in Capytaine's convention, (6, h, f). Raises InputError."""
     if data.has("RAO"):
-        dof = next(
-            (dimension for dimension in data.dimensions("RAO") if dimension.endswith("_dof")),
-            "radiating_dof",
-        )
-        raos = data.complex("RAO", dof, "wave_direction", axis)
-        return raos[_order(data, dof)]
-    missing = [name for name in _COEFFICIENTS if not data.has(name)]
+        dofs = (dimension for dimension in data.dimensions("RAO") if dimension.endswith("_dof"))
+        dof = next(dofs, "radiating_dof")
+        return data.complex("RAO", dof, "wave_direction", axis)[_order(data, dof)]
+    missing = [name for name in (*_CONSTANT, *_PER_FREQUENCY) if not data.has(name)]
     if missing:
         problem = f"there is no RAO, and no {', '.join(missing)} to solve it from"
-        raise InputError(
-            data.where, problem, "add `dataset['RAO'] = capytaine.post_pro.rao(dataset)`"
-        )
+        raise InputError(data.where, problem, _ADD_RAO)
     pair = ("influenced_dof", "radiating_dof")
     rows, columns = (_order(data, dof) for dof in pair)
-    A, B = (
-        data.values(name, axis, *pair)[:, rows][:, :, columns]
-        for name in ("added_mass", "radiation_damping")
-    )
-    M, C = (
-        data.values(name, *pair)[rows][:, columns]
-        for name in ("inertia_matrix", "hydrostatic_stiffness")
-    )
+    A, B = (data.values(name, axis, *pair)[:, rows][:, :, columns] for name in _PER_FREQUENCY)
+    M, C = (data.values(name, *pair)[rows][:, columns] for name in _CONSTANT)
     if data.has("excitation_force"):
         F = data.complex("excitation_force", axis, pair[0], "wave_direction")
     else:

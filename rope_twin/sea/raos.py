@@ -356,6 +356,5 @@ def long_wave_doubts(responses: Responses) -> Iterator[str]:
         lead = np.degrees(np.angle(pitch / slope))
         if abs(lead) > PHASE_MOST_DEG:
             problem = f"pitch is {lead:.0f}° off the phase of the wave slope"
-            yield phrase(
-                where, problem, "a free ship pitches with the slope: check the conventions"
-            )
+            remedy = "a free ship pitches with the slope: check the conventions"
+            yield phrase(where, problem, remedy)

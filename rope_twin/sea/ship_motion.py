@@ -36,9 +36,8 @@ class BoxHull:
             rule: Quantity = field.metadata["quantity"]
             value = getattr(self, field.name)
             if not rule.admits(value):
-                raise InputError(
-                    f"hull {field.name}", f"it is {value}", f"right is {rule.range_text()}"
-                )
+                remedy = f"right is {rule.range_text()}"
+                raise InputError(f"hull {field.name}", f"it is {value}", remedy)
 
     def describe(self) -> str:
         """Return the response in one sentence, for the header of a bag."""

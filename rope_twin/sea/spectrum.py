@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -73,7 +73,9 @@ def jonswap(height_m: float, peak_period_s: float, gamma: float | None = None) -
     _require("height", height_m, 0.01, 30.0, "m")
     _require("peak period", peak_period_s, 1.0, 40.0, "s")
     if gamma is None:
-        gamma = _usual_gamma(height_m, peak_period_s)
+        steepness = peak_period_s / math.sqrt(height_m)
+        later = math.exp(5.75 - 1.15 * steepness) if steepness <= 5.0 else 1.0
+        gamma = 5.0 if steepness <= 3.6 else later
     _require("gamma", gamma, 1.0, 10.0, "")
     peak_hz = 1.0 / peak_period_s
     ratio = np.linspace(0.4, 5.0, 921)  # f/fp; 14 points across the width σ of the peak
@@ -103,13 +105,6 @@ def band_spectrum(values: Vector, rate_hz: float) -> WaveSpectrum:
     return WaveSpectrum(
         bands.astype(np.float64) * BAND_HZ, sums[bands] / counts[bands], "periodogram"
     )
-
-
-def _usual_gamma(height_m: float, peak_period_s: float) -> float:
-    steepness = peak_period_s / math.sqrt(height_m)
-    if steepness <= 3.6:
-        return 5.0
-    return math.exp(5.75 - 1.15 * steepness) if steepness <= 5.0 else 1.0
 
 
 def _require(name: str, value: float, low: float, high: float, unit: str) -> None:
@@ -337,20 +332,13 @@ def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> W
         density = np.cos(0.5 * angle) ** (2.0 * exponent)
         below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
         turn = np.interp(random_shares(seed, 3 * count)[2 * count :], below / below[-1], angle)
-    return Waves(
-        waves.amplitude_m, waves.omega, waves.wave_number, heading + turn, waves.phase,
-        waves.depth_m,
-    )  # fmt: skip
+    return replace(waves, heading=heading + turn)
 
 
 def together(systems: Sequence[Waves]) -> Waves:
     """Return the components of several systems in the same water, from the longest on."""
-    order = np.argsort(np.concatenate([system.wave_number for system in systems]), kind="stable")
-    return Waves(
-        np.concatenate([system.amplitude_m for system in systems])[order],
-        np.concatenate([system.omega for system in systems])[order],
-        np.concatenate([system.wave_number for system in systems])[order],
-        np.concatenate([system.heading for system in systems])[order],
-        np.concatenate([system.phase for system in systems])[order],
-        systems[0].depth_m,
-    )
+    names = ("amplitude_m", "omega", "wave_number", "heading", "phase")
+    joined = {name: np.concatenate([getattr(system, name) for system in systems]) for name in names}
+    order = np.argsort(joined["wave_number"], kind="stable")
+    columns = {name: values[order] for name, values in joined.items()}
+    return Waves(**columns, depth_m=systems[0].depth_m)
