@@ -1,7 +1,4 @@
-"""The command line `rope_twin COMMAND ...`. Each command is a module of this package.
-
-It has EXAMPLES and perhaps MORE, the rest of its description, for the help; `add_arguments`, which
-declares its arguments; and `run`, which returns an exit code.
+"""The command line `rope_twin COMMAND ...`; modules of this package define commands in COMMANDS.
 
 Commands share the exit codes and the forms of output that are here.
 """
@@ -20,8 +17,7 @@ import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from enum import IntEnum
 from functools import partial
-from types import ModuleType
-from typing import Any, NoReturn, TextIO
+from typing import Any, NamedTuple, NoReturn, TextIO
 
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.quantity import json_value
@@ -38,7 +34,7 @@ EXAMPLES = """examples:
   rope_twin scene list
   rope_twin COMMAND --help"""
 
-# The commands in the order of the help, and what each is for. A module has a _ for a -.
+# The commands in the order of the help, and what each is for.
 COMMANDS = {
     "run": "simulate a scene in real time over ROS 2, or as fast as possible without it",
     "scene": "list, show, check and measure scenes; look up keys; print the JSON Schema; "
@@ -68,11 +64,32 @@ COMMANDS = {
     "completion": "print a completion script for bash, zsh or fish",
 }
 
+# Commands whose module has another name.
+MODULES = {
+    "displays": ("view", "console"),
+    "ensembles": ("ensemble", "study"),
+    "installation": ("doctor", "completion"),
+    "line_analysis": ("modes", "viv", "lines"),
+    "plans": ("plan", "sensitivity"),
+    "recorded_lifts": ("learn", "ahead"),
+    "recordings": ("replay", "export", "recover", "alerts", "state"),
+    "sea_state": ("sea-state",),
+}
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as in the nodes; read when numpy is loaded
 
 _CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
 _NUMBER = re.compile(r"argument (\S+): invalid (int|float) value: (.*)")
 _MINUS = "(write a value that begins with - after =, like --at=-1)"
+
+
+class Command(NamedTuple):
+    """A command; `examples` (without `rope_twin`) and `more` complete its help."""
+
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    run: Callable[[argparse.Namespace], int]  # returns an ExitCode
+    examples: Sequence[str]
+    more: str = ""
 
 
 class ExitCode(IntEnum):
@@ -174,14 +191,14 @@ _NEW_OBJECTS = 50_000
 def main(argv: Sequence[str] | None = None) -> int:
     """Read the command line, run the command and return its exit code (ExitCode)."""
     gc.set_threshold(_NEW_OBJECTS)
-    return exit_code(partial(_command, list(sys.argv[1:] if argv is None else argv)))
+    return exit_code(partial(_run, list(sys.argv[1:] if argv is None else argv)))
 
 
-def _command(words: list[str]) -> int:
+def _run(words: list[str]) -> int:
     name = next((word for word in words if not word.startswith("-")), "")
-    modules = {name: _module(name)} if name in COMMANDS else {}
-    args = _parser(modules).parse_args(words)
-    return int(modules[args.command].run(args))
+    commands = {name: _command(name)} if name in COMMANDS else {}
+    args = _parser(commands).parse_args(words)
+    return int(commands[args.command].run(args))
 
 
 def exit_code(work: Callable[[], int]) -> int:
@@ -217,16 +234,19 @@ def _silenced(code: int) -> int:
     return code
 
 
-def _module(name: str) -> ModuleType:
-    return importlib.import_module(f"rope_twin.cli.{name.replace('-', '_')}")
+def _command(name: str) -> Command:
+    module_name = next((module for module, names in MODULES.items() if name in names), name)
+    module = importlib.import_module(f"rope_twin.cli.{module_name}")
+    command: Command = module.COMMANDS[name]
+    return command
 
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser of the whole command line, without side effects."""
-    return _parser({name: _module(name) for name in COMMANDS})
+    return _parser({name: _command(name) for name in COMMANDS})
 
 
-def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
+def _parser(commands: dict[str, Command]) -> argparse.ArgumentParser:
     """Return the parser with these commands; of none, with the names of all, which is quick."""
     parser = CommandLine(
         prog="rope_twin", description=DESCRIPTION, epilog=_epilog(), formatter_class=HelpFormatter
@@ -239,12 +259,11 @@ def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
         help="print versions of solver, numba and ROS",
     )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, module in modules.items():
-        command_parser = add_command(
-            subparsers, name, COMMANDS[name], module.EXAMPLES, getattr(module, "MORE", "")
+    for name, command in commands.items():
+        command.add_arguments(
+            add_command(subparsers, name, COMMANDS[name], command.examples, command.more)
         )
-        module.add_arguments(command_parser)
-    for name, about in () if modules else COMMANDS.items():
+    for name, about in () if commands else COMMANDS.items():
         subparsers.add_parser(name, help=about)
     return parser
 
@@ -263,7 +282,7 @@ class _Version(argparse.Action):
     """Prints the versions and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
-        from rope_twin.cli.doctor import version_text
+        from rope_twin.cli.installation import version_text
 
         print(version_text())
         parser.exit()

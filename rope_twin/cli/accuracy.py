@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.cli import CaseProgress, Command, ExitCode, print_json, print_table
 from rope_twin.cli.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError
 from rope_twin.run.options import add_duration, add_json, add_out, add_scene
@@ -215,3 +215,6 @@ def _short(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _short(item) for key, item in value.items()}
     return [_short(item) for item in value] if isinstance(value, list | tuple) else value
+
+
+COMMANDS = {"accuracy": Command(add_arguments, run, EXAMPLES, MORE)}

@@ -9,7 +9,7 @@ import argparse
 from dataclasses import asdict
 from typing import Any
 
-from rope_twin.cli import ExitCode, print_json
+from rope_twin.cli import Command, ExitCode, print_json
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.run.options import add_json, add_scene
 from rope_twin.run.progress import FigureProgress
@@ -172,3 +172,6 @@ def _as_text(findings: list[Finding]) -> str:
         "detectable faults"
     )
     return "\n".join(lines)
+
+
+COMMANDS = {"faults": Command(add_arguments, run, EXAMPLES, MORE)}

@@ -9,7 +9,7 @@ import sys
 import time
 from typing import Any
 
-from rope_twin.cli import ExitCode, print_json
+from rope_twin.cli import Command, ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import Instrument, LineSample, Sample
@@ -208,3 +208,6 @@ def _counts_words(instrument: Instrument) -> str:
     if counts.holes:
         words += f"; {counted(counts.holes, 'hole')}, the longest of {counts.longest_hole_s:.1f} s"
     return words
+
+
+COMMANDS = {"feed": Command(add_arguments, run, EXAMPLES, MORE)}

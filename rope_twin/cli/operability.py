@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rope_twin.cli import ExitCode, print_json, print_table
+from rope_twin.cli import Command, ExitCode, print_json, print_table
 from rope_twin.planning.operability import (
     PERCENTILES,
     Operability,
@@ -122,3 +122,6 @@ def _words(spread: Spread) -> str:
         for p, percentile_s in zip(PERCENTILES, spread.percentiles_s, strict=True)
     )
     return f"mean {hours_text(spread.mean_s)} h, {', '.join(parts)}"
+
+
+COMMANDS = {"operability": Command(add_arguments, run, EXAMPLES, MORE)}

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rope_twin.cli import ExitCode
+from rope_twin.cli import Command, ExitCode
 from rope_twin.run.options import RunOptions, check_against_scene, read_options
 from rope_twin.run.options import add_arguments as add_arguments
 from rope_twin.run.progress import FigureProgress
@@ -130,3 +130,6 @@ def _vortex_words(scene: Scene) -> str:
         return ""
     figures = lift_figures(scene)
     return "" if any(check_vortex_resolution(scene, figures)) else vortex_words(scene, figures)
+
+
+COMMANDS = {"run": Command(add_arguments, run, EXAMPLES, MORE)}

@@ -17,7 +17,7 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
-from rope_twin.cli import CaseProgress, ExitCode, print_json, scene_exchange
+from rope_twin.cli import CaseProgress, Command, ExitCode, print_json, scene_exchange
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.diagnostics import breach_words, compressed_words
@@ -465,3 +465,6 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
             "critical on the first axial mode",
         ),
     ]
+
+
+COMMANDS = {"scene": Command(add_arguments, run, EXAMPLES, MORE)}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.cli import ExitCode, print_json
+from rope_twin.cli import Command, ExitCode, print_json
 from rope_twin.errors import InputError
 from rope_twin.quantity import read_quantity
 from rope_twin.recording.bag import BagReader, find_bag
@@ -261,3 +261,6 @@ def _sea_figures(time_ns: NDArray[np.int64], values: NDArray[np.float64]) -> dic
         spectrum = band_spectrum(even - even.mean(), 1e9 / period_ns)
         figures["tp_s"] = float(spectrum.peak_period_s)
     return {**figures, "max_m": float(np.max(np.abs(values))), "rate_hz": 1e9 / period_ns}
+
+
+COMMANDS = {"sea-state": Command(add_arguments, run, EXAMPLES)}

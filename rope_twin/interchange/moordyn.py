@@ -363,7 +363,10 @@ class _Reader:
         """Yield upper point, lower point and lines from the top down of each rope."""
         spans = [(*span, line) for line in self._deck.lines
                  if (span := self._upper_and_lower(line)) is not None]  # fmt: skip
-        begins, ends = Counter(upper for upper, *_ in spans), Counter(lower for _, lower, _ in spans)
+        begins, ends = (
+            Counter(upper for upper, *_ in spans),
+            Counter(lower for _, lower, _ in spans),
+        )
         inner = {  # points that only join a line that ends there with one that begins there
             n for n, point in self._points.items()
             if point.kind == FREE and begins[n] == ends[n] == 1 and not self._has_body(point)

@@ -172,7 +172,7 @@ def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
     def interrupted(name: str) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(cli, "_module", interrupted)
+    monkeypatch.setattr(cli, "_command", interrupted)
     assert main(["run"]) == 130
     assert capsys.readouterr() == ("", "")
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from rope_twin.cli import doctor, main
-from rope_twin.cli.doctor import ERROR, OK, WARN
+from rope_twin.cli import installation, main
+from rope_twin.cli.installation import ERROR, OK, WARN
 from rope_twin.core import SOLVER_VERSION
 from rope_twin.errors import InputError
 
@@ -42,7 +42,7 @@ def missing() -> Any:
     ],
 )
 def test_the_middleware(middleware: Any, level: str, words: str) -> None:
-    check = doctor.check_middleware(middleware)
+    check = installation.check_middleware(middleware)
     assert (check.level, bool(check.remedy)) == (level, level != OK)
     assert words in check.found
 
@@ -54,28 +54,28 @@ def test_discovery(given: str | None, level: str, monkeypatch: pytest.MonkeyPatc
     monkeypatch.delenv("ROS_AUTOMATIC_DISCOVERY_RANGE", raising=False)
     if given is not None:
         monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", given)
-    assert doctor.check_discovery().level == level
+    assert installation.check_discovery().level == level
 
 
 def test_the_compile_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROPE_TWIN_CACHE", str(tmp_path))
-    assert "created by the first run" in doctor.check_cache().found
+    assert "created by the first run" in installation.check_cache().found
     folder = tmp_path / "rope_twin"
     folder.mkdir(mode=0o700)
     (folder / "kernel").write_bytes(b"0" * 2_000_000)
-    check = doctor.check_cache()
+    check = installation.check_cache()
     assert check.level == OK
     assert f"owner {os.geteuid()}, mode 0700, 2 MB in 1 files" in check.found
     folder.chmod(0o777)
-    check = doctor.check_cache()
+    check = installation.check_cache()
     assert check.level == WARN
     assert "ROPE_TWIN_CACHE" in check.remedy
 
 
 @pytest.mark.parametrize(("free", "level"), [(5e9, OK), (1e9, WARN), (1e7, ERROR)])
 def test_the_disk(free: float, level: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
-    assert doctor.check_space(Path("/")).level == level
+    monkeypatch.setattr(installation.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
+    assert installation.check_space(Path("/")).level == level
 
 
 @pytest.mark.parametrize(
@@ -87,24 +87,24 @@ def test_the_governor(
 ) -> None:
     for number, name in enumerate(names):
         (tmp_path / f"cpu{number}").write_text(f"{name}\n")
-    monkeypatch.setattr(doctor, "GOVERNORS", f"{tmp_path}/cpu[0-9]*")
-    assert doctor.check_governor().level == level
+    monkeypatch.setattr(installation, "GOVERNORS", f"{tmp_path}/cpu[0-9]*")
+    assert installation.check_governor().level == level
 
 
 def test_missing_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(doctor, "version_of", lambda name: "" if name == "mcap" else "1.0")
-    check = doctor.check_packages()
+    monkeypatch.setattr(installation, "version_of", lambda name: "" if name == "mcap" else "1.0")
+    check = installation.check_packages()
     assert (check.level, check.remedy) == (ERROR, "pip install mcap")
-    monkeypatch.setattr(doctor, "version_of", lambda name: "" if name == "pyarrow" else "1.0")
-    assert doctor.check_packages().level == WARN
+    monkeypatch.setattr(installation, "version_of", lambda name: "" if name == "pyarrow" else "1.0")
+    assert installation.check_packages().level == WARN
 
 
 @pytest.mark.parametrize(("level", "code"), [(OK, 0), (WARN, 0), (ERROR, 3)])
 def test_only_an_error_changes_the_exit_code(
     level: str, code: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    checks = [doctor.Check("disk", level, "as found", "as advised")]
-    monkeypatch.setattr(doctor, "check_all", lambda: iter(checks))
+    checks = [installation.Check("disk", level, "as found", "as advised")]
+    monkeypatch.setattr(installation, "check_all", lambda: iter(checks))
     assert main(["doctor", "--json"]) == code
     assert json.loads(capsys.readouterr().out)["ok"] is (code == 0)
     assert main(["doctor"]) == code
@@ -116,7 +116,7 @@ def test_a_message_goes_through_dds() -> None:
     from rope_twin.ros import entry
 
     for _ in range(12):  # of 5 s each: other tests may keep the processors busy for longer
-        check = doctor.check_middleware(lambda: entry)
+        check = installation.check_middleware(lambda: entry)
         if check.level != ERROR:
             break
     assert check.level in (OK, WARN), check

@@ -19,8 +19,7 @@ from study_samples import (
     write_study,
 )
 
-from rope_twin.cli import _parser, main, selection
-from rope_twin.cli import run as run_command
+from rope_twin.cli import build_parser, main, selection
 from rope_twin.cli.selection import (
     AIM,
     CEILING_PCT,
@@ -380,7 +379,7 @@ def test_a_budget_in_another_sea_claims_no_error(
         ),
         (["--bag", "sea_1p2m"], "its error is unknown: the study's run has another sea;"),
     ):
-        args = _parser({"run": run_command}).parse_args([*words, *more])
+        args = build_parser().parse_args([*words, *more])
         assert said in selection.choose(args, read_options(args)).chosen
 
 
@@ -389,7 +388,7 @@ def test_a_budget_is_reported_with_what_the_next_setting_costs(tmp_path: Path, b
     """Measured, so that no number is expected; too little is one sentence."""
     scene = studied_scene(tmp_path)
     words = ["run", str(scene.path), "--no-record", "--budget", budget]
-    args = _parser({"run": run_command}).parse_args(words)
+    args = build_parser().parse_args(words)
     if budget == "0.0001%":
         with pytest.raises(
             InputError, match=r"the cheapest setting of the study needs .* give more"

@@ -19,7 +19,7 @@ import pyarrow.parquet as parquet
 import pytest
 from study_text import GOOD, written
 
-from rope_twin.cli import main, study
+from rope_twin.cli import ensembles, main
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.ensemble import Plan, variations
@@ -68,7 +68,7 @@ def test_a_curve_of_wire_for_chain_is_reported_before_anything_runs(
     path = written(tmp_path, "about: a\nscene: chain_on_bottom\nseconds: 1.0\nvary:\n"
                    "  - {path: effects.drag.normal, values: [1.2]}\n"
                    "fatigue: {curve: stranded_wire}\n")  # fmt: skip
-    monkeypatch.setattr(study, "run_parameter_study", lambda *given: sys.exit(7))
+    monkeypatch.setattr(ensembles, "run_parameter_study", lambda *given: sys.exit(7))
     with pytest.raises(SystemExit, match="7"):
         main(["study", str(path), "--out", str(tmp_path / "rows")])
     assert "rope 'mooring' section 1 is chain" in capsys.readouterr().err

@@ -15,7 +15,7 @@ from rerun.chunk import RrdReader
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
-from rope_twin.cli import view
+from rope_twin.cli.displays import COMMANDS
 from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import TOPICS
@@ -26,9 +26,9 @@ EPOCH_NS = 1_763_700_000_000_000_000
 
 def command(*words: str) -> int:
     parser = argparse.ArgumentParser()
-    view.add_arguments(parser.add_subparsers().add_parser("view"))
+    COMMANDS["view"].add_arguments(parser.add_subparsers().add_parser("view"))
     args = parser.parse_args(["view", *words])
-    return int(view.run(args))
+    return COMMANDS["view"].run(args)
 
 
 @pytest.fixture
