@@ -21,10 +21,9 @@ from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, sim
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
 from rope_twin.planning.plan_reader import spreading_of
-from rope_twin.planning.runs import ERROR, STATISTICS, run_row, run_seeds, sea_seed
+from rope_twin.planning.runs import ERROR, STATISTICS, Row, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState, Ship
 from rope_twin.planning.simplified import Simplified, simplified
-from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene
 

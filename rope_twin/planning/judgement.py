@@ -28,8 +28,8 @@ from rope_twin.planning.slings import sling_shares
 if TYPE_CHECKING:
     from rope_twin.planning.phases import Leg, RopeAtRest
     from rope_twin.planning.plan_file import Criteria, Plan
+    from rope_twin.planning.runs import Row
     from rope_twin.planning.simplified import Simplified
-    from rope_twin.planning.twin_runs import Row
     from rope_twin.scene.schema import Scene
 
 Floats = NDArray[np.float64]

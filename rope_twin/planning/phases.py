@@ -64,7 +64,7 @@ class Leg:
     bed_m: float | None = None  # depth of the seabed below the payload, of a landing
     deck_m: float | None = None  # mean height of the deck, of a lift-off
     deck: DeckTransfer | None = None  # that moves it, or None if it is fixed
-    by_twin: bool = False  # stepped by a twin of its own (`twin_runs`)
+    by_twin: bool = False  # stepped by a twin of its own
     ropes: tuple[RopeAtRest, ...] = ()  # of a multi-line scene
     offset_m: float = 0.0  # largest lateral offset of the payload from the crane tip at rest
     setting_error: float = math.nan  # measured when mesh and step were chosen; NaN: it was not

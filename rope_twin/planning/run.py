@@ -24,9 +24,8 @@ from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
 from rope_twin.planning.plan_file import LEGS_MOST, Plan
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
-from rope_twin.planning.runs import SETTING, STATISTICS, run_row, run_seeds, sea_seed
+from rope_twin.planning.runs import SETTING, STATISTICS, Row, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState, Ship
-from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.error_bound import KnownError, Setting
 from rope_twin.scene.schema import Scene

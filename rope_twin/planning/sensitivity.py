@@ -24,8 +24,8 @@ from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_file import Plan, Seeds
 from rope_twin.planning.plan_reader import faults, tip_of
 from rope_twin.planning.run import plan_stamp, prepare
+from rope_twin.planning.runs import Row
 from rope_twin.planning.seas import Ship
-from rope_twin.planning.twin_runs import Row
 from rope_twin.planning.uncertainties import with_values
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Scene

@@ -18,7 +18,7 @@ from rope_twin.planning.plan_reader import deck_of, read_plan, tip_of
 from rope_twin.planning.report_content import write_report
 from rope_twin.planning.results import notes
 from rope_twin.planning.run import run_plan
-from rope_twin.planning.runs import run_seeds
+from rope_twin.planning.runs import Row, run_seeds
 from rope_twin.planning.seas import (
     LEAD_SAMPLES,
     SAMPLE_NS,
@@ -36,7 +36,6 @@ from rope_twin.planning.simplified import (
     vertical_stiffness_n_per_m,
 )
 from rope_twin.planning.tables import further_tables
-from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Damping, Scene
 

@@ -43,9 +43,8 @@ from rope_twin.planning.run import (
     prepare,
 )
 from rope_twin.planning.run import run_plan as run
-from rope_twin.planning.runs import run_seeds
+from rope_twin.planning.runs import Row, run_seeds
 from rope_twin.planning.seas import SeaState, Ship
-from rope_twin.planning.twin_runs import Row
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.load_chart import read_load_chart
 

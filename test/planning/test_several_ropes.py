@@ -16,10 +16,10 @@ from rope_twin.planning.phases import Leg, hung_at, legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
+from rope_twin.planning.runs import watch_twin
 from rope_twin.planning.seas import LEAD_SAMPLES, Ship, tip_record
 from rope_twin.planning.simplified import lateral_offset_m, lift_of
 from rope_twin.planning.tables import further_tables
-from rope_twin.planning.twin_runs import watch_twin
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.schema import Scene
 
