@@ -27,7 +27,6 @@ from rope_twin.messages import (
 from rope_twin.scene.instruments import Measured, MeasuredLength, MeasuredTension
 from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.winch.commands import WinchCommand
@@ -105,6 +104,16 @@ def _both(first: Fault, second: Fault) -> Fault:
                  hidden)  # fmt: skip
 
 
+def _each(change: Callable[[Message], Message]) -> Change:
+    """Change every message by itself."""
+    return lambda messages, rng: [change(message) for message in messages]
+
+
+def _content(change: Callable[[Any], Any]) -> Change:
+    """Change the content of every message."""
+    return _each(lambda message: replace(message, content=change(message.content)))
+
+
 # -- what becomes of messages, whatever they say ------------------------------------------------
 
 
@@ -116,9 +125,9 @@ def _random_bytes(messages: list[Message], rng: random.Random) -> list[Message]:
     return [replace(message, garbage=rng.randbytes(rng.randint(1, 400))) for message in messages]
 
 
-def _cut_short(messages: list[Message], rng: random.Random) -> list[Message]:
-    encoded = [(message, message.encoded(0)) for message in messages]
-    return [replace(message, garbage=data[: len(data) // 2]) for message, data in encoded]
+def _cut_short(message: Message) -> Message:
+    data = message.encoded(0)
+    return replace(message, garbage=data[: len(data) // 2])
 
 
 def _slow(messages: list[Message], rng: random.Random) -> list[Message]:
@@ -130,30 +139,16 @@ def _slow(messages: list[Message], rng: random.Random) -> list[Message]:
     return thinned
 
 
-def _delayed(delay_s: float) -> Change:
-    """Hold messages up; their stamps stay true."""
-    late_ns = round(delay_s * SECOND_NS)
-    return lambda messages, rng: [
-        replace(message, received_ns=message.received_ns + late_ns) for message in messages
-    ]
-
-
-def _delayed_and_stamped_late(delay_s: float) -> Change:
-    """Hold messages up and stamp them on arrival, as a relay does."""
-    late_ns = round(delay_s * SECOND_NS)
-    return lambda messages, rng: [
-        replace(
-            message, received_ns=message.received_ns + late_ns, stamp_ns=message.stamp_ns + late_ns
+def _shifted(arrival_s: float, stamp_s: float = 0.0) -> Change:
+    """Shift arrival and stamp: both alike as by a relay that stamps, one as by a wrong clock."""
+    arrival_ns, off_ns = round(arrival_s * SECOND_NS), round(stamp_s * SECOND_NS)
+    return _each(
+        lambda message: replace(
+            message,
+            received_ns=message.received_ns + arrival_ns,
+            stamp_ns=message.stamp_ns + off_ns,
         )
-        for message in messages
-    ]
-
-
-def _clock_off(offset_s: float) -> Change:
-    off_ns = round(offset_s * SECOND_NS)
-    return lambda messages, rng: [
-        replace(message, stamp_ns=message.stamp_ns + off_ns) for message in messages
-    ]
+    )
 
 
 def _intermittent(messages: list[Message], rng: random.Random) -> list[Message]:
@@ -182,47 +177,44 @@ def _out_of_order(messages: list[Message], rng: random.Random) -> list[Message]:
 
 def _other_sender(messages: list[Message], rng: random.Random) -> list[Message]:
     """Add a second sender that sends in turn, with inverted values from five seconds before."""
-    turn = _scaled_by(lambda value: -value)
-    late_ns = 5 * SECOND_NS
-    shift_ns = 20_000_000  # between two of the first one's
-    others = [
-        replace(message, sender="stranger", stamp_ns=message.stamp_ns + late_ns + shift_ns,
-                received_ns=message.received_ns + late_ns + shift_ns)
-        for message in turn(messages, rng)
-    ]  # fmt: skip
+    late_s = 5.02  # between two of the first one
+    others = _shifted(late_s, late_s)(_times(-1.0)(messages, rng), rng)
+    others = [replace(message, sender="stranger") for message in others]
     return sorted([*messages, *others], key=lambda message: message.received_ns)
 
 
 # -- what becomes of their numbers --------------------------------------------------------------
 
+Value = Callable[[float], float]
 
-def _scaled_by(
-    value: Callable[[float], float], rate: Callable[[float], float] | None = None
-) -> Change:
+
+def _same(value: float) -> float:
+    return value
+
+
+def _scaled_by(value: Value, rate: Value | None = None) -> Change:
     """Change positions (or the value of a command or profile) by `value`, rates by `rate`."""
     rate = rate or value
 
-    def content(message: Message) -> Any:
+    def changed(message: Message) -> Message:
+        content = message.content
         if message.topic == HEAVE:
-            z, v = message.content
-            return value(z), rate(v)
-        if message.topic == ODOMETRY:
-            pose: ShipPose = message.content
-            (x, y, z), (u, v, w) = pose.position_m, pose.velocity_m_per_s
-            return replace(
-                pose,
-                position_m=(value(x), value(y), value(z)),
-                velocity_m_per_s=(rate(u), rate(v), rate(w)),
+            content = value(content[0]), rate(content[1])
+        elif message.topic == ODOMETRY:
+            content = replace(
+                content,
+                position_m=tuple(map(value, content.position_m)),
+                velocity_m_per_s=tuple(map(rate, content.velocity_m_per_s)),
             )
-        if message.topic in JUDGING:
-            return _with_row(message.content, value, rate, value)
-        if message.topic == CURRENT:
-            return tuple((z, value(east), value(north)) for z, east, north in message.content)
-        return WinchCommand(message.content.kind, value(message.content.value))
+        elif message.topic in JUDGING:
+            content = _with_row(content, value, rate, value)
+        elif message.topic == CURRENT:
+            content = tuple((z, value(east), value(north)) for z, east, north in content)
+        else:
+            content = WinchCommand(content.kind, value(content.value))
+        return replace(message, content=content)
 
-    return lambda messages, rng: [
-        replace(message, content=content(message)) for message in messages
-    ]
+    return _each(changed)
 
 
 def _times(factor: float, rate: float | None = None) -> Change:
@@ -241,30 +233,11 @@ def _noise(sigma_m: float) -> Change:
     )
 
 
-def _turned(turn: Callable[[ShipPose], ShipPose]) -> Change:
-    return lambda messages, rng: [
-        replace(message, content=turn(message.content)) for message in messages
-    ]
-
-
-def _rates_of_turn_times(factor: float) -> Change:
-    def turn(pose: ShipPose) -> ShipPose:
-        x, y, z = pose.rate_rad_per_s
-        return replace(pose, rate_rad_per_s=(factor * x, factor * y, factor * z))
-
-    return _turned(turn)
-
-
-def _half_a_quaternion(pose: ShipPose) -> ShipPose:
-    x, y, z, w = pose.orientation
-    return replace(pose, orientation=(0.5 * x, 0.5 * y, 0.5 * z, 0.5 * w))
-
-
-Value = Callable[[float], float]
-
-
-def _same(value: float) -> float:
-    return value
+def _posed(name: str, factor: float) -> Change:
+    """Multiply all parts of `rate_rad_per_s` or `orientation` of a pose."""
+    return _content(
+        lambda pose: replace(pose, **{name: tuple(factor * part for part in getattr(pose, name))})
+    )
 
 
 def _with_row(reported: Measurement, place: Value, speed: Value, tension: Value) -> Measurement:
@@ -280,58 +253,51 @@ def _with_row(reported: Measurement, place: Value, speed: Value, tension: Value)
 
 def _readings(place: Value = _same, speed: Value = _same, tension: Value = _same) -> Change:
     """Change line out or depth [m], line speed [m/s] and tension [N] of each reading."""
-    return lambda messages, rng: [
-        replace(message, content=_with_row(message.content, place, speed, tension))
-        for message in messages
-    ]
+    return _content(lambda reported: _with_row(reported, place, speed, tension))
+
+
+def _with_value(message: Message, column: int, value: float) -> Message:
+    """Return a reading with a value in a column (1: line out or depth, 2: speed, 3: tension)."""
+    row = list(message.content.rows[0])
+    row[column] = value
+    return replace(message, content=message.content._replace(rows=(tuple(row),)))
 
 
 def _stuck_at_first(column: int) -> Change:
-    """Keep the first value of a column (1: line out or depth, 2: speed, 3: tension)."""
-
-    def change(messages: list[Message], rng: random.Random) -> list[Message]:
-        rows = [list(message.content.rows[0]) for message in messages]
-        for row in rows:
-            row[column] = rows[0][column] if rows[0] is not row else row[column]
-        return [replace(message, content=message.content._replace(rows=(tuple(row),)))
-                for message, row in zip(messages, rows, strict=True)]  # fmt: skip
-
-    return change
+    """Keep the first value of a column."""
+    return lambda messages, rng: [
+        _with_value(message, column, messages[0].content.rows[0][column]) for message in messages
+    ]
 
 
 def _spikes(column: int, size: Value) -> Change:
     """Change a value in one of ten readings at random."""
-
-    def change(messages: list[Message], rng: random.Random) -> list[Message]:
-        result = []
-        for message in messages:
-            row = list(message.content.rows[0])
-            if rng.random() < 0.1:
-                row[column] = size(row[column])
-            result.append(replace(message, content=message.content._replace(rows=(tuple(row),))))
-        return result
-
-    return change
+    return lambda messages, rng: [
+        _with_value(message, column, size(message.content.rows[0][column]))
+        if rng.random() < 0.1
+        else message
+        for message in messages
+    ]
 
 
 _ALIKE = "position and rate are changed alike, as in a smaller sea"
 _ANY = [
     Fault("off", lambda given, rng: []),
     Fault("random bytes", _random_bytes),
-    Fault("cut short", _cut_short),
+    Fault("cut short", _each(_cut_short)),
     Fault("not a number", _scaled_by(lambda _: math.nan)),
     Fault("infinite", _scaled_by(lambda _: math.inf)),
     Fault("1e300", _scaled_by(lambda _: 1e300)),
     Fault("another sender", _other_sender),
 ]
 _STAMPED = [
-    Fault("delayed 0.5 s", _delayed(0.5)),
-    Fault("delayed 1 s", _delayed(1.0)),
-    Fault("delayed 5 s", _delayed(5.0)),
-    Fault("clock +1.5 s", _clock_off(1.5)),
-    Fault("clock +9 s", _clock_off(9.0)),
-    Fault("clock -1.5 s", _clock_off(-1.5)),
-    Fault("clock -9 s", _clock_off(-9.0)),
+    Fault("delayed 0.5 s", _shifted(0.5)),
+    Fault("delayed 1 s", _shifted(1.0)),
+    Fault("delayed 5 s", _shifted(5.0)),
+    Fault("clock +1.5 s", _shifted(0.0, 1.5)),
+    Fault("clock +9 s", _shifted(0.0, 9.0)),
+    Fault("clock -1.5 s", _shifted(0.0, -1.5)),
+    Fault("clock -9 s", _shifted(0.0, -9.0)),
     Fault("out of order", _out_of_order),
 ]
 _STREAMED = [
@@ -358,8 +324,8 @@ _MEASURED = [
     Fault("leap by 29 m", _leap(29.0)),
     Fault("leap by 500 m", _leap(500.0)),
     Fault("noise of 0.5 m", _noise(0.5)),
-    Fault("relayed 0.5 s late", _delayed_and_stamped_late(0.5), "stamps and values agree"),
-    Fault("relayed 5 s late", _delayed_and_stamped_late(5.0), "stamps and values agree"),
+    Fault("relayed 0.5 s late", _shifted(0.5, 0.5), "stamps and values agree"),
+    Fault("relayed 5 s late", _shifted(5.0, 5.0), "stamps and values agree"),
 ]
 _ORDERED = "the winch obeys it, as it would obey its crew"
 _OF = {
@@ -368,9 +334,9 @@ _OF = {
         *_STAMPED,
         *_STREAMED,
         *_MEASURED,
-        Fault("rate of turn times 10", _rates_of_turn_times(10.0)),
-        Fault("rate of turn of opposite sign", _rates_of_turn_times(-1.0)),
-        Fault("quaternion of length 0.5", _turned(_half_a_quaternion)),
+        Fault("rate of turn times 10", _posed("rate_rad_per_s", 10.0)),
+        Fault("rate of turn of opposite sign", _posed("rate_rad_per_s", -1.0)),
+        Fault("quaternion of length 0.5", _posed("orientation", 0.5)),
     ],
     WINCH: [
         *_STAMPED,
@@ -384,7 +350,7 @@ _OF = {
         Fault("times 100", _times(100.0)),
         Fault("opposite sign", _times(-1.0), _ORDERED),
         Fault("plus 5 m/s", _leap(5.0)),
-        Fault("relayed 0.5 s late", _delayed_and_stamped_late(0.5), _ORDERED),
+        Fault("relayed 0.5 s late", _shifted(0.5, 0.5), _ORDERED),
     ],
     CURRENT: [
         Fault("times 0.1", _times(0.1), "it is a current as good as any"),
@@ -397,11 +363,11 @@ _OF = {
 _COMPARED = "readings are compared for the time of their stamps"
 _FT, _LB_N, _KGF_N = 0.3048, 4.4482216152605, 9.80665  # exact
 _ARRIVING = [
-    Fault("delayed 1 s", _delayed(1.0), _COMPARED),
-    Fault("delayed 15 s", _delayed(15.0)),
-    Fault("clock +1.5 s", _clock_off(1.5)),
-    Fault("clock +9 s", _clock_off(9.0)),
-    Fault("clock -15 s", _clock_off(-15.0)),
+    Fault("delayed 1 s", _shifted(1.0), _COMPARED),
+    Fault("delayed 15 s", _shifted(15.0)),
+    Fault("clock +1.5 s", _shifted(0.0, 1.5)),
+    Fault("clock +9 s", _shifted(0.0, 9.0)),
+    Fault("clock -15 s", _shifted(0.0, -15.0)),
     Fault("out of order", _out_of_order),
     Fault("stuck", _stuck),
     Fault("slow, 2 Hz", _slow, "fewer readings are as good"),
@@ -410,7 +376,7 @@ _ARRIVING = [
 ]
 _OF[SENSORS] = [
     *_ARRIVING,
-    Fault("relayed 15 s late", _delayed_and_stamped_late(15.0)),
+    Fault("relayed 15 s late", _shifted(15.0, 15.0)),
     Fault("tension stuck", _stuck_at_first(3)),
     Fault("tension in lbf", _readings(tension=lambda n: n / _LB_N)),
     Fault("tension in kgf", _readings(tension=lambda n: n / _KGF_N)),
@@ -484,17 +450,12 @@ def truth_of(snapshot: Snapshot) -> Truth:
 
 def instrumented(scene: Scene) -> Scene:
     """Return the scene with uncertainties of its instruments, its own where it gives them."""
-    instruments = scene.measured
-    tension = instruments.tension if instruments.tension.uncertainty(1.0) is not None else CELL
-    line_out = (
-        instruments.line_out if instruments.line_out.uncertainty(1.0) is not None else COUNTER
+    own = scene.measured
+    measured = Measured(
+        tension=CELL if own.tension.uncertainty(1.0) is None else own.tension,
+        line_out=COUNTER if own.line_out.uncertainty(1.0) is None else own.line_out,
+        payload_depth=SOUNDER if own.payload_depth.uncertainty(1.0) is None else own.payload_depth,
     )
-    depth = (
-        instruments.payload_depth
-        if instruments.payload_depth.uncertainty(1.0) is not None
-        else SOUNDER
-    )
-    measured = Measured(tension=tension, line_out=line_out, payload_depth=depth)
     return replace(scene, measured=measured)
 
 
