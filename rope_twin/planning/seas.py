@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,39 +41,13 @@ AFTER_SAMPLES = 40  # behind the end: the last step looks ahead
 CHUNK = 4096  # samples at once of a sum of components
 
 
-class PointTransfer(Protocol):
-    """Transfer function of a point, such as the crane tip; RAOs by heading stand behind it."""
-
-    def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return motion forward, to port and up per metre of wave amplitude, (3, n).
-
-        Positive phases lead the wave at the reference point. heading: direction that each wave
-        travels to, from the bow to port [rad]; 0 from astern, π head seas.
-        """
-
-
-class TipTransfer(PointTransfer, Protocol):
-    """Transfer function of the crane tip, with that of its ship."""
-
-    @property
-    def source(self) -> str:
-        """Return a description."""
-
-    @property
-    def headings(self) -> bool:
-        """Return whether it depends on the heading of the waves."""
-
-    def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return surge, sway, heave, roll, pitch and yaw of the ship, (6, n); see `at`."""
-
-
 @dataclass(frozen=True)
 class ResponsesTip:
     """Crane tip of a ship with RAOs in six degrees of freedom."""
 
     responses: Responses
     arm_m: tuple[float, float, float]  # from the reference point: forward, to port, up
-    headings = True
+    headings = True  # it depends on the heading of the waves
 
     @property
     def source(self) -> str:
@@ -83,11 +57,15 @@ class ResponsesTip:
         return f"RAOs {table}, crane tip {x:g} m ahead, {y:g} m to port, {z:g} m up"
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the rigid motion of the tip."""
+        """Return motion forward, to port and up per metre of wave amplitude, (3, n).
+
+        Positive phases lead the wave at the reference point. heading: direction that each wave
+        travels to, from the bow to port [rad]; 0 from astern, π head seas.
+        """
         return moved_by(self.responses.at(frequency_hz, heading), self.arm_m)[:3]
 
     def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the motion of the reference point and the turns."""
+        """Return surge, sway, heave, roll, pitch and yaw of the ship, (6, n); see `at`."""
         return self.responses.at(frequency_hz, heading)
 
 
@@ -112,6 +90,9 @@ class HullTip:
         motions = np.zeros((6, len(frequency_hz)), np.complex128)
         motions[2] = heave_response(self.hull, frequency_hz)
         return motions
+
+
+TipTransfer = ResponsesTip | HullTip
 
 
 class Ship(NamedTuple):
@@ -163,9 +144,7 @@ class DeckTransfer:
     apart_m: tuple[float, float]  # of its reference point from the crane vessel's: ahead, to port
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the motion along the crane vessel's axes, (3, n); arguments as for PointTransfer,
-        in deep water.
-        """
+        """Return the motion along the axes of the crane vessel in deep water, (3, n)."""
         x, y = self.apart_m
         number = (2.0 * np.pi * frequency_hz) ** 2 / STANDARD_GRAVITY
         phase = np.exp(-1j * number * (x * np.cos(heading) + y * np.sin(heading)))
@@ -173,6 +152,9 @@ class DeckTransfer:
         forward, port, up = phase * moved_by(motions, self.arm_m)[:3]
         c, s = math.cos(self.turn), math.sin(self.turn)
         return np.stack([c * forward - s * port, s * forward + c * port, up])
+
+
+PointTransfer = TipTransfer | RelativeTip | DeckTransfer
 
 
 @dataclass(frozen=True)
@@ -245,30 +227,19 @@ def _turns(exponent: float | None, shares: Vector) -> Vector:
     return np.interp(shares, below / below[-1], angle)
 
 
-def tip_record(
-    tip: TipTransfer, sea: SeaState, seed: int, seconds: float, bow: float, aside: bool
-) -> HeaveSeries:
-    """Return the motion of the crane tip in a record of a Gaussian sea.
-
-    Args:
-        tip: transfer function.
-        sea: the sea state.
-        seed: of the record.
-        seconds: time that it covers.
-        bow: heading of the bow, from east to north [rad].
-        aside: with motion east and north, not height alone.
-    """
+def tip_record(ship: Ship, sea: SeaState, seed: int, seconds: float) -> HeaveSeries:
+    """Return the motion of the crane tip in a record of a Gaussian sea over this time [s]."""
     samples = _samples(seconds)
     record = sea_record(sea, seed, seconds)
     order, count = record.order, record.count
-    motion = record.wave * tip.at(record.frequency_hz, record.heading)
+    motion = record.wave * ship.tip.at(record.frequency_hz, record.heading)
 
     def in_time(component: Complex) -> Vector:
         half = np.zeros(count // 2 + 1, np.complex128)
         half[order] = 0.5 * count * component
         return np.asarray(irfft(half, count)[:samples])
 
-    tracks = [in_time(part) for part in _in_sea(motion, record.omega, bow, aside)]
+    tracks = [in_time(part) for part in _in_sea(motion, record.omega, ship)]
     return _series(tracks)
 
 
@@ -322,20 +293,16 @@ def sea_record(sea: SeaState, seed: int, seconds: float) -> SeaRecord:
 
 
 def tip_on_waves(
-    tip: TipTransfer,
-    waves: Waves,
-    reference: tuple[float, float],
-    seconds: float,
-    bow: float,
-    aside: bool,
+    ship: Ship, waves: Waves, reference: tuple[float, float], seconds: float
 ) -> HeaveSeries:
-    """Return the motion of the crane tip of a ship that answers given waves.
+    """Return the motion of the crane tip of a ship that answers given waves over this time [s].
 
-    reference: x and y of the ship's reference point [m]; others as for `tip_record`.
+    reference: x and y of the ship's reference point [m].
     """
     samples = _samples(seconds)
-    motion = wave_at(waves, *reference) * tip.at(waves.omega / (2.0 * np.pi), waves.heading - bow)
-    parts = np.stack(_in_sea(motion, waves.omega, bow, aside), axis=1)
+    response = ship.tip.at(waves.omega / (2.0 * np.pi), waves.heading - ship.bow)
+    motion = wave_at(waves, *reference) * response
+    parts = np.stack(_in_sea(motion, waves.omega, ship), axis=1)
     time_s = (np.arange(samples) - LEAD_SAMPLES) * (SAMPLE_NS * 1e-9)
     chunks = [
         (np.exp(1j * np.outer(time_s[k : k + CHUNK], waves.omega)) @ parts).real
@@ -344,12 +311,12 @@ def tip_on_waves(
     return _series(list(np.concatenate(chunks).T))
 
 
-def _in_sea(motion: Complex, omega: Vector, bow: float, aside: bool) -> list[Complex]:
-    """Return height and its rate; with `aside`, then east, north and their rates."""
+def _in_sea(motion: Complex, omega: Vector, ship: Ship) -> list[Complex]:
+    """Return height and its rate; of RAOs, then east, north and their rates."""
     forward, port, up = motion
     components = [up, 1j * omega * up]
-    if aside:
-        c, s = math.cos(bow), math.sin(bow)
+    if ship.tip.headings:
+        c, s = math.cos(ship.bow), math.sin(ship.bow)
         east, north = c * forward - s * port, s * forward + c * port
         components += [east, north, 1j * omega * east, 1j * omega * north]
     return components

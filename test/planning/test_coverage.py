@@ -27,7 +27,7 @@ def test_coverage_on_synthetic_seas() -> None:
     """Largest height of the crane tip in 2,400 records of 10 min, in groups of 8 and 16."""
     plan, scene = read_plan("deep_installation")
     tip, sea = tip_of(plan, scene), SeaState(2.5, 9.0, 150.0)
-    records = (tip_record(tip, sea, seed, 600.0, 0.0, False) for seed in range(2400))
+    records = (tip_record(Ship(tip, 0.0), sea, seed, 600.0) for seed in range(2400))
     maxima = np.array([record.position_m.max() for record in records])
     for seeds in (8, 16):
         assert LEAST <= coverage(maxima, seeds) <= MOST

@@ -106,7 +106,7 @@ def test_deck_moves_with_the_components_of_the_tip() -> None:
     deck = deck_of(plan, LiftedFrom(point_m=plan.vessel.crane_tip_m))
     assert deck is not None
     amplitude, omega, phase = sea_record(sea, 3, 60.0).harmonics(deck).T
-    series = tip_record(tip, sea, 3, 60.0, 0.0, True)
+    series = tip_record(Ship(tip, 0.0), sea, 3, 60.0)
     time = series.stamp_ns[LEAD_SAMPLES:-1] * 1e-9
     height = (amplitude * np.sin(np.outer(time, omega) + phase)).sum(axis=1)
     assert height == pytest.approx(series.position_m[LEAD_SAMPLES:-1], abs=1e-9)

@@ -12,6 +12,7 @@ from rope_twin.planning.seas import (
     HullTip,
     ResponsesTip,
     SeaState,
+    Ship,
     tip_moments,
     tip_on_waves,
     tip_record,
@@ -47,7 +48,7 @@ def test_records_have_the_moments_of_the_spectrum(spreading: float | None) -> No
     """Mean variance of 60 records within 4 standard errors of the spectral moment."""
     sea = SeaState(2.5, 9.0, 150.0, spreading=spreading)
     moments = tip_moments(TIP, sea)
-    records = [tip_record(TIP, sea, seed, 1800.0, 0.4, False) for seed in range(60)]
+    records = [tip_record(Ship(TIP, 0.4), sea, seed, 1800.0) for seed in range(60)]
     for values, rms in (
         ([r.position_m.var() for r in records], moments.rms_m),
         ([r.velocity_m_per_s.var() for r in records], moments.rms_m_per_s),
@@ -59,7 +60,7 @@ def test_records_have_the_moments_of_the_spectrum(spreading: float | None) -> No
 
 def test_velocity_is_the_rate_of_position() -> None:
     """Central differences of the samples, to the error of 20 Hz."""
-    record = tip_record(TIP, SEA, 3, 120.0, 0.0, True)
+    record = tip_record(Ship(TIP, 0.0), SEA, 3, 120.0)
     rate = np.gradient(record.position_m, 0.05)[5:-5]
     assert np.abs(rate - record.velocity_m_per_s[5:-5]).max() < 2e-3
     assert record.aside is not None
@@ -69,15 +70,15 @@ def test_velocity_is_the_rate_of_position() -> None:
 
 def test_a_seed_is_the_same_sea_whatever_its_height() -> None:
     """Twice the height is twice the motion, where the spectrum keeps its shape."""
-    low = tip_record(TIP, SeaState(1.0, 9.0, 150.0, 3.3), 5, 300.0, 0.0, False)
-    high = tip_record(TIP, SeaState(2.0, 9.0, 150.0, 3.3), 5, 300.0, 0.0, False)
+    low = tip_record(Ship(TIP, 0.0), SeaState(1.0, 9.0, 150.0, 3.3), 5, 300.0)
+    high = tip_record(Ship(TIP, 0.0), SeaState(2.0, 9.0, 150.0, 3.3), 5, 300.0)
     np.testing.assert_allclose(high.position_m, 2.0 * low.position_m, rtol=1e-9, atol=1e-12)
 
 
 def test_bow_turns_the_motion_aside() -> None:
     """With the bow to the north, what was east is north."""
-    east = tip_record(TIP, SEA, 5, 60.0, 0.0, True)
-    north = tip_record(TIP, SEA, 5, 60.0, 0.5 * math.pi, True)
+    east = tip_record(Ship(TIP, 0.0), SEA, 5, 60.0)
+    north = tip_record(Ship(TIP, 0.5 * math.pi), SEA, 5, 60.0)
     assert east.aside is not None
     assert north.aside is not None
     np.testing.assert_allclose(north.aside[1], east.aside[0], atol=1e-12)
@@ -90,7 +91,7 @@ def test_hull_on_waves_is_that_of_a_run() -> None:
     waves = scene.listed(WavesParams)
     assert waves is not None
     components = components_of(waves, 9.80665)
-    record = tip_on_waves(HullTip(BoxHull()), components, (0.0, 0.0), 20.0, 0.0, False)
+    record = tip_on_waves(Ship(HullTip(BoxHull()), 0.0), components, (0.0, 0.0), 20.0)
     sea = sea_of_waves(scene)
     assert sea is not None
     for k in (0, 4, 137, 400):
@@ -106,7 +107,7 @@ def test_responses_on_waves_are_those_of_a_run_for_small_turns() -> None:
     assert waves is not None
     tip = ResponsesTip(read_responses("vessel_120m"), (10.0, 18.0, 12.0))
     components = components_of(waves, 9.80665)
-    record = tip_on_waves(tip, components, (0.0, 0.0), 60.0, 0.0, True)
+    record = tip_on_waves(Ship(tip, 0.0), components, (0.0, 0.0), 60.0)
     sea = sea_of_waves(scene)
     assert sea is not None
     samples = [sea.sample(int(stamp)) for stamp in record.stamp_ns]

@@ -92,7 +92,7 @@ def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
     tip, bow, sea = tip_of(plan, scene), plan.bow_of(scene), plan.sea_state(1.0, 0, 0)
     short = replace(leg, seconds=14.0)
     shots = list(watch_twin(short, Ship(tip, bow), sea, 5))
-    series = tip_record(tip, sea, 5, 14.0, bow, True)
+    series = tip_record(Ship(tip, bow), sea, 5, 14.0)
     late = [shot for shot in shots if shot.motion_ramp == 1.0]
     time = np.array([shot.time_s for shot in late])
     at = series.stamp_ns[LEAD_SAMPLES:] * 1e-9
