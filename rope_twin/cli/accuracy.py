@@ -92,12 +92,10 @@ def _check(args: argparse.Namespace) -> int:
     limit = read_amount("--within", args.within, quantity.name, quantity.unit)
     names = scene_names() if args.all else [args.scene]
     scenes = [load_scene(name) for name in names]
-    progress = CaseProgress()
-    target = accuracy_within.Wanted(quantity, limit, args.duration)
-    rows = list(accuracy_within.check_scenes(scenes, target, progress.show))
+    report = CaseProgress().show
+    rows = list(accuracy_within.check_scenes(scenes, quantity, limit, args.duration, report))
     if args.json:
-        figures = [{**asdict(row), "ok": row.ok} for row in rows]
-        print_json({"rows": figures})
+        print_json({"rows": [{**asdict(row), "ok": row.ok} for row in rows]})
     else:
         print(f"{quantity.name} within {limit:g} {quantity.unit}\n")
         print_table(accuracy_within.selected_table(rows, quantity.unit))

@@ -290,16 +290,12 @@ class MeasuredLift:
             for series in (rope.tension, rope.heave, rope.line_out, rope.sensor, rope.counter):
                 series.drop_before(time_s)
 
-    def tension_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
-        """Return the means of the tension over MEAN_S from begin to end, (k,), NaN: missing.
-
-        Second result: median number of samples in a mean.
-        """
-        means, samples = self.means_of_pins(begin_s, end_s)
-        return means[: round((end_s - begin_s) / MEAN_S)], float(samples[0])
-
     def means_of_pins(self, begin_s: float, end_s: float) -> tuple[Floats, Floats]:
-        """Return `tension_means` of all load pins, one after the other, (pins·k,) and (pins,)."""
+        """Return the means of the tension over MEAN_S from begin to end, (pins·k,), NaN: missing.
+
+        Those of one load pin after the other. Second result: median number of samples in a mean,
+        (pins,).
+        """
         pairs = [rope._own_means(begin_s, end_s) for rope in self.ropes]
         means = np.array([mean for mean, _ in pairs])
         ends = begin_s + MEAN_S * np.arange(1, means.shape[1] + 1)
@@ -308,7 +304,7 @@ class MeasuredLift:
         return means.ravel(), np.array([samples for _, samples in pairs])
 
     def _own_means(self, begin_s: float, end_s: float) -> tuple[Floats, float]:
-        """Return `tension_means` of this load pin, holes of heave and line out not regarded."""
+        """Return `means_of_pins` of this load pin, holes of heave and line out not regarded."""
         count = round((end_s - begin_s) / MEAN_S)
         if not len(self.tension.table):
             return np.full(count, np.nan), 1.0

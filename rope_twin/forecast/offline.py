@@ -22,7 +22,6 @@ from rope_twin.forecast.score import BrierScore, LeadScore, brier, coverage, sco
 from rope_twin.forecast.tension_forecast import (
     TENSION,
     ForecastSettings,
-    Observations,
     TensionForecast,
     TensionForecaster,
 )
@@ -138,13 +137,10 @@ class RecordingForecaster:
     def _forecast(
         self, sample: int, start: FleetState, orders: Sequence[Order]
     ) -> list[TensionForecast]:
-        observed = self._known(sample)
+        to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))
+        observed = self.lift.known_at(sample, to_contact)
         plans = self.lift.plans_at(sample, self.settings, AHEAD_S) if self.planned else None
         return self._forecaster.forecast(observed, start, orders, self.verification.factor(), plans)
-
-    def _known(self, sample: int) -> Observations:
-        to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))
-        return self.lift.known_at(sample, to_contact)
 
     def _scored(
         self, forecasts: list[TensionForecast], samples: list[int], limit_n: float

@@ -50,13 +50,6 @@ def height_words(cell: CellLimit) -> str:
     return _bounded(cell.height_m, cell.capped)
 
 
-def simplified_height_words(cell: CellLimit) -> str:
-    """Return the limiting height of the simplified method in words."""
-    if not cell.simplified:
-        return NONE
-    return _bounded(cell.simplified_height_m, cell.simplified_capped)
-
-
 def _bounded(height_m: float | None, capped: str) -> str:
     if height_m is None:
         return "none"
@@ -86,8 +79,10 @@ def table_rows(result: PlanResult) -> list[list[str]]:
 def _cells_of(result: PlanResult, cell: CellLimit) -> list[str]:
     judged = cell.shown
     begin = [*cell.row_head, height_words(cell), _interval(cell), limit_words(result, cell)]
-    simple = simplified_height_words(cell)
-    hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}" if cell.simplified else NONE
+    simple = hook = NONE
+    if cell.simplified:
+        simple = _bounded(cell.simplified_height_m, cell.simplified_capped)
+        hook = f"{1e-3 * _simple(cell.simplified)[0]:.0f}"
     if judged is None or "hook_load" not in judged.values:
         return [*begin, *[NONE] * 8, simple, hook]
     weight = result.work_of(cell).weight_n
@@ -409,9 +404,12 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
             "kind": result.plan.phases[work.number].kind,
             "depth_m": [work.legs[0].from_m, work.legs[-1].to_m],
             "limits": {limit.key: limit.most for limit in work.limits},
-            "limiting_hs_m": [[cell_limit.height_m for cell_limit in row] for row in rows],
-            "governing": [[cell_limit.governing for cell_limit in row] for row in rows],
-            "hook_load_n": [[_hook_n(cell_limit) for cell_limit in row] for row in rows],
+            "limiting_hs_m": [[cell.height_m for cell in row] for row in rows],
+            "governing": [[cell.governing for cell in row] for row in rows],
+            "hook_load_n": [
+                [cell.judged and cell.judged.values["hook_load"].value for cell in row]
+                for row in rows
+            ],
         }
     return {
         "format": FORMAT,
@@ -435,10 +433,6 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
             for cell in result.cells
         ],
     }
-
-
-def _hook_n(cell: CellLimit) -> float | None:
-    return None if cell.judged is None else cell.judged.values["hook_load"].value
 
 
 def write_results(result: PlanResult, folder: Path) -> None:

@@ -9,7 +9,6 @@ upper end at every step.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -36,13 +35,12 @@ from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import WINCH, Scene
 from rope_twin.scene.schema import SeaState as SceneSea
-from rope_twin.sea.spectrum import wave_at
+from rope_twin.sea.spectrum import Waves, wave_at
 from rope_twin.sea.tables import Vector
 from rope_twin.studies.driven_twin import check_taken
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation
 from rope_twin.twin.ensemble.member import LINE_OUT, TOP, WATCHED
 from rope_twin.twin.motion.boundary_conditions import WinchMotion
-from rope_twin.twin.motion.heave_track import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
@@ -238,9 +236,7 @@ def moved_by_sea(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Scene,
             scene = on_deck(scene, leg.deck, record)
         return scene, ShipOfComponents(answer, record.omega, bow)
     scene = change_scene(scene, sea_changes(leg, ship, sea, seed))
-    waves = scene.listed(WavesParams)
-    assert waves is not None
-    components = components_of(waves, scene.environment.gravity_m_per_s2)
+    components = _components(scene)
     heading = components.heading - bow
     answer = wave_at(components, *reference[:2]) * tip.freedoms(
         components.omega / (2.0 * math.pi), heading
@@ -320,21 +316,20 @@ def variation(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Variation:
     """
     waves = leg.scene.listed(WavesParams)
     if waves is None:
-        heave = tip_record(ship.tip, sea, seed, leg.seconds, ship.bow, ship.tip.headings)
+        heave = tip_record(ship, sea, seed, leg.seconds)
         return Variation((), heave, leg.commands)
     changes = sea_changes(leg, ship, sea, seed)
     scene = change_scene(leg.scene, changes)
-    heave = _on_waves(scene, ship, leg.seconds)
+    reference = reference_m(scene, ship)[:2]
+    heave = tip_on_waves(ship, _components(scene), reference, leg.seconds)
     return Variation(changes, heave, leg.commands)
 
 
-def _on_waves(scene: Scene, ship: Ship, seconds: float) -> HeaveSeries:
-    """Return the motion of a ship on the scene's waves."""
+def _components(scene: Scene) -> Waves:
+    """Return the components of the scene's waves."""
     waves = scene.listed(WavesParams)
     assert waves is not None
-    components = components_of(waves, scene.environment.gravity_m_per_s2)
-    reference = reference_m(scene, ship)[:2]
-    return tip_on_waves(ship.tip, components, reference, seconds, ship.bow, ship.tip.headings)
+    return components_of(waves, scene.environment.gravity_m_per_s2)
 
 
 class SteppedExtremes:
@@ -496,7 +491,11 @@ def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector | No
     left, done = round(leg.seconds / step), 0
     winch = leg.scene.winch
     compensated = winch is not None and winch.heave_compensation is not None
-    nominal = nominal_line(leg) if compensated else None
+    nominal = None
+    if compensated:
+        uncompensated = winch and replace(winch, heave_compensation=None)
+        motion = WinchMotion(uncompensated, leg.scene.ropes[0].length_m, leg.commands, step)
+        nominal = motion.through(0, left)[1:, 0]
     while left:
         count = min(left, BATCH_STEPS)
         ensemble.advance(count * step)
@@ -504,11 +503,3 @@ def _batches(leg: Leg, ensemble: Ensemble) -> Iterator[tuple[Vector, Vector | No
         parts = [ensemble.watched(k) for k in range(len(ensemble))]
         yield time_s, None if nominal is None else nominal[done : done + count], parts
         left, done = left - count, done + count
-
-
-def nominal_line(leg: Leg) -> Vector:
-    """Return the line out at the end of each step without heave compensation [m], (steps,)."""
-    scene, step = leg.scene, leg.scene.time.step_s
-    winch = scene.winch and dataclasses.replace(scene.winch, heave_compensation=None)
-    motion = WinchMotion(winch, scene.ropes[0].length_m, leg.commands, step)
-    return motion.through(0, round(leg.seconds / step))[1:, 0]

@@ -192,9 +192,12 @@ def sling_loads(result: PlanResult) -> Iterator[dict[str, Any]]:
     slings = result.plan.slings
     assert slings is not None
     for work in result.works:
-        load = _lower_end_n(result, work)
-        if load is None:
+        judged = [cell.shown for cell in result.of_phase(work.title)]
+        values = [judgement.values for judgement in judged if judgement is not None]
+        loads = [value["lower_end_load"].value for value in values if "lower_end_load" in value]
+        if not loads:
             continue
+        load = max(loads)
         shares = sling_shares(slings, work.weight_n)
         for k in range(slings.count):
             load_n = float(shares.largest[k]) * load
@@ -208,16 +211,6 @@ def sling_loads(result: PlanResult) -> Iterator[dict[str, Any]]:
                 "allowed_n": slings.strength_n,
                 "utilisation": load_n / slings.strength_n,
             }
-
-
-def _lower_end_n(result: PlanResult, work: PhaseWork) -> float | None:
-    """Return the largest characteristic load at the lower end in a phase's limiting seas [N]."""
-    judged = [cell.shown for cell in result.of_phase(work.title)]
-    values = [judgement.values for judgement in judged if judgement is not None]
-    return max(
-        (value["lower_end_load"].value for value in values if "lower_end_load" in value),
-        default=None,
-    )
 
 
 def _slings(result: PlanResult) -> Table:

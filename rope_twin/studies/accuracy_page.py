@@ -53,6 +53,12 @@ How to read this, and what it does not contain: docs/accuracy.md. Made by
 def as_markdown(study: Study, content: dict[str, object], picture: str) -> str:
     """Return the page; `content` is the study as in its JSON file."""
     mean_remark = " (here of its mean, since nothing moves)" if is_still(study) else ""
+    of_which = ""
+    if is_joined(study.scene):
+        of_which = (
+            f" Top tension and elements are those of `{study.scene.ropes[0].name}`; the other "
+            "ropes'\nelements follow in proportion."
+        )
     return _PAGE.format(
         name=study.scene.name,
         about=f"{study.scene.about}.",
@@ -62,22 +68,12 @@ def as_markdown(study: Study, content: dict[str, object], picture: str) -> str:
         reference=study.reference.setting,
         still=mean_remark,
         machine=study.machine.as_text(),
-        met=_of_which(study.scene),
+        met=of_which,
         rows=page_table(row_table(study)),
         doubts=page_table(doubt_table(study)),
         notes="\n".join(f"- {line}" for line in notes(study)),
         scene_digest=content["scene_digest"],
         solver=content["solver"],
-    )
-
-
-def _of_which(scene: Scene) -> str:
-    """Return which rope tension and elements refer to in a multi-line system."""
-    if not is_joined(scene):
-        return ""
-    return (
-        f" Top tension and elements are those of `{scene.ropes[0].name}`; the other ropes'"
-        "\nelements follow in proportion."
     )
 
 

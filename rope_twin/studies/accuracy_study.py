@@ -413,24 +413,18 @@ class Machine:
 
 def this_machine() -> Machine:
     """Query the machine and measure its speed (about 50 ms)."""
-    description = machine()
-    return Machine(
-        processor=description["processor"],
-        cores=len(os.sched_getaffinity(0)),
-        load=os.getloadavg()[0],
-        multiply_add_ns=_time_chain(),
-        python=description["python"],
-        numba=description["numba"],
-        run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
-    )
-
-
-def _time_chain() -> float:
-    """Return the shortest time of a link of the benchmark [ns]."""
+    description, times_s = machine(), []
     chain(1.0, 0.5, 0.5, 1)  # compiled here
-    times_s = []
     for _ in range(REPETITIONS):
         start_s = time.perf_counter()
         chain(1.0, 0.5, 0.5, LINKS)
         times_s.append(time.perf_counter() - start_s)
-    return min(times_s) / LINKS * 1e9
+    return Machine(
+        processor=description["processor"],
+        cores=len(os.sched_getaffinity(0)),
+        load=os.getloadavg()[0],
+        multiply_add_ns=min(times_s) / LINKS * 1e9,
+        python=description["python"],
+        numba=description["numba"],
+        run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
+    )

@@ -99,15 +99,6 @@ Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """Error target, and the window over which it is verified."""
-
-    quantity: Quantity
-    within: float  # in the quantity's unit
-    seconds: float | None  # None: the study's
-
-
-@dataclass(frozen=True)
 class Selected:
     """Selected setting of one scene, and its measured error."""
 
@@ -129,31 +120,40 @@ class Selected:
         return self.error is None or abs(self.error) <= self.within
 
 
-def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Selected]:
-    """Return a result per scene.
+def check_scenes(
+    scenes: Sequence[Scene],
+    quantity: Quantity,
+    within: float,
+    seconds: float | None,
+    report: Report,
+) -> Iterator[Selected]:
+    """Yield the selection of each scene for a target, and its error over a window.
+
+    within: in the quantity's unit; seconds: of the window, None: the study's.
 
     Raises:
         RopeTwinError: an accuracy table is missing or old, or a run failed.
     """
     for number, scene in enumerate(scenes):
         report(number, len(scenes), scene.name)
-        yield check_scene(scene, wanted)
+        yield _check_scene(scene, quantity, within, seconds)
     report(len(scenes), len(scenes), "done")
 
 
-def check_scene(scene: Scene, wanted: Wanted) -> Selected:
-    """Verify one scene.
-
-    Raises:
-        RopeTwinError: as for all.
-    """
-    quantity, within = wanted.quantity, wanted.within
+def _check_scene(
+    scene: Scene, quantity: Quantity, within: float, seconds: float | None
+) -> Selected:
     study = current_study(scene, f"scene {scene.name}")
     known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     level = cheapest_within(known, quantity.name, within)
     if level is None:
-        return _nothing(scene, quantity, within, known)
-    plan = make_plan(scene, wanted.seconds or study.seconds)
+        refusal = f"its study knows no error of {quantity.name}"
+        if known:
+            best = format_bound(best_bound(known, quantity.name))
+            refusal = f"the best of its study is {best} {quantity.unit}"
+        nothing = (None,) * 6
+        return Selected(scene.name, quantity.name, within, *nothing, "", refusal)
+    plan = make_plan(scene, seconds or study.seconds)
     course = Course(scene, plan.seconds, plan.look_s)
     elements, step_s, tolerance_n = plan.reference
     times = 1 if elements > ENOUGH else 2
@@ -165,18 +165,6 @@ def check_scene(scene: Scene, wanted: Wanted) -> Selected:
         level.real_time_factor, level.bound(quantity.name), error,
         f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
     )  # fmt: skip
-
-
-def _nothing(
-    scene: Scene, quantity: Quantity, within: float, known: Sequence[StudyLevel]
-) -> Selected:
-    if known:
-        level = best_bound(known, quantity.name)
-        refusal = f"the best of its study is {format_bound(level)} {quantity.unit}"
-    else:
-        refusal = f"its study knows no error of {quantity.name}"
-    nothing = (None,) * 6
-    return Selected(scene.name, quantity.name, within, *nothing, "", refusal)
 
 
 def selected_table(rows: Sequence[Selected], unit: str) -> list[list[str]]:

@@ -77,14 +77,9 @@ def _usual(name: str, scene: Scene) -> dict[str, Any]:
         waves = scene.listed(WavesParams)
         known = waves.depth_m if waves is not None else None
         return {"depth_m": CLEARANCE_M - lowest if known is None else known}
-    return _by_shape(name, _sides(scene))
-
-
-def _by_shape(name: str, sides: Triple | None) -> dict[str, Any]:
-    """Return parameters from the payload's shape, suspended at the middle of its top."""
-    if sides is None:
+    if (sides := _sides(scene)) is None:
         return {}
-    length, width, height = sides
+    length, width, height = sides  # of the payload, suspended at the middle of its top
     if name == "splash_zone":
         return {"height_m": height, "bottom_area_m2": length * width}
     if name == "fairing":

@@ -199,18 +199,13 @@ class LoneTwin:
         """Twin time [ns]."""
         return self._twin.time_ns
 
-    def advance_slot(self) -> Snapshot:
-        """Step on by one publish period. Raises SolverError where a run would end."""
-        self.step_slot()
-        return self.look()
-
     def look(self) -> Snapshot:
         """Return the current snapshot."""
         self._last = self._inputs.snapshot()
         return self._last
 
     def step_slot(self) -> None:
-        """Step on by one publish period without a snapshot; raises as `advance_slot`."""
+        """Step on by one publish period. Raises SolverError where a run would end."""
         if self._twin.time_ns >= self._looked_ns + LOOK_NS:
             self._looked_ns = self._twin.time_ns
             self._border.seats.look(self._senders, self._twin.time_ns)
@@ -275,7 +270,8 @@ def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MO
             twin.deliver(following)
             following = next(waiting, None)
         try:
-            snapshot = twin.advance_slot()
+            twin.step_slot()
+            snapshot = twin.look()
         except Exception as error:  # whatever ends a run is what the campaign is to find
             course.ended = f"{type(error).__name__}: {error}"
             break

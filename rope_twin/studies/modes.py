@@ -86,7 +86,12 @@ def find_modes(scene: Scene, count: int) -> Modes:
     if not 1 <= count <= max_count:
         problem = f"{count} of a rope with {rest.free_count} free nodes"
         raise InputError("--count", problem, f"give 1 to {max_count}")
-    K, M = _matrices(rest)
+    # 3 unknowns per free node, and a body's 6
+    free = slice(3 * rest.first, -3)
+    K, M = (matrix.tocsr()[free, free] for matrix in (_stretch(rest) + _turn(rest), _masses(rest)))
+    if rest.body is not None:
+        K, M = with_body(K, rest.body.stiffness, 0), with_body(M, rest.body.mass, 0)
+    K, M = K.tocsc(), M.tocsc()
     shift = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
     lowest = list(_modes(rest, *solve(K, M, count, shift)))
     axial: list[Mode] = []
@@ -100,15 +105,6 @@ def find_modes(scene: Scene, count: int) -> Modes:
     position = np.ascontiguousarray(rest.place[:, ::-1].T)
     fastest = float(_shedding_hz(rest).max())
     return Modes(tuple(lowest), tuple(axial), position, strouhal_number(scene), fastest)
-
-
-def _matrices(rest: AtRest) -> tuple[Any, Any]:
-    """Return K and M as sparse matrices with 3 unknowns per free node, and a body's 6."""
-    free = slice(3 * rest.first, -3)
-    K, M = (matrix.tocsr()[free, free] for matrix in (_stretch(rest) + _turn(rest), _masses(rest)))
-    if rest.body is not None:
-        K, M = with_body(K, rest.body.stiffness, 0), with_body(M, rest.body.mass, 0)
-    return K.tocsc(), M.tocsc()
 
 
 def solve(K: Any, M: Any, count: int, shift: float) -> tuple[Floats, Floats]:

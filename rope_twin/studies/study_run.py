@@ -35,7 +35,7 @@ from rope_twin.studies.study_design import (
     run_system,
     run_together,
 )
-from rope_twin.twin.ensemble.ensemble import Variation, cores, whole_steps
+from rope_twin.twin.ensemble.ensemble import cores, whole_steps
 
 if TYPE_CHECKING:
     import pyarrow
@@ -102,7 +102,11 @@ def run_batch(batch: Batch) -> list[Row]:
 
 def _results(batch: Batch) -> Iterator[Row]:
     """Yield the results of each run, stepped together unless poses move a multi-line scene."""
-    variations = list(_variations(batch))  # rejects a sea that does not reach
+    seas = Seas(batch.scene, batch.seconds)  # rejects a sea that does not reach
+    variations = [
+        seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
+        for run, made in zip(batch.runs, batch.made, strict=True)
+    ]
     posed = any(
         variation.heave is not None and variation.heave.aside is not None
         for variation in variations
@@ -112,12 +116,6 @@ def _results(batch: Batch) -> Iterator[Row]:
         return
     for made in batch.made:
         yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
-
-
-def _variations(batch: Batch) -> Iterator[Variation]:
-    seas = Seas(batch.scene, batch.seconds)
-    for run, made in zip(batch.runs, batch.made, strict=True):
-        yield seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
 
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
@@ -281,12 +279,6 @@ CONNECT_S = 10
 RETRIES = 2  # of a batch whose worker died
 
 
-def study_stamp(study: Study, scene: Scene) -> str:
-    """Return a digest of study, scene and solver, on which all rows depend."""
-    text = repr((study.digest, scene.digest, solver_version(scene)))
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
-
-
 def run_parameter_study(
     study: Study,
     scene: Scene,
@@ -311,7 +303,9 @@ def run_parameter_study(
     """
     runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
     _check_times(study, {made.scene.time.step_s for _, made in runs})
-    with StudyFolder(into, study, study_stamp(study, scene)) as folder:
+    depends_on = repr((study.digest, scene.digest, solver_version(scene)))
+    stamp = hashlib.sha256(depends_on.encode()).hexdigest()[:16]
+    with StudyFolder(into, study, stamp) as folder:
         done = folder.done()
         report(len(done), len(runs))
         is_alone = is_joined(scene) and why_joined_alone(build_joined(scene).system)

@@ -231,7 +231,9 @@ class _SampledLine:
         from_top, marks = np.linspace(0.0, length_m, PLACES), np.linspace(top, low, PLACES)
         EI = bending_stiffness(self.sampler.rope.now.effects)
         diameter, radius, stiff = _figures(self.line, marks, EI)
-        times, pulls, displacement, *others = _even(self.seen)
+        seen_s, seen_n, samples = zip(*self.seen, strict=True)
+        parts = (np.array(part) for part in zip(*samples, strict=True))
+        times, pulls, displacement, *others = resampled(np.array(seen_s), np.array(seen_n), *parts)
         every_s = float(times[-1] - times[0]) / (len(times) - 1)
         motion = displacement.transpose(1, 0, 2) / diameter
         if self.sampler.has_slow_parts:
@@ -307,13 +309,6 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
     if duration_s < min_s:
         problem = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
         raise InputError("--duration", problem, f"give {math.ceil(min_s)} or more")
-
-
-def _even(observations: list[tuple[float, float, Sample]]) -> list[Floats]:
-    """Return times, top tensions and the fields of the samples at equal intervals, time first."""
-    times, pulls, samples = zip(*observations, strict=True)
-    parts = zip(*samples, strict=True)
-    return resampled(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
 def expected_hz(scene: Scene) -> list[float]:

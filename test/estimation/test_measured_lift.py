@@ -50,7 +50,7 @@ def test_a_model_is_averaged_at_the_instants_of_the_samples(rate_hz: float, phas
     made.tension.extend(t, 1e3 * np.sin(w * t))
     steps = begin_s + step_s * np.arange(1, 401)
     model = 1e3 * np.sin(w * steps)[:, None] * [1.0, 2.0]
-    means, _ = made.tension_means(from_s, 30.0)
+    means, _ = made.means_of_pins(from_s, 30.0)
     found = made.sampled_means(model, begin_s, step_s, from_s)
     assert found.shape == (70, 2)
     known = np.isfinite(means)
@@ -197,7 +197,7 @@ def test_means_in_a_hole_of_heave_and_after_it_are_missing() -> None:
     made.heave = Series(2)
     kept = table[(table[:, 0] < 20.0) | (table[:, 0] > 25.0)]
     made.heave.extend(*kept.T)
-    means, number = made.tension_means(0.0, 120.0)
+    means, number = made.means_of_pins(0.0, 120.0)
     assert number == 5.0
     missing = np.flatnonzero(np.isnan(means)) * MEAN_S
     assert missing[0] == pytest.approx(19.75, abs=MEAN_S)
