@@ -91,11 +91,7 @@ def _add_ensemble(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_ensemble(args: argparse.Namespace) -> int:
-    """Run the members and report the results.
-
-    Raises:
-        RopeTwinError: one sentence on what cannot be.
-    """
+    """Run the members and report the results. Raises RopeTwinError."""
     scene = load_scene(args.scene)
     if args.time_step is not None:
         if not 1e-5 <= args.time_step <= 0.2:
@@ -310,11 +306,7 @@ def _add_study(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_study(args: argparse.Namespace) -> int:
-    """Run the remaining runs of the study and report the results.
-
-    Raises:
-        RopeTwinError: one sentence on what cannot be.
-    """
+    """Run the remaining runs of the study and report the results. Raises RopeTwinError."""
     if not 1 <= args.batch_size <= 1000:
         raise InputError("--batch-size", f"{args.batch_size} runs", "give 1 to 1000")
     study, scene = read_study(shipped_file(args.study, "studies", "study"))

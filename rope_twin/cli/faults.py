@@ -54,11 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the campaign and print the results.
-
-    Raises:
-        RopeTwinError: one sentence on what cannot be.
-    """
+    """Run the campaign and print the results. Raises RopeTwinError."""
     scene = load_scene(args.scene)
     for name in args.input:
         if name not in INPUTS:

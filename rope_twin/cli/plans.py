@@ -81,11 +81,7 @@ def _add_plan(parser: argparse.ArgumentParser) -> None:
 
 
 def _run_plan(args: argparse.Namespace) -> int:
-    """Run what is left of the plan and report the limits.
-
-    Raises:
-        RopeTwinError: one sentence on what cannot be.
-    """
+    """Run what is left of the plan and report the limits. Raises RopeTwinError."""
     if args.example:
         print(shipped_file(EXAMPLE_PLAN, "plans", "plan").read_text(encoding="utf-8"), end="")
         return ExitCode.OK

@@ -268,10 +268,8 @@ class Hung(NamedTuple):
 def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None) -> Hung:
     """Return the scene with its payload hanging at a depth.
 
-    Args:
-        scene: as loaded.
-        depth_m: of the payload's node below the water [m]; None: `line_out_m` counts.
-        line_out_m: unstretched length to begin with.
+    depth_m: of the payload's node below the water; None: `line_out_m` counts; line_out_m:
+    unstretched length to begin with.
 
     Raises:
         SceneError: there is no equilibrium, or the length is out of range.

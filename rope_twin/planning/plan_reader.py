@@ -40,10 +40,7 @@ MOST_AIR_KG_PER_M3 = 10.0  # density of what counts as air
 
 
 def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
-    """Return a plan and its scene.
-
-    Args:
-        name_or_path: a name in config/plans, or the path of a YAML file.
+    """Return a plan of config/plans by its name, or of a YAML file, and its scene.
 
     Raises:
         SceneError: one sentence with the line on what is wrong in the file.

@@ -329,14 +329,9 @@ def run_plan(
 ) -> PlanResult:
     """Find the limits of all cells.
 
-    Args:
-        plan: as read.
-        scene: of the plan.
-        store: rows that are done, and those to come.
-        report: called after each cell.
-        threads: number of cells at a time; None: as many as there are cores.
-        scheduler: address of a Dask scheduler, whose workers take a cell at a time; empty: this
-            machine's cores.
+    store: rows that are done, and those to come. report: called after each cell. threads: cells at
+    a time; None: as many as there are cores. scheduler: address of a Dask scheduler, whose workers
+    take a cell at a time; empty: this machine's cores.
 
     Raises:
         RopeTwinError: a phase cannot be run, or there is no such scheduler; one sentence.

@@ -99,12 +99,8 @@ def indices(
 ) -> list[Index]:
     """Return the weight of each number for each output, the largest first.
 
-    Args:
-        method: of `design`.
-        names: of the numbers, (k,).
-        samples: of `design`, (n, k).
-        values: each output at the samples, (n,).
-        seed: of the bootstrap.
+    samples: of `design`, (n, names); values: each output at the samples, (n,); seed: of the
+    bootstrap.
     """
     result = []
     for output, value in values.items():
@@ -286,14 +282,9 @@ def run_sensitivity(
 ) -> Sensitivity:
     """Run the samples that have no row in the folder, and return the weights.
 
-    Args:
-        case: of `case_of`.
-        method: morris or sobol.
-        count: trajectories or base samples.
-        out: folder of the rows.
-        report: called after each sample.
-        threads: samples at a time; None: as many as there are cores.
-        scheduler: address of a Dask scheduler; empty: this machine's cores.
+    count: trajectories or base samples. report: called after each sample. threads: samples at a
+    time; None: as many as there are cores. scheduler: address of a Dask scheduler; empty: this
+    machine's cores.
 
     Raises:
         RopeTwinError: a sample cannot be run, or there is no such scheduler; one sentence.

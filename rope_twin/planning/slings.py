@@ -195,12 +195,8 @@ def hang(
 ) -> tuple[Vector, Vector]:
     """Return the hook in the axes of the object [m], (3,), and the tensions [N], (slings,).
 
-    Args:
-        points_m: attachments from the centre of gravity, (slings, 3).
-        lengths_m: unstretched, (slings,).
-        EA_n: axial stiffness of each.
-        load_n: at the hook, plumb above the centre of gravity.
-        near_m: where to look first.
+    points_m: attachments from the centre of gravity, (slings, 3). lengths_m: unstretched,
+    (slings,). load_n: at the hook, plumb above the centre of gravity. near_m: where to look first.
     """
     k = EA_n / lengths_m
     scale = load_n * float(lengths_m.mean())  # of the energy

@@ -39,11 +39,7 @@ class Plan:
 
 
 def read_axis(option: str, text: str) -> Variable:
-    """Return a variable as written on a command line.
-
-    Raises:
-        InputError: one sentence.
-    """
+    """Return a variable as written on a command line. Raises InputError."""
     path, sign, numbers = text.partition("=")
     multiply = path.endswith("*")
     path = path.removesuffix("*")
@@ -53,11 +49,7 @@ def read_axis(option: str, text: str) -> Variable:
 
 
 def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> Variable:
-    """Return a variable from its path and `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`.
-
-    Raises:
-        InputError: one sentence.
-    """
+    """Return a variable from `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`. Raises InputError."""
     where = f"{option} '{numbers}'"
     if ".." not in numbers:
         values = tuple(_read_number(where, word) for word in numbers.split(","))
@@ -78,10 +70,7 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
 def make_plan(axes: Sequence[Variable], members: int | None, seed: int) -> Plan:
     """Return each member's values. More members of the same seed begin with the same ones.
 
-    Args:
-        axes: what varies.
-        members: at each point of the grid; None: one, or 100 where anything is drawn at random.
-        seed: of the random numbers.
+    members: at each point of the grid; None: one, or 100 where anything is drawn at random.
 
     Raises:
         InputError: nothing varies, or there are too many members.

@@ -401,13 +401,9 @@ def run_campaign(
     report: Callable[[Finding], None],
     jobs: int = 1,
 ) -> list[Finding]:
-    """Run each fault next to an undisturbed twin; `report` receives each result immediately.
+    """Run each fault (of `plan`) next to an undisturbed twin, in so many parallel processes.
 
-    Args:
-        scene: the scene whose sea moves the ship.
-        runs: input and fault of each, from `plan`.
-        report: called in the order of the runs.
-        jobs: number of parallel processes.
+    report: receives each result immediately, in the order of the runs.
 
     Raises:
         InputError: the scene has no ship motion.

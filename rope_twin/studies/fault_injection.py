@@ -414,11 +414,8 @@ _PAIRED = {
 def laid_over(messages: list[Message], fault: Fault, from_ns: int, seed: int) -> list[Message]:
     """Return the messages with the fault from a given time on, in the order of arrival.
 
-    Args:
-        messages: of one input, in the order of their stamps.
-        fault: the fault of those stamped `from_ns` [ns, simulation time] or later.
-        from_ns: its beginning.
-        seed: of random bytes, noise and losses.
+    messages: of one input, in the order of their stamps; from_ns: the first stamp with the fault
+    [ns, simulation time]; seed: of random bytes, noise and losses.
     """
     early = [message for message in messages if message.stamp_ns < from_ns]
     later = [message for message in messages if message.stamp_ns >= from_ns]
@@ -462,11 +459,8 @@ def instrumented(scene: Scene) -> Scene:
 def readings(scene: Scene, truths: Sequence[Truth], latency_ns: int, seed: int) -> list[Message]:
     """Return the readings of all instruments of an instrumented scene, in the order of arrival.
 
-    Args:
-        scene: from `instrumented`.
-        truths: of the sound twin, at rising times; one in READING_NS is read.
-        latency_ns: from a stamp to the arrival of its message.
-        seed: of the scatter.
+    truths: of the sound twin, at rising times, one in READING_NS is read; latency_ns: from a stamp
+    to the arrival of its message; seed: of the scatter.
     """
     rng, messages, due_ns = random.Random(seed), list[Message](), 0
     winch = next((rope.from_ for rope in scene.ropes if rope.from_ in places(scene)), "")

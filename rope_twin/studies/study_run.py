@@ -289,17 +289,12 @@ def run_parameter_study(
 ) -> tuple[list[Row], Path]:
     """Run all runs that have no row in the folder yet; return all rows, and their file.
 
-    Args:
-        study: what varies.
-        scene: what it varies in.
-        into: folder of the rows.
-        report: called at the start and whenever a batch is done.
-        scheduler: address of a Dask scheduler; empty: the cores of this machine.
-        at_once: runs in a batch; LANES of them step in one core's vectors. A multi-line run
-            and do not step in lanes is a batch by itself.
+    report: called at the start and whenever a batch is done. scheduler: address of a Dask
+    scheduler; empty: the cores of this machine. at_once: runs in a batch; LANES of them step in one
+    core's vectors. A multi-line run that does not step in lanes is a batch by itself.
 
     Raises:
-        RopeTwinError: one sentence; rows that were finished stay.
+        RopeTwinError: a run cannot be made; rows that were finished stay.
     """
     runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
     _check_times(study, {made.scene.time.step_s for _, made in runs})
