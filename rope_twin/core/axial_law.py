@@ -36,7 +36,7 @@ from rope_twin.core.jit.decorators import INLINED, jit_exact_within, jit_within
 from rope_twin.core.jit.functions import by_width, fused
 from rope_twin.core.jit.rows import field_type
 from rope_twin.core.jit.wide import WideType, bits, choose, whole
-from rope_twin.core.loads.hooks import axial_place, kernel_of
+from rope_twin.core.loads.hooks import axial_index, kernel_of
 from rope_twin.core.state import POSITION, Floats, Table
 
 # Internal variables of a fibre rope, of the element above each node (core/loads/memory):
@@ -119,13 +119,13 @@ def _choose_sections_law(rope: Any) -> Any:
 
 def law_of(rope: Any) -> Any:
     """Return the law of a rope's elements: that of its sections, or of an effect for the lowest."""
-    i = axial_place(map(type, rope.effects))
+    i = axial_index(map(type, rope.effects))
     return sections_law(rope) if i is None else Lowest(sections_law(rope), rope.effects[i])
 
 
 @overload(law_of, jit_options=INLINED, strict=False)
 def _choose_law(rope: Any) -> Any:
-    i = axial_place(_kinds(rope))
+    i = axial_index(_kinds(rope))
     if i is None:
         return lambda rope: sections_law(rope)
     return lambda rope: Lowest(sections_law(rope), rope.effects[i])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rope_twin.core.loads.hooks import differs
+from rope_twin.core.loads.hooks import differs_by_rope
 from rope_twin.core.state import Floats
 
 
@@ -36,4 +36,4 @@ class Grid(NamedTuple):
     soil: Soil
 
 
-differs(Plane, Grid)
+differs_by_rope(Plane, Grid)

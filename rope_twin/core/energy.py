@@ -51,7 +51,7 @@ from rope_twin.core.joined.stack import (
 )
 from rope_twin.core.loads.accounts import Place, account_sum, law_of_lowest, wetted
 from rope_twin.core.loads.balance import lower_end_force, set_flow
-from rope_twin.core.loads.hooks import grown
+from rope_twin.core.loads.hooks import ramped
 from rope_twin.core.moved_end import has_moved_end
 from rope_twin.core.state import (
     ACCELERATION,
@@ -130,7 +130,7 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
 
     pull: the rope's force on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
     """
-    elements, effects = _elements(rope, V), grown(rope.effects, time)
+    elements, effects = _elements(rope, V), ramped(rope.effects, time)
     place = _place(rope, elements, time, V)
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
@@ -308,7 +308,7 @@ def of_one(border: Border) -> SystemBorder:
     return SystemBorder(border.store, border.power, (border.elements,), 0.0)
 
 
-def lost(before: SystemBorder, after: SystemBorder, step: float) -> float:
+def dissipated(before: SystemBorder, after: SystemBorder, step: float) -> float:
     """Return the energy dissipated over a step by dampers and sheave friction [J]."""
     pairs = zip(before.elements, after.elements, strict=True)
     dissipated = sum(damped(earlier, later, step) for earlier, later in pairs)

@@ -44,7 +44,7 @@ from rope_twin.core.joined.linear_solver import push_system, solve_system
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.joined.stage import (
     begin_trial,
-    by_kind,
+    by_system_type,
     correct_connections,
     count_left_at_connections,
     count_loaded,
@@ -61,7 +61,13 @@ from rope_twin.core.joined.stage import (
     tolerance_of,
 )
 from rope_twin.core.loads import hooks
-from rope_twin.core.loads.balance import is_calm, load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.loads.balance import (
+    is_active_set_unchanged,
+    load_lowest,
+    load_nodes,
+    set_flow,
+    slope,
+)
 from rope_twin.core.loads.memory import predict_internal_variables, prepare_axial
 from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
 from rope_twin.core.state import (
@@ -100,19 +106,19 @@ def _push_links(work: Floats, first: int, n: int) -> None:
 
 # Solve the block-tridiagonal equations of a rope, or block-pentadiagonal ones where an effect
 # couples second neighbours; `_push` does so with the existing factors.
-_eliminate = hooks.chosen_by(
+_eliminate = hooks.selected_by(
     hooks.couples,
     lambda effects, work, first, n: eliminate_coupled(end_to_end(work), first, n),
     lambda effects, work, first, n: eliminate(end_to_end(work), first, n),
 )
-_push = hooks.chosen_by(
+_push = hooks.selected_by(
     hooks.couples,
     lambda effects, work, first, n: _push_links(work, first, n),
     lambda effects, work, first, n: push(end_to_end(work), first, n),
 )
 
 
-@by_kind(
+@by_system_type(
     lambda system: _eliminate(
         system.effects, system.work, system.model.first_free, system.state.counts[ELEMENTS]
     )
@@ -122,7 +128,7 @@ def _solve(system: Any) -> Any:
     solve_system(system)
 
 
-@by_kind(
+@by_system_type(
     lambda system: _push(
         system.effects, system.work, system.model.first_free, system.state.counts[ELEMENTS]
     )
@@ -235,7 +241,9 @@ def _look_ahead(system: Any, stage: Stage) -> int:
 
 
 # Whether an effect has an active set, so that the tension criterion is not sufficient.
-_has_active_sets = hooks.chosen_by(hooks.switches, lambda effects: True, lambda effects: False)
+_has_active_sets = hooks.selected_by(
+    hooks.have_active_sets, lambda effects: True, lambda effects: False
+)
 
 
 @jit
@@ -244,7 +252,9 @@ def _keeps_active_sets(system: Any, stage: Stage, fraction: float) -> bool:
     unchanged = True
     for r in range(count_ropes(system)):
         rope, n = rope_at(system, r), count_loaded(system, r)
-        unchanged = unchanged and is_calm(rope.effects, rope.work, stage, n, fraction)
+        unchanged = unchanged and is_active_set_unchanged(
+            rope.effects, rope.work, stage, n, fraction
+        )
     return unchanged
 
 
@@ -292,7 +302,7 @@ def _choose_reuse(sheaves: Any, effects: Any, system: Any, stage: Any) -> Any:
     return lambda sheaves, effects, system, stage: False
 
 
-@by_kind(lambda system, stage: _is_solved_by_factors(system, stage))
+@by_system_type(lambda system, stage: _is_solved_by_factors(system, stage))
 def _is_solved_by_reuse(system: Any, stage: Any) -> Any:
     """Return whether one correction with the existing factors solves the stage, if applicable."""
     return _reuse_joined(system.sheaves, effects_at(system.stack.effects, ZERO), system, stage)

@@ -33,14 +33,14 @@ from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
 from rope_twin.core.joined.sheaves import is_at_sheave, set_border
 from rope_twin.core.joined.stack import POINT, load, rope_of, stacked_effects, store, store_memories
 from rope_twin.core.joined.stage import (
-    BACK,
-    OUT,
+    TO_STATE,
+    TO_WORK,
     boundary_of,
-    by_kind,
+    by_system_type,
     copy_connections,
     count_loaded,
     count_ropes,
-    face_others,
+    gather_from_others,
     health_of,
     join_ends,
     length_at,
@@ -91,7 +91,7 @@ def stage_at(rope: Rope, boundary: Boundary, row: int, part: float, time: float,
     return Stage(time + part * h, c * c, c, V)
 
 
-@by_kind(
+@by_system_type(
     lambda system, boundary, row, part, time, c: stage_at(system, boundary, row, part, time, c)
 )
 def _stage_at(system: Any, boundary: Any, row: Any, part: Any, time: Any, c: Any) -> Any:
@@ -184,7 +184,7 @@ def _accept(system: Any, q: float, pending: float) -> None:
             if first == 1:
                 nodes[k, 0] = work[k, 0]
         accept_internal_variables(rope.effects, count_loaded(system, r))
-    copy_connections(system, ZERO, BACK)
+    copy_connections(system, ZERO, TO_STATE)
 
 
 @jit
@@ -193,7 +193,7 @@ def _copy_start(system: Any, way: int) -> None:
     for r in range(count_ropes(system)):
         rope, upto = rope_at(system, r), count_loaded(system, r)
         nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
-        if way == OUT:
+        if way == TO_WORK:
             copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
             save_internal_variables(rope.effects, upto)
         else:
@@ -220,12 +220,12 @@ def _advance_substeps(system: Any, at: Any) -> bool:
             continue
         if outcome == NOT_FINITE:
             if done > 0:
-                _copy_start(system, BACK)
+                _copy_start(system, TO_STATE)
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
         if done == 0 and size < full:  # the step's start, in case a later part fails
-            _copy_start(system, OUT)
+            _copy_start(system, TO_WORK)
         _accept(system, q, pending)
         done += size
         substeps += 1
@@ -240,7 +240,7 @@ def _advance_substeps(system: Any, at: Any) -> bool:
 @jit
 def _load_start(system: Any, boundary: Boundary, row: int) -> None:
     """Load the work arrays from the state before step `row`."""
-    copy_connections(system, ZERO, OUT)
+    copy_connections(system, ZERO, TO_WORK)
     for r in range(count_ropes(system)):
         rope, L = rope_at(system, r), length_at(system, boundary, row, r)
         state, work, n = rope.state, rope.work, rope.state.counts[ELEMENTS]
@@ -279,7 +279,9 @@ def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) 
     finish(rope, border, pull, ZERO, time)
 
 
-@by_kind(lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time))
+@by_system_type(
+    lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time)
+)
 def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: Any) -> Any:
     """Complete a step, which ends at `time`: report tensions, split or merge elements."""
     for r in range(count_ropes(held)):
@@ -292,7 +294,7 @@ def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: An
             report_at_connection(rope, pull[r], row, Stage(time, 1.0, 0.0, 0.0))
 
 
-@by_kind(lambda system: False)
+@by_system_type(lambda system: False)
 def _needs_plan(system: Any) -> Any:
     """Return whether elements were added or removed since the elimination plan was made."""
     counts, planned = system.stack.counts, system.joints.plan.counts
@@ -327,7 +329,7 @@ def _advance(
             rope = rope_at(held, r)
             begin_step(rope.effects, rope, start, count_loaded(held, r))
         for r in range(count_ropes(held)):
-            face_others(held, rope_at(held, r))
+            gather_from_others(held, rope_at(held, r))
         if not _advance_substeps(held, (held_boundary, row, start)):
             _recompute_tension(held, held_boundary, row, start)
             return row

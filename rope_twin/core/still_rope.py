@@ -19,7 +19,7 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.loads.balance import add_couplings
-from rope_twin.core.loads.hooks import couples, switches
+from rope_twin.core.loads.hooks import couples, have_active_sets
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -124,7 +124,7 @@ class StillRope:
     @property
     def switches(self) -> bool:
         """Return whether an effect has an active set: tensions alone do not show equilibrium."""
-        return switches(map(type, self._rope.effects))
+        return have_active_sets(map(type, self._rope.effects))
 
     def rest_at(self, place: Floats) -> None:
         """Place the nodes there [m], with zero velocity, and reset the solver's counters."""

@@ -6,10 +6,11 @@ since a kernel passes ten words for each array. The work arrays are on the stack
 kernel: ropes that step on several threads may share their sea. Components are padded to whole
 blocks with zero amplitude, so that a sum over blocks has no remainder.
 
-**Sums** over the components at one position, vectorised over components. `refer` evaluates cosine
-and sine of each component's phase, and the surface, at a base position. Near it they are rotated:
-the angle differs by d = k·(distance along the heading), and with cos d to d⁴ and sin d to d⁵ the
-relative error of a component is at most d⁶/720. The admissible distance is given by `asides`.
+**Sums** over the components at one position, vectorised over components. `evaluate_phases` computes
+cosine and sine of each component's phase, and the surface, at a base position. Near it they are
+rotated: the angle differs by d = k·(distance along the heading), and with cos d to d⁴ and sin d to
+d⁵ the relative error of a component is at most d⁶/720. `rotation_ranges` returns the admissible
+distance.
 
 **Truncation**: depth of components, node spacing, range of rotated angles. Each neglects part of
 the water velocity; the total error is below `neglected` [m/s]. Here k are wave numbers [1/m] in
@@ -34,7 +35,7 @@ from rope_twin.core.jit.decorators import jit, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, stack_rows, table_rows
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE, WAVE_MIN, Floats
 
-BLOCK, MOST = 16, 2000  # components per block; maximum per sea
+BLOCK, MAX_COMPONENTS = 16, 2000  # components per block; maximum per sea
 
 # Rows of a sea's table: one column per component, from long to short,
 KX, KY = 0, 1  # wave number east and north [1/m]
@@ -42,31 +43,33 @@ OMEGA, PHASE = 2, 3  # [rad/s], [rad]
 AMPLITUDE = 4  # [m]
 K = 5  # [1/m], ascending
 EAST, NORTH, UP = 6, 7, 8  # a·ω/(1 - e^{-2kh}), times cos β, times sin β, and as it is [m/s]
-BOTTOM = 9  # e^{-2kh}: its reflection at the bottom, at the mean level
+BOTTOM_DECAY = 9  # e^{-2kh}: its reflection at the bottom, at the mean level
 # one column per block of components,
-REACH = 10  # below this z [m] the blocks from here on are left out
-ECHO = 11  # down to this z [m] its reflection at the bottom is negligible
-ASIDE = 12  # range of rotated angles for this number of reaching blocks [m]: one more column
+REACH_LEVEL = 10  # below this z [m] the blocks from here on are left out
+REFLECTION_LEVEL = 11  # down to this z [m] its reflection at the bottom is negligible
+ROTATION_RANGE = (
+    12  # range of rotated angles for this number of reaching blocks [m]: one more column
+)
 # and one column per level, from the surface down.
 LEVEL = 13  # z [m]
-THIRD = 14  # of the longest stretch [m] that a cubic can interpolate below it
+STRETCH_THIRD = 14  # of the longest stretch [m] that a cubic can interpolate below it
 SEA_ROWS = 15
 
 # Rows of the work arrays.
 COS, SIN = 0, 1  # of each component's angle at the present position
 COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
-FADED = 4  # e^{kz} of each component at LAST_Z
+DECAY = 4  # e^{kz} of each component at LAST_Z
 BASE = 5  # base position: x, y and surface [m]; row of LEVEL at the end of the last stretch;
-LAST_Z, LAST_BLOCKS = 4, 5  # z of FADED, and the number of its blocks
+DECAY_Z, DECAY_BLOCKS = 4, 5  # z of FADED, and the number of its blocks
 SCRATCH_ROWS = 6
 
 
 # Rows of a sea's table; uninitialised work arrays.
 figures = table_rows("sea", SEA_ROWS)
-scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), LAST_BLOCKS + 1))
+scratch = stack_rows("scratch", (*[MAX_COMPONENTS] * (SCRATCH_ROWS - 1), DECAY_BLOCKS + 1))
 
 
-LOWEST = 60.0  # exponents below are clamped to e^-60
+MAX_DECAY_EXPONENT = 60.0  # exponents below are clamped to e^-60
 
 
 @jit_within
@@ -109,8 +112,8 @@ def decay(x: float) -> float:
 
 
 @jit_sum
-def refer(sea: Any, buffer: Any, x: float, y: float, time: float) -> float:
-    """Return η of the full sea at a position [m]; store its cosines and sines for `turn`."""
+def evaluate_phases(sea: Any, buffer: Any, x: float, y: float, time: float) -> float:
+    """Return η of the full sea at a position [m]; store cosines and sines for `rotate_phases`."""
     c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
     rows = figures(sea.table)
     kx, ky, omega, phase, a = rows[KX], rows[KY], rows[OMEGA], rows[PHASE], rows[AMPLITUDE]
@@ -126,7 +129,7 @@ def refer(sea: Any, buffer: Any, x: float, y: float, time: float) -> float:
 
 
 @jit_sum
-def turn(sea: Any, buffer: Any, x: float, y: float) -> float:
+def rotate_phases(sea: Any, buffer: Any, x: float, y: float) -> float:
     """Return η near the base position [m], with the angles rotated from there."""
     c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
     rows = figures(sea.table)
@@ -145,28 +148,28 @@ def turn(sea: Any, buffer: Any, x: float, y: float) -> float:
 
 
 @jit
-def fade(sea: Any, buffer: Any, blocks: int, z: float) -> None:
+def set_decay(sea: Any, buffer: Any, blocks: int, z: float) -> None:
     """Set e^{kz} of the longest blocks, if not set already: nodes above the surface share one z."""
-    base, faded, k = buffer[BASE], buffer[FADED], figures(sea.table)[K]
-    if z == base[LAST_Z] and blocks <= base[LAST_BLOCKS]:
+    base, faded, k = buffer[BASE], buffer[DECAY], figures(sea.table)[K]
+    if z == base[DECAY_Z] and blocks <= base[DECAY_BLOCKS]:
         return
-    base[LAST_Z], base[LAST_BLOCKS] = z, blocks
+    base[DECAY_Z], base[DECAY_BLOCKS] = z, blocks
     for j in range(BLOCK * blocks):
-        faded[j] = decay(max(k[j] * z, -LOWEST))
+        faded[j] = decay(max(k[j] * z, -MAX_DECAY_EXPONENT))
 
 
 @jit_sum
-def water(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> Any:
+def kinematics(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> Any:
     """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
 
     The `echoing` longest ones have cosh and sinh profiles, which include the reflection at the
     bottom. All factors are read before the sums: register pressure decides how many partial sums
     LLVM makes, on which the rounding depends.
     """
-    fade(sea, buffer, max(echoing, reaching), z)
+    set_decay(sea, buffer, max(echoing, reaching), z)
     rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
     omega, east, north, up = rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom, faded = rows[BOTTOM], buffer[FADED]
+    bottom, faded = rows[BOTTOM_DECAY], buffer[DECAY]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * echoing):
         o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
@@ -193,11 +196,11 @@ def water(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> Any:
 
 
 @jit_sum
-def slopes(sea: Any, buffer: Any, echoing: int) -> Any:
+def vertical_gradients(sea: Any, buffer: Any, echoing: int) -> Any:
     """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
     rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
     k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom = rows[BOTTOM]
+    bottom = rows[BOTTOM_DECAY]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * sea.blocks):
         echo = bottom[j] if j < BLOCK * echoing else 0.0
@@ -213,34 +216,34 @@ def slopes(sea: Any, buffer: Any, echoing: int) -> Any:
 
 
 # Fractions of the error budget. A cubic amplifies an error of its four values by up to 1.63.
-CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
-LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
-HALVINGS = 60  # bisections for the depth that a component reaches
-FARTHEST = 1e4  # m: maximum range of rotated angles
+TRUNCATION_SHARE, ROTATION_SHARE, INTERPOLATION_SHARE = 0.2, 0.1, 0.5
+LEVELS, MAX_LEVEL_DEPTH = 40, 2e3  # of the table of stretches, to this depth [m]
+BISECTIONS = 60  # bisections for the depth that a component reaches
+MAX_ROTATION_RANGE = 1e4  # m: maximum range of rotated angles
 ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
 
 
 def levels_to(depth: float) -> Floats:
     """Return the levels at which the longest stretches are tabulated, from the surface down [m]."""
-    return -np.append(0.0, np.geomspace(0.25, min(depth, DEEPEST), LEVELS))
+    return -np.append(0.0, np.geomspace(0.25, min(depth, MAX_LEVEL_DEPTH), LEVELS))
 
 
-def deepest(k: Floats, depth: float) -> float:
+def lowest_level(k: Floats, depth: float) -> float:
     """Return the z at which the longest component ends: the bottom, or where it has decayed [m]."""
-    return max(-LOWEST / float(k[0]), -depth)
+    return max(-MAX_DECAY_EXPONENT / float(k[0]), -depth)
 
 
-def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
+def reach_levels(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
     """Return for each component the z below which it and all shorter ones are negligible.
 
     z is Wheeler's. The bound is the sum of all amplitudes, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), solved by
     bisection.
     """
-    error, bottom = CUT * neglected, deepest(k, depth)
+    error, bottom = TRUNCATION_SHARE * neglected, lowest_level(k, depth)
     reach = np.full(len(k), bottom)
     for j in range(len(k)):
         low, high = bottom, 0.0
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
             decay_sum = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
             if float(speed[j:] @ decay_sum) > error:
@@ -251,7 +254,7 @@ def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
     return reach
 
 
-def lowest(reach: float, crest: float, depth: float) -> float:
+def lowest_node_height(reach: float, crest: float, depth: float) -> float:
     """Return the z below which no component reaches a node, for coincident crests or troughs.
 
     From Wheeler's z that the longest one reaches, `reach` [m]; crest: Σ a [m].
@@ -261,23 +264,25 @@ def lowest(reach: float, crest: float, depth: float) -> float:
     return reach * (1.0 - crest / depth) - crest
 
 
-def echoes(k: Floats, depth: float) -> Floats:
+def reflection_levels(k: Floats, depth: float) -> Floats:
     """Return for each component the z down to which its reflection at the bottom is negligible."""
     return 0.5 * ROUND_OFF_EXPONENT / k - depth
 
 
-def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
+def stretch_thirds(
+    levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float
+) -> Floats:
     """Return a third of the longest stretch [m] that a cubic can interpolate below each level.
 
     (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
     """
-    error, size = BETWEEN * neglected, speed * k**4
+    error, size = INTERPOLATION_SHARE * neglected, speed * k**4
     return np.asarray(
         (11.0 * error / np.maximum(_decay_sum(levels, k, depth) @ size, WAVE_MIN)) ** 0.25
     )
 
 
-def asides(
+def rotation_ranges(
     levels: Floats, k: Floats, a: Floats, speed: Floats, depth: float, neglected: float
 ) -> Floats:
     """Return the horizontal range [m] over which angles may be rotated, below each level.
@@ -289,10 +294,11 @@ def asides(
     margin = 1.0 - float(a.sum()) / depth
     if margin <= 0.0:
         return np.zeros(len(levels))
-    decay = _decay_sum(np.maximum(levels, deepest(k, depth)), k, depth)
+    decay = _decay_sum(np.maximum(levels, lowest_level(k, depth)), k, depth)
     error_sum = decay @ (speed * k**6) + decay @ (speed * k) * float(a @ k**6) / margin
     return np.minimum(
-        (720.0 * TURN * neglected / np.maximum(error_sum, WAVE_MIN)) ** (1 / 6), FARTHEST
+        (720.0 * ROTATION_SHARE * neglected / np.maximum(error_sum, WAVE_MIN)) ** (1 / 6),
+        MAX_ROTATION_RANGE,
     )
 
 
@@ -301,56 +307,56 @@ def _decay_sum(levels: Floats, k: Floats, depth: float) -> Floats:
     return np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * depth, k))
 
 
-FEWEST = 5  # nodes of a stretch: with fewer, each is evaluated individually
-NOWHERE = 1e30  # m: no angles are stored yet
+MIN_STRETCH_NODES = 5  # nodes of a stretch: with fewer, each is evaluated individually
+NO_BASE_YET = 1e30  # m: no angles are stored yet
 
 
 @jit
-def _reaching(sea: Any, level: float) -> int:
+def _reaching_blocks(sea: Any, level: float) -> int:
     """Return the number of blocks of components that reach down to a level."""
-    reach, count = figures(sea.table)[REACH], 0
+    reach, count = figures(sea.table)[REACH_LEVEL], 0
     while count < sea.blocks and reach[count] <= level:
         count += 1
     return count
 
 
 @jit
-def _echoing(sea: Any, level: float) -> int:
+def _reflected_blocks(sea: Any, level: float) -> int:
     """Return the number of those blocks with a significant reflection at the bottom."""
-    echo, count = figures(sea.table)[ECHO], 0
+    echo, count = figures(sea.table)[REFLECTION_LEVEL], 0
     while count < sea.blocks and echo[count] > level:
         count += 1
     return count
 
 
 @jit
-def _level(sea: Any, z: float, eta: float) -> float:
+def _stretched_z(sea: Any, z: float, eta: float) -> float:
     """Return the stretched z, at most 0."""
     eta *= sea.follows
     return float(max(min((z - eta) / (1.0 + eta / sea.depth), 0.0), -sea.depth))
 
 
 @jit
-def _find(sea: Any, build_up: Any, buffer: Any, position: Any, time: float) -> Any:
+def _evaluate_at(sea: Any, build_up: Any, buffer: Any, position: Any, time: float) -> Any:
     """Return surface, velocity and acceleration at a position; build_up: factor and its rate."""
     x, y, z = position
     factor, rate = build_up
     base = buffer[BASE]
     dx, dy = x - base[0], y - base[1]
     distance = math.sqrt(dx * dx + dy * dy)
-    highest = _level(sea, z, factor * (base[2] - sea.steepest * distance))
-    if distance <= figures(sea.table)[ASIDE][_reaching(sea, highest)]:
-        full = turn(sea, buffer, dx, dy)
+    highest = _stretched_z(sea, z, factor * (base[2] - sea.steepest * distance))
+    if distance <= figures(sea.table)[ROTATION_RANGE][_reaching_blocks(sea, highest)]:
+        full = rotate_phases(sea, buffer, dx, dy)
     else:
-        full = refer(sea, buffer, x, y, time)
+        full = evaluate_phases(sea, buffer, x, y, time)
         base[0], base[1], base[2] = x, y, full
     eta = factor * full
-    level = _level(sea, z, eta)
-    echoing, reaching = _echoing(sea, level), _reaching(sea, level)
-    u, v, w, du, dv, dw = water(sea, buffer, echoing, reaching, level)
+    level = _stretched_z(sea, z, eta)
+    echoing, reaching = _reflected_blocks(sea, level), _reaching_blocks(sea, level)
+    u, v, w, du, dv, dw = kinematics(sea, buffer, echoing, reaching, level)
     height = sea.extends * min(z, eta)
     if height > 0.0:
-        su, sv, sw, sdu, sdv, sdw = slopes(sea, buffer, echoing)
+        su, sv, sw, sdu, sdv, sdw = vertical_gradients(sea, buffer, echoing)
         u, v, w = u + height * su, v + height * sv, w + height * sw
         du, dv, dw = du + height * sdu, dv + height * sdv, dw + height * sdw
     return (
@@ -366,7 +372,7 @@ def _stretch_end(sea: Any, buffer: Any, nodes: Any, arc: Any, i: int, last: int,
     eta: the surface elevation above node i; from there it falls by the steepest slope at most.
     """
     x, y, z = nodes
-    level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
+    level, third = figures(sea.table)[LEVEL], figures(sea.table)[STRETCH_THIRD]
     end, length, top, row_of = i, 0.0, -sea.depth, int(buffer[BASE][3])
     shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
     for k in range(i + 1, last):
@@ -388,7 +394,7 @@ def _stretch_end(sea: Any, buffer: Any, nodes: Any, arc: Any, i: int, last: int,
 
 
 @jit
-def _thirds(arc: Any, i: int, end: int) -> Any:
+def _nodes_at_thirds(arc: Any, i: int, end: int) -> Any:
     """Return the nodes nearest above a third and two thirds of a stretch."""
     a, b = i, i
     for k in range(i + 1, end):
@@ -400,7 +406,7 @@ def _thirds(arc: Any, i: int, end: int) -> Any:
 
 
 @jit
-def _put(target: Any, i: int, values: Any) -> None:
+def _store_node(target: Any, i: int, values: Any) -> None:
     """Set surface elevation and water acceleration of a node; add the velocity."""
     u, v, w, du, dv, dw, surface_at = target
     surface_at[i] = values[0]
@@ -413,7 +419,7 @@ def _put(target: Any, i: int, values: Any) -> None:
 
 
 @jit_within
-def _blend(weights: Any, four: Any, k: int) -> float:
+def _weighted_sum(weights: Any, four: Any, k: int) -> float:
     return float(
         weights[0] * four[0][k] + weights[1] * four[1][k]
         + weights[2] * four[2][k] + weights[3] * four[3][k]
@@ -421,7 +427,7 @@ def _blend(weights: Any, four: Any, k: int) -> float:
 
 
 @jit
-def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
+def _interpolate_stretch(target: Any, span: Any, thirds: Any, four: Any) -> None:
     """Interpolate the nodes of a stretch after its first by Lagrange's cubic through four.
 
     The arc lengths of the nodes are passed in the surface's row.
@@ -435,13 +441,13 @@ def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
         at = surface_at[k]
         b, c, d = at - t1, at - t2, at - t3
         weights = f0 * b * c * d, f1 * at * c * d, f2 * at * b * d, f3 * at * b * c
-        surface_at[k] = _blend(weights, four, 0)
-        u[k] += _blend(weights, four, 1)
-        v[k] += _blend(weights, four, 2)
-        w[k] += _blend(weights, four, 3)
-        du[k] = _blend(weights, four, 4)
-        dv[k] = _blend(weights, four, 5)
-        dw[k] = _blend(weights, four, 6)
+        surface_at[k] = _weighted_sum(weights, four, 0)
+        u[k] += _weighted_sum(weights, four, 1)
+        v[k] += _weighted_sum(weights, four, 2)
+        w[k] += _weighted_sum(weights, four, 3)
+        du[k] = _weighted_sum(weights, four, 4)
+        dv[k] = _weighted_sum(weights, four, 5)
+        dw[k] = _weighted_sum(weights, four, 6)
 
 
 @jit
@@ -461,9 +467,9 @@ def add_water(sea: Any, build_up: Any, work: Any, time: float, low: int, high: i
     if build_up[0] == 0.0:
         return
     buffer = scratch()
-    buffer[BASE][0] = NOWHERE
+    buffer[BASE][0] = NO_BASE_YET
     buffer[BASE][1] = buffer[BASE][2] = buffer[BASE][3] = 0.0
-    buffer[BASE][LAST_Z] = NOWHERE
+    buffer[BASE][DECAY_Z] = NO_BASE_YET
     target = (*rows(work, FLOW, low), *rates, surface_at)
     i, last = low - low, high - low  # a literal 0 has its own type: a second specialisation
     while i < last:
@@ -480,19 +486,19 @@ def _evaluate_stretches(
     i, last = span
     x, y, z = nodes
     arc = target[6]
-    first = _find(sea, build_up, buffer, (x[i], y[i], z[i]), time)
-    _put(target, i, first)
+    first = _evaluate_at(sea, build_up, buffer, (x[i], y[i], z[i]), time)
+    _store_node(target, i, first)
     while True:
         end = _stretch_end(sea, buffer, nodes, arc, i, last, first[0])
-        if end - i + 1 < FEWEST:
+        if end - i + 1 < MIN_STRETCH_NODES:
             break
-        a, b = _thirds(arc, i, end)
+        a, b = _nodes_at_thirds(arc, i, end)
         if not i < a < b < end or not 0.0 < arc[a] < arc[b] < arc[end]:
             break
-        second = _find(sea, build_up, buffer, (x[a], y[a], z[a]), time)
-        third = _find(sea, build_up, buffer, (x[b], y[b], z[b]), time)
-        fourth = _find(sea, build_up, buffer, (x[end], y[end], z[end]), time)
-        _put_cubic(target, (i, end), (a, b), (first, second, third, fourth))
+        second = _evaluate_at(sea, build_up, buffer, (x[a], y[a], z[a]), time)
+        third = _evaluate_at(sea, build_up, buffer, (x[b], y[b], z[b]), time)
+        fourth = _evaluate_at(sea, build_up, buffer, (x[end], y[end], z[end]), time)
+        _interpolate_stretch(target, (i, end), (a, b), (first, second, third, fourth))
         first, i = fourth, end
     for k in range(i + 1, end + 1):
         arc[k] = 0.0

@@ -33,7 +33,7 @@ from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.hooks import has_active_set, kernel
 from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import (
     BLOCK,
@@ -237,7 +237,7 @@ def _register(effect_type: type, bed_at: Any) -> None:
 
     account("power", effect_type)(power)
     declare_internal_variables(effect_type, CARRIED)
-    switching(effect_type)
+    has_active_set(effect_type)
 
 
 def power(rub: Any, place: Any) -> Any:

@@ -29,7 +29,7 @@ from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
 from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import differs, kernel
+from rope_twin.core.loads.hooks import differs_by_rope, kernel
 from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
 from rope_twin.quantity import quantity
 
@@ -64,7 +64,7 @@ class Bending(NamedTuple):
     z: float
 
 
-differs(Bending)
+differs_by_rope(Bending)
 
 
 def build(params: BendingParams, payload: Any, environment: Any) -> Bending:

@@ -32,9 +32,9 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import by_width
 from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.jit.wide import choose
-from rope_twin.core.loads.accounts import account, account_soaked, wets
+from rope_twin.core.loads.accounts import account, account_submerged, wets
 from rope_twin.core.loads.balance import Node, end_relative
-from rope_twin.core.loads.hooks import differs, kernel
+from rope_twin.core.loads.hooks import differs_by_rope, kernel
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -109,7 +109,7 @@ class DepthProfiles(NamedTuple):
 AT_END = DepthProfiles._fields[4:]  # what is the payload's
 
 
-differs(DepthProfiles)
+differs_by_rope(DepthProfiles)
 
 
 def build(params: DepthProfilesParams, payload: Any, environment: Any) -> DepthProfiles:
@@ -195,8 +195,8 @@ def _at(table: Any, z: Any) -> Any:
     return low[DENSITY] + fraction * more, inside * more / rise, factor
 
 
-@kernel("soak", DepthProfiles, wide=True)
-def soak(profiles: Any, node: Any) -> Any:
+@kernel("submerge", DepthProfiles, wide=True)
+def submerge(profiles: Any, node: Any) -> Any:
     """Return the node with the volume and the areas that weigh as much in water of density ρ0."""
     ratio, _, factor = _at(profiles.table, node.z)
     area = ratio * factor
@@ -209,7 +209,7 @@ def soak(profiles: Any, node: Any) -> Any:
 
 
 @wets(DepthProfiles)
-def soaked_place(profiles: Any, place: Any) -> Any:
+def submerged_place(profiles: Any, place: Any) -> Any:
     """Return the place with the volume and the areas that the kernels see."""
     z = place.position[2]
     ratio = np.interp(z, profiles.table[Z], profiles.table[DENSITY])
@@ -219,7 +219,7 @@ def soaked_place(profiles: Any, place: Any) -> Any:
     )
 
 
-account_soaked(DepthProfiles)
+account_submerged(DepthProfiles)
 
 
 @kernel("load_end", DepthProfiles, wide=True)

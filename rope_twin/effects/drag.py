@@ -22,7 +22,7 @@ import numpy as np
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.functions import interpolate
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import Load, grows, kernel
+from rope_twin.core.loads.hooks import Load, kernel, scales_with_ramp
 from rope_twin.core.state import DIVISOR_MIN, SPEED2_MIN, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.vortex.drag_amplification import OscillatingDrag, oscillating_drag
@@ -138,10 +138,10 @@ class CurrentDrag(NamedTuple):
     drag: Drag
 
 
-grows(Drag, "kn", "kt")
-grows(ReynoldsDrag, "drag")
-grows(CurrentDrag, "drag")
-grows(OscillatingDrag, "kn", "kt")
+scales_with_ramp(Drag, "kn", "kt")
+scales_with_ramp(ReynoldsDrag, "drag")
+scales_with_ramp(CurrentDrag, "drag")
+scales_with_ramp(OscillatingDrag, "kn", "kt")
 
 
 def build(

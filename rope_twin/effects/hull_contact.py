@@ -45,7 +45,7 @@ from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, whole
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import kernel, switching, wide_kernel
+from rope_twin.core.loads.hooks import has_active_set, kernel, wide_kernel
 from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import (
     BLOCK,
@@ -497,8 +497,8 @@ def _radius(hull: Any, e: int) -> Any:
     return choose(hull.k_payload > 0.0, hull.radius, -1.0) if e == 0 else -1.0
 
 
-@kernel("calm", HullContact)
-def calm(hull: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+@kernel("unchanged", HullContact)
+def unchanged(hull: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether nothing touches the hull, now and after the correction."""
     for e in range(n):
         (a, b), (c, d) = _places(work, share * stage.p, n, e)
@@ -508,8 +508,8 @@ def calm(hull: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     return True
 
 
-@wide_kernel("calm", HullContact)
-def calm_wide(hull: Any, work: Any, stage: Any, n: int, share: Any) -> int:
+@wide_kernel("unchanged", HullContact)
+def unchanged_wide(hull: Any, work: Any, stage: Any, n: int, share: Any) -> int:
     """Return the lanes in which nothing does, as bits."""
     lanes = 0
     for e in range(n):
@@ -593,4 +593,4 @@ def power(hull: HullContact, place: Any) -> Any:
 
 account("power", HullContact)(power)
 declare_internal_variables(HullContact, CARRIED)
-switching(HullContact)
+has_active_set(HullContact)

@@ -41,8 +41,8 @@ from rope_twin.core.jit.wide import ALL, bits, choose, whole
 from rope_twin.core.joined.stack import facing_of
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
+from rope_twin.core.loads.hooks import Load, kernel, scales_with_ramp
+from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,
@@ -153,7 +153,7 @@ class NetCurtain(NamedTuple):
     right: float
 
 
-grows(NetCurtain, "along", "facing", "lift", "pushed")
+scales_with_ramp(NetCurtain, "along", "facing", "lift", "pushed")
 declare_internal_variables(NetCurtain, CARRIED)
 
 
@@ -308,7 +308,7 @@ def _interpolated(fraction: Any, below: Any, above: Any) -> Any:
 
 
 @jit_exact
-def _face(net: Any, rope: Any, other: Any, row: int) -> None:
+def _gather(net: Any, rope: Any, other: Any, row: int) -> None:
     """Set the directions from a rope's nodes to another rope in the rows from `row` on.
 
     other: its nodes, coordinates, number of elements, and internal variables. It says where a
@@ -334,13 +334,13 @@ def _face(net: Any, rope: Any, other: Any, row: int) -> None:
         set_trials(memory, row + k, memory[row + k, n], rope)
 
 
-@kernel("face", NetCurtain, wide=True, exact=True)
-def face(net: Any, rope: Any, stack: Any, memories: Any) -> None:
+@kernel("gather", NetCurtain, wide=True, exact=True)
+def gather(net: Any, rope: Any, stack: Any, memories: Any) -> None:
     """Set the directions to the ropes at the net's far edges."""
     for side in range(2):
         p = whole(net.left if side == 0 else net.right)
         if p >= 0:
-            _face(net, rope, facing_of(stack, memories, p), TOWARDS + 3 * side)
+            _gather(net, rope, facing_of(stack, memories, p), TOWARDS + 3 * side)
 
 
 @kernel("start", NetCurtain)
@@ -431,7 +431,7 @@ def _lengths(net: Any, place: Any) -> Floats:
     Before the first step the nodes do not know their shares yet.
     """
     count = place.position.shape[1]
-    if count_known(net) > 0:
+    if count_initialised(net) > 0:
         shares = net.memory[SHARE, -2:-1] if count == 1 else net.memory[SHARE, :count]
         return np.asarray(shares * place.length)
     s = place.arc

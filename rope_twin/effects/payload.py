@@ -37,7 +37,13 @@ from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import end_relative
-from rope_twin.core.loads.hooks import differs, grows, kernel, switching, wide_kernel
+from rope_twin.core.loads.hooks import (
+    differs_by_rope,
+    has_active_set,
+    kernel,
+    scales_with_ramp,
+    wide_kernel,
+)
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -83,9 +89,9 @@ class TwoWayPayload(NamedTuple):
     dk: float  # half the difference of the drag, ascent less descent [kg/m]
 
 
-grows(Payload, "kx", "ky", "kz")
-grows(TwoWayPayload, "kx", "ky", "kz", "dk")
-differs(Payload, TwoWayPayload)
+scales_with_ramp(Payload, "kx", "ky", "kz")
+scales_with_ramp(TwoWayPayload, "kx", "ky", "kz", "dk")
+differs_by_rope(Payload, TwoWayPayload)
 
 
 def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | TwoWayPayload:
@@ -209,8 +215,8 @@ class SplashZone(NamedTuple):
     k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
 
 
-grows(SplashZone, "slam", "wet", "k")
-differs(SplashZone)
+scales_with_ramp(SplashZone, "slam", "wet", "k")
+differs_by_rope(SplashZone)
 
 
 def build_splash_zone(params: SplashZoneParams, payload: Any, environment: Any) -> SplashZone:
@@ -280,21 +286,21 @@ def _wet_shares(zone: Any, work: Any, stage: Any, share: Any) -> Any:
     return min(wet, then), max(wet, then)
 
 
-@kernel("calm", SplashZone)
-def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+@kernel("unchanged", SplashZone)
+def unchanged(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether the body is and stays fully submerged or fully dry."""
     least, most = _wet_shares(zone, work, stage, share)
     return bool(least >= 1.0 or most <= 0.0)
 
 
-@wide_kernel("calm", SplashZone)
-def calm_wide(zone: Any, work: Any, stage: Any, n: int, share: float) -> int:
+@wide_kernel("unchanged", SplashZone)
+def unchanged_wide(zone: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes in which the body is and stays fully submerged or fully dry, as bits."""
     least, most = _wet_shares(zone, work, stage, share)
     return int(bits(least >= 1.0) | bits(most <= 0.0))
 
 
-switching(SplashZone)
+has_active_set(SplashZone)
 
 
 @account("power_end", SplashZone)

@@ -28,7 +28,7 @@ from rope_twin.core.jit.rows import rows
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
-from rope_twin.core.loads.hooks import FAIRINGS, Load, differs, grows, kernel
+from rope_twin.core.loads.hooks import FAIRINGS, Load, differs_by_rope, kernel, scales_with_ramp
 from rope_twin.core.loads.panel import (
     SOLIDITY_MOST,
     mesh_fault,
@@ -91,8 +91,8 @@ class Net(NamedTuple):
     ny: float
 
 
-grows(Net, "along", "facing", "lift")
-differs(Net)
+scales_with_ramp(Net, "along", "facing", "lift")
+differs_by_rope(Net)
 
 
 def coefficients(params: NetPanels) -> tuple[float, float, float]:
@@ -181,9 +181,9 @@ class TowedFairing(NamedTuple):
     ramp: float  # [s]
 
 
-grows(Fairing, "k", factor=FAIRINGS)
-grows(TowedFairing, "force", factor=FAIRINGS)
-differs(Fairing, TowedFairing)
+scales_with_ramp(Fairing, "k", factor=FAIRINGS)
+scales_with_ramp(TowedFairing, "force", factor=FAIRINGS)
+differs_by_rope(Fairing, TowedFairing)
 
 
 def build_fairing(params: FairingParams, payload: Any, environment: Any) -> Fairing | TowedFairing:

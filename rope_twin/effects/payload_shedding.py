@@ -36,7 +36,7 @@ from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
+from rope_twin.core.loads.hooks import VORTICES, Load, kernel, scales_with_ramp
 from rope_twin.core.loads.memory import declare_internal_variables, new_memory
 from rope_twin.core.state import FLOW, SPEED2_MIN, TANGENT, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
@@ -78,7 +78,7 @@ def build(params: PayloadSheddingParams, payload: Any, environment: Any) -> Payl
 
 
 declare_internal_variables(PayloadShedding, CARRIED)
-grows(PayloadShedding, "k", factor=VORTICES)
+scales_with_ramp(PayloadShedding, "k", factor=VORTICES)
 
 
 @kernel("start", PayloadShedding)

@@ -201,7 +201,7 @@ def build(params: RigidBodyParams, payload: Any, environment: Any) -> RigidBody:
 
 def _first_stage() -> Any:
     stage = np.zeros(at.STAGE)
-    stage[at.FRESH] = stage[at.WET] = stage[at.WET_HELD] = 1.0
+    stage[at.FRESH] = stage[at.SUBMERGED] = stage[at.SUBMERGED_HELD] = 1.0
     return stage
 
 

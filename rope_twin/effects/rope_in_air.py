@@ -34,9 +34,9 @@ import numpy as np
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
-from rope_twin.core.loads.accounts import account, account_soaked, wets
+from rope_twin.core.loads.accounts import account, account_submerged, wets
 from rope_twin.core.loads.balance import Node
-from rope_twin.core.loads.hooks import Load, grows, kernel
+from rope_twin.core.loads.hooks import Load, kernel, scales_with_ramp
 from rope_twin.core.state import (
     DIVISOR_MIN,
     FLOW,
@@ -104,8 +104,8 @@ def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
         wz[i] = choose(dry, 0.0, wz[i])
 
 
-@kernel("soak", Wetting, wide=True)
-def soak(wetting: Any, node: Any) -> Any:
+@kernel("submerge", Wetting, wide=True)
+def submerge(wetting: Any, node: Any) -> Any:
     """Return the node with the volume and the areas of its wetted part."""
     d = _diameter(node.volume, node.length)
     height = node.length * abs(node.tz) + d * sqrt(max(1.0 - node.tz * node.tz, 0.0))
@@ -133,7 +133,7 @@ def wet_place(wetting: Any, place: Any) -> Any:
     )  # fmt: skip
 
 
-account_soaked(Wetting)
+account_submerged(Wetting)
 
 
 REFERENCE_M, LOWEST_M = 10.0, 0.1  # heights of U_10, and below which the wind no longer falls
@@ -161,7 +161,7 @@ class Wind(NamedTuple):
     k: float  # ½·ρ·C_d [kg/m³]
 
 
-grows(Wind, "k")
+scales_with_ramp(Wind, "k")
 
 
 def build_wind(params: WindParams, payload: Any, environment: Any) -> Wind:

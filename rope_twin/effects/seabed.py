@@ -25,7 +25,7 @@ from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import ALL, bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import Load, kernel, switching, wide_kernel
+from rope_twin.core.loads.hooks import Load, has_active_set, kernel, wide_kernel
 from rope_twin.core.state import CORRECTION, POSITION, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
@@ -198,8 +198,8 @@ def _is_clear(bed: Any, work: Any, p: float, n: int) -> bool:
     return low == 0
 
 
-@kernel("calm", Plane)
-def plane_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+@kernel("unchanged", Plane)
+def plane_unchanged(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether nothing touches the seabed."""
     plane = (bed.height, bed.east, bed.north)
     return bool(_is_clear(plane, work, share * stage.p, n))
@@ -219,21 +219,21 @@ def _clear_lanes(bed: Any, work: Any, p: float, n: int) -> int:
     return int(clear)
 
 
-@wide_kernel("calm", Plane)
-def plane_calm_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
+@wide_kernel("unchanged", Plane)
+def plane_unchanged_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes of a SIMD batch of which nothing touches the seabed, as bits."""
     plane = (bed.height, bed.east, bed.north)
     return int(_clear_lanes(plane, work, share * stage.p, n))
 
 
-@kernel("calm", Grid)
-def grid_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+@kernel("unchanged", Grid)
+def grid_unchanged(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     """Return whether all nodes are above the highest point of the seabed."""
     return bool(_is_clear((bed.top, 0.0, 0.0), work, share * stage.p, n))
 
 
-@wide_kernel("calm", Grid)
-def grid_calm_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
+@wide_kernel("unchanged", Grid)
+def grid_unchanged_wide(bed: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes of which all nodes are above the highest point of the seabed, as bits."""
     return int(_clear_lanes((bed.top, 0.0, 0.0), work, share * stage.p, n))
 
@@ -270,6 +270,6 @@ def power_end(bed: Any, place: Any) -> Any:
 
 
 for _kind in (Plane, Grid):
-    switching(_kind)
+    has_active_set(_kind)
     account("power", _kind)(power)
     account("power_end", _kind)(power_end)

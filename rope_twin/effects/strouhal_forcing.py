@@ -34,8 +34,8 @@ from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel, wide_kernel
-from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
+from rope_twin.core.loads.hooks import VORTICES, Load, kernel, scales_with_ramp, wide_kernel
+from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIRECTION,
@@ -112,7 +112,7 @@ def build(params: StrouhalForcingParams, payload: Any, environment: Any) -> Stro
     )
 
 
-grows(StrouhalForcing, "strength", factor=VORTICES)
+scales_with_ramp(StrouhalForcing, "strength", factor=VORTICES)
 declare_internal_variables(StrouhalForcing, CARRIED)
 
 
@@ -284,7 +284,7 @@ def power(shed: Any, place: Any) -> Any:
     """Return the power of lift and oscillating drag [W]; the hang-off sheds like the node below."""
     n = place.position.shape[1]
     phase, square = shed.memory[0, :n].copy(), shed.memory[2, :n].copy()
-    if count_known(shed) != n:
+    if count_initialised(shed) != n:
         phase[-1], square[-1] = phase[-2], square[-2]
     length = place.length
     d = np.sqrt(4.0 / pi * place.volume / length)

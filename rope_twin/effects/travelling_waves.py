@@ -34,8 +34,8 @@ from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import bits, choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
+from rope_twin.core.loads.hooks import VORTICES, Load, kernel, scales_with_ramp
+from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIVISOR_MIN,
@@ -135,7 +135,7 @@ def build(params: TravellingWavesParams, payload: Any, environment: Any) -> Trav
     )
 
 
-grows(TravellingWaves, "half_density", factor=VORTICES)
+scales_with_ramp(TravellingWaves, "half_density", factor=VORTICES)
 declare_internal_variables(TravellingWaves, CARRIED)
 
 
@@ -311,7 +311,7 @@ def power(waves: Any, place: Any) -> Any:
     """Return the power of lift and damping [W]; at a hang-off as at the node below."""
     n = place.position.shape[1]
     own = waves.memory[:, :n].copy()
-    if count_known(waves) != n:
+    if count_initialised(waves) != n:
         own[:, -1] = own[:, -2]
     length = place.length
     per_diameter = np.sqrt(0.25 * pi * length / (place.volume + DIVISOR_MIN))

@@ -40,8 +40,8 @@ from rope_twin.core.jit.functions import renewed
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
-from rope_twin.core.loads.hooks import VORTICES, Load, grows, kernel
-from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
+from rope_twin.core.loads.hooks import VORTICES, Load, kernel, scales_with_ramp
+from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import ELEMENTS, FLOW, REST, SPEED2_MIN, TANGENT, VELOCITY, ZERO, Floats
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -161,7 +161,7 @@ def build(params: WakeOscillatorParams, payload: Any, environment: Any) -> WakeO
     )
 
 
-grows(WakeOscillator, "strength", factor=VORTICES)
+scales_with_ramp(WakeOscillator, "strength", factor=VORTICES)
 declare_internal_variables(WakeOscillator, CARRIED)
 
 
@@ -298,7 +298,7 @@ def power(wake: Any, place: Any) -> Any:
     """Return the power of the lift [W]; the hang-off's wake is that of the node below."""
     n = place.position.shape[1]
     q = wake.memory[Q, :n].copy()
-    if count_known(wake) != n:
+    if count_initialised(wake) != n:
         q[-1] = q[-2]
     k = wake.strength * np.sqrt(4.0 / pi * place.volume * place.length)
     u = place.flow - place.velocity

@@ -37,25 +37,25 @@ from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.accounts import account
-from rope_twin.core.loads.hooks import Load, differs, grows, kernel
+from rope_twin.core.loads.hooks import Load, differs_by_rope, kernel, scales_with_ramp
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.waves import (
-    ASIDE,
     BLOCK,
-    BOTTOM,
-    ECHO,
+    BOTTOM_DECAY,
     LEVEL,
-    MOST,
-    REACH,
+    MAX_COMPONENTS,
+    REACH_LEVEL,
+    REFLECTION_LEVEL,
+    ROTATION_RANGE,
     SEA_ROWS,
-    THIRD,
+    STRETCH_THIRD,
     add_water,
-    asides,
-    echoes,
     levels_to,
-    lowest,
-    reaches,
-    thirds,
+    lowest_node_height,
+    reach_levels,
+    reflection_levels,
+    rotation_ranges,
+    stretch_thirds,
 )
 from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -131,7 +131,9 @@ class WaveSystem:
     regular: RegularWave | None = text("a regular wave", None)
     jonswap: Jonswap | None = text("a JONSWAP spectrum", None)
     measured: Measured | None = text("a measured spectrum", None)
-    components: int = quantity("number of wave components of a spectrum", "", 2, MOST, 200)
+    components: int = quantity(
+        "number of wave components of a spectrum", "", 2, MAX_COMPONENTS, 200
+    )
     seed: int = quantity("random seed of the phases", "", 0, 2**31, 1)
     heading_deg: float = quantity(
         "direction of propagation: 0 to the east, 90 to the north", "°", -360.0, 360.0, 0.0
@@ -206,8 +208,8 @@ class WavesParams(SparingRepr, WaveSystem):
         count = sum(
             1 if own.regular is not None else own.components for own in self.systems.values()
         )
-        if count > MOST:
-            return f"{count} components in all; give at most {MOST}"
+        if count > MAX_COMPONENTS:
+            return f"{count} components in all; give at most {MAX_COMPONENTS}"
         return WaveSystem.check(self)
 
 
@@ -231,8 +233,8 @@ class Waves(NamedTuple):
     Mz: float
 
 
-grows(Waves, "density", "Mx", "My", "Mz")
-differs(Waves)
+scales_with_ramp(Waves, "density", "Mx", "My", "Mz")
+differs_by_rope(Waves)
 
 
 def components_of(params: WavesParams, gravity: float) -> Components:
@@ -254,18 +256,20 @@ def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
     speed = a * sea.omega / (1.0 - np.exp(-2.0 * k * depth))
     felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and acceleration
     levels, neglected = levels_to(depth), params.neglected_m_per_s
-    reach = reaches(k, felt, depth, neglected)[::BLOCK]
+    reach = reach_levels(k, felt, depth, neglected)[::BLOCK]
     blocks = len(reach)
     table = np.zeros((SEA_ROWS, max(blocks * BLOCK, len(levels), blocks + 1)))
-    table[: BOTTOM + 1, : len(k)] = (
+    table[: BOTTOM_DECAY + 1, : len(k)] = (
         k * np.cos(sea.heading), k * np.sin(sea.heading), sea.omega, sea.phase, a, k,
         speed * np.cos(sea.heading), speed * np.sin(sea.heading), speed, np.exp(-2.0 * k * depth),
     )  # fmt: skip
-    table[REACH, :blocks] = reach
-    table[ECHO, :blocks] = echoes(k[::BLOCK], depth)
-    table[ASIDE, : blocks + 1] = asides(np.append(reach, 0.0), k, a, felt, depth, neglected)
+    table[REACH_LEVEL, :blocks] = reach
+    table[REFLECTION_LEVEL, :blocks] = reflection_levels(k[::BLOCK], depth)
+    table[ROTATION_RANGE, : blocks + 1] = rotation_ranges(
+        np.append(reach, 0.0), k, a, felt, depth, neglected
+    )
     table[LEVEL, : len(levels)] = levels
-    table[THIRD, : len(levels)] = thirds(levels, k, felt, depth, neglected)
+    table[STRETCH_THIRD, : len(levels)] = stretch_thirds(levels, k, felt, depth, neglected)
     inertia = [0.0] * 3
     if payload is not None:
         inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
@@ -274,7 +278,7 @@ def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
         blocks=blocks,
         levels=len(levels),
         steepest=float(a @ k),
-        lowest=lowest(float(reach[0]), float(a.sum()), depth),
+        lowest=lowest_node_height(float(reach[0]), float(a.sum()), depth),
         depth=depth,
         ramp=params.ramp_s,
         follows=STRETCHING[params.stretching][0],

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.components import bed_pushes, deck_pushes
-from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.components import bed_forces, deck_forces
+from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import LENGTH, Deck, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.core.joined import joints as ties
@@ -436,12 +436,12 @@ def without_body(rope: Rope) -> Rope:
 
 def _held_otherwise(body: RigidBody, pose: Pose) -> str:
     """Return what carries the body besides slings and water; or ""."""
-    if body.stage[at.WET] < 1.0:
+    if body.stage[at.SUBMERGED] < 1.0:
         return "the body is not fully submerged, and a floating one has other modes"
-    deck, bed = part_of(body, Deck), part_of(body, PlaneBed, GridBed)
-    if deck is not None and deck_pushes(deck, body, pose).any():
+    deck, bed = component_of(body, Deck), component_of(body, PlaneBed, GridBed)
+    if deck is not None and deck_forces(deck, body, pose).any():
         return "the body stands on the deck, and has no modes of a hanging one"
-    if bed is not None and bed_pushes(bed, body, pose)[1].any():
+    if bed is not None and bed_forces(bed, body, pose)[1].any():
         return "the body stands on the seabed, and has no modes of a hanging one"
     return ""
 

@@ -27,8 +27,8 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.bed_shape import clearance
-from rope_twin.core.body.components import bed_pushes
-from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.components import bed_forces
+from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import GridBed, PlaneBed
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import System
@@ -64,8 +64,8 @@ def seabed_contact(rope: Rope) -> BedContact | None:
     load_height, load_push = height[0], normal_push(bed, bed.soil.k_payload, x[:, :1], v[:, :1])
     body = body_of(rope)
     if body is not None:  # height of its lowest corner, push on all
-        load_height, load_push, _ = bed_pushes(
-            part_of(body, PlaneBed, GridBed), body, pose_of(body)
+        load_height, load_push, _ = bed_forces(
+            component_of(body, PlaneBed, GridBed), body, pose_of(body)
         )
     along = normal_push(bed, bed.soil.k * work[rows.FRONTAL, :n], x[:, :n], v[:, :n])
     return BedContact(

@@ -30,7 +30,7 @@ from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.statics import solve_reeved_statics
-from rope_twin.core.loads.memory import remembers
+from rope_twin.core.loads.memory import have_internal_variables
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.step import advance, advance_joined
@@ -393,7 +393,7 @@ class SeparateEffects:
         self._copies = {
             number: copy.deepcopy(effect)
             for number, effect in enumerate(effects)
-            if isinstance(effect, RigidBody) or remembers([type(effect)])
+            if isinstance(effect, RigidBody) or have_internal_variables([type(effect)])
         }
         self.own = self.take(effects)
 

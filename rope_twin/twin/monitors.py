@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, SystemBorder, lost
+from rope_twin.core.energy import Power, SystemBorder, dissipated
 from rope_twin.core.joined.joints import System
 from rope_twin.core.loads.accounts import accounts_of
 from rope_twin.core.loads.hooks import hooks_of
@@ -222,7 +222,7 @@ class EnergyAccount:
         """Add a step of this length [s] that ended at this state."""
         before, after = np.array(self._now.power), np.array(end.power)
         work = 0.5 * step_s * (before + after)
-        loss = lost(self._now, end, step_s)
+        loss = dissipated(self._now, end, step_s)
         changes = np.array(end.store) - np.array(self._now.store)
         exchanged = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
         self._last_rises.append(step_s / 12.0 * (after - before))

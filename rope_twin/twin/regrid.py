@@ -33,7 +33,7 @@ from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_f
 from rope_twin.core.joined.stack import FLOW_COLUMN
 from rope_twin.core.loads.accounts import law_of_lowest
 from rope_twin.core.loads.hooks import work_rows
-from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.loads.memory import variable_count
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     SAME_PLACE,
@@ -463,7 +463,7 @@ def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
 
 def has_state(effect: Any) -> bool:
     """Return whether an effect has internal variables, so that two ropes cannot share it."""
-    return numbers_carried(type(effect)) > 0
+    return variable_count(type(effect)) > 0
 
 
 def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -520,7 +520,7 @@ def _is_array(part: Any) -> bool:
 
 
 def _memory_of(effect: Any, s: Floats, capacity: int, start_m: float) -> Floats:
-    memory, k = effect.memory, numbers_carried(type(effect))
+    memory, k = effect.memory, variable_count(type(effect))
     old, n = int(memory[3 * k, -1]), len(s)
     marks = memory[3 * k, :old]
     new: Floats = np.zeros((memory.shape[0], capacity + 1))

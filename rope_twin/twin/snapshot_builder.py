@@ -11,8 +11,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
-from rope_twin.core.body.components import deck_pushes
-from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.components import deck_forces
+from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.body.step import pose_of, pulls_of
 from rope_twin.core.loads.balance import lower_end_tension
@@ -212,9 +212,9 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
     ends = pose.place(body.legs[:, :3])
     legs = hook - ends
-    reaction_n, clearance_m, deck = None, None, part_of(body, Deck)
+    reaction_n, clearance_m, deck = None, None, component_of(body, Deck)
     if deck is not None:
-        reaction_n = float(deck_pushes(deck, body, pose)[:, 2].sum())
+        reaction_n = float(deck_forces(deck, body, pose)[:, 2].sum())
         clearance_m = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
     return amended(
         shot,

@@ -40,7 +40,7 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, kernel
-from rope_twin.core.loads.memory import count_known, declare_internal_variables, new_memory
+from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIVISOR_MIN,
@@ -304,7 +304,7 @@ def oscillation_power(drag: Any, place: Any) -> Any:
     """
     n = place.position.shape[1]
     factor = 1.0 + 0.5 * (drag.memory[ACTS, :n] + drag.memory[MORE, :n])
-    if n > count_known(drag) > 0:
+    if n > count_initialised(drag) > 0:
         factor[-1] = factor[-2]
     u = place.velocity - place.flow
     s = (u * place.tangent).sum(axis=0)

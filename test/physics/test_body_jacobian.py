@@ -16,7 +16,7 @@ from rope_twin.core.body.components import HAT, WEIGHT
 from rope_twin.core.body.solution import balance
 from rope_twin.core.body.state import PlaneBed, RigidBody, vector
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.loads.balance import is_calm
+from rope_twin.core.loads.balance import is_active_set_unchanged
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import DeckParams
@@ -47,7 +47,7 @@ def moving(seed: int) -> tuple[Any, Vector]:
     apply(effects, work.copy(), some_stage(), 0, 1)  # it is put to rest
     for position, size in ((at.TURN_HAT, 0.1), (at.FLOW_NOW, 0.5), (at.FROZEN, 0.5)):
         stage[position : position + 3] = random.normal(0.0, size, 3)
-    stage[at.FLOW_GROWS : at.FLOW_GROWS + 3] = random.normal(0.0, 1.0, 3)
+    stage[at.FLOW_ACCELERATION : at.FLOW_ACCELERATION + 3] = random.normal(0.0, 1.0, 3)
     stage[at.P_HAT : at.P_HAT + 3] += random.normal(0.0, 600.0, 3)
     stage[at.L_HAT : at.L_HAT + 3] += random.normal(0.0, 300.0, 3)
     stage[at.DECK_Z] = stage[at.PLACE + 2] - 0.35
@@ -56,9 +56,9 @@ def moving(seed: int) -> tuple[Any, Vector]:
     x, y, z = stage[at.PLACE : at.PLACE + 3]
     lifted = bed._replace(shape=bed.shape._replace(height=z - 0.4 - 0.2 * x + 0.1 * y))
     stage[at.SURFACE_Z : at.SURFACE_Y + 1] = z + 0.1, 0.05, -0.1
-    for where, low in ((at.WET_ARM, -0.2), (at.ARM_HELD, -0.25)):
+    for where, low in ((at.SUBMERGED_ARM, -0.2), (at.ARM_HELD, -0.25)):
         stage[where : where + 3] = 0.05, -0.03, low
-    stage[at.WET], stage[at.WET_HELD] = 0.6, 0.55
+    stage[at.SUBMERGED], stage[at.SUBMERGED_HELD] = 0.6, 0.55
     stage[HAT], stage[WEIGHT] = 0.7, 0.02
     parts = tuple(lifted if part is bed else part for part in body.parts)
     effects = tuple(
@@ -101,7 +101,7 @@ def test_the_hook_block_is_the_derivative_of_the_pull(seed: int) -> None:
 
 @jit_entry
 def _is_calm(body: Any, work: Any, stage: Any) -> bool:
-    return bool(is_calm((body,), work, stage, 1, 1.0))
+    return bool(is_active_set_unchanged((body,), work, stage, 1, 1.0))
 
 
 @pytest.mark.parametrize("size", [1.0, 30.0])

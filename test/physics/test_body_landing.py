@@ -16,8 +16,8 @@ from rope_twin import Twin
 from rope_twin.core.bed import Grid
 from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body import state as at
-from rope_twin.core.body.components import bed_pushes
-from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.components import bed_forces
+from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import Pose, pose_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
@@ -52,7 +52,7 @@ def test_a_box_at_rest_on_a_flat_bed() -> None:
     assert shot.seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-4)
     own = body_in(twin)
     pose = pose_of(own)
-    _, push, _ = bed_pushes(part_of(own, PlaneBed), own, pose)
+    _, push, _ = bed_forces(component_of(own, PlaneBed), own, pose)
     at_corners, floats = pose.place(own.corners)[:, 0], pose.place(own.buoyed)[0]
     middle = (MASS * pose.centre[0] - RHO * VOLUME * floats) / (MASS - RHO * VOLUME)
     assert middle - floats == pytest.approx(0.3 * MASS / (MASS - RHO * VOLUME), rel=1e-2)
@@ -75,7 +75,7 @@ def test_soundings_below_a_body_are_those_below_the_rope() -> None:
         np.array([2.0, 1.0, -29.0]), np.zeros(3), np.zeros(4), np.zeros(3),
         Rotation.from_rotvec([0.4, -0.7, 1.0]).as_matrix(),
     )  # fmt: skip
-    above, _, _ = bed_pushes(part_of(body, GridBed), body, pose)
+    above, _, _ = bed_forces(component_of(body, GridBed), body, pose)
     expected = clearance(grid, pose.place(body.corners).T)
     assert above == pytest.approx(expected, abs=1e-12)
 
@@ -84,11 +84,11 @@ def test_a_tilted_box_falls_flat_and_makes_no_energy() -> None:
     """Released on edge half a metre up; energy, the soil's included, falls all the time."""
     hung = Adrift(SUBMERGED, LOOSE, BED)
     hung.lay((0.0, 0.0, -27.9), (0.35, -0.2, 0.4))
-    own, bed, energy = hung.body, part_of(hung.body, PlaneBed), []
+    own, bed, energy = hung.body, component_of(hung.body, PlaneBed), []
     for _ in range(200):
         hung.twin.advance(20)
         pose = hung.pose()
-        above, push, _ = bed_pushes(bed, own, pose)
+        above, push, _ = bed_forces(bed, own, pose)
         assert push.min() >= 0.0
         sunk = np.maximum(-above, 0.0)
         moving = MASS * pose.velocity @ pose.velocity + pose.spin @ own.inertia @ pose.spin

@@ -10,7 +10,7 @@ from effect_cases import CURTAINS, NODES, acting, apply, data_of, loads, some_st
 
 from rope_twin.core import state as rows
 from rope_twin.core.loads.accounts import Place, account, account_sum, accounts_of, wetted
-from rope_twin.core.loads.hooks import grown, hooks_of
+from rope_twin.core.loads.hooks import hooks_of, ramped
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.rope_mass import Weight
@@ -99,7 +99,7 @@ def test_force_times_velocity_is_power_less_stored_energy_rate(name: str, seed: 
     apply(effects, moved, some_stage(), 0, NODES)
     work[rows.FLOW_RATE : rows.FLOW_RATE + 3] = moved[rows.FLOW_RATE : rows.FLOW_RATE + 3]
     done = float((force * three(work, rows.VELOCITY)).sum())
-    effects = grown(effects, some_stage().time)
+    effects = ramped(effects, some_stage().time)
     position = seen(work, turning, 0.0)
     end = Place(*(row[..., :1] for row in position))
     power = account_sum("power", effects, wetted(effects, position))
@@ -114,7 +114,7 @@ def test_every_effect_that_loads_the_rope_has_an_energy_account(name: str) -> No
     """Otherwise its work would count as numerical loss (`twin.ledger` rejects such a run)."""
     kind = type(data_of(name)[0])
     loading = bool(
-        {"soak", "load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind))
+        {"submerge", "load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind))
     )
     assert loading == bool(accounts_of(kind)), (
         f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"

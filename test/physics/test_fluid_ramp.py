@@ -16,7 +16,7 @@ from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.loads.hooks import WATER, Growth, factors_at, grows
+from rope_twin.core.loads.hooks import WATER, RampedEffects, factors_at, scales_with_ramp
 from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.drag import Drag
 from rope_twin.effects.fluid_ramp import Curve, FluidRampParams, LoadCurve
@@ -217,7 +217,9 @@ def test_a_factor_that_does_not_end_at_one_is_warned_of(tmp_path: Path) -> None:
 def test_without_a_ramp_effects_are_not_copied() -> None:
     """Kernels get the effects themselves; with a ramp, copies."""
     built = data_of("drag", "payload"), data_of("drag", "payload", "fluid_ramp")
-    plain, scaled = (Growth([numba.typeof(effect) for effect in effects]) for effects in built)
+    plain, scaled = (
+        RampedEffects([numba.typeof(effect) for effect in effects]) for effects in built
+    )
     assert plain.lines == []
     assert [plain.of(i) for i in (0, 1)] == ["effects[0]", "effects[1]"]
     assert scaled.of(0) == "Drag(share_0 * effects[0].kn, share_0 * effects[0].kt)"
@@ -227,4 +229,4 @@ def test_without_a_ramp_effects_are_not_copied() -> None:
 def test_a_scaled_field_is_declared_once() -> None:
     for kind, name in ((Drag, "kn"), (Curve, "slope")):
         with pytest.raises(ValueError, match="cannot be declared"):
-            grows(kind, name)
+            scales_with_ramp(kind, name)

@@ -14,7 +14,7 @@ from sheave_rigs import atwood, flow, let_run
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.energy import SystemBorder, lost, measure_system
+from rope_twin.core.energy import SystemBorder, dissipated, measure_system
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.snapshot import EnergyBalance
@@ -85,7 +85,7 @@ def test_sheave_friction_dissipates_tension_difference_times_travel() -> None:
     let_run(bench)
     bench.hold(50)
     seen = list(borders(bench, 200))
-    heat = sum(lost(a, b, bench.step) for a, b in pairwise(seen))
+    heat = sum(dissipated(a, b, bench.step) for a, b in pairwise(seen))
     change = seen[-1].store.total - seen[0].store.total
     moved = abs(seen[-1].store.potential - seen[0].store.potential)
     assert change == pytest.approx(-heat, abs=1e-5 * moved)

@@ -15,7 +15,7 @@ from scene_text import GOOD
 
 from rope_twin import load_scene
 from rope_twin.core.body.components import PHASE, Shedding, power_shedding
-from rope_twin.core.body.loads import part_of
+from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.step import pose_of
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
@@ -188,7 +188,7 @@ def test_a_body_sheds_with_its_projected_area() -> None:
     twin = Twin(with_body(lift_coefficient=0.4))
     twin.advance(40)
     body = body_in(twin)
-    part = part_of(body, Shedding)
+    part = component_of(body, Shedding)
     assert part is not None
     record = body.records[int(body.memory[0, 0])]
     way = 2.0 * math.pi * 0.2 / WIDE * SPEED * twin.snapshot().time_s

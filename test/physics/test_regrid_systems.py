@@ -14,7 +14,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import loaded_ends
-from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.loads.memory import variable_count
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
@@ -146,16 +146,16 @@ def test_a_saved_state_of_any_level_resumes_bit_identically(moving: Twin, tmp_pa
 
 def memory_of(rope: Rope) -> Floats:
     """The internal variables of the one effect that has them."""
-    (found,) = [effect.memory for effect in rope.effects if numbers_carried(type(effect))]
+    (found,) = [effect.memory for effect in rope.effects if variable_count(type(effect))]
     return np.asarray(found)
 
 
 def wakes(twin: Twin) -> list[tuple[Any, int]]:
     """Memories of the effects at the nodes, with the number of their variables."""
     return [
-        (effect.memory, numbers_carried(type(effect)))
+        (effect.memory, variable_count(type(effect)))
         for effect in twin.rope.effects
-        if numbers_carried(type(effect)) and not isinstance(effect, RigidBody)
+        if variable_count(type(effect)) and not isinstance(effect, RigidBody)
     ]
 
 
@@ -169,7 +169,7 @@ def test_internal_variables_survive_remeshing(moving: Twin) -> None:
     loaded = loaded_ends(twin.joined.system(twin.rope))
     assert sum(loaded) >= 2
     for (old, fine), rope, end in zip(before, ropes_of(twin), loaded, strict=True):
-        k = next(filter(None, (numbers_carried(type(effect)) for effect in rope.effects)))
+        k = next(filter(None, (variable_count(type(effect)) for effect in rope.effects)))
         n, coarse = int(rope.state.counts[rows.ELEMENTS]), memory_of(rope)
         assert coarse[3 * k, -1] == n + end
         m = int(fine[3 * k, -1])

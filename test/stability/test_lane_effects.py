@@ -11,9 +11,9 @@ from small_scene import SMALL_SCENE
 
 from rope_twin import load_scene
 from rope_twin.core.axial_law import CARRIED, TOP, Fibre
-from rope_twin.core.body.components import bed_pushes
-from rope_twin.core.body.loads import part_of
-from rope_twin.core.body.state import WET, GridBed, PlaneBed, RigidBody
+from rope_twin.core.body.components import bed_forces
+from rope_twin.core.body.loads import component_of
+from rope_twin.core.body.state import SUBMERGED, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
@@ -403,9 +403,9 @@ def test_body_at_the_surface_and_on_the_bed_in_lanes(
         lone.advance(seconds)
         _check_bodies(together, lone)
     bodies = [_body_of(together, number) for number in range(LANES)]
-    pushes = [bed_pushes(part_of(body, bed), body, pose_of(body))[1] for body in bodies]
+    pushes = [bed_forces(component_of(body, bed), body, pose_of(body))[1] for body in bodies]
     stands = line_out_m > 50.0
-    assert all((body.stage[WET] < 1.0) != stands for body in bodies)
+    assert all((body.stage[SUBMERGED] < 1.0) != stands for body in bodies)
     assert all((push.sum() > 0.0) == stands for push in pushes)
     lanes = together.lanes()
     assert lanes.given_up < 0.1 * lanes.steps

@@ -25,7 +25,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.axial_law import law_of
 from rope_twin.core.elements import stretch
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.joined.line_contact import add_among
+from rope_twin.core.joined.line_contact import add_interactions
 from rope_twin.core.loads.balance import add_couplings, add_end, add_flow, add_load
 from rope_twin.core.loads.hooks import hooks_of
 from rope_twin.effects import EFFECTS
@@ -362,7 +362,7 @@ def blocks_of(matrix: Vector) -> Vector:
 @jit_entry
 def apply_among(effects: Any, system: Any, stage: Any) -> None:
     """Apply the hook of these effects between ropes."""
-    add_among(effects, system, stage)
+    add_interactions(effects, system, stage)
 
 
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
@@ -372,7 +372,7 @@ def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODE
     """
     work = work.copy()
     apply(effects, work, some_stage(), low, high)
-    if any("among" in hooks_of(type(effect)) for effect in effects):
+    if any("interact" in hooks_of(type(effect)) for effect in effects):
         both = np.stack([work, work])
         both[1, rows.POSITION] += 0.3
         counts = np.array([[NODES - 1, 0], [NODES - 1, 0]])

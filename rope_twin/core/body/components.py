@@ -45,26 +45,26 @@ import numpy as np
 from rope_twin.core.bed import Plane
 from rope_twin.core.bed_shape import beds_at, grid_bed
 from rope_twin.core.body import state as at
-from rope_twin.core.body.loads import part
+from rope_twin.core.body.loads import component_kernel
 from rope_twin.core.body.state import (
-    CREEP,
-    NONE,
+    FRICTION_SPEED,
+    ZERO_VECTOR,
     Afloat,
     Deck,
     GridBed,
     PlaneBed,
     RigidBody,
-    add_change,
-    add_steady,
-    along,
-    change_of,
-    chosen,
+    add_constant_force,
+    add_to_jacobian,
+    axpy,
     cross,
     dot,
-    inward,
-    moment_change,
-    outward,
-    put,
+    moment_derivative,
+    point_derivative,
+    select,
+    store,
+    to_body,
+    to_world,
     vector,
 )
 from rope_twin.core.jit.decorators import jit_exact, jit_exact_within
@@ -75,7 +75,7 @@ from rope_twin.core.state import ELEMENTS, LOW, POSITION, SPEED2_MIN, SURFACE, V
 
 
 @jit_exact
-def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
+def contact_force(soil: Any, d: float, n: Any, v: Any) -> Any:
     """Return the contact force for depth d > 0, normal n and velocity v, and (N, gain, sliding).
 
     soil: k, χ, μ.
@@ -83,32 +83,32 @@ def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
     k, chi, mu = soil
     v_normal = dot(v, n)
     damping = max(fused(-chi, v_normal, 1.0), 0.0)
-    N, sliding = k * d * damping, along(v, -v_normal, n)
-    friction = mu * N / sqrt(dot(sliding, sliding) + CREEP * CREEP)
-    return along(along(NONE, N, n), -friction, sliding), (N, damping, sliding)
+    N, sliding = k * d * damping, axpy(v, -v_normal, n)
+    friction = mu * N / sqrt(dot(sliding, sliding) + FRICTION_SPEED * FRICTION_SPEED)
+    return axpy(axpy(ZERO_VECTOR, N, n), -friction, sliding), (N, damping, sliding)
 
 
 @jit_exact
-def push_change(soil: Any, d: float, n: Any, contact: Any, motion: Any) -> Any:
+def contact_derivative(soil: Any, d: float, n: Any, contact: Any, motion: Any) -> Any:
     """Return the change of the contact force for a change of position and velocity."""
     k, chi, mu = soil
     N, damping, sliding = contact
     dx, dv = motion
     if not anywhere(damping > 0.0):
-        return NONE
+        return ZERO_VECTOR
     dv_normal = dot(dv, n)
     dN = -k * fused(damping, dot(dx, n), d * chi * dv_normal)
-    across = along(dv, -dv_normal, n)
-    inverse = 1.0 / sqrt(dot(sliding, sliding) + CREEP * CREEP)
-    change = along(along(NONE, dN, n), -mu * dN * inverse, sliding)
-    change = along(change, -mu * N * inverse, across)
+    across = axpy(dv, -dv_normal, n)
+    inverse = 1.0 / sqrt(dot(sliding, sliding) + FRICTION_SPEED * FRICTION_SPEED)
+    change = axpy(axpy(ZERO_VECTOR, dN, n), -mu * dN * inverse, sliding)
+    change = axpy(change, -mu * N * inverse, across)
     friction = mu * N * inverse * inverse * inverse
-    change = along(change, friction * dot(sliding, across), sliding)
-    return chosen(damping > 0.0, change, NONE)
+    change = axpy(change, friction * dot(sliding, across), sliding)
+    return select(damping > 0.0, change, ZERO_VECTOR)
 
 
 @jit_exact
-def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
+def add_contact(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
     """Return force and moment in body axes at a point r in contact, and N; add their derivatives.
 
     touch: soil, depth (> 0, in one lane at least), normal, velocity of the surface touched.
@@ -116,35 +116,35 @@ def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
     _, R, v, spin = pose
     soil, d, n, surface_velocity = touch
     rotation_velocity = cross(spin, r)
-    speed = along(along(v, 1.0, outward(R, rotation_velocity)), -1.0, surface_velocity)
-    push, contact = push_of(soil, d, n, speed)
-    f = chosen(d > 0.0, inward(R, push), NONE)
+    speed = axpy(axpy(v, 1.0, to_world(R, rotation_velocity)), -1.0, surface_velocity)
+    push, contact = contact_force(soil, d, n, speed)
+    f = select(d > 0.0, to_body(R, push), ZERO_VECTOR)
     for k in range(6):
-        dx, dv, arm = change_of(body, k, r, rotation_velocity)
-        w = push_change(soil, d, n, contact, (outward(R, dx), outward(R, dv)))
-        w = chosen(d > 0.0, inward(R, w), NONE)
-        add_change(body, k, -q, w, moment_change(r, w, arm, f))
+        dx, dv, arm = point_derivative(body, k, r, rotation_velocity)
+        w = contact_derivative(soil, d, n, contact, (to_world(R, dx), to_world(R, dv)))
+        w = select(d > 0.0, to_body(R, w), ZERO_VECTOR)
+        add_to_jacobian(body, k, -q, w, moment_derivative(r, w, arm, f))
     return f, cross(r, f), choose(d > 0.0, contact[0], 0.0)
 
 
-@part("act", Deck)
-def act_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
+@component_kernel("load", Deck)
+def load_deck(deck: Any, body: Any, q: float, pose: Any) -> Any:
     """Return the contact force and moment of all corners on the deck."""
     x, R, _, _ = pose
     up, deck_velocity = (0.0, 0.0, 1.0), (0.0, 0.0, body.stage[at.DECK_SPEED])
-    f, t, total = NONE, NONE, 0.0
+    f, t, total = ZERO_VECTOR, ZERO_VECTOR, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
         d = body.stage[at.DECK_Z] - x[2] - dot(R[2], r)
         if anywhere(d > 0.0):
             touch = (deck.k, deck.chi, deck.mu), d, up, deck_velocity
-            force, moment, N = add_push(body, q, pose, r, touch)
-            f, t, total = along(f, 1.0, force), along(t, 1.0, moment), total + N
+            force, moment, N = add_contact(body, q, pose, r, touch)
+            f, t, total = axpy(f, 1.0, force), axpy(t, 1.0, moment), total + N
     return f, t, total
 
 
-@part("foresee", Deck)
-def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+@component_kernel("prepare", Deck)
+def prepare_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Set height and vertical velocity of the deck at the stage's time."""
     s, n, time = body.stage, rope.state.counts[ELEMENTS], stage.time
     ship = rope.work[POSITION + 2, n] - s[at.SHIP_Z]
@@ -164,37 +164,37 @@ def foresee_deck(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None
     s[at.DECK_Z], s[at.DECK_SPEED] = height, speed
 
 
-@part("floor", Deck)
-def floor_deck(deck: Any, body: Any, place: Any) -> float:
+@component_kernel("support", Deck)
+def support_deck(deck: Any, body: Any, place: Any) -> float:
     """Return the height of the deck."""
     return float(body.stage[at.DECK_Z])
 
 
-def deck_pushes(deck: Deck, body: RigidBody, pose: Any) -> Floats:
+def deck_forces(deck: Deck, body: RigidBody, pose: Any) -> Floats:
     """Return the deck's force on each corner, (corners, 3) [N]; pose: of core/body/step.py."""
     v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
     depth = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
     push = deck.k * depth * np.maximum(1.0 - deck.chi * v[:, 2], 0.0)
-    friction = deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
+    friction = deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + FRICTION_SPEED**2)
     return np.column_stack([-friction * v[:, 0], -friction * v[:, 1], push])
 
 
-@part("power", Deck)
+@component_kernel("power", Deck)
 def power_deck(deck: Deck, body: RigidBody, pose: Any) -> float:
     """Return the power of contact forces and friction of the deck [W]."""
-    return float((deck_pushes(deck, body, pose) * pose.speed(body.corners)).sum())
+    return float((deck_forces(deck, body, pose) * pose.speed(body.corners)).sum())
 
 
 @jit_exact
-def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
+def _bed_contact(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
     """Return the contact force at one corner r; ground: height and slopes of the seabed below."""
     z, east, north = ground
     nz = 1.0 / sqrt(1.0 + east * east + north * north)
     d = (z - pose[0][2] - dot(pose[1][2], r)) * nz
     if not anywhere(d > 0.0):
-        return NONE, NONE, 0.0
-    touch = (bed.k, bed.chi, bed.mu), d, (-east * nz, -north * nz, nz), NONE
-    return add_push(body, q, pose, r, touch)
+        return ZERO_VECTOR, ZERO_VECTOR, 0.0
+    touch = (bed.k, bed.chi, bed.mu), d, (-east * nz, -north * nz, nz), ZERO_VECTOR
+    return add_contact(body, q, pose, r, touch)
 
 
 @jit_exact
@@ -207,27 +207,27 @@ def _plane(bed: Any, x: float, y: float) -> Any:
 _ground = by_type(Plane, lambda bed, x, y: _plane(bed, x, y), lambda bed, x, y: grid_bed(bed, x, y))
 
 
-@part("act", PlaneBed, GridBed)
-def act_bed(bed: Any, body: Any, q: float, pose: Any) -> Any:
+@component_kernel("load", PlaneBed, GridBed)
+def load_bed(bed: Any, body: Any, q: float, pose: Any) -> Any:
     """Return the contact force and moment of all corners on the seabed."""
-    f, t, total = NONE, NONE, 0.0
+    f, t, total = ZERO_VECTOR, ZERO_VECTOR, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
-        position = along(pose[0], 1.0, outward(pose[1], r))
+        position = axpy(pose[0], 1.0, to_world(pose[1], r))
         ground = _ground(bed.shape, position[0], position[1])
-        force, moment, N = _push(bed, body, q, pose, r, ground)
-        f, t, total = along(f, 1.0, force), along(t, 1.0, moment), total + N
+        force, moment, N = _bed_contact(bed, body, q, pose, r, ground)
+        f, t, total = axpy(f, 1.0, force), axpy(t, 1.0, moment), total + N
     return f, t, total
 
 
-@part("floor", PlaneBed, GridBed)
-def floor_bed(bed: Any, body: Any, place: Any) -> float:
+@component_kernel("support", PlaneBed, GridBed)
+def support_bed(bed: Any, body: Any, place: Any) -> float:
     """Return the height of the seabed at a position."""
     z, _, _ = _ground(bed.shape, place[0], place[1])
     return float(z)
 
 
-def bed_pushes(
+def bed_forces(
     bed: PlaneBed | GridBed, body: RigidBody, pose: Any
 ) -> tuple[Floats, Floats, Floats]:
     """Return clearance of each corner [m], normal force [N], and total contact force (n, 3) [N].
@@ -243,21 +243,21 @@ def bed_pushes(
     depth = np.maximum(-clearance / norm, 0.0)
     push = bed.k * depth * np.maximum(1.0 - bed.chi * v_normal, 0.0)
     sliding = v - v_normal[:, None] * normal
-    friction = bed.mu * push / np.sqrt((sliding * sliding).sum(axis=1) + CREEP**2)
+    friction = bed.mu * push / np.sqrt((sliding * sliding).sum(axis=1) + FRICTION_SPEED**2)
     return clearance, push, push[:, None] * normal - friction[:, None] * sliding
 
 
-@part("power", PlaneBed, GridBed)
+@component_kernel("power", PlaneBed, GridBed)
 def power_bed(bed: Any, body: RigidBody, pose: Any) -> float:
     """Return the power of contact and friction [W]; elastic energy of the soil is returned."""
-    return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())
+    return float((bed_forces(bed, body, pose)[2] * pose.speed(body.corners)).sum())
 
 
 DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry
 
 
 @jit_exact_within
-def _sixth(x: float) -> float:
+def _sixth_power(x: float) -> float:
     return x * x * x * x * x * x
 
 
@@ -265,28 +265,28 @@ def _sixth(x: float) -> float:
 def _extent(part: Any, n: Any) -> Any:
     """Return the vertical extent e of a column and ∂e/∂n."""
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
-    A, B, C = _sixth(a), _sixth(b), _sixth(H)
+    A, B, C = _sixth_power(a), _sixth_power(b), _sixth_power(H)
     e = sqrt(sqrt(sqrt(A * a * a + B * b * b + C * H * H)))
-    s = 1.0 / (_sixth(e) * e)
+    s = 1.0 / (_sixth_power(e) * e)
     return e, (s * A * a * part.side_x, s * B * b * part.side_y, s * C * H * part.height)
 
 
 @jit_exact
-def _extent_change(part: Any, n: Any, extent: Any, dn: Any) -> Any:
+def _extent_derivative(part: Any, n: Any, extent: Any, dn: Any) -> Any:
     """Return the changes of e and ∂e/∂n for a change dn of the vertical in body axes."""
     e, g = extent
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
-    de, s = dot(g, dn), 7.0 / (_sixth(e) * e)
+    de, s = dot(g, dn), 7.0 / (_sixth_power(e) * e)
     stretch = (
-        s * _sixth(a) * part.side_x * part.side_x * dn[0],
-        s * _sixth(b) * part.side_y * part.side_y * dn[1],
-        s * _sixth(H) * part.height * part.height * dn[2],
+        s * _sixth_power(a) * part.side_x * part.side_x * dn[0],
+        s * _sixth_power(b) * part.side_y * part.side_y * dn[1],
+        s * _sixth_power(H) * part.height * part.height * dn[2],
     )
-    return de, along(stretch, -7.0 * de / e, g)
+    return de, axpy(stretch, -7.0 * de / e, g)
 
 
 @jit_exact
-def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
+def _submerged_fraction(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
     """Return the middle of column j and its submerged fraction s before clamping to [0, 1]."""
     r, s = vector(part.columns[j], 0), body.stage
     surface = s[at.SURFACE_Z] + s[at.SURFACE_X] * part.columns[j, 4]
@@ -294,30 +294,32 @@ def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
     return r, (surface - pose[0][2] - dot(pose[1][2], r)) / e + 0.5
 
 
-@part("act", Afloat)
-def act_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
+@component_kernel("load", Afloat)
+def load_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
     """Return buoyancy and slamming of all columns and the Froude-Krylov force."""
     _, R, v, spin = pose
     n, s = R[2], body.stage
     extent = _extent(part, n)
-    drift = dot(n, inward(R, along(v, -1.0, vector(s, at.FLOW_NOW))))
-    f = along(NONE, s[at.WET] * body.displaced, inward(R, vector(s, at.FLOW_GROWS)))
-    b = along(vector(body.buoyed, 0), 1.0, vector(s, at.WET_ARM))
-    add_steady(body, q, b, f)
+    drift = dot(n, to_body(R, axpy(v, -1.0, vector(s, at.FLOW_NOW))))
+    f = axpy(
+        ZERO_VECTOR, s[at.SUBMERGED] * body.displaced, to_body(R, vector(s, at.FLOW_ACCELERATION))
+    )
+    b = axpy(vector(body.buoyed, 0), 1.0, vector(s, at.SUBMERGED_ARM))
+    add_constant_force(body, q, b, f)
     t, size = cross(b, f), body.displaced * body.g
     for j in range(part.columns.shape[0]):
-        r, share = _share(body, j, part, pose, extent[0])
+        r, share = _submerged_fraction(body, j, part, pose, extent[0])
         if not anywhere(share > 0.0):
             continue
         wet, weight = choose(share > 0.0, min(share, 1.0), 0.0), part.columns[j, 3]
-        arm = along(along(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), extent[1])
-        lift = along(NONE, weight * wet * body.displaced * body.g, n)
+        arm = axpy(axpy(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), extent[1])
+        lift = axpy(ZERO_VECTOR, weight * wet * body.displaced * body.g, n)
         enters = choose(share < 1.0, max(-drift - dot(n, cross(spin, r)), 0.0), 0.0)
         enters = choose(share > 0.0, enters, 0.0)
-        slam = along(NONE, weight * part.slam * enters * enters, n)
-        low = along(r, -0.5, extent[1])
-        f, t = along(f, 1.0, lift), along(t, 1.0, cross(arm, lift))
-        f, t = along(f, 1.0, slam), along(t, 1.0, cross(low, slam))
+        slam = axpy(ZERO_VECTOR, weight * part.slam * enters * enters, n)
+        low = axpy(r, -0.5, extent[1])
+        f, t = axpy(f, 1.0, lift), axpy(t, 1.0, cross(arm, lift))
+        f, t = axpy(f, 1.0, slam), axpy(t, 1.0, cross(low, slam))
         size += weight * part.slam * enters * enters
         _add_column(part, body, (q, n, extent, share), (r, arm, lift), (low, slam, enters), spin)
     return f, t, size
@@ -333,19 +335,19 @@ def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: 
     turning, partly = cross(spin, r), choose(share < 1.0, 1.0, 0.0)
     wet = min(share, 1.0)
     for k in range(6):
-        place, speed, _ = change_of(body, k, r, turning)
+        place, speed, _ = point_derivative(body, k, r, turning)
         psi = vector(body.changes[k], at.D_TURN)
-        de, dg = _extent_change(part, n, extent, cross(n, psi))
+        de, dg = _extent_derivative(part, n, extent, cross(n, psi))
         ds = -partly * (dot(n, place) + (share - 0.5) * de) / e
-        w = chosen(share > 0.0, along(NONE, ds / wet, lift), NONE)
-        darm = along(cross(psi, arm), 0.5 * ds, g)
-        darm = along(darm, -0.5 * (1.0 - wet), dg)
-        add_change(body, k, -q, w, moment_change(arm, w, darm, lift))
+        w = select(share > 0.0, axpy(ZERO_VECTOR, ds / wet, lift), ZERO_VECTOR)
+        darm = axpy(cross(psi, arm), 0.5 * ds, g)
+        darm = axpy(darm, -0.5 * (1.0 - wet), dg)
+        add_to_jacobian(body, k, -q, w, moment_derivative(arm, w, darm, lift))
         if anywhere(enters > 0.0):
-            w = along(NONE, -2.0 / enters * dot(n, speed), slam)
-            w = chosen(enters > 0.0, w, NONE)
-            darm = along(cross(psi, low), -0.5, dg)
-            add_change(body, k, -q, w, moment_change(low, w, darm, slam))
+            w = axpy(ZERO_VECTOR, -2.0 / enters * dot(n, speed), slam)
+            w = select(enters > 0.0, w, ZERO_VECTOR)
+            darm = axpy(cross(psi, low), -0.5, dg)
+            add_to_jacobian(body, k, -q, w, moment_derivative(low, w, darm, slam))
 
 
 @jit_exact
@@ -358,36 +360,36 @@ def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> Any:
     return work[SURFACE, slot]
 
 
-@part("foresee", Afloat)
-def foresee_afloat(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+@component_kernel("prepare", Afloat)
+def prepare_afloat(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Evaluate the water surface as a plane over the body, the submergence ratio and its centre."""
     x, R, _, _ = pose
     s, half_x, half_y = body.stage, part.span_x, part.span_y
-    middle = along(x, 1.0, outward(R, vector(body.middle, 0)))
+    middle = axpy(x, 1.0, to_world(R, vector(body.middle, 0)))
     ahead = (half_x * R[0][0], half_x * R[1][0], half_x * R[2][0])
     aside = (half_y * R[0][1], half_y * R[1][1], half_y * R[2][1])
-    east = _surface_at(body, rope, stage, along(middle, 1.0, ahead))
-    west = _surface_at(body, rope, stage, along(middle, -1.0, ahead))
-    north = _surface_at(body, rope, stage, along(middle, 1.0, aside))
-    south = _surface_at(body, rope, stage, along(middle, -1.0, aside))
+    east = _surface_at(body, rope, stage, axpy(middle, 1.0, ahead))
+    west = _surface_at(body, rope, stage, axpy(middle, -1.0, ahead))
+    north = _surface_at(body, rope, stage, axpy(middle, 1.0, aside))
+    south = _surface_at(body, rope, stage, axpy(middle, -1.0, aside))
     s[at.SURFACE_Z] = 0.25 * (east + west + north + south)
     s[at.SURFACE_X] = 0.5 * (east - west) / half_x
     s[at.SURFACE_Y] = 0.5 * (north - south) / half_y
     e, g = _extent(part, R[2])
-    total, arm = 0.0, NONE
+    total, arm = 0.0, ZERO_VECTOR
     for j in range(part.columns.shape[0]):
-        r, share = _share(body, j, part, pose, e)
+        r, share = _submerged_fraction(body, j, part, pose, e)
         wet = part.columns[j, 3] * min(max(share, 0.0), 1.0)
         total += wet
-        part_of_it = along(r, -1.0, vector(body.middle, 0))
+        part_of_it = axpy(r, -1.0, vector(body.middle, 0))
         lower = 0.5 * (1.0 - min(max(share, 0.0), 1.0))
-        arm = along(arm, wet, along(part_of_it, -lower, g))
-    s[at.WET] = total
-    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, DRY_TOL), arm))
+        arm = axpy(arm, wet, axpy(part_of_it, -lower, g))
+    s[at.SUBMERGED] = total
+    store(s, at.SUBMERGED_ARM, axpy(ZERO_VECTOR, 1.0 / max(total, DRY_TOL), arm))
 
 
-@part("floor", Afloat)
-def floor_afloat(part: Any, body: Any, place: Any) -> float:
+@component_kernel("support", Afloat)
+def support_afloat(part: Any, body: Any, place: Any) -> float:
     """Return the height of the keel of the body floating in equilibrium."""
     sunk = part.height * body.m / (body.displaced + DRY_TOL)
     return float(body.stage[at.SURFACE_Z] - sunk if body.m < body.displaced else -1e300)
@@ -414,7 +416,7 @@ def _extent_now(sides: Floats, n: Floats) -> tuple[float, Floats]:
     return e, np.asarray((sides * n) ** 7 * sides / e**7)
 
 
-@part("power", Afloat)
+@component_kernel("power", Afloat)
 def power_afloat(part: Afloat, body: RigidBody, pose: Any) -> float:
     """Return the power of buoyancy, less that of the fully submerged body, and of slamming [W]."""
     sides = np.array([part.side_x, part.side_y, part.height])
@@ -463,8 +465,8 @@ def _last_of_lanes(records: Any, body: Any, time: float) -> Any:
 _last = by_width(_last_of_one, _last_of_lanes)
 
 
-@part("foresee", Shedding)
-def foresee_shedding(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
+@component_kernel("prepare", Shedding)
+def prepare_shedding(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Set the explicit part of φ; it is 0 in static equilibrium, whose time is 0."""
     s, (phase, then, rate) = body.stage, _last(body.records, body, stage.time)
     passed = stage.time - then
@@ -479,43 +481,43 @@ def _sign(x: Any) -> Any:
     return choose(x > 0.0, 1.0, -1.0)
 
 
-@part("act", Shedding)
-def act_shedding(part: Any, body: Any, q: float, pose: Any) -> Any:
+@component_kernel("load", Shedding)
+def load_shedding(part: Any, body: Any, q: float, pose: Any) -> Any:
     """Return the force and its moment in body axes; subtract q times their derivatives."""
     _, R, v, spin = pose
     s, n = body.stage, R[2]
-    h = along(vector(body.watered, 0), 1.0, vector(s, at.WET_ARM))
-    against = inward(R, along(v, -1.0, vector(s, at.FLOW_NOW)))
-    w = along(NONE, -1.0, along(against, 1.0, cross(spin, h)))
+    h = axpy(vector(body.watered, 0), 1.0, vector(s, at.SUBMERGED_ARM))
+    against = to_body(R, axpy(v, -1.0, vector(s, at.FLOW_NOW)))
+    w = axpy(ZERO_VECTOR, -1.0, axpy(against, 1.0, cross(spin, h)))
     speed = sqrt(dot(w, w) + SPEED2_MIN)
     s[RATE_NOW] = part.turns * speed
     s[PHASE_NOW] = s[HAT] + s[WEIGHT] * s[RATE_NOW]
     wave, slope = sin(s[PHASE_NOW]), cos(s[PHASE_NOW])
     side = cross(w, n)
     signs = part.x * _sign(w[0]), part.y * _sign(w[1]), part.z * _sign(w[2])
-    faces, k = dot(signs, w), s[at.WET] * part.k
-    f = along(NONE, k * faces * wave, side)
+    faces, k = dot(signs, w), s[at.SUBMERGED] * part.k
+    f = axpy(ZERO_VECTOR, k * faces * wave, side)
     for i in range(6):
         row = body.changes[i]
         psi, dspin = vector(row, at.D_TURN), vector(row, at.D_SPIN)
-        dc = along(vector(row, at.D_SPEED), -1.0, cross(psi, against))
-        dw = along(NONE, -1.0, along(dc, 1.0, cross(dspin, h)))
+        dc = axpy(vector(row, at.D_SPEED), -1.0, cross(psi, against))
+        dw = axpy(ZERO_VECTOR, -1.0, axpy(dc, 1.0, cross(dspin, h)))
         turned = s[WEIGHT] * part.turns * dot(w, dw) / speed
-        df = along(NONE, k * (dot(signs, dw) * wave + faces * slope * turned), side)
-        dside = along(cross(dw, n), 1.0, cross(w, cross(n, psi)))
-        df = along(along(df, k * faces * wave, dside), 1.0, cross(psi, f))
-        add_change(body, i, -q, df, moment_change(h, df, cross(psi, h), f))
+        df = axpy(ZERO_VECTOR, k * (dot(signs, dw) * wave + faces * slope * turned), side)
+        dside = axpy(cross(dw, n), 1.0, cross(w, cross(n, psi)))
+        df = axpy(axpy(df, k * faces * wave, dside), 1.0, cross(psi, f))
+        add_to_jacobian(body, i, -q, df, moment_derivative(h, df, cross(psi, h), f))
     return f, cross(h, f), sqrt(dot(f, f))
 
 
-@part("keep", Shedding)
-def keep_shedding(part: Any, body: Any, record: Any) -> None:
+@component_kernel("record", Shedding)
+def record_shedding(part: Any, body: Any, record: Any) -> None:
     """Store φ of the converged stage in the record of the body's motion."""
     s = body.stage
     record[PHASE], record[TIME], record[RATE] = s[PHASE_NOW], s[NOW], s[RATE_NOW]
 
 
-@part("power", Shedding)
+@component_kernel("power", Shedding)
 def power_shedding(part: Shedding, body: Any, pose: Any) -> float:
     """Return the power of the force [W]."""
     record = body.records[int(body.memory[0, 0])]

@@ -14,8 +14,8 @@ from math import inf, nan
 from typing import Any
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, left_on_hook
-from rope_twin.core.body.state import chosen, put, vector
+from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, hook_residual
+from rope_twin.core.body.state import select, store, vector
 from rope_twin.core.body.step import (
     KINDS,
     corrected_hook,
@@ -93,11 +93,11 @@ def _solved_hook(body: Any) -> Any:
 def _solve_for(body: Any, q: Any, hook: Any, lanes: int) -> int:
     """Solve in these lanes for the motion of the hook, and store it; return those solved."""
     mask, (x0, v0) = mask_of(lanes), _solved_hook(body)
-    at_hook = chosen(mask, hook[0], x0), chosen(mask, hook[1], v0)
+    at_hook = select(mask, hook[0], x0), select(mask, hook[1], v0)
     solved = _solve(body, q, at_hook, lanes)
-    place = chosen(mask_of(solved), at_hook[0], (nan, nan, nan))
-    put(body.tangent, at.SOLVED_PLACE, chosen(mask, place, x0))
-    put(body.tangent, at.SOLVED_SPEED, at_hook[1])
+    place = select(mask_of(solved), at_hook[0], (nan, nan, nan))
+    store(body.tangent, at.SOLVED_PLACE, select(mask, place, x0))
+    store(body.tangent, at.SOLVED_SPEED, at_hook[1])
     return int(solved)
 
 
@@ -123,7 +123,7 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     if low > 0 or not _is_here(body):
         return
     body.tangent[at.ALLOWED] = rope.model.tolerance
-    put(body.tangent, at.SOLVED_PLACE, (nan, nan, nan))
+    store(body.tangent, at.SOLVED_PLACE, (nan, nan, nan))
     predict_stage(body, rope, stage, kind, _record_of(body))
 
 
@@ -136,11 +136,11 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     solved = _solve_for(body, q, hook, stage.lanes)
     # must be finite in inactive lanes, which are eliminated too and corrected by zero times it
     fine = mask_of(solved | (ALL - stage.lanes))
-    f = chosen(fine, vector(body.stage, at.ON_HOOK), (inf, inf, inf))
-    load_hook(body, work, f, left_on_hook(body, q))
+    f = select(fine, vector(body.stage, at.HOOK_FORCE), (inf, inf, inf))
+    load_hook(body, work, f, hook_residual(body, q))
 
 
-def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
+def unchanged(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
     """Return the lanes in which the force on the hook agrees with its linearisation, as bits."""
     if share == 0.0 or stage.lanes == 0 or not _is_here(body):
         return int(stage.lanes)
@@ -159,7 +159,7 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         store_middle(body.stage)
         return
     record, speed = body.changes[0], vector(body.stage, at.SPEED)
-    write_record(body, record, chosen(mask_of(solved), speed, (nan, nan, nan)))
+    write_record(body, record, select(mask_of(solved), speed, (nan, nan, nan)))
     _write(body, record)
 
 
@@ -189,5 +189,5 @@ def middle(body: Any, height: Any, speed: Any) -> Any:
 def register() -> None:
     """Register these kernels for all types of bodies."""
     for kind in KINDS.values():
-        for function in (predict, load_end, calm, settle, middle):
+        for function in (predict, load_end, unchanged, settle, middle):
             wide_kernel(function.__name__, kind, exact=True)(function)

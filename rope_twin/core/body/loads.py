@@ -1,14 +1,14 @@
 """Loads on a rigid body, the momenta of body and added mass, and the Jacobian of both.
 
 **Components** are optional loads besides slings, weight and drag. A component is a NamedTuple in a
-body's `parts`; its file registers kernels by `@part(hook, Type)`:
+body's `parts`; its file registers kernels by `@component_kernel(hook, Type)`:
 
-- `act(part, body, q, pose)`: force and moment about G in body axes and the sum of the magnitudes;
+- `load(part, body, q, pose)`: force and moment about G in body axes and the sum of the magnitudes;
   it subtracts q times their derivatives from the matrix (core/body/state.py). pose: position, R,
   velocity, angular velocity.
-- `foresee(part, body, rope, stage, pose)`: called before a stage is solved, at its predicted pose.
-- `keep(part, body, record)`: called with the record that a converged substep is written to.
-- `floor(part, body, place)`: the height at which the body's corners there would touch it.
+- `prepare(part, body, rope, stage, pose)`: called before a stage is solved, at its predicted pose.
+- `record(part, body, record)`: called with the record that a converged substep is written to.
+- `support(part, body, place)`: the height at which the body's corners there would touch it.
 - `power(part, body, pose)`, plain Python: power into the body [W]; pose: of core/body/step.py.
 
 The types select the code at compile time, like effects (core/loads/hooks.py).
@@ -48,49 +48,49 @@ from rope_twin.core.body.state import (
     D_SPIN,
     D_TURN,
     DAMPING,
-    FLOW_GROWS,
+    FLOW_ACCELERATION,
     FLOW_NOW,
     FORCES,
     FROZEN,
     HELD,
+    HOOK_FORCE,
     LENGTH,
-    NONE,
-    ON_HOOK,
     SHARE,
     STIFFNESS,
-    WET,
-    WET_ARM,
-    WET_HELD,
+    SUBMERGED,
+    SUBMERGED_ARM,
+    SUBMERGED_HELD,
+    ZERO_VECTOR,
     Immersed,
-    add_change,
-    add_moment_change,
-    add_steady,
-    along,
-    change_of,
-    chosen,
+    add_constant_force,
+    add_moment_to_jacobian,
+    add_to_jacobian,
+    axpy,
     clear,
     cross,
     dot,
-    inward,
-    moment_change,
-    outward,
-    put,
-    set_changes,
+    moment_derivative,
+    point_derivative,
+    select,
+    set_pose_derivatives,
+    store,
+    to_body,
+    to_world,
     unit,
     vector,
 )
 from rope_twin.core.jit.decorators import LINKED, jit_exact, jit_exact_within
 from rope_twin.core.jit.functions import anywhere, fused
 from rope_twin.core.jit.wide import choose
-from rope_twin.core.loads.hooks import written_out
+from rope_twin.core.loads.hooks import generated
 from rope_twin.core.state import SLING2_MIN, SPEED2_MIN
 
 _KERNELS: dict[str, dict[type, Any]] = {
-    "act": {}, "foresee": {}, "keep": {}, "floor": {}, "power": {},
+    "load": {}, "prepare": {}, "record": {}, "support": {}, "power": {},
 }  # fmt: skip
 
 
-def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
+def component_kernel(hook: str, *kinds: type) -> Callable[[Any], Any]:
     """Register a kernel of component types for a hook.
 
     Raises:
@@ -110,16 +110,16 @@ def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
 def power_of(body: Any, pose: Any) -> float:
     """Return the power of all components into a body [W]."""
     return float(
-        sum(call(component, body, pose) for component, call in _members("power", body.parts))
+        sum(call(component, body, pose) for component, call in _with_kernel("power", body.parts))
     )
 
 
-def part_of(body: Any, *kinds: type) -> Any:
+def component_of(body: Any, *kinds: type) -> Any:
     """Return the body's component of one of these types, or None."""
     return next((component for component in body.parts if isinstance(component, kinds)), None)
 
 
-def _members(hook: str, parts: Any) -> list[tuple[Any, Any]]:
+def _with_kernel(hook: str, parts: Any) -> list[tuple[Any, Any]]:
     known = _KERNELS[hook]
     return [(component, known[type(component)]) for component in parts if type(component) in known]
 
@@ -130,58 +130,58 @@ def _calls(hook: str, parts: Any) -> dict[int, Any]:
     return {i: call for i, call in calls.items() if call is not None}
 
 
-def act_all(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
+def load_all(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
     """Return the sum of `total` (force, moment, magnitude) and the loads of all components."""
-    for component, call in _members("act", parts):
-        total = _sum(total, call(component, body, q, pose))
+    for component, call in _with_kernel("load", parts):
+        total = _add_loads(total, call(component, body, q, pose))
     return total
 
 
-@overload(act_all, jit_options=LINKED, strict=False)
-def _compose_act(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
-    calls = _calls("act", parts)
+@overload(load_all, jit_options=LINKED, strict=False)
+def _compose_load(parts: Any, body: Any, q: Any, pose: Any, total: Any) -> Any:
+    calls = _calls("load", parts)
     lines = [f"total = add(total, kernel_{i}(parts[{i}], body, q, pose))" for i in calls]
-    return written_out("parts, body, q, pose, total", [*lines, "return total"], calls, add=_sum)
+    return generated("parts, body, q, pose, total", [*lines, "return total"], calls, add=_add_loads)
 
 
 def _call_all(hook: str, names: str) -> Any:
     """Return the function that calls the kernels of a hook of all components."""
 
     def call_all(parts: Any, *rest: Any) -> Any:
-        for component, call in _members(hook, parts):
+        for component, call in _with_kernel(hook, parts):
             call(component, *rest)
 
     @overload(call_all, jit_options=LINKED, strict=False)
     def compose(parts: Any, *rest: Any) -> Any:
         calls = _calls(hook, parts)
         lines = [f"kernel_{i}(parts[{i}], {names})" for i in calls]
-        return written_out(f"parts, {names}", [*lines, "return None"], calls)
+        return generated(f"parts, {names}", [*lines, "return None"], calls)
 
     return call_all
 
 
 # At the beginning of a stage, and at the end of a substep.
-foresee_all = _call_all("foresee", "body, rope, stage, pose")
-keep_all = _call_all("keep", "body, record")
+prepare_all = _call_all("prepare", "body, rope, stage, pose")
+record_all = _call_all("record", "body, record")
 
 
-def highest_floor(parts: Any, body: Any, place: Any, floor: Any) -> Any:
-    """Return the highest floor of all components, at least `floor`."""
-    for component, call in _members("floor", parts):
-        floor = max(floor, call(component, body, place))
-    return floor
+def highest_support(parts: Any, body: Any, place: Any, height: Any) -> Any:
+    """Return the highest support of all components, at least `height`."""
+    for component, call in _with_kernel("support", parts):
+        height = max(height, call(component, body, place))
+    return height
 
 
-@overload(highest_floor, jit_options=LINKED, strict=False)
-def _compose_floor(parts: Any, body: Any, place: Any, floor: Any) -> Any:
-    calls = _calls("floor", parts)
-    lines = [f"floor = max(floor, kernel_{i}(parts[{i}], body, place))" for i in calls]
-    return written_out("parts, body, place, floor", [*lines, "return floor"], calls)
+@overload(highest_support, jit_options=LINKED, strict=False)
+def _compose_support(parts: Any, body: Any, place: Any, height: Any) -> Any:
+    calls = _calls("support", parts)
+    lines = [f"height = max(height, kernel_{i}(parts[{i}], body, place))" for i in calls]
+    return generated("parts, body, place, height", [*lines, "return height"], calls)
 
 
 @jit_exact
-def _sum(a: Any, b: Any) -> Any:
-    return along(a[0], 1.0, b[0]), along(a[1], 1.0, b[1]), a[2] + b[2]
+def _add_loads(a: Any, b: Any) -> Any:
+    return axpy(a[0], 1.0, b[0]), axpy(a[1], 1.0, b[1]), a[2] + b[2]
 
 
 TURN2 = 0.05**2  # δ² of the blend from descent to ascent [m²/s²]
@@ -203,9 +203,9 @@ def water_momentum(body: Any, wet: float, c: Any) -> Any:
 
 
 @jit_exact_within
-def _own(body: Any, spin: Any) -> Any:
+def _angular_momentum(body: Any, spin: Any) -> Any:
     """Return (I + I_A)·Ω."""
-    wet = body.stage[WET_HELD]
+    wet = body.stage[SUBMERGED_HELD]
     return (
         fused(wet * body.added[3], spin[0], dot(body.inertia[0], spin)),
         fused(wet * body.added[4], spin[1], dot(body.inertia[1], spin)),
@@ -214,40 +214,40 @@ def _own(body: Any, spin: Any) -> Any:
 
 
 @jit_exact_within
-def _held(body: Any, pose: Any) -> Any:
+def _added_mass_state(body: Any, pose: Any) -> Any:
     """Return h, relative velocity in body axes, and p and M, as held over a substep."""
     _, R, v, spin = pose
     s = body.stage
-    h = along(vector(body.watered, 0), 1.0, vector(s, ARM_HELD))
-    against = inward(R, along(v, -1.0, vector(s, FROZEN)))
-    c = along(against, 1.0, cross(spin, h))
-    p, M = water_momentum(body, s[WET_HELD], c)
-    return h, against, p, M
+    h = axpy(vector(body.watered, 0), 1.0, vector(s, ARM_HELD))
+    relative = to_body(R, axpy(v, -1.0, vector(s, FROZEN)))
+    c = axpy(relative, 1.0, cross(spin, h))
+    p, M = water_momentum(body, s[SUBMERGED_HELD], c)
+    return h, relative, p, M
 
 
 @jit_exact
 def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
     """Return P and L, with water velocity and submergence ratio held over the substep."""
-    h, _, p, _ = _held(body, (v, R, v, spin))
-    P = along(outward(R, p), body.m, v)
-    return P, outward(R, along(_own(body, spin), 1.0, cross(h, p)))
+    h, _, p, _ = _added_mass_state(body, (v, R, v, spin))
+    P = axpy(to_world(R, p), body.m, v)
+    return P, to_world(R, axpy(_angular_momentum(body, spin), 1.0, cross(h, p)))
 
 
 @jit_exact
 def _add_momenta(body: Any, q: float, pose: Any) -> Any:
     """Add the derivatives of P and L to the matrix; return the moment -(v - u) × p in body axes."""
-    h, against, p, M = _held(body, pose)
-    L = along(_own(body, pose[3]), 1.0, cross(h, p))
+    h, relative, p, M = _added_mass_state(body, pose)
+    L = axpy(_angular_momentum(body, pose[3]), 1.0, cross(h, p))
     for k in range(6):
         row = body.changes[k]
         dv, psi, dspin = vector(row, D_SPEED), vector(row, D_TURN), vector(row, D_SPIN)
-        dc = along(along(dv, -1.0, cross(psi, against)), 1.0, cross(dspin, h))
+        dc = axpy(axpy(dv, -1.0, cross(psi, relative)), 1.0, cross(dspin, h))
         dp = _scaled(M, dc)
-        dL = along(along(_own(body, dspin), 1.0, cross(h, dp)), 1.0, cross(psi, L))
-        dp = along(dp, 1.0, cross(psi, p))
-        add_change(body, k, 1.0, along(dp, body.m, dv), dL)
-        add_moment_change(body, k, q, along(cross(dv, p), 1.0, cross(against, dp)))
-    return cross(p, against)
+        dL = axpy(axpy(_angular_momentum(body, dspin), 1.0, cross(h, dp)), 1.0, cross(psi, L))
+        dp = axpy(dp, 1.0, cross(psi, p))
+        add_to_jacobian(body, k, 1.0, axpy(dp, body.m, dv), dL)
+        add_moment_to_jacobian(body, k, q, axpy(cross(dv, p), 1.0, cross(relative, dp)))
+    return cross(p, relative)
 
 
 @jit_exact
@@ -255,50 +255,50 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
     """Return drag force and moment in body axes, without terms in the momenta; add derivatives."""
     _, R, v, spin = pose
     s = body.stage
-    wet, h = s[WET], along(vector(body.watered, 0), 1.0, vector(s, WET_ARM))
-    against = inward(R, along(v, -1.0, vector(s, FLOW_NOW)))
-    grows = inward(R, vector(s, FLOW_GROWS))
-    c = along(against, 1.0, cross(spin, h))
+    wet, h = s[SUBMERGED], axpy(vector(body.watered, 0), 1.0, vector(s, SUBMERGED_ARM))
+    relative = to_body(R, axpy(v, -1.0, vector(s, FLOW_NOW)))
+    acceleration = to_body(R, vector(s, FLOW_ACCELERATION))
+    c = axpy(relative, 1.0, cross(spin, h))
     _, M = water_momentum(body, wet, c)
     speed, root = sqrt(dot(c, c) + SPEED2_MIN), sqrt(fused(c[2], c[2], TURN2))
     k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
-    f = along(_scaled(M, grows), -speed, _scaled(k, c))
+    f = axpy(_scaled(M, acceleration), -speed, _scaled(k, c))
     e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
-    e = along(NONE, wet, e)
-    slows, slower = _scaled(e, spin), 1.0 / speed
-    bend = (
+    e = axpy(ZERO_VECTOR, wet, e)
+    damping_moment, inverse_speed = _scaled(e, spin), 1.0 / speed
+    curvature = (
         wet
         * TURN2
         / (root * root * root)
-        * fused(body.rising, grows[2], -(body.rising_k * speed * c[2]))
+        * fused(body.rising, acceleration[2], -(body.rising_k * speed * c[2]))
     )
     for i in range(6):
         row = body.changes[i]
         psi, dspin = vector(row, D_TURN), vector(row, D_SPIN)
-        dc = along(vector(row, D_SPEED), -1.0, cross(psi, against))
-        dc = along(dc, 1.0, cross(dspin, h))
-        w = _scaled(M, cross(grows, psi))
-        w = along(along(w, -speed, _scaled(k, dc)), -dot(c, dc) * slower, _scaled(k, c))
-        w = along((w[0], w[1], w[2] + bend * dc[2]), 1.0, cross(psi, f))
-        turn = moment_change(h, w, cross(psi, h), f)
-        turn = along(along(turn, -1.0, cross(psi, slows)), -2.0, _scaled(e, dspin))
-        add_change(body, i, -q, w, turn)
-    return f, along(cross(h, f), -1.0, slows), sqrt(dot(f, f))
+        dc = axpy(vector(row, D_SPEED), -1.0, cross(psi, relative))
+        dc = axpy(dc, 1.0, cross(dspin, h))
+        w = _scaled(M, cross(acceleration, psi))
+        w = axpy(axpy(w, -speed, _scaled(k, dc)), -dot(c, dc) * inverse_speed, _scaled(k, c))
+        w = axpy((w[0], w[1], w[2] + curvature * dc[2]), 1.0, cross(psi, f))
+        moment = moment_derivative(h, w, cross(psi, h), f)
+        moment = axpy(axpy(moment, -1.0, cross(psi, damping_moment)), -2.0, _scaled(e, dspin))
+        add_to_jacobian(body, i, -q, w, moment)
+    return f, axpy(cross(h, f), -1.0, damping_moment), sqrt(dot(f, f))
 
 
-@part("act", Immersed)
-def act_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
+@component_kernel("load", Immersed)
+def load_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
     """Return buoyancy of the whole body and the Froude-Krylov force of the water acceleration."""
     _, R, _, _ = pose
     b, lift = vector(body.buoyed, 0), body.displaced * body.g
-    f = along(NONE, body.displaced, inward(R, vector(body.stage, FLOW_GROWS)))
-    f = along(f, lift, R[2])
-    add_steady(body, q, b, f)
+    f = axpy(ZERO_VECTOR, body.displaced, to_body(R, vector(body.stage, FLOW_ACCELERATION)))
+    f = axpy(f, lift, R[2])
+    add_constant_force(body, q, b, f)
     return f, cross(b, f), lift
 
 
 @jit_exact
-def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
+def leg_force(leg: Any, share: float, d: Any, e: Any) -> Any:
     """Return the force of a leg on the body along d, its length and magnitude.
 
     share: factor on its stiffness; d: vector from the body to the hook; e: its rate. The magnitude
@@ -306,47 +306,47 @@ def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
     """
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     if anywhere(L == 0.0):
-        pull = along(along(NONE, k, d), c, e)
+        pull = axpy(axpy(ZERO_VECTOR, k, d), c, e)
         return pull, 1.0 + L, sqrt(dot(pull, pull))
     length = sqrt(dot(d, d) + SLING2_MIN)
-    n = along(NONE, 1.0 / length, d)
+    n = axpy(ZERO_VECTOR, 1.0 / length, d)
     T = fused(k, length - L, c * dot(n, e))
-    return chosen(T > 0.0, along(NONE, T, n), NONE), length, choose(T > 0.0, T, 0.0)
+    return select(T > 0.0, axpy(ZERO_VECTOR, T, n), ZERO_VECTOR), length, choose(T > 0.0, T, 0.0)
 
 
 @jit_exact
-def _pull_change(leg: Any, share: float, reach: Any, sling: Any, changes: Any) -> Any:
+def _leg_force_derivative(leg: Any, share: float, reach: Any, sling: Any, changes: Any) -> Any:
     """Return the change of a leg's force for changes of d and e; zero for a slack sling."""
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     d, e = reach
     dd, de = changes
     if anywhere(L == 0.0):
-        return along(along(NONE, k, dd), c, de)
+        return axpy(axpy(ZERO_VECTOR, k, dd), c, de)
     _, length, T = sling
     k, c = choose(T > 0.0, k, 0.0), choose(T > 0.0, c, 0.0)  # nothing changes in a slack sling
     inverse = 1.0 / length
-    n = along(NONE, inverse, d)
+    n = axpy(ZERO_VECTOR, inverse, d)
     axial = dot(n, dd)
-    dn = along(along(NONE, inverse, dd), -axial * inverse, n)
+    dn = axpy(axpy(ZERO_VECTOR, inverse, dd), -axial * inverse, n)
     dT = fused(k, axial, c * (dot(dn, e) + dot(n, de)))
-    return along(along(NONE, dT, n), T, dn)
+    return axpy(axpy(ZERO_VECTOR, dT, n), T, dn)
 
 
 @jit_exact
 def _add_leg(body: Any, q: float, leg: Any, reach: Any, sling: Any, spin: Any) -> None:
     """Add the derivatives of a leg's force to the unknowns and to the acceleration of the hook."""
     r, share, f = vector(leg, 0), body.stage[SHARE], sling[0]
-    turning = cross(spin, r)
+    rotation_velocity = cross(spin, r)
     for k in range(6):
-        place, speed, arm = change_of(body, k, r, turning)
-        changes = along(NONE, -1.0, place), along(NONE, -1.0, speed)
-        w = _pull_change(leg, share, reach, sling, changes)
-        add_change(body, k, -q, w, moment_change(r, w, arm, f))
+        place, speed, arm = point_derivative(body, k, r, rotation_velocity)
+        changes = axpy(ZERO_VECTOR, -1.0, place), axpy(ZERO_VECTOR, -1.0, speed)
+        w = _leg_force_derivative(leg, share, reach, sling, changes)
+        add_to_jacobian(body, k, -q, w, moment_derivative(r, w, arm, f))
         for i in range(3):
             body.hold[i, k] += w[i]
     for k in range(3):
-        w = _pull_change(leg, share, reach, sling, (unit(k, q * q), unit(k, q)))
-        add_change(body, HELD + k, 1.0, w, cross(r, w))
+        w = _leg_force_derivative(leg, share, reach, sling, (unit(k, q * q), unit(k, q)))
+        add_to_jacobian(body, HELD + k, 1.0, w, cross(r, w))
         for i in range(3):
             body.hold[i, HELD + k] += w[i]
 
@@ -355,18 +355,18 @@ def _add_leg(body: Any, q: float, leg: Any, reach: Any, sling: Any, spin: Any) -
 def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
     """Return force and moment of all slings in body axes, and the sum of their magnitudes."""
     x, R, v, spin = pose
-    f, t, size = NONE, NONE, 0.0
+    f, t, size = ZERO_VECTOR, ZERO_VECTOR, 0.0
     for j in range(body.legs.shape[0]):
         leg = body.legs[j]
         r = vector(leg, 0)
-        d = along(inward(R, along(hook[0], -1.0, x)), -1.0, r)
-        e = along(inward(R, along(hook[1], -1.0, v)), -1.0, cross(spin, r))
-        sling = pull_of(leg, body.stage[SHARE], d, e)
+        d = axpy(to_body(R, axpy(hook[0], -1.0, x)), -1.0, r)
+        e = axpy(to_body(R, axpy(hook[1], -1.0, v)), -1.0, cross(spin, r))
+        sling = leg_force(leg, body.stage[SHARE], d, e)
         if anywhere(sling[2] > 0.0):
-            f, t = along(f, 1.0, sling[0]), along(t, 1.0, cross(r, sling[0]))
+            f, t = axpy(f, 1.0, sling[0]), axpy(t, 1.0, cross(r, sling[0]))
             size += sling[2]
             _add_leg(body, q, leg, (d, e), sling, spin)
-    put(body.stage, ON_HOOK, outward(R, along(NONE, -1.0, f)))
+    store(body.stage, HOOK_FORCE, to_world(R, axpy(ZERO_VECTOR, -1.0, f)))
     return f, t, size
 
 
@@ -379,10 +379,10 @@ def loads(body: Any, q: float, pose: Any, hook: Any, turn: Any) -> Any:
     """
     clear(body.matrix)
     clear(body.hold)
-    set_changes(body, q, turn[0], turn[1])
-    lost = _add_momenta(body, q, pose)
-    f, t, size = act_all(body.parts, body, q, pose, _add_drag(body, q, pose))
-    more, twist, total = _add_slings(body, q, pose, hook)
-    f = along(along(f, 1.0, more), -body.m * body.g, pose[1][2])
-    body.stage[FORCES] = size + total + body.m * body.g
-    return f, along(along(t, 1.0, twist), 1.0, lost)
+    set_pose_derivatives(body, q, turn[0], turn[1])
+    munk_moment = _add_momenta(body, q, pose)
+    f, t, size = load_all(body.parts, body, q, pose, _add_drag(body, q, pose))
+    sling_force, sling_moment, sling_size = _add_slings(body, q, pose, hook)
+    f = axpy(axpy(f, 1.0, sling_force), -body.m * body.g, pose[1][2])
+    body.stage[FORCES] = size + sling_size + body.m * body.g
+    return f, axpy(axpy(t, 1.0, sling_moment), 1.0, munk_moment)

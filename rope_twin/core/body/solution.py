@@ -25,14 +25,14 @@ from __future__ import annotations
 from math import atan, cos, nan, sin, sqrt
 from typing import Any
 
-from rope_twin.core.body.loads import highest_floor, loads, momenta, pull_of
+from rope_twin.core.body.loads import highest_support, leg_force, loads, momenta
 from rope_twin.core.body.state import (
     ARM_HELD,
     ATTITUDE,
-    CREEP,
-    FLOW_GROWS,
+    FLOW_ACCELERATION,
     FLOW_NOW,
     FORCES,
+    FRICTION_SPEED,
     FROZEN,
     HELD,
     HOOK,
@@ -40,7 +40,6 @@ from rope_twin.core.body.state import (
     L_NOW,
     LENGTH,
     MISS,
-    NONE,
     P_HAT,
     P_NOW,
     PLACE,
@@ -53,26 +52,27 @@ from rope_twin.core.body.state import (
     SPEED_BEFORE,
     SPIN_NOW,
     STIFFNESS,
+    SUBMERGED,
+    SUBMERGED_ARM,
+    SUBMERGED_HELD,
     TURN,
     TURN_HAT,
     TURN_RATE,
     TWIST,
-    WET,
-    WET_ARM,
-    WET_HELD,
     X_HAT,
+    ZERO_VECTOR,
     Q,
     V,
     X,
-    along,
     angular_velocity,
-    chosen,
+    axpy,
     dot,
-    inward,
     matrix_of,
-    outward,
-    put,
     quaternion,
+    select,
+    store,
+    to_body,
+    to_world,
     turned,
     unit,
     vector,
@@ -93,22 +93,22 @@ def balance(body: Any, q: float, hook: Any) -> Any:
     """Return the residual of the momenta at the current iterate, relative to its tolerance."""
     s = body.stage
     v, rate = vector(s, SPEED), vector(s, TURN_RATE)
-    theta = along(vector(s, TURN_HAT), q, rate)
+    theta = axpy(vector(s, TURN_HAT), q, rate)
     attitude = turned(quaternion(s, Q_START), theta)
-    R, x = matrix_of(attitude), along(vector(s, X_HAT), q, v)
+    R, x = matrix_of(attitude), axpy(vector(s, X_HAT), q, v)
     spin = angular_velocity(theta, rate)
     f, t = loads(body, q, (x, R, v, spin), hook, (theta, rate))
     P, L = momenta(body, R, v, spin)
-    F, M = outward(R, f), outward(R, t)
-    p_error = inward(R, along(along(vector(s, P_HAT), q, F), -1.0, P))
-    l_error = inward(R, along(along(vector(s, L_HAT), q, M), -1.0, L))
-    put(s, PLACE, x)
-    put(s, TURN, theta)
-    put(s, SPIN_NOW, spin)
-    put(s, PULL, F)
-    put(s, TWIST, M)
-    put(s, P_NOW, P)
-    put(s, L_NOW, L)
+    F, M = to_world(R, f), to_world(R, t)
+    p_error = to_body(R, axpy(axpy(vector(s, P_HAT), q, F), -1.0, P))
+    l_error = to_body(R, axpy(axpy(vector(s, L_HAT), q, M), -1.0, L))
+    store(s, PLACE, x)
+    store(s, TURN, theta)
+    store(s, SPIN_NOW, spin)
+    store(s, PULL, F)
+    store(s, TWIST, M)
+    store(s, P_NOW, P)
+    store(s, L_NOW, L)
     for k in range(4):
         s[ATTITUDE + k] = attitude[k]
     for k in range(3):
@@ -184,13 +184,13 @@ def correct(body: Any, left: Any) -> None:
     A, s = body.matrix, body.stage
     eliminate(A)
     R = matrix_of(quaternion(s, ATTITUDE))
-    moved = outward(R, (A[0, MISS], A[1, MISS], A[2, MISS]))
-    put(s, SPEED_BEFORE, vector(s, SPEED))
-    put(s, RATE_BEFORE, vector(s, TURN_RATE))
+    moved = to_world(R, (A[0, MISS], A[1, MISS], A[2, MISS]))
+    store(s, SPEED_BEFORE, vector(s, SPEED))
+    store(s, RATE_BEFORE, vector(s, TURN_RATE))
     v, rate = vector(s, SPEED), vector(s, TURN_RATE)
-    put(s, SPEED, chosen(left, along(v, 1.0, moved), v))
+    store(s, SPEED, select(left, axpy(v, 1.0, moved), v))
     turned_by = A[3, MISS], A[4, MISS], A[5, MISS]
-    put(s, TURN_RATE, chosen(left, along(rate, 1.0, turned_by), rate))
+    store(s, TURN_RATE, select(left, axpy(rate, 1.0, turned_by), rate))
 
 
 @jit_exact
@@ -217,7 +217,7 @@ def solve(body: Any, q: float, hook: Any) -> bool:
 
 
 @jit_exact
-def left_on_hook(body: Any, q: float) -> Any:
+def hook_residual(body: Any, q: float) -> Any:
     """Return minus the derivative of the force on the hook to its acceleration, in world axes.
 
     To be called after `solve`: W + q·w·A⁻¹·W', with the derivatives W and w of the sling forces to
@@ -234,12 +234,12 @@ def left_on_hook(body: Any, q: float) -> Any:
     yz = 0.5 * (H[1, 8] + H[2, 7])
     rows = ((H[0, 6], xy, xz), (xy, H[1, 7], yz), (xz, yz, H[2, 8]))
     R = matrix_of(quaternion(body.stage, ATTITUDE))
-    a, b = outward(R, outward(rows, R[0])), outward(R, outward(rows, R[1]))
-    c = outward(R, outward(rows, R[2]))
+    a, b = to_world(R, to_world(rows, R[0])), to_world(R, to_world(rows, R[1]))
+    c = to_world(R, to_world(rows, R[2]))
     return a[0], a[1], a[2], b[1], b[2], c[2]
 
 
-ROUNDS, BISECTIONS = 400, 60
+MAX_ROUNDS, BISECTIONS = 400, 60
 STATIC_FORCE_TOL = 1e-12  # of the weight: residual force at which the body is in equilibrium
 DIFFERENCE_STEP = 1e-6  # of the reach: increment of finite differences
 MAX_CHANGE = 0.2  # of the reach, and in radians: largest change per iteration
@@ -248,10 +248,12 @@ SOFT_STRAIN, STIFFNESS_FACTOR = 0.02, 10.0  # initial strain of slings, factor p
 TINY_WEIGHT = 1e-3  # N, weight assumed for a weightless body
 MAX_SLIDE = 0.25  # of the reach: largest slide to an equilibrium without friction
 YIELD_DISTANCE = 0.1  # of the reach: d_0
-MAX_CREEP = 10.0 * CREEP  # creep velocity at which friction reaches 99.5 % of its limit [m/s]
+MAX_CREEP = (
+    10.0 * FRICTION_SPEED
+)  # creep velocity at which friction reaches 99.5 % of its limit [m/s]
 SLOPE_STEP = 1e-3  # increment for the slope of the ground [m]
 FRICTION_MIN = 1e-9  # of the weight: smallest friction force considered
-FAR_DOWN = -1e300
+NO_SUPPORT = -1e300
 
 
 @jit_exact
@@ -260,7 +262,9 @@ def _lift(body: Any, drop: float) -> float:
     total = 0.0
     for j in range(body.legs.shape[0]):
         r = vector(body.legs[j], 0)
-        tension = pull_of(body.legs[j], body.stage[SHARE], (-r[0], -r[1], drop - r[2]), NONE)
+        tension = leg_force(
+            body.legs[j], body.stage[SHARE], (-r[0], -r[1], drop - r[2]), ZERO_VECTOR
+        )
         total += tension[0][2]
     return total
 
@@ -284,14 +288,14 @@ def _drop(body: Any) -> float:
 
 
 @jit_exact
-def creep_of(body: Any, position: Any, anchor: Any) -> Any:
+def creep_speed(body: Any, position: Any, anchor: Any) -> Any:
     """Return the creep velocity along the ground of a body displaced from its friction anchor.
 
     anchor: that position; v_0/d_0, 0 without friction; and the allowed displacement.
     """
     start, rate, _ = anchor
     if not rate > 0.0:
-        return NONE
+        return ZERO_VECTOR
     x, y = rate * (position[0] - start[0]), rate * (position[1] - start[1])
     _, east, north = _ground(body, position)
     return x, y, east * x + north * y
@@ -301,25 +305,25 @@ def creep_of(body: Any, position: Any, anchor: Any) -> Any:
 def _forces_at(body: Any, position: Any, attitude: Any, creep: Any) -> Any:
     """Return force and moment in body axes of a body that creeps together with water and hook."""
     s, flow, frozen = body.stage, vector(body.stage, FLOW_NOW), vector(body.stage, FROZEN)
-    put(s, FLOW_NOW, along(flow, 1.0, creep))
-    put(s, FROZEN, along(frozen, 1.0, creep))
-    pose = (position, matrix_of(attitude), creep, NONE)
-    result = loads(body, 1.0, pose, (vector(s, HOOK), creep), (NONE, NONE))
-    put(s, FLOW_NOW, flow)
-    put(s, FROZEN, frozen)
+    store(s, FLOW_NOW, axpy(flow, 1.0, creep))
+    store(s, FROZEN, axpy(frozen, 1.0, creep))
+    pose = (position, matrix_of(attitude), creep, ZERO_VECTOR)
+    result = loads(body, 1.0, pose, (vector(s, HOOK), creep), (ZERO_VECTOR, ZERO_VECTOR))
+    store(s, FLOW_NOW, flow)
+    store(s, FROZEN, frozen)
     return result
 
 
 @jit_exact
 def _forces(body: Any, position: Any, attitude: Any, anchor: Any) -> Any:
     """Return force and moment in body axes."""
-    return _forces_at(body, position, attitude, creep_of(body, position, anchor))
+    return _forces_at(body, position, attitude, creep_speed(body, position, anchor))
 
 
 @jit_exact
 def _moved(position: Any, attitude: Any, change: Any, turn: Any) -> Any:
     """Return position and attitude after a change given in body axes."""
-    return along(position, 1.0, outward(matrix_of(attitude), change)), turned(attitude, turn)
+    return axpy(position, 1.0, to_world(matrix_of(attitude), change)), turned(attitude, turn)
 
 
 @jit_exact
@@ -333,8 +337,8 @@ def _difference_matrix(body: Any, position: Any, attitude: Any, forces: Any, anc
         moved, turned_attitude = _moved(position, attitude, change, turn)
         force, twist = _forces(body, moved, turned_attitude, anchor)
         row = buffer[1 + k // 3]
-        put(row, 6 * (k % 3), along((0.0, 0.0, 0.0), -1.0 / step, along(force, -1.0, f)))
-        put(row, 6 * (k % 3) + 3, along((0.0, 0.0, 0.0), -1.0 / step, along(twist, -1.0, t)))
+        store(row, 6 * (k % 3), axpy((0.0, 0.0, 0.0), -1.0 / step, axpy(force, -1.0, f)))
+        store(row, 6 * (k % 3) + 3, axpy((0.0, 0.0, 0.0), -1.0 / step, axpy(twist, -1.0, t)))
     for k in range(6):
         row = buffer[1 + k // 3]
         for i in range(6):
@@ -355,7 +359,7 @@ def _step(body: Any, drag: float) -> Any:
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
     distance = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
     factor = min(1.0, MAX_CHANGE / (distance + DIVISOR_MIN))
-    return along(NONE, factor, change), along(NONE, factor, turn)
+    return axpy(ZERO_VECTOR, factor, change), axpy(ZERO_VECTOR, factor, turn)
 
 
 @jit_exact
@@ -366,7 +370,7 @@ def _norm(body: Any, forces: Any) -> float:
 
 
 @jit_exact
-def _is_near(position: Any, anchor: Any) -> bool:
+def _is_near_anchor(position: Any, anchor: Any) -> bool:
     """Return whether a body is close enough to its starting position."""
     start, _, max_distance = anchor
     x, y = position[0] - start[0], position[1] - start[1]
@@ -384,8 +388,8 @@ def _iterate(body: Any, start: Any, weight: float, anchor: Any) -> Any:
     drag, tolerance = FIRST_DRAG * weight, STATIC_FORCE_TOL * weight + round_off
     forces = _forces(body, position, attitude, anchor)
     miss = _norm(body, forces)
-    for _ in range(ROUNDS):
-        if not (miss > tolerance and _is_near(position, anchor)):
+    for _ in range(MAX_ROUNDS):
+        if not (miss > tolerance and _is_near_anchor(position, anchor)):
             break
         _difference_matrix(body, position, attitude, forces, anchor)
         change, turn = _step(body, drag)
@@ -399,22 +403,26 @@ def _iterate(body: Any, start: Any, weight: float, anchor: Any) -> Any:
         drag = max(
             drag * (min(miss / previous, 0.5) if miss < previous else 2.0), MIN_DRAG * weight
         )
-    return position, attitude, miss <= tolerance and _is_near(position, anchor)
+    return position, attitude, miss <= tolerance and _is_near_anchor(position, anchor)
 
 
 @jit_exact
 def _ground(body: Any, position: Any) -> Any:
     """Return the height of the support below a position, and its slopes (east, north)."""
-    height = highest_floor(body.parts, body, position, FAR_DOWN)
-    east = highest_floor(body.parts, body, along(position, SLOPE_STEP, (1.0, 0.0, 0.0)), FAR_DOWN)
-    north = highest_floor(body.parts, body, along(position, SLOPE_STEP, (0.0, 1.0, 0.0)), FAR_DOWN)
+    height = highest_support(body.parts, body, position, NO_SUPPORT)
+    east = highest_support(
+        body.parts, body, axpy(position, SLOPE_STEP, (1.0, 0.0, 0.0)), NO_SUPPORT
+    )
+    north = highest_support(
+        body.parts, body, axpy(position, SLOPE_STEP, (0.0, 1.0, 0.0)), NO_SUPPORT
+    )
     return height, (east - height) / SLOPE_STEP, (north - height) / SLOPE_STEP
 
 
 @jit_exact
 def _start(body: Any, hook: Any) -> Any:
     """Return the initial guess: upright below the hook, or flat on a higher support."""
-    position, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
+    position, lowest = axpy(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
     for j in range(body.corners.shape[0]):
         lowest = min(lowest, body.corners[j, 2])
     half = 0.5 * body.heading
@@ -424,8 +432,8 @@ def _start(body: Any, hook: Any) -> Any:
     if not ground > position[2] + lowest:
         return position, attitude
     if slope > 0.0:
-        lean = along(NONE, atan(slope) / slope, (north, -east, 0.0))
-        attitude = turned(attitude, inward(matrix_of(attitude), lean))
+        lean = axpy(ZERO_VECTOR, atan(slope) / slope, (north, -east, 0.0))
+        attitude = turned(attitude, to_body(matrix_of(attitude), lean))
     return (hook[0], hook[1], ground - lowest * sqrt(1.0 + slope * slope)), attitude
 
 
@@ -448,7 +456,7 @@ def _continue_stiffness(body: Any, start: Any, weight: float, anchor: Any) -> An
     s = body.stage
     s[SHARE] = _softest(body, weight)
     pose = _iterate(body, start, weight, anchor)
-    while s[SHARE] < 1.0 and _is_near(pose[0], anchor):
+    while s[SHARE] < 1.0 and _is_near_anchor(pose[0], anchor):
         s[SHARE] = min(1.0, STIFFNESS_FACTOR * s[SHARE])
         pose = _iterate(body, (pose[0], pose[1]), weight, anchor)
     s[SHARE] = 1.0
@@ -458,22 +466,24 @@ def _continue_stiffness(body: Any, start: Any, weight: float, anchor: Any) -> An
 @jit_exact
 def _equilibrium(body: Any, start: Any, weight: float) -> Any:
     """Return position, attitude and creep velocity of equilibrium, and whether it converged."""
-    start_position, forever = start[0], -FAR_DOWN
+    start_position, forever = start[0], -NO_SUPPORT
     position, attitude, converged = _continue_stiffness(
         body, start, weight, (start_position, 0.0, MAX_SLIDE * body.reach)
     )
     if converged:
-        return position, attitude, NONE, converged
-    anchor = (start_position, CREEP / (YIELD_DISTANCE * body.reach), forever)
+        return position, attitude, ZERO_VECTOR, converged
+    anchor = (start_position, FRICTION_SPEED / (YIELD_DISTANCE * body.reach), forever)
     position, attitude, converged = _continue_stiffness(body, start, weight, anchor)
-    creep = creep_of(body, position, anchor)
-    needs_friction = _norm(body, _forces_at(body, position, attitude, NONE)) > FRICTION_MIN * weight
+    creep = creep_speed(body, position, anchor)
+    needs_friction = (
+        _norm(body, _forces_at(body, position, attitude, ZERO_VECTOR)) > FRICTION_MIN * weight
+    )
     if converged and needs_friction and dot(creep, creep) < MAX_CREEP * MAX_CREEP:
         return position, attitude, creep, converged
     position, attitude, converged = _continue_stiffness(
         body, start, weight, (start_position, 0.0, forever)
     )
-    return position, attitude, NONE, converged
+    return position, attitude, ZERO_VECTOR, converged
 
 
 @jit_exact
@@ -483,17 +493,17 @@ def solve_body_statics(body: Any, hook: Any) -> None:
     The stage gives the water and the deck's height at which the run begins.
     """
     s, record = body.stage, body.records[0]
-    put(s, FROZEN, vector(s, FLOW_NOW))
-    put(s, FLOW_GROWS, NONE)
-    put(s, ARM_HELD, vector(s, WET_ARM))
-    s[WET_HELD] = s[WET]
-    put(s, HOOK, hook)
+    store(s, FROZEN, vector(s, FLOW_NOW))
+    store(s, FLOW_ACCELERATION, ZERO_VECTOR)
+    store(s, ARM_HELD, vector(s, SUBMERGED_ARM))
+    s[SUBMERGED_HELD] = s[SUBMERGED]
+    store(s, HOOK, hook)
     weight = (body.m + body.displaced) * body.g + TINY_WEIGHT
     s[SHARE] = _softest(body, weight)
     position, attitude, creep, converged = _equilibrium(body, _start(body, hook), weight)
     for k in range(RECORD):
         record[k] = 0.0
-    put(record, X, position)
+    store(record, X, position)
     for k in range(4):
         record[Q + k] = attitude[k]
-    put(record, V, creep if converged else (nan, nan, nan))
+    store(record, V, creep if converged else (nan, nan, nan))

@@ -54,8 +54,8 @@ RECORDS = 4  # current, end of the stage, start of the step, and one to write in
 # velocity, velocity held in the momentum of the added mass, acceleration. Then the unknowns and the
 # quantities derived from them; start of the substep and end of its first stage; velocity and
 # rotation rate before a correction.
-(X_HAT, TURN_HAT, P_HAT, L_HAT, FLOW_NOW, FROZEN, FLOW_GROWS,
- SPEED, TURN_RATE, PLACE, TURN, SPIN_NOW, PULL, TWIST, P_NOW, L_NOW, ON_HOOK,
+(X_HAT, TURN_HAT, P_HAT, L_HAT, FLOW_NOW, FROZEN, FLOW_ACCELERATION,
+ SPEED, TURN_RATE, PLACE, TURN, SPIN_NOW, PULL, TWIST, P_NOW, L_NOW, HOOK_FORCE,
  P_START, L_START, X_MIDDLE, TURN_MIDDLE, P_MIDDLE, L_MIDDLE, SPEED_MIDDLE, RATE_MIDDLE,
  SPEED_BEFORE, RATE_BEFORE) = _places(0, 81)  # fmt: skip
 ATTITUDE, Q_START = _places(81, 89, 4)  # quaternions
@@ -67,8 +67,8 @@ SHARE = 95  # factor on the slings' stiffness: less than 1 during the static sol
 HOOK = np.int64(96)  # position of the rope's end during the static solution, 3 numbers [m]
 # Submergence: centre of the submerged part relative to that of the whole, and ratio; the same as
 # held in the momenta over a substep; rates; water surface above the body's middle, its x, y slopes.
-WET_ARM, ARM_HELD, ARM_GROWS = _places(99, 108)
-WET, WET_HELD, WET_GROWS, SURFACE_Z, SURFACE_X, SURFACE_Y = 108, 109, 110, 111, 112, 113
+SUBMERGED_ARM, ARM_HELD, ARM_GROWS = _places(99, 108)
+SUBMERGED, SUBMERGED_HELD, WET_GROWS, SURFACE_Z, SURFACE_X, SURFACE_Y = 108, 109, 110, 111, 112, 113
 STAGE = 114
 
 # Cached linearisation last given to the rope's equations: force on the hook, and minus its
@@ -81,13 +81,13 @@ TANGENT = 16
 # Columns of the matrix: A; derivatives to the hook's acceleration, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
 # A change of the body's motion (core/body/state.py): δx, δv, ψ, δΩ.
-D_PLACE, D_SPEED, D_TURN, D_SPIN = _places(0, 12)
+D_POSITION, D_SPEED, D_TURN, D_SPIN = _places(0, 12)
 CHANGES = 12
 
 # A leg: attachment point on the body, length (0: a pin), stiffness, damping
 LENGTH, STIFFNESS, DAMPING, LEG = 3, 4, 5, 6
 
-CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
+FRICTION_SPEED = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
 
 
 class Immersed(NamedTuple):
@@ -193,7 +193,7 @@ def quaternion(table: Any, i: int) -> Any:
 
 
 @jit_exact_within
-def put(table: Any, i: int, a: Any) -> None:
+def store(table: Any, i: int, a: Any) -> None:
     """Write a vector into a table from index i on."""
     table[i] = a[0]
     table[i + 1] = a[1]
@@ -201,7 +201,7 @@ def put(table: Any, i: int, a: Any) -> None:
 
 
 @jit_exact_within
-def along(a: Any, s: float, b: Any) -> Any:
+def axpy(a: Any, s: float, b: Any) -> Any:
     """Return a + s·b."""
     return fused(s, b[0], a[0]), fused(s, b[1], a[1]), fused(s, b[2], a[2])
 
@@ -213,7 +213,7 @@ def dot(a: Any, b: Any) -> Any:
 
 
 @jit_exact_within
-def chosen(which: Any, a: Any, b: Any) -> Any:
+def select(which: Any, a: Any, b: Any) -> Any:
     """Return vector a where a condition holds, else b."""
     return choose(which, a[0], b[0]), choose(which, a[1], b[1]), choose(which, a[2], b[2])
 
@@ -256,15 +256,15 @@ def matrix_of(Q: Any) -> Any:
 
 
 @jit_exact_within
-def outward(R: Any, a: Any) -> Any:
+def to_world(R: Any, a: Any) -> Any:
     """Return R·a: a vector given in body axes, in world axes."""
     return dot(R[0], a), dot(R[1], a), dot(R[2], a)
 
 
 @jit_exact_within
-def inward(R: Any, a: Any) -> Any:
+def to_body(R: Any, a: Any) -> Any:
     """Return Rᵀ·a: a vector given in world axes, in body axes."""
-    return along(along(along((0.0, 0.0, 0.0), a[0], R[0]), a[1], R[1]), a[2], R[2])
+    return axpy(axpy(axpy((0.0, 0.0, 0.0), a[0], R[0]), a[1], R[1]), a[2], R[2])
 
 
 @jit_exact
@@ -297,11 +297,11 @@ def angular_velocity(theta: Any, rate: Any) -> Any:
     angle = sqrt(dot(theta, theta) + ANGLE2_MIN)
     half = sin(0.5 * angle) / angle
     once = cross(theta, rate)
-    out = along(rate, -2.0 * half * half, once)
-    return along(out, (angle - sin(angle)) / (angle * angle * angle), cross(theta, once))
+    out = axpy(rate, -2.0 * half * half, once)
+    return axpy(out, (angle - sin(angle)) / (angle * angle * angle), cross(theta, once))
 
 
-NONE = (0.0, 0.0, 0.0)
+ZERO_VECTOR = (0.0, 0.0, 0.0)
 
 
 @jit_exact_within
@@ -331,47 +331,47 @@ def turn_slope(theta: Any, a: Any, b: Any) -> Any:
     alpha_slope = _series(f, -1.0 / 12.0, 1.0 / 180.0, -1.0 / 6720.0, 1.0 / 453600.0)
     beta_slope = _series(f, -1.0 / 60.0, 1.0 / 1260.0, -1.0 / 60480.0, 1.0 / 4989600.0)
     once = cross(theta, b)
-    out = along(NONE, -alpha, cross(a, b))
-    out = along(out, beta, along(cross(a, once), 1.0, cross(theta, cross(a, b))))
+    out = axpy(ZERO_VECTOR, -alpha, cross(a, b))
+    out = axpy(out, beta, axpy(cross(a, once), 1.0, cross(theta, cross(a, b))))
     toward = dot(theta, a)
-    return along(along(out, -toward * alpha_slope, once), toward * beta_slope, cross(theta, once))
+    return axpy(axpy(out, -toward * alpha_slope, once), toward * beta_slope, cross(theta, once))
 
 
 @jit_exact
-def set_changes(body: Any, q: float, theta: Any, rate: Any) -> None:
+def set_pose_derivatives(body: Any, q: float, theta: Any, rate: Any) -> None:
     """Set the derivatives of the motion to each of the six unknowns."""
     for k in range(3):
         row, axis = body.changes[k], unit(k, 1.0)
-        put(row, D_PLACE, along(NONE, q, axis))
-        put(row, D_SPEED, axis)
-        put(row, D_TURN, NONE)
-        put(row, D_SPIN, NONE)
+        store(row, D_POSITION, axpy(ZERO_VECTOR, q, axis))
+        store(row, D_SPEED, axis)
+        store(row, D_TURN, ZERO_VECTOR)
+        store(row, D_SPIN, ZERO_VECTOR)
         row, turn = body.changes[3 + k], angular_velocity(theta, axis)
-        put(row, D_PLACE, NONE)
-        put(row, D_SPEED, NONE)
-        put(row, D_TURN, along(NONE, q, turn))
-        put(row, D_SPIN, along(turn, q, turn_slope(theta, axis, rate)))
+        store(row, D_POSITION, ZERO_VECTOR)
+        store(row, D_SPEED, ZERO_VECTOR)
+        store(row, D_TURN, axpy(ZERO_VECTOR, q, turn))
+        store(row, D_SPIN, axpy(turn, q, turn_slope(theta, axis, rate)))
 
 
 @jit_exact_within
-def change_of(body: Any, k: int, r: Any, turning: Any) -> Any:
+def point_derivative(body: Any, k: int, r: Any, turning: Any) -> Any:
     """Return changes of position, velocity and arm of a point r; turning: Ω × r."""
     row = body.changes[k]
     psi = vector(row, D_TURN)
     arm = cross(psi, r)
-    speed = along(vector(row, D_SPEED), 1.0, cross(vector(row, D_SPIN), r))
-    return along(vector(row, D_PLACE), 1.0, arm), along(speed, 1.0, cross(psi, turning)), arm
+    speed = axpy(vector(row, D_SPEED), 1.0, cross(vector(row, D_SPIN), r))
+    return axpy(vector(row, D_POSITION), 1.0, arm), axpy(speed, 1.0, cross(psi, turning)), arm
 
 
 @jit_exact_within
-def add_moment_change(body: Any, k: int, s: float, turn: Any) -> None:
+def add_moment_to_jacobian(body: Any, k: int, s: float, turn: Any) -> None:
     """Add s times a change of moment to column k of the matrix."""
     for i in range(3):
         body.matrix[3 + i, k] = fused(s, turn[i], body.matrix[3 + i, k])
 
 
 @jit_exact_within
-def add_change(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
+def add_to_jacobian(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
     """Add s times changes of force and moment to column k of the matrix."""
     for i in range(3):
         body.matrix[i, k] = fused(s, w[i], body.matrix[i, k])
@@ -379,14 +379,14 @@ def add_change(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
 
 
 @jit_exact_within
-def moment_change(r: Any, w: Any, arm: Any, f: Any) -> Any:
+def moment_derivative(r: Any, w: Any, arm: Any, f: Any) -> Any:
     """Return the change of moment of a force f at r that changes by w, its arm by `arm`."""
-    return along(cross(r, w), 1.0, cross(arm, f))
+    return axpy(cross(r, w), 1.0, cross(arm, f))
 
 
 @jit_exact
-def add_steady(body: Any, q: float, r: Any, f: Any) -> None:
+def add_constant_force(body: Any, q: float, r: Any, f: Any) -> None:
     """Add the derivatives of a force at a point r of the body that is constant in world axes."""
     for k in range(3, 6):
         arm = cross(vector(body.changes[k], D_TURN), r)
-        add_moment_change(body, k, -q, cross(arm, f))
+        add_moment_to_jacobian(body, k, -q, cross(arm, f))

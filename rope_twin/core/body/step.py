@@ -24,26 +24,26 @@ import numpy as np
 
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import OWN_COLUMNS, OWN_ENTRIES, Shedding
-from rope_twin.core.body.loads import TURN2, foresee_all, keep_all, momenta, power_of
-from rope_twin.core.body.solution import left_on_hook, solve, solve_body_statics
+from rope_twin.core.body.loads import TURN2, momenta, power_of, prepare_all, record_all
+from rope_twin.core.body.solution import hook_residual, solve, solve_body_statics
 from rope_twin.core.body.state import (
     DAMPING,
     LENGTH,
-    NONE,
     STIFFNESS,
+    ZERO_VECTOR,
     Afloat,
     Deck,
     GridBed,
     Immersed,
     PlaneBed,
     RigidBody,
-    along,
+    axpy,
     cross,
     dot,
     matrix_of,
-    outward,
-    put,
     quaternion,
+    store,
+    to_world,
     turned,
     vector,
 )
@@ -52,7 +52,7 @@ from rope_twin.core.jit.decorators import jit_exact
 from rope_twin.core.jit.rows import column, rows
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, set_flow
-from rope_twin.core.loads.hooks import Load, kernel, switching
+from rope_twin.core.loads.hooks import Load, has_active_set, kernel
 from rope_twin.core.loads.memory import declare_internal_variables
 from rope_twin.core.state import (
     ACCELERATION,
@@ -87,16 +87,16 @@ def _set_water(body: Any, rope: Any, stage: Any, position: Any) -> None:
     set_flow(rope.effects, work, stage, ghost, ghost + 1)
     for k in range(3):
         body.stage[at.FLOW_NOW + k] = work[FLOW + k, ghost]
-        body.stage[at.FLOW_GROWS + k] = work[FLOW_RATE + k, ghost]
+        body.stage[at.FLOW_ACCELERATION + k] = work[FLOW_RATE + k, ghost]
 
 
 @jit_exact
 def _begin(body: Any, hook: Any) -> None:
     """Initialise the body in static equilibrium below the hook."""
     solve_body_statics(body, hook)
-    put(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
-    put(body.records[0], at.ARM_THEN, vector(body.stage, at.WET_ARM))
-    body.records[0, at.WET_THEN] = body.stage[at.WET]
+    store(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
+    store(body.records[0], at.ARM_THEN, vector(body.stage, at.SUBMERGED_ARM))
+    body.records[0, at.WET_THEN] = body.stage[at.SUBMERGED]
     body.stage[at.FRESH] = 0.0
 
 
@@ -105,33 +105,33 @@ def _predict_first(body: Any, record: Any, q: float) -> None:
     """Predict the trapezoidal stage from the valid record `now`."""
     s = body.stage
     v, spin, before = vector(record, at.V), vector(record, at.SPIN), vector(record, at.WATER)
-    flow_change = along(vector(s, at.FLOW_NOW), -1.0, before)
-    put(
-        s, at.FROZEN, along(before, 0.5 / GAMMA, flow_change)
+    flow_change = axpy(vector(s, at.FLOW_NOW), -1.0, before)
+    store(
+        s, at.FROZEN, axpy(before, 0.5 / GAMMA, flow_change)
     )  # velocity at the middle of the substep
     arm_start = vector(record, at.ARM_THEN)
-    arm_change = along(vector(s, at.WET_ARM), -1.0, arm_start)
-    put(s, at.ARM_HELD, along(arm_start, 0.5 / GAMMA, arm_change))
-    put(s, at.ARM_GROWS, along(NONE, 0.5 / q, arm_change))
-    wet_change = s[at.WET] - record[at.WET_THEN]
-    s[at.WET_HELD] = record[at.WET_THEN] + 0.5 / GAMMA * wet_change
+    arm_change = axpy(vector(s, at.SUBMERGED_ARM), -1.0, arm_start)
+    store(s, at.ARM_HELD, axpy(arm_start, 0.5 / GAMMA, arm_change))
+    store(s, at.ARM_GROWS, axpy(ZERO_VECTOR, 0.5 / q, arm_change))
+    wet_change = s[at.SUBMERGED] - record[at.WET_THEN]
+    s[at.SUBMERGED_HELD] = record[at.WET_THEN] + 0.5 / GAMMA * wet_change
     s[at.WET_GROWS] = 0.5 / q * wet_change
     P, L = momenta(body, matrix_of(quaternion(record, at.Q)), v, spin)
-    put(s, at.P_START, P)
-    put(s, at.L_START, L)
+    store(s, at.P_START, P)
+    store(s, at.L_START, L)
     for k in range(4):
         s[at.Q_START + k] = record[at.Q + k]
-    put(s, at.X_HAT, along(vector(record, at.X), q, v))
-    put(s, at.TURN_HAT, along((0.0, 0.0, 0.0), q, spin))
-    put(s, at.P_HAT, along(P, q, vector(record, at.FORCE)))
-    put(s, at.L_HAT, along(L, q, vector(record, at.MOMENT)))
-    put(s, at.SPEED, v)
-    put(s, at.TURN_RATE, spin)
+    store(s, at.X_HAT, axpy(vector(record, at.X), q, v))
+    store(s, at.TURN_HAT, axpy((0.0, 0.0, 0.0), q, spin))
+    store(s, at.P_HAT, axpy(P, q, vector(record, at.FORCE)))
+    store(s, at.L_HAT, axpy(L, q, vector(record, at.MOMENT)))
+    store(s, at.SPEED, v)
+    store(s, at.TURN_RATE, spin)
 
 
 @jit_exact
 def _put_second(s: Any, hat: int, middle: int, first: Any) -> None:
-    put(s, hat, along(along((0.0, 0.0, 0.0), K1, vector(s, middle)), -K2, first))
+    store(s, hat, axpy(axpy((0.0, 0.0, 0.0), K1, vector(s, middle)), -K2, first))
 
 
 @jit_exact
@@ -142,16 +142,16 @@ def _predict_second(body: Any, record: Any) -> None:
     _put_second(s, at.TURN_HAT, at.TURN_MIDDLE, (0.0, 0.0, 0.0))
     _put_second(s, at.P_HAT, at.P_MIDDLE, vector(s, at.P_START))
     _put_second(s, at.L_HAT, at.L_MIDDLE, vector(s, at.L_START))
-    put(s, at.SPEED, vector(s, at.SPEED_MIDDLE))
-    put(s, at.TURN_RATE, vector(s, at.RATE_MIDDLE))
+    store(s, at.SPEED, vector(s, at.SPEED_MIDDLE))
+    store(s, at.TURN_RATE, vector(s, at.RATE_MIDDLE))
 
 
 @jit_exact
 def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Evaluate components and water at the pose predicted for the stage."""
-    foresee_all(body.parts, body, rope, stage, pose)
-    h = along(vector(body.watered, 0), 1.0, vector(body.stage, at.WET_ARM))
-    _set_water(body, rope, stage, along(pose[0], 1.0, outward(pose[1], h)))
+    prepare_all(body.parts, body, rope, stage, pose)
+    h = axpy(vector(body.watered, 0), 1.0, vector(body.stage, at.SUBMERGED_ARM))
+    _set_water(body, rope, stage, axpy(pose[0], 1.0, to_world(pose[1], h)))
 
 
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
@@ -163,11 +163,18 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     body.tangent[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
-        _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
+        _foresee(
+            body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), ZERO_VECTOR, ZERO_VECTOR)
+        )
         _begin(body, hook)
         # repeat, in the water at the equilibrium position
         equilibrium = body.records[0]
-        pose = vector(equilibrium, at.X), matrix_of(quaternion(equilibrium, at.Q)), NONE, NONE
+        pose = (
+            vector(equilibrium, at.X),
+            matrix_of(quaternion(equilibrium, at.Q)),
+            ZERO_VECTOR,
+            ZERO_VECTOR,
+        )
         _foresee(body, rope, stage, pose)
         _begin(body, hook)
     predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
@@ -179,14 +186,14 @@ def predict_stage(body: Any, rope: Any, stage: Any, kind: int, record: Any) -> N
     s, q = body.stage, stage.q
     if kind == TRAPEZOID:
         v, spin = vector(record, at.V), vector(record, at.SPIN)
-        position = along(vector(record, at.X), 2.0 * q, v)
-        attitude = turned(quaternion(record, at.Q), along(NONE, 2.0 * q, spin))
+        position = axpy(vector(record, at.X), 2.0 * q, v)
+        attitude = turned(quaternion(record, at.Q), axpy(ZERO_VECTOR, 2.0 * q, spin))
         _foresee(body, rope, stage, (position, matrix_of(attitude), v, spin))
         _predict_first(body, record, q)
     else:
         _predict_second(body, record)
         v, spin = vector(s, at.SPEED), vector(s, at.SPIN_NOW)
-        position = along(vector(s, at.X_HAT), q, v)
+        position = axpy(vector(s, at.X_HAT), q, v)
         _foresee(body, rope, stage, (position, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
@@ -194,8 +201,8 @@ def predict_stage(body: Any, rope: Any, stage: Any, kind: int, record: Any) -> N
 def _solve(body: Any, q: float, hook: Any) -> bool:
     """Solve the equations of motion for this motion of the hook, and store it; return success."""
     solved = solve(body, q, hook)
-    put(body.tangent, at.SOLVED_PLACE, hook[0] if solved else (nan, nan, nan))
-    put(body.tangent, at.SOLVED_SPEED, hook[1])
+    store(body.tangent, at.SOLVED_PLACE, hook[0] if solved else (nan, nan, nan))
+    store(body.tangent, at.SOLVED_SPEED, hook[1])
     return bool(solved)
 
 
@@ -214,12 +221,12 @@ def _is_solved(body: Any, q: float, hook: Any) -> bool:
 def load_hook(body: Any, work: Any, f: Any, Z: Any) -> None:
     """Add the slings' force f on the hook, its weight and inertia, to R_0, and Z + m·I to A_0.
 
-    Z: minus the derivative of f. Both are stored as the linearisation that `calm` checks.
+    Z: minus the derivative of f. Both are stored as the linearisation that `unchanged` checks.
     """
     ax, ay, az = rows(work, ACCELERATION, 0)
-    put(body.tangent, at.TANGENT_PULL, f)
-    put(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
-    put(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
+    store(body.tangent, at.TANGENT_PULL, f)
+    store(body.tangent, at.TANGENT_SLOPE, (Z[0], Z[1], Z[2]))
+    store(body.tangent, at.TANGENT_ELSE, (Z[3], Z[4], Z[5]))
     m = body.hook
     add_to_node(work, 0, Load(
         f[0] - m * ax[0], f[1] - m * ay[0], f[2] - m * az[0] - body.hook_weight,
@@ -240,20 +247,20 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     ux, uy, uz = rows(work, FLOW, 0)
     s, hook = body.stage, ((x[0], y[0], z[0]), (vx[0], vy[0], vz[0]))
     if s[at.FRESH] > 0.0:  # no prediction was made
-        put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
+        store(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
         _begin(body, hook[0])
         _predict_first(body, body.records[int(body.memory[0, 0])], stage.q)
     solved = _solve(body, stage.q, hook)
-    f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
-    load_hook(body, work, f, left_on_hook(body, stage.q))
+    f = vector(s, at.HOOK_FORCE) if solved else (inf, inf, inf)
+    load_hook(body, work, f, hook_residual(body, stage.q))
 
 
 @jit_exact
 def corrected_hook(work: Any, stage: Any, fraction: float) -> Any:
     """Return position and velocity of the hook after share·delta."""
     d = column(work, CORRECTION, 0)
-    position = along(column(work, POSITION, 0), fraction * stage.p, d)
-    return position, along(column(work, VELOCITY, 0), fraction * stage.q, d)
+    position = axpy(column(work, POSITION, 0), fraction * stage.p, d)
+    return position, axpy(column(work, VELOCITY, 0), fraction * stage.q, d)
 
 
 @jit_exact
@@ -261,13 +268,13 @@ def is_as_linearised(body: Any, work: Any, fraction: float) -> Any:
     """Return whether the force on the hook after share·delta agrees with its linearisation."""
     tangent = body.tangent
     (xx, xy, xz), (yy, yz, zz) = vector(tangent, at.TANGENT_SLOPE), vector(tangent, at.TANGENT_ELSE)
-    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), column(work, CORRECTION, 0))
-    error = along(vector(body.stage, at.ON_HOOK), -1.0, vector(tangent, at.TANGENT_PULL))
-    error = along(error, fraction, change)
+    change = to_world(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), column(work, CORRECTION, 0))
+    error = axpy(vector(body.stage, at.HOOK_FORCE), -1.0, vector(tangent, at.TANGENT_PULL))
+    error = axpy(error, fraction, change)
     return dot(error, error) <= tangent[at.ALLOWED] * tangent[at.ALLOWED]
 
 
-def calm(body: Any, work: Any, stage: Any, n: int, fraction: float) -> bool:
+def unchanged(body: Any, work: Any, stage: Any, n: int, fraction: float) -> bool:
     """Return whether the force on the hook after share·delta agrees with its linearisation.
 
     It does not where slings tighten or where a deck or the seabed is touched (a change of active
@@ -283,30 +290,30 @@ def calm(body: Any, work: Any, stage: Any, n: int, fraction: float) -> bool:
 @jit_exact
 def store_middle(s: Any) -> None:
     """Store the first stage, from which the second is predicted."""
-    put(s, at.X_MIDDLE, vector(s, at.PLACE))
-    put(s, at.TURN_MIDDLE, vector(s, at.TURN))
-    put(s, at.P_MIDDLE, vector(s, at.P_NOW))
-    put(s, at.L_MIDDLE, vector(s, at.L_NOW))
-    put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
-    put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
+    store(s, at.X_MIDDLE, vector(s, at.PLACE))
+    store(s, at.TURN_MIDDLE, vector(s, at.TURN))
+    store(s, at.P_MIDDLE, vector(s, at.P_NOW))
+    store(s, at.L_MIDDLE, vector(s, at.L_NOW))
+    store(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
+    store(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
 
 
 @jit_exact
 def write_record(body: Any, record: Any, speed: Any) -> None:
     """Write the state of the converged second stage; speed: NaN where it has no solution."""
     s = body.stage
-    put(record, at.X, vector(s, at.PLACE))
+    store(record, at.X, vector(s, at.PLACE))
     for k in range(4):
         record[at.Q + k] = s[at.ATTITUDE + k]
-    put(record, at.V, speed)
-    put(record, at.SPIN, vector(s, at.SPIN_NOW))
-    put(record, at.FORCE, vector(s, at.PULL))
-    put(record, at.MOMENT, vector(s, at.TWIST))
-    put(record, at.WATER, vector(s, at.FLOW_NOW))
-    put(record, at.GROWS, vector(s, at.FLOW_GROWS))
-    put(record, at.ARM_THEN, vector(s, at.WET_ARM))
-    record[at.WET_THEN] = s[at.WET]
-    keep_all(body.parts, body, record)
+    store(record, at.V, speed)
+    store(record, at.SPIN, vector(s, at.SPIN_NOW))
+    store(record, at.FORCE, vector(s, at.PULL))
+    store(record, at.MOMENT, vector(s, at.TWIST))
+    store(record, at.WATER, vector(s, at.FLOW_NOW))
+    store(record, at.GROWS, vector(s, at.FLOW_ACCELERATION))
+    store(record, at.ARM_THEN, vector(s, at.SUBMERGED_ARM))
+    record[at.WET_THEN] = s[at.SUBMERGED]
+    record_all(body.parts, body, record)
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
@@ -470,12 +477,12 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     """Return a type of body with its kernels and accounts registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
-    for function in (start, predict, load_end, calm, settle, middle):
+    for function in (start, predict, load_end, unchanged, settle, middle):
         kernel(function.__name__, kind, exact=True)(function)
     for part in (kinetic, potential, power):
         account(f"{part.__name__}_end", kind)(_where_here(part))
     declare_internal_variables(kind, 1, "records", "stage")
-    switching(kind)
+    has_active_set(kind)
     globals()[name] = kind
     return kind
 

@@ -163,7 +163,7 @@ def _temporary(digest: str) -> CodeFolder | None:
         return None
 
 
-class KeptCode(FunctionCache):  # type: ignore[misc]
+class CompileCache(FunctionCache):  # type: ignore[misc]
     """Compile cache of one entry, for all argument types."""
 
     def __init__(self, function: Any, folder: CodeFolder) -> None:
@@ -306,7 +306,7 @@ def jit_entry_exact(function: Any) -> Any:
 def _entry(function: Any, options: dict[str, Any]) -> Any:
     entry = numba.njit(**options)(function)
     if entry is not function and FOLDER is not None:  # plain Python: njit returns the function
-        entry._cache = KeptCode(function, FOLDER)
+        entry._cache = CompileCache(function, FOLDER)
     return entry
 
 

@@ -69,7 +69,7 @@ from rope_twin.core.jit.decorators import (
 from rope_twin.core.jit.functions import fused
 from rope_twin.core.jit.rows import column, lane, load, pair, row, rows
 from rope_twin.core.loads import balance
-from rope_twin.core.loads.hooks import chosen_by, couples
+from rope_twin.core.loads.hooks import couples, selected_by
 from rope_twin.core.pentadiagonal import SECOND, keep_node, kept_of
 from rope_twin.core.state import (
     BLOCK,
@@ -431,7 +431,7 @@ def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
 
 # Add the forces of effects between nodes that are not adjacent, after the loads; upto: number of
 # nodes that carry loads, n, or n + 1 if the upper end is at a connection.
-add_couplings = chosen_by(
+add_couplings = selected_by(
     couples,
     lambda effects, work, stage, n, upto: _couple(effects, work, stage, n, upto),
     lambda effects, work, stage, n, upto: None,

@@ -31,7 +31,7 @@ from rope_twin.core.elimination import dot
 from rope_twin.core.jit.decorators import jit, jit_entry, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose
-from rope_twin.core.loads.hooks import calls_of, kernel, switching
+from rope_twin.core.loads.hooks import calls_of, has_active_set, kernel
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
 BUNCH = 8  # elements per group, for a broad phase with bounding boxes
@@ -237,8 +237,8 @@ def _add_between_ropes(contact: Any, works: Any, starts: Any, counts: Any, stage
                         _add_contact(contact, (work_a, i, work_b, j, starts, last), stage)
 
 
-@kernel("among", LineContact)
-def among(contact: Any, system: Any, stage: Any) -> None:
+@kernel("interact", LineContact)
+def interact(contact: Any, system: Any, stage: Any) -> None:
     """Add the forces between all ropes of a system."""
     if stage.time < BEGIN_S:
         return
@@ -250,11 +250,11 @@ def among(contact: Any, system: Any, stage: Any) -> None:
             _add_between_ropes(contact, works, starts, counts, stage)
 
 
-switching(LineContact)
+has_active_set(LineContact)
 
 
 # Add the forces of effects that act between ropes.
-add_among = calls_of("among", "system, stage")
+add_interactions = calls_of("interact", "system, stage")
 
 
 class Touch(NamedTuple):

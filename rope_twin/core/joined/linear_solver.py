@@ -42,7 +42,7 @@ from rope_twin.core.joined.trees import (
     substitute_trees,
     substitute_trees_wide,
 )
-from rope_twin.core.loads.hooks import chosen_by, couples
+from rope_twin.core.loads.hooks import couples, selected_by
 from rope_twin.core.state import CORRECTION, ELEMENTS, RESIDUAL, ZERO
 
 
@@ -275,12 +275,12 @@ def _solve_coupled(system: Any) -> None:
             substitute_coupled_between(work, n)
 
 
-_solve = chosen_by(
+_solve = selected_by(
     couples,
     lambda effects, system, moved: _solve_coupled(system),
     lambda effects, system, moved: _solve_by_plan(system, moved),
 )
-_push = chosen_by(
+_push = selected_by(
     couples, lambda effects, system: None, lambda effects, system: push_system(system)
 )
 

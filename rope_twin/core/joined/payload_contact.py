@@ -21,7 +21,7 @@ from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
 from rope_twin.core.joined.line_contact import Touch, contact_block, less, measured, press, side_of
-from rope_twin.core.loads.hooks import kernel, switching
+from rope_twin.core.loads.hooks import has_active_set, kernel
 from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
 
 
@@ -70,15 +70,15 @@ def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     couple_blocks(joints.matrix, max(i, j), min(i, j), block)
 
 
-@kernel("among", PayloadContact, wide=True)
-def among(contact: Any, system: Any, stage: Any) -> None:
+@kernel("interact", PayloadContact, wide=True)
+def interact(contact: Any, system: Any, stage: Any) -> None:
     """Add the forces between all bodies of a system."""
     for a in range(contact.joints.shape[0]):
         for b in range(a):
             _touch(contact, system.joints, a, b, stage)
 
 
-switching(PayloadContact)
+has_active_set(PayloadContact)
 
 
 @jit_entry

@@ -2,8 +2,8 @@
 
 `rope_of(stack, r)` returns rope r as views, for the kernels of a single rope. Shared properties
 (current, drag, ...) are stored once. For an effect whose numbers differ from rope to rope
-(`differs`, a payload) they are in a row of `Numbers` per rope; arrays are those of the first rope.
-Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
+(`differs_by_rope`, a payload) they are in a row of `Numbers` per rope; arrays are those of the
+first rope. Effects with internal variables (core/loads/memory.py) are stacked as `Memories`.
 
 **SIMD lanes** (core/lanes). The stack of a batch of systems is a `LaneStack`. Functions over a
 system (core/joined/stage) serve both, by `any_rope_of` and `work_of`, which return arrays or tables
@@ -25,15 +25,15 @@ from rope_twin.core.jit.functions import by_type, lanes_only
 from rope_twin.core.jit.rows import field_type, unheld
 from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
-    DIFFERING,
+    FIELDS_BY_ROPE,
     couples,
+    generated,
     kernels,
-    kernels_by_place,
-    members,
+    kernels_by_index,
     struct_text,
-    written_out,
+    with_kernel,
 )
-from rope_twin.core.loads.memory import numbers_carried
+from rope_twin.core.loads.memory import variable_count
 from rope_twin.core.state import (
     CHAIN_ROWS,
     COUNTS,
@@ -90,7 +90,7 @@ class Stack(NamedTuple):
 def _real(effect: Any) -> Any:
     """Return an effect whose fields that are meant to be real numbers are."""
     parts = list(effect)
-    for k in DIFFERING[type(effect)]:
+    for k in FIELDS_BY_ROPE[type(effect)]:
         parts[k] = float(parts[k])
     return type(effect)(*parts)
 
@@ -117,9 +117,9 @@ def stacked_effects(ropes: Sequence[Rope], room: int) -> tuple[Any, ...]:
     """
     stacked: list[Any] = []
     for rope_effects in zip(*(rope.effects for rope in ropes), strict=True):
-        if numbers_carried(type(rope_effects[0])):
+        if variable_count(type(rope_effects[0])):
             stacked.append(_stacked_memories(rope_effects, room))
-        elif type(rope_effects[0]) in DIFFERING:
+        elif type(rope_effects[0]) in FIELDS_BY_ROPE:
             real = [_real(effect) for effect in rope_effects]
             stacked.append(Numbers(real[0], np.array([_flat(effect) for effect in real])))
         else:
@@ -166,7 +166,7 @@ def _with_columns(rope: Rope, room: int) -> Rope:
     """Return a rope whose effects have space for the internal variables of `room` nodes."""
     effects = []
     for effect in rope.effects:
-        if numbers_carried(type(effect)):
+        if variable_count(type(effect)):
             memory = np.zeros((len(effect.memory), room + 1))
             _copy_columns(effect.memory, memory)
             effect = effect._replace(memory=memory)
@@ -299,25 +299,25 @@ def _compose_effects(effects: Any, r: Any) -> Any:
             text = struct_text(kind, f"{text}.first", scope, _numbers_at(f"{text}.figures"))
         parts.append(text)
     text = " ".join(part + "," for part in parts)
-    return written_out("effects, r", [f"return ({text})"], {}, **scope)
+    return generated("effects, r", [f"return ({text})"], {}, **scope)
 
 
-def face_ropes(effects: Any, rope: Any, stack: Any) -> Any:
+def gather_from_ropes(effects: Any, rope: Any, stack: Any) -> Any:
     """Copy the data of other ropes that the effects of a rope depend on.
 
     stack: of a system or of lanes.
     """
     for i, effect in enumerate(effects):
-        for member, call in members("face", (effect,)):
+        for member, call in with_kernel("gather", (effect,)):
             call(member, rope, stack, stack.effects[i].memory)
 
 
-@overload(face_ropes, jit_options=LINKED, strict=False)
-def _compose_faces(effects: Any, rope: Any, stack: Any) -> Any:
+@overload(gather_from_ropes, jit_options=LINKED, strict=False)
+def _compose_gathering(effects: Any, rope: Any, stack: Any) -> Any:
     lanes = _in_lanes(stack)
-    calls = kernels("face", effects, None) if lanes else kernels_by_place("face", effects)
+    calls = kernels("gather", effects, None) if lanes else kernels_by_index("gather", effects)
     lines = [f"kernel_{i}(effects[{i}], rope, stack, stack.effects[{i}].memory)" for i in calls]
-    return written_out("effects, rope, stack", [*lines, "return None"], calls)
+    return generated("effects, rope, stack", [*lines, "return None"], calls)
 
 
 @jit
@@ -369,7 +369,7 @@ def _at(data: Any, r: Any) -> Any:
         return lambda data, r: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
     text = struct_text(unheld(data), "data", scope, _widened)
-    return written_out("data, r", [f"return {text}"], {}, **scope)
+    return generated("data, r", [f"return {text}"], {}, **scope)
 
 
 @jit
@@ -415,7 +415,7 @@ def effects_between(stack: Any) -> Any:
 def _choose_effects(stack: Any) -> Any:
     if not _in_lanes(stack):
         return lambda stack: stack.effects
-    if not kernels_by_place("among", field_type(stack, "effects")):
+    if not kernels_by_index("interact", field_type(stack, "effects")):
         return lambda stack: ()
     return lambda stack: _at(stack.effects, 0)
 

@@ -1,8 +1,8 @@
 """Operations on a system of ropes and connections, used by the step (core/step, core/newton).
 
 A system is a single `Rope`, or a `Joined`: a stack of ropes with connections. Its type selects the
-code at compile time (`by_kind`): for a single rope no code of loops over ropes and of connections
-remains.
+code at compile time (`by_system_type`): for a single rope no code of loops over ropes and of
+connections remains.
 
 The correction of a stage is applied to the connections immediately; that of the ropes' nodes may be
 pending until the next pass over the nodes.
@@ -44,12 +44,12 @@ from rope_twin.core.joined.joints import (
     place_ends,
     pull_ties,
 )
-from rope_twin.core.joined.line_contact import add_among
+from rope_twin.core.joined.line_contact import add_interactions
 from rope_twin.core.joined.sheaves import add_sheaves, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import (
     any_rope_of,
     effects_between,
-    face_ropes,
+    gather_from_ropes,
     tolerance_at,
     work_of,
 )
@@ -73,7 +73,7 @@ from rope_twin.core.state import (
 )
 
 
-def by_kind(for_rope: Any) -> Any:
+def by_system_type(for_rope: Any) -> Any:
     """Decorator for a function of a `Joined`; a single rope gets `for_rope(system, ...)` instead.
 
     Both are plain functions with the same argument names; numba compiles the selected one.
@@ -82,13 +82,13 @@ def by_kind(for_rope: Any) -> Any:
     return lambda for_system: wraps(for_system)(by_type(Rope, for_rope, for_system, INLINED))
 
 
-@by_kind(lambda system: 1)
+@by_system_type(lambda system: 1)
 def count_ropes(system: Any) -> Any:
     """Return the number of ropes of a system."""
     return system.stack.counts.shape[0]
 
 
-@by_kind(lambda system, r: system)
+@by_system_type(lambda system, r: system)
 def rope_at(system: Any, r: Any) -> Any:
     """Return rope r."""
     return any_rope_of(system.stack, r)
@@ -104,37 +104,37 @@ _own_stage = by_type(
 )
 
 
-@by_kind(lambda system, stage, r: stage)
+@by_system_type(lambda system, stage, r: stage)
 def stage_of(system: Any, stage: Any, r: Any) -> Any:
     """Return the stage with the payout speed of rope r."""
     return _own_stage(stage, system.joints.speed[r], r)
 
 
-@by_kind(lambda system, boundary, r: boundary)
+@by_system_type(lambda system, boundary, r: boundary)
 def boundary_of(system: Any, boundary: Any, r: Any) -> Any:
     """Return the prescribed motion of rope r."""
     return Boundary(boundary.value[r], boundary.rate[r])
 
 
-@by_kind(lambda system, r: True)
-def is_hung(system: Any, r: Any) -> Any:
+@by_system_type(lambda system, r: True)
+def is_suspended(system: Any, r: Any) -> Any:
     """Return whether the upper end of rope r is a hang-off, with prescribed motion and payout."""
     return system.joints.upper[r] == LOOSE
 
 
-@by_kind(lambda system, rope: None)
-def face_others(system: Any, rope: Any) -> Any:
+@by_system_type(lambda system, rope: None)
+def gather_from_others(system: Any, rope: Any) -> Any:
     """Copy the data of other ropes that the effects of a rope depend on, once per step."""
-    face_ropes(rope.effects, rope, system.stack)
+    gather_from_ropes(rope.effects, rope, system.stack)
 
 
-@by_kind(lambda system, r: system.state.counts[ELEMENTS])
+@by_system_type(lambda system, r: system.state.counts[ELEMENTS])
 def count_loaded(system: Any, r: Any) -> Any:
     """Return the number of nodes of rope r that carry loads: all except a hang-off."""
     return system.stack.counts[r, ELEMENTS] + (system.joints.upper[r] != LOOSE)
 
 
-@by_kind(lambda system, boundary, row, r: boundary.value[row, LINE])
+@by_system_type(lambda system, boundary, row, r: boundary.value[row, LINE])
 def length_at(system: Any, boundary: Any, row: Any, r: Any) -> Any:
     """Return the unstretched length of rope r at a step boundary [m]."""
     if system.joints.upper[r] == LOOSE:
@@ -142,19 +142,19 @@ def length_at(system: Any, boundary: Any, row: Any, r: Any) -> Any:
     return system.stack.s[r, system.stack.counts[r, ELEMENTS]]
 
 
-@by_kind(lambda system: system.model.step)
+@by_system_type(lambda system: system.model.step)
 def step_of(system: Any) -> Any:
     """Return the time step [s], that of the first rope."""
     return system.stack.model[0, STEP]
 
 
-@by_kind(lambda system: system.model.tolerance)
+@by_system_type(lambda system: system.model.tolerance)
 def tolerance_of(system: Any) -> Any:
     """Return the tolerance of tensions [N], that of the first rope."""
     return tolerance_at(system.stack, ZERO)
 
 
-@by_kind(lambda system: (system.state.health,))
+@by_system_type(lambda system: (system.state.health,))
 def health_of(system: Any) -> Any:
     """Return the counters of the first rope.
 
@@ -163,7 +163,10 @@ def health_of(system: Any) -> Any:
     return (system.stack.health[0],)
 
 
-OUT, BACK = ZERO, ZERO + 1  # direction of a copy: from the state to the work array, and back
+TO_WORK, TO_STATE = (
+    ZERO,
+    ZERO + 1,
+)  # direction of a copy: from the state to the work array, and back
 
 
 @jit
@@ -178,7 +181,7 @@ def _move(joints: Any, stage: Any, kind: int, factor: Any) -> None:
         correct(work, stage.p, stage.q, factor, ZERO, count)
 
 
-@by_kind(lambda system, stage, kind, factor: None)
+@by_system_type(lambda system, stage, kind, factor: None)
 def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
     """Move the connections (see `_move`) and the ropes' ends there, and set the forces of links."""
     _move(system.joints, stage, kind, factor)
@@ -186,23 +189,23 @@ def move_connections(system: Any, stage: Any, kind: Any, factor: Any) -> Any:
     pull_ties(system.joints.ties, system.joints.work, stage.p, stage.q)
 
 
-@by_kind(lambda system, stage: None)
+@by_system_type(lambda system, stage: None)
 def gather_connections(system: Any, stage: Any) -> Any:
     """Add forces between ropes; assemble residual and matrix of the connections without chains."""
     clear(system.joints)
-    add_among(effects_between(system.stack), system, stage)
+    add_interactions(effects_between(system.stack), system, stage)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     add_sheaves(system.sheaves, system, stage)
 
 
-@by_kind(lambda system, rope, r, p, q: None)
+@by_system_type(lambda system, rope, r, p, q: None)
 def pass_sheave(system: Any, rope: Any, r: Any, p: Any, q: Any) -> Any:
     """Set the last node of rope r to the motion of the rope passing its sheave (`pass_end`)."""
     pass_end(system.sheaves, system.joints, rope, r, p, q)
 
 
-@by_kind(lambda system, stage, fraction: 0)
+@by_system_type(lambda system, stage, fraction: 0)
 def correct_connections(system: Any, stage: Any, fraction: Any) -> Any:
     """Apply a fraction of the correction to the connections; return the number of deviating links.
 
@@ -236,7 +239,7 @@ def _look_ahead_at_sheave(system: Any, rope: Any, stage: Any, r: int) -> int:
     return int(count_beyond(count, work[TENSION, top], expected, rope.model.tolerance))
 
 
-@by_kind(
+@by_system_type(
     lambda system, rope, stage, r: count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
 )
 def look_ahead_in_rope(system: Any, rope: Any, stage: Any, r: Any) -> Any:
@@ -249,13 +252,13 @@ def look_ahead_in_rope(system: Any, rope: Any, stage: Any, r: Any) -> Any:
     return count_unexpected(rope, stage, ZERO, rope.state.counts[ELEMENTS])
 
 
-@by_kind(lambda system: 0.0)
+@by_system_type(lambda system: 0.0)
 def slope_of_connections(system: Any) -> Any:
     """Return R·delta summed over the connections [N·m/s²]."""
     return joint_slope(system.joints)
 
 
-@by_kind(lambda system: 0)
+@by_system_type(lambda system: 0)
 def count_unbalanced(system: Any) -> Any:
     """Return the number of connections with a residual above the tolerance, or NaN.
 
@@ -290,7 +293,7 @@ def _add_end_forces(system: Any, fraction: float) -> None:
                 R[RESIDUAL + a, high] -= fraction * work[TENSION, top] * work[DIRECTION + a, top]
 
 
-@by_kind(lambda system, stage, fraction: None)
+@by_system_type(lambda system, stage, fraction: None)
 def begin_trial(system: Any, stage: Any, fraction: Any) -> Any:
     """Apply a fraction of the correction to the connections, before a trial of existing factors.
 
@@ -313,7 +316,7 @@ def _take_load(joints: Any, work: Any, i: int, joint: int) -> None:
     joints.work[RESIDUAL + 2, joint] -= xz * x + yz * y + zz * z
 
 
-@by_kind(lambda system, tolerance: 0)
+@by_system_type(lambda system, tolerance: 0)
 def count_left_at_connections(system: Any, tolerance: Any) -> Any:
     """Return the number of connections with a residual above `tolerance` [N]; in lanes: bits."""
     stack, joints, count = system.stack, system.joints, 0
@@ -330,7 +333,7 @@ def count_left_at_connections(system: Any, tolerance: Any) -> Any:
     return count
 
 
-@by_kind(lambda system: 0.0)
+@by_system_type(lambda system: 0.0)
 def size_of_connections(system: Any) -> Any:
     """Return the sum of absolute values of the connections' motion; not finite if any is not."""
     joints, total = system.joints, 0.0
@@ -340,7 +343,7 @@ def size_of_connections(system: Any) -> Any:
     return total
 
 
-@by_kind(lambda system, stage, pending: None)
+@by_system_type(lambda system, stage, pending: None)
 def settle_ends(system: Any, stage: Any, pending: Any) -> Any:
     """Set the ropes' ends to the connections' motion, if effects have internal variables."""
     if has_internal_variables(rope_at(system, ZERO).effects):
@@ -350,23 +353,23 @@ def settle_ends(system: Any, stage: Any, pending: Any) -> Any:
             pass_end(system.sheaves, system.joints, rope_at(system, r), r, p, q)
 
 
-@by_kind(lambda system: None)
+@by_system_type(lambda system: None)
 def place_all_ends(system: Any) -> Any:
     """Set the ropes' ends to the motion of the connections."""
     place_ends(system)
 
 
-@by_kind(lambda system, row, way: None)
+@by_system_type(lambda system, row, way: None)
 def copy_connections(system: Any, row: Any, way: Any) -> Any:
     """Copy the motion of the connections to the work rows from `row` on (OUT), or BACK."""
     joints, count = system.joints, system.joints.nodes.shape[1]
-    if way == OUT:
+    if way == TO_WORK:
         copy(joints.nodes, ZERO, joints.work, row, count)
     else:
         copy(joints.work, row, joints.nodes, ZERO, count)
 
 
-@by_kind(lambda system: None)
+@by_system_type(lambda system: None)
 def join_ends(system: Any) -> Any:
     """Set the ropes' ends to the connections' motion in work array and state, before a call."""
     stack, joints = system.stack, system.joints

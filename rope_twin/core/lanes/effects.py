@@ -34,15 +34,15 @@ from rope_twin.core.jit.decorators import INLINED, LINKED, jit, jit_within
 from rope_twin.core.jit.functions import by_type, lanes_only
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
-    Growth,
+    RampedEffects,
     calls_of,
+    can_report_unchanged,
+    generated,
     kernel_of,
     kernels,
-    kernels_by_place,
-    may_be_calm,
+    kernels_by_index,
     register_wide,
     struct_text,
-    written_out,
 )
 from rope_twin.core.loads.memory import counts_carried
 from rope_twin.core.state import (
@@ -131,7 +131,7 @@ def wide_data(data: Any) -> Any:
         return lambda data: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
     text = struct_text(data, "data", scope, _widened)
-    return written_out("data", [f"return {text}"], {}, **scope)
+    return generated("data", [f"return {text}"], {}, **scope)
 
 
 @lanes_only(INLINED)
@@ -139,7 +139,7 @@ def lane_data(data: Any, lane: Any) -> Any:
     """Return the data of one lane of a struct of arrays (first axis LANES), or of several."""
     scope: dict[str, Any] = {}
     text = struct_text(data, "data", scope, lambda kind, path: f"{path}[lane]")
-    return written_out("data, lane", [f"return {text}"], {}, **scope)
+    return generated("data, lane", [f"return {text}"], {}, **scope)
 
 
 def place_of(kind: type, effects: Iterable[Any]) -> int:
@@ -147,7 +147,7 @@ def place_of(kind: type, effects: Iterable[Any]) -> int:
     return [effect.instance_class for effect in effects].index(kind)
 
 
-LOWER_END = ("load_end", "calm", "predict", "settle")  # hooks of an effect at the lower end
+LOWER_END = ("load_end", "unchanged", "predict", "settle")  # hooks of an effect at the lower end
 _BY_LANE: set[type] = set()
 
 
@@ -293,13 +293,13 @@ def _grown_picker(kind: type) -> Any:
 
     @lanes_only(INLINED)
     def grow(effects: Any, stage: Any) -> Any:
-        growth = Growth(effects)
+        growth = RampedEffects(effects)
         lines = [*growth.lines, f"return {growth.of(place_of(kind, effects))}"]
-        return written_out("effects, stage", lines, {}, **growth.names)
+        return generated("effects, stage", lines, {}, **growth.names)
 
     @lanes_only(INLINED)
     def pick_grown(effects: Any, lane: Any, stage: Any) -> Any:
-        if kernels_by_place("share", effects):
+        if kernels_by_index("share", effects):
             return lambda effects, lane, stage: grow(lane_data(effects, lane), stage)
         return lambda effects, lane, stage: pick(effects, lane)
 
@@ -334,10 +334,10 @@ def _load_end(kind: type, lone: Any) -> Any:
     return load_end
 
 
-def _calm(kind: type, lone: Any) -> Any:
+def _unchanged(kind: type, lone: Any) -> Any:
     pick = _picker(kind)
 
-    def calm(effect: Any, work: Any, stage: Any, n: int, share: float) -> int:
+    def unchanged(effect: Any, work: Any, stage: Any, n: int, share: float) -> int:
         each, lanes = stage.each, 0
         for lane in range(LANES):
             if stage.lanes >> lane & 1:
@@ -346,7 +346,7 @@ def _calm(kind: type, lone: Any) -> Any:
                     lanes |= 1 << lane
         return lanes
 
-    return calm
+    return unchanged
 
 
 def _predict(kind: type, lone: Any) -> Any:
@@ -380,7 +380,8 @@ def _settle(kind: type, lone: Any) -> Any:
 
 
 _CALLS = {
-    "flow": _flow, "load_end": _load_end, "calm": _calm, "predict": _predict, "settle": _settle,
+    "flow": _flow, "load_end": _load_end, "unchanged": _unchanged,
+    "predict": _predict, "settle": _settle,
 }  # fmt: skip
 
 
@@ -396,20 +397,20 @@ def by_lane(kind: type, *names: str) -> None:
 
 
 @lanes_only(LINKED)
-def calm_lanes(effects: Any, work: Any, stage: Any, n: Any, fraction: Any) -> Any:
+def unchanged_lanes(effects: Any, work: Any, stage: Any, n: Any, fraction: Any) -> Any:
     """Return the stage's lanes, as bits, in which no active set is changed by share·delta.
 
     As in a single rope, an effect is evaluated only where the active sets before it are unchanged.
     """
-    calls = kernels("calm", effects, None)
-    lines = ["calm = stage.lanes"]
-    if not may_be_calm([effect.instance_class for effect in effects]):
+    calls = kernels("unchanged", effects, None)
+    lines = ["unchanged = stage.lanes"]
+    if not can_report_unchanged([effect.instance_class for effect in effects]):
         return lambda effects, work, stage, n, fraction: 0
     for i in calls:
-        lanes_stage = f"kernel_{i}(effects[{i}], work, on_lanes(stage, calm), n, share)"
-        lines.append(f"calm &= {lanes_stage}")
+        lanes_stage = f"kernel_{i}(effects[{i}], work, on_lanes(stage, unchanged), n, share)"
+        lines.append(f"unchanged &= {lanes_stage}")
     head = "effects, work, stage, n, share"
-    return written_out(head, [*lines, "return calm"], calls, on_lanes=on_lanes)
+    return generated(head, [*lines, "return unchanged"], calls, on_lanes=on_lanes)
 
 
 # Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
@@ -433,14 +434,14 @@ def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, u
     upto: number of nodes that carry loads.
     """
     calls, counts = kernels("settle", effects, None), counts_carried(effects)
-    growth = Growth(effects if counts else ())
+    growth = RampedEffects(effects if counts else ())
     lines = ["pending = complete(rope, stage, pending)"] if counts else []
     lines += [
         *growth.lines,
         *(f"kernel_{i}({growth.of(i)}, rope, stage, kind, upto)" for i in counts),
     ]
     head = "effects, rope, stage, kind, pending, upto"
-    return written_out(head, [*lines, "return pending"], calls, complete=_complete, **growth.names)
+    return generated(head, [*lines, "return pending"], calls, complete=_complete, **growth.names)
 
 
 @jit
@@ -472,4 +473,4 @@ def accept_lanes(effects: Any, each: Any, n: Any, kept: Any) -> Any:
         else:
             lines.append(f"take_wide(effects[{i}].memory, {k}, n, kept)")
     names = {"take_wide": _take_wide, "take_each": _take_each}
-    return written_out("effects, each, n, kept", [*lines, "return None"], {}, **names)
+    return generated("effects, each, n, kept", [*lines, "return None"], {}, **names)

@@ -25,7 +25,7 @@ from rope_twin.core.lanes.effects import (
 )
 from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run, advance_lanes_steps
 from rope_twin.core.loads import hooks
-from rope_twin.core.loads.memory import arrays_carried, count_known, numbers_carried
+from rope_twin.core.loads.memory import carried_arrays, count_initialised, variable_count
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     COUNTS,
@@ -77,7 +77,7 @@ class Kind(NamedTuple):
     def plain(self) -> bool:
         """Whether ropes differ in arrays only, which a stack of them holds (`begin_stacked`)."""
         return self.law is None and not any(
-            numbers_carried(layout[0])
+            variable_count(layout[0])
             or is_by_lane(layout[0])
             or any(isinstance(part[0], type) for part in layout[1:])
             for layout in self.effects
@@ -103,7 +103,7 @@ def why_alone(rope: Rope) -> str:
         return "plain Python"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
-    unit = hooks.axial_place(map(type, rope.effects))
+    unit = hooks.axial_index(map(type, rope.effects))
     if unit is not None and not rope.effects[unit].here:
         return "a unit that was cut off"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
@@ -154,7 +154,7 @@ def effect_places(rope: Rope) -> tuple[float, ...]:
 def on_columns(layout: Any, columns: int) -> Any:
     """Return an effect's layout, with the memory of internal variables on a batch's columns."""
     kind, *parts = layout
-    if not numbers_carried(kind) or is_by_lane(kind):
+    if not variable_count(kind) or is_by_lane(kind):
         return layout
     place = kind._fields.index("memory")
     code, (height, _) = parts[place]
@@ -168,7 +168,7 @@ def put_properties(arrays: Rope, lane: int, rope: Rope) -> None:
         getattr(arrays.model, name)[lane] = getattr(rope.model, name)
     arrays.sections[:, : rope.sections.shape[1], lane] = rope.sections
     for effect, source in zip(arrays.effects, rope.effects, strict=True):
-        if not numbers_carried(type(source)):
+        if not variable_count(type(source)):
             put_wide(effect, source, lane)
         elif not is_by_lane(type(source)):
             put_wide(effect[1:], source[1:], lane)
@@ -179,7 +179,7 @@ def put_properties(arrays: Rope, lane: int, rope: Rope) -> None:
 def _in_lanes(arrays: Rope, rope: Rope) -> Iterator[tuple[Any, Any]]:
     """Yield the effects with internal variables that the lanes have in common, and the rope's."""
     for effect, source in zip(arrays.effects, rope.effects, strict=True):
-        if numbers_carried(type(source)) and not is_by_lane(type(source)):
+        if variable_count(type(source)) and not is_by_lane(type(source)):
             yield effect, source
 
 
@@ -188,7 +188,7 @@ def put_state(arrays: Rope, lane: int, n: int, rope: Rope) -> None:
     for effect, source in _in_lanes(arrays, rope):
         for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
             effect.memory[:, columns, lane] = source.memory[:, columns]
-        for name in arrays_carried(type(source)):
+        for name in carried_arrays(type(source)):
             getattr(effect, name)[..., lane] = getattr(source, name)
     state = rope.state
     arrays.state.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
@@ -201,7 +201,7 @@ def take_state(arrays: Rope, lane: int, n: int, rope: Rope) -> None:
     for effect, source in _in_lanes(arrays, rope):
         for columns in (slice(n + 1), slice(-1 - TRIALS, None)):
             source.memory[:, columns] = effect.memory[:, columns, lane]
-        for name in arrays_carried(type(source)):
+        for name in carried_arrays(type(source)):
             getattr(source, name)[...] = getattr(effect, name)[..., lane]
     state = rope.state
     state.nodes[:, : n + 1] = arrays.state.nodes[: n + 1, :, lane].T
@@ -227,7 +227,7 @@ class Lanes(ABC):
         self._tally = aligned(TALLIES, LANES)
         self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
         self._late = 0  # lanes whose internal variables must be interpolated, as bits
-        self._remembers = any(numbers_carried(layout[0]) for layout in effects)
+        self._remembers = any(variable_count(layout[0]) for layout in effects)
 
     def fit(self, kind: Any) -> None:
         """Take members of this kind, of the same layout."""
@@ -360,8 +360,8 @@ class Group(Lanes):
         n = self.kind.elements
         self._late &= ~(1 << lane)
         for i, effect in enumerate(rope.effects):
-            if numbers_carried(type(effect)):
-                self._late |= (count_known(effect) != n) << lane
+            if variable_count(type(effect)):
+                self._late |= (count_initialised(effect) != n) << lane
                 if is_by_lane(type(effect)):
                     put_each(self._each.effects[i], effect, lane)
         put_state(self._rope, lane, n, rope)
@@ -370,7 +370,7 @@ class Group(Lanes):
     def take(self, lane: int, rope: Rope) -> None:
         """Copy a lane's state and internal variables back to its rope."""
         for i, effect in enumerate(rope.effects):
-            if numbers_carried(type(effect)) and is_by_lane(type(effect)):
+            if variable_count(type(effect)) and is_by_lane(type(effect)):
                 for part, value in zip(self._each.effects[i], effect, strict=True):
                     if isinstance(value, np.ndarray):
                         value[...] = part[lane]

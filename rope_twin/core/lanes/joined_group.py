@@ -55,7 +55,7 @@ from rope_twin.core.lanes.group import (
 )
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.loads import hooks
-from rope_twin.core.loads.memory import count_known, numbers_carried
+from rope_twin.core.loads.memory import count_initialised, variable_count
 from rope_twin.core.state import (
     COUNTS,
     ELEMENTS,
@@ -131,8 +131,8 @@ def _name_of(kind: type) -> str:
 def _steps_in_lanes(kind: type) -> bool:
     """Return whether an effect of this type steps in the lanes of systems of ropes."""
     own_hull = "pull" in hooks.hooks_of(kind) and not hooks.couples([kind])  # of a lone hang-off
-    each_its_own = is_by_lane(kind) and numbers_carried(kind) > 0
-    unit = hooks.axial_place([kind]) is not None
+    each_its_own = is_by_lane(kind) and variable_count(kind) > 0
+    unit = hooks.axial_index([kind]) is not None
     return hooks.is_wide(kind, "start") and not (own_hull or each_its_own or unit)
 
 
@@ -293,8 +293,8 @@ class JoinedGroup(Lanes):
                     wide_rope.state.nodes[node, :, lane] = joints.nodes[:, joint]
             self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
             for effect in rope.effects:
-                if numbers_carried(type(effect)):
-                    late |= int(count_known(effect) != self._loaded[r])
+                if variable_count(type(effect)):
+                    late |= int(count_initialised(effect) != self._loaded[r])
         self._late = self._late & ~(1 << lane) | late << lane
 
     def take(self, lane: int, system: System) -> None:

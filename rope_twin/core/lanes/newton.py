@@ -23,7 +23,7 @@ from rope_twin.core.joined.chains import add_couplings
 from rope_twin.core.joined.linear_solver import push_lanes, solve_lanes
 from rope_twin.core.joined.stage import (
     begin_trial,
-    by_kind,
+    by_system_type,
     correct_connections,
     count_left_at_connections,
     count_loaded,
@@ -38,16 +38,16 @@ from rope_twin.core.joined.stage import (
     stage_of,
     tolerance_of,
 )
-from rope_twin.core.lanes.effects import calm_lanes, on_lanes, predict_lanes, prepare_lanes
+from rope_twin.core.lanes.effects import on_lanes, predict_lanes, prepare_lanes, unchanged_lanes
 from rope_twin.core.loads.balance import (
     load_lowest,
     load_of,
-    load_remembering,
     load_rows,
+    load_with_variables,
     set_block,
     set_flow,
 )
-from rope_twin.core.loads.hooks import chosen_by, couples
+from rope_twin.core.loads.hooks import couples, selected_by
 from rope_twin.core.newton import CHUNK, RESIDUAL_SHARE, SEARCH_FROM, count_left
 from rope_twin.core.pentadiagonal import eliminate_coupled_wide, push_coupled_wide, take_links_wide
 from rope_twin.core.state import (
@@ -114,7 +114,7 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, reuse: int, pen
     return active, tried, count, correcting
 
 
-_unless_bent = chosen_by(couples, lambda effects, again: 0, lambda effects, again: again)
+_unless_bent = selected_by(couples, lambda effects, again: 0, lambda effects, again: again)
 
 
 @jit
@@ -124,7 +124,7 @@ def _unless_sheaves(sheaves: Any, again: int) -> int:
     return 0
 
 
-@by_kind(lambda system, again: again)
+@by_system_type(lambda system, again: again)
 def _lanes_to_try(system: Any, again: Any) -> Any:
     """Return those of these lanes that try the existing factors; none with bending or sheaves."""
     return _unless_bent(system.stack.effects, _unless_sheaves(system.sheaves, again))
@@ -136,7 +136,7 @@ def _unchanged_active_sets(system: Any, stage: Any, lanes: int, fraction: float)
     unchanged = lanes
     for r in range(count_ropes(system)):
         rope, rope_stage = rope_at(system, r), on_lanes(stage_of(system, stage, r), unchanged)
-        unchanged &= calm_lanes(
+        unchanged &= unchanged_lanes(
             rope.effects, rope.work, rope_stage, count_loaded(system, r), fraction
         )
     return int(unchanged)
@@ -173,7 +173,7 @@ def _correct(system: Any, stage: Any, fraction: Any) -> None:
         stretch_all(rope, rope_stage)
 
 
-@by_kind(lambda system, stage, lanes: None)
+@by_system_type(lambda system, stage, lanes: None)
 def _return_connections(system: Any, stage: Any, lanes: Any) -> Any:
     """Revert the correction of the connections in these lanes, as in a single system."""
     move_connections(system, stage, SEARCH, choose(mask_of(lanes), -1.0, 0.0))
@@ -249,7 +249,7 @@ def _load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> Non
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
         set_block(block, i, load)
         tangent = following
-    load_remembering(effects, work, stage, low, high, True)
+    load_with_variables(effects, work, stage, low, high, True)
 
 
 @jit
@@ -307,7 +307,7 @@ def _push_chain(work: Any, first: int, n: int) -> None:
     substitute_wide(work, first, n, 0, (n - first - 1) // 2)
 
 
-_push = chosen_by(
+_push = selected_by(
     couples,
     lambda effects, work, first, n, tried: _push_links(work, first, n, tried),
     lambda effects, work, first, n, tried: _push_chain(work, first, n),
@@ -323,7 +323,7 @@ def _try_rope(rope: Any, stage: Any, fraction: Any) -> Any:
     return count_left(rope, stage, CHUNK)
 
 
-@by_kind(lambda system, stage, fraction: _try_rope(system, stage, fraction))
+@by_system_type(lambda system, stage, fraction: _try_rope(system, stage, fraction))
 def _try_factors(system: Any, stage: Any, fraction: Any) -> Any:
     """Solve with the existing factors; return the lanes with a remaining residual.
 
@@ -373,14 +373,16 @@ def _look_ahead_coupled(rope: Any, stage: Any, active: int) -> int:
     return int(ALL - count_unexpected(rope, stage, ZERO, n))
 
 
-_look = chosen_by(
+_look = selected_by(
     couples,
     lambda effects, rope, stage, active: _look_ahead_coupled(rope, stage, active),
     lambda effects, rope, stage, active: _look_ahead(rope, stage, active),
 )
 
 
-@by_kind(lambda system, stage, active, fraction: _look(system.effects, system, stage, active))
+@by_system_type(
+    lambda system, stage, active, fraction: _look(system.effects, system, stage, active)
+)
 def _solve_ahead(system: Any, stage: Any, active: Any, fraction: Any) -> Any:
     """Solve; return the lanes whose corrected tensions agree with their linearisation.
 

@@ -23,11 +23,11 @@ from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, wh
 from rope_twin.core.joined.sheaves import is_at_sheave, set_border
 from rope_twin.core.joined.stack import POINT
 from rope_twin.core.joined.stage import (
-    by_kind,
+    by_system_type,
     count_loaded,
     count_ropes,
-    face_others,
-    is_hung,
+    gather_from_others,
+    is_suspended,
     pass_sheave,
     place_all_ends,
     rope_at,
@@ -249,7 +249,7 @@ def _begin(system: Any, sections: Any, boundary: Any, first: int) -> None:
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         L = rope.state.s[rope.state.counts[ELEMENTS]]
-        if is_hung(system, r):
+        if is_suspended(system, r):
             L = border_of(system, boundary, r).value[first, LINE]
         _set_lengths(rope, part_of(system, sections, r)[0], L)
         if rope.model.first_free == 1:  # no stage moves a fixed node
@@ -262,7 +262,7 @@ def _lanes_to_remesh(system: Any, sections: Any, boundary: Any, step: int) -> in
     """Return the lanes in which an element at a hang-off may split or merge, as bits."""
     lanes = 0
     for r in range(count_ropes(system)):
-        if is_hung(system, r):
+        if is_suspended(system, r):
             rope = rope_at(system, r)
             border = border_of(system, boundary, r)
             L, V, _ = prescribed(border, step, LINE_COLUMN, 1.0, rope.model.step)
@@ -271,7 +271,7 @@ def _lanes_to_remesh(system: Any, sections: Any, boundary: Any, step: int) -> in
     return int(lanes)
 
 
-@by_kind(lambda system, sections: 0)
+@by_system_type(lambda system, sections: 0)
 def _lanes_to_remesh_at_sheaves(system: Any, sections: Any) -> Any:
     """Return the lanes in which an element at a sheave may split or merge after a solved step.
 
@@ -295,7 +295,7 @@ def _to_remesh_at_sheaves(sheaves: Any, system: Any, sections: Any) -> int:
     return lanes
 
 
-@by_kind(
+@by_system_type(
     lambda system, sections, boundary, step, kind, context: _stage_at(
         system, sections, border_of(system, boundary, 0), step, kind, context
     )
@@ -306,7 +306,7 @@ def _begin_stage(
     """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
     stage = _still_stage(system, kind, context)
     for r in range(count_ropes(system)):
-        if is_hung(system, r):
+        if is_suspended(system, r):
             border = border_of(system, boundary, r)
             rope = rope_at(system, r)
             system.joints.speed[r] = _stage_at(rope, sections[r], border, step, kind, context).V
@@ -347,7 +347,7 @@ def _accept(system: Any, each: Any, accepted: int, pending: Any) -> None:
     keep_connections(system, mask_of(accepted))
 
 
-@by_kind(lambda system, sections, result, context, r: False)
+@by_system_type(lambda system, sections, result, context, r: False)
 def _finish_at_sheave(system: Any, sections: Any, result: Any, context: Any, r: Any) -> Any:
     """Complete a step of rope r if its upper end is at a sheave; return whether it is.
 
@@ -384,7 +384,7 @@ def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, contex
         rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
         rope_each = each_of(each, r)
         rope_context = time, lanes, rope_each
-        if is_hung(system, r):
+        if is_suspended(system, r):
             border = border_of(system, boundary, r), step
             _finish_rope(rope, part_of(system, sections, r)[0], border, pulls, step, rope_context)
             _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
@@ -419,7 +419,7 @@ def _advance(
         if step == first:
             accepted &= ALL - run.late
         for r in range(count_ropes(system)):
-            face_others(system, rope_at(system, r))
+            gather_from_others(system, rope_at(system, r))
         solves, solves_max, pending, reuse = zero, zero, zero, 0
         for kind in (TRAPEZOID, BDF2):
             stage = _begin_stage(system, sections, boundary, step, kind, (start, accepted, each))

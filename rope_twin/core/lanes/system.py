@@ -15,9 +15,9 @@ from rope_twin.core.jit.wide import choose, table, tiles, wide
 from rope_twin.core.joined.joints import LOOSE, Joined, Joints, count_joints
 from rope_twin.core.joined.plan import Plan
 from rope_twin.core.joined.stack import Sheaves
-from rope_twin.core.joined.stage import by_kind, rope_at
+from rope_twin.core.joined.stage import by_system_type, rope_at
 from rope_twin.core.lanes.effects import wide_data
-from rope_twin.core.loads.hooks import chosen_by, couples
+from rope_twin.core.loads.hooks import couples, selected_by
 from rope_twin.core.state import (
     ACCELERATION,
     COUPLED_ROWS,
@@ -40,7 +40,7 @@ def wide_system(arrays: Any) -> Any:
     return lambda arrays: _wide_joined(arrays)
 
 
-_wide_work = chosen_by(
+_wide_work = selected_by(
     couples,
     lambda effects, work: tiles(work, COUPLED_ROWS),
     lambda effects, work: tiles(work, WORK_ROWS),
@@ -111,19 +111,19 @@ def _wide_joined(arrays: Any) -> Any:
     return Joined(arrays.stack, joints, _wide_sheaves(arrays.sheaves))
 
 
-@by_kind(lambda system, array, r: (array,))
+@by_system_type(lambda system, array, r: (array,))
 def part_of(system: Any, array: Any, r: Any) -> Any:
     """Return the part of an array that belongs to rope r, in a tuple."""
     return (array[r],)
 
 
-@by_kind(lambda system, boundary, r: Boundary(table(boundary.value), table(boundary.rate)))
+@by_system_type(lambda system, boundary, r: Boundary(table(boundary.value), table(boundary.rate)))
 def border_of(system: Any, boundary: Any, r: Any) -> Any:
     """Return the prescribed motion of rope r."""
     return Boundary(table(boundary.value[r]), table(boundary.rate[r]))
 
 
-@by_kind(lambda arrays, r: (arrays.state.offset, arrays.state.s))
+@by_system_type(lambda arrays, r: (arrays.state.offset, arrays.state.s))
 def offsets_of(arrays: Any, r: Any) -> Any:
     """Return length corrections and material coordinates of rope r, as arrays."""
     return arrays.stack.offset[r], arrays.stack.s[r]
@@ -150,7 +150,7 @@ def copy_chosen(nodes: Any, work: Any, kept: Any, low: int, high: int) -> None:
         az[i] = choose(kept, az_new[i], az[i])
 
 
-@by_kind(lambda system, kept: None)
+@by_system_type(lambda system, kept: None)
 def keep_connections(system: Any, kept: Any) -> Any:
     """Copy the stage's motion of the connections, and of lower ends there, to the state."""
     joints = system.joints

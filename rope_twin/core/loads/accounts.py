@@ -99,7 +99,7 @@ def wets(effect: type) -> Callable[[Any], Any]:
     return register
 
 
-def account_soaked(effect: type) -> None:
+def account_submerged(effect: type) -> None:
     """Register the accounts of an effect that changes the water which others see (`wets`).
 
     It has the fields `lift` (ρ·g), `added` and `axial` (added mass coefficients across and along

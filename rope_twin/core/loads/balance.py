@@ -34,17 +34,17 @@ from rope_twin.core.jit.functions import flush, renewed, restore, rounded
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import WideType
 from rope_twin.core.loads.hooks import (
-    Growth,
     Load,
+    RampedEffects,
     calls_of,
+    can_report_unchanged,
     couples,
-    grown,
+    generated,
+    have_active_sets,
     kernels,
-    kernels_by_place,
-    may_be_calm,
-    members,
-    switches,
-    written_out,
+    kernels_by_index,
+    ramped,
+    with_kernel,
 )
 from rope_twin.core.state import (
     ACCELERATION,
@@ -168,7 +168,7 @@ def load_nodes(effects: Any, work: Floats, stage: Stage, low: int, high: int) ->
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
         set_block(block, i, load)
-    load_remembering(effects, work, stage, low, high, True)
+    load_with_variables(effects, work, stage, low, high, True)
 
 
 @jit_within
@@ -190,22 +190,22 @@ def load_of(effects: Any, stage: Stage, nodes: Any, tangent: Any, i: int) -> Any
 def _sum_loads(effects: Any, node: Any, stage: Stage) -> Any:
     """Return the sum of the rope's inertia and the loads of all effects on one node."""
     total = _inertia(node)
-    for effect, call in members("soak", effects):
+    for effect, call in with_kernel("submerge", effects):
         node = call(effect, node)
-    for effect, call in members("load", grown(effects, stage.time)):
+    for effect, call in with_kernel("load", ramped(effects, stage.time)):
         total = _sum(total, call(effect, node, stage))
     return total
 
 
 @overload(_sum_loads, jit_options=INLINED, strict=False)
 def _compose_load(effects: Any, node: Any, stage: Stage) -> Any:
-    calls, soaks = kernels_by_place("load", effects), kernels_by_place("soak", effects)
-    growth = Growth(effects)
-    lines = [f"node = soak_{i}(effects[{i}], node)" for i in soaks]
+    calls, submerging = kernels_by_index("load", effects), kernels_by_index("submerge", effects)
+    growth = RampedEffects(effects)
+    lines = [f"node = submerge_{i}(effects[{i}], node)" for i in submerging]
     lines += [f"total = add(total, kernel_{i}({growth.of(i)}, node, stage))" for i in calls]
     lines = ["total = inertia(node)", *growth.lines, *lines, "return total"]
-    names = {f"soak_{i}": call for i, call in soaks.items()} | growth.names
-    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **names)
+    names = {f"submerge_{i}": call for i, call in submerging.items()} | growth.names
+    return generated("effects, node, stage", lines, calls, inertia=_inertia, add=_sum, **names)
 
 
 @jit_within
@@ -265,25 +265,25 @@ def add_load(effects: Any, work: Floats, stage: Stage, low: int, high: int) -> N
         Ry[i] += load.y
         Rz[i] += load.z
         set_block(block, i, load)
-    load_remembering(effects, work, stage, low, high, False)
+    load_with_variables(effects, work, stage, low, high, False)
 
 
-def load_remembering(
+def load_with_variables(
     effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
     """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
-    calls = members("load_nodes", grown(effects, stage.time))
+    calls = with_kernel("load_nodes", ramped(effects, stage.time))
     if tangents and calls:
         _set_tangents(work, stage, low, high)
     for effect, call in calls:
         call(effect, work, stage, low, high)
 
 
-@overload(load_remembering, jit_options=LINKED, strict=False)
-def _compose_remembering(
+@overload(load_with_variables, jit_options=LINKED, strict=False)
+def _compose_with_variables(
     effects: Any, work: Floats, stage: Stage, low: Any, high: Any, tangents: Any
 ) -> Any:
-    calls, growth = kernels("load_nodes", effects, work), Growth(effects)
+    calls, growth = kernels("load_nodes", effects, work), RampedEffects(effects)
     lines = [f"kernel_{i}({growth.of(i)}, work, stage, low, high)" for i in calls]
     lines = (
         ["if tangents: set_tangents(work, stage, low, high)", *growth.lines, *lines]
@@ -291,7 +291,7 @@ def _compose_remembering(
         else []
     )
     head, names = "effects, work, stage, low, high, tangents", {"set_tangents": _set_tangents}
-    return written_out(head, [*lines, "return None"], calls, **names, **growth.names)
+    return generated(head, [*lines, "return None"], calls, **names, **growth.names)
 
 
 @jit
@@ -399,7 +399,7 @@ def add_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
     """Add every effect's forces between nodes that are not next neighbours."""
     if couples(map(type, effects)):
         _clear_links(work, n)
-    for effect, call in members("couple", effects):
+    for effect, call in with_kernel("couple", effects):
         call(effect, work, stage, n)
 
 
@@ -408,9 +408,7 @@ def _compose_couplings(effects: Any, work: Floats, stage: Stage, n: Any) -> Any:
     calls = kernels("couple", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
     lines = ["clear(work, n)", *lines] if calls else []
-    return written_out(
-        "effects, work, stage, n", [*lines, "return None"], calls, clear=_clear_links
-    )
+    return generated("effects, work, stage, n", [*lines, "return None"], calls, clear=_clear_links)
 
 
 @jit
@@ -430,7 +428,7 @@ def _add_to_pull(force: Any, pull: Any, row: int) -> None:
 
 
 @jit_within
-def _recall_top(work: Floats, nodes: Floats, n: int) -> None:
+def _load_top_motion(work: Floats, nodes: Floats, n: int) -> None:
     """Copy the accepted motion of the two nodes below the hang-off to the scratch array.
 
     After a stage with a pending correction they are uncorrected in the work array.
@@ -442,8 +440,8 @@ def _recall_top(work: Floats, nodes: Floats, n: int) -> None:
 
 def add_pull(effects: Any, work: Floats, nodes: Floats, n: Any, pull: Any, row: Any) -> Any:
     """Add the contribution of coupling effects to the rope's force on the hang-off."""
-    for effect, call in members("pull", effects):
-        _recall_top(work, nodes, n)
+    for effect, call in with_kernel("pull", effects):
+        _load_top_motion(work, nodes, n)
         _add_to_pull(call(effect, work, n), pull, row)
 
 
@@ -454,26 +452,28 @@ def _compose_pull(effects: Any, work: Floats, nodes: Floats, n: Any, pull: Any, 
     lines += [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
     arguments = "effects, work, nodes, n, pull, row"
-    return written_out(arguments, lines, calls, add=_add_to_pull, recall=_recall_top)
+    return generated(arguments, lines, calls, add=_add_to_pull, recall=_load_top_motion)
 
 
-def is_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
+def is_active_set_unchanged(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
     """Return whether share·delta leaves all active sets unchanged."""
-    if not may_be_calm(map(type, effects)):
+    if not can_report_unchanged(map(type, effects)):
         return False
-    return all(call(effect, work, stage, n, share) for effect, call in members("calm", effects))
+    return all(
+        call(effect, work, stage, n, share) for effect, call in with_kernel("unchanged", effects)
+    )
 
 
-@overload(is_calm, jit_options=LINKED, strict=False)
-def _compose_calm(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
+@overload(is_active_set_unchanged, jit_options=LINKED, strict=False)
+def _compose_unchanged(effects: Any, work: Floats, stage: Stage, n: Any, share: Any) -> Any:
     kinds = [effect.instance_class for effect in effects]
-    if not switches(kinds):
+    if not have_active_sets(kinds):
         return lambda effects, work, stage, n, share: True
-    if not may_be_calm(kinds):
+    if not can_report_unchanged(kinds):
         return lambda effects, work, stage, n, share: False
-    calls = kernels("calm", effects, work)
+    calls = kernels("unchanged", effects, work)
     lines = [f"if not kernel_{i}(effects[{i}], work, stage, n, share): return False" for i in calls]
-    return written_out("effects, work, stage, n, share", [*lines, "return True"], calls)
+    return generated("effects, work, stage, n, share", [*lines, "return True"], calls)
 
 
 def payload_middle(effects: Any, height: Any, speed: Any) -> Any:
@@ -481,7 +481,7 @@ def payload_middle(effects: Any, height: Any, speed: Any) -> Any:
 
     height, speed: of the lower end.
     """
-    for effect, call in members("middle", effects):
+    for effect, call in with_kernel("middle", effects):
         height, speed = call(effect, height, speed)
     return height, speed
 
@@ -491,9 +491,9 @@ def _compose_middle(effects: Any, height: Any, speed: Any) -> Any:
     if isinstance(height, WideType):
         calls = kernels("middle", effects, None)
     else:
-        calls = kernels_by_place("middle", effects)
+        calls = kernels_by_index("middle", effects)
     lines = [f"height, speed = kernel_{i}(effects[{i}], height, speed)" for i in calls]
-    return written_out("effects, height, speed", [*lines, "return height, speed"], calls)
+    return generated("effects, height, speed", [*lines, "return height, speed"], calls)
 
 
 @jit_entry
@@ -509,7 +509,7 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 def lone_middle(effects: tuple[Any, ...], height: float, speed: float) -> tuple[float, float]:
     """Return `payload_middle` of a single rope from compiled code, bit-identical to lanes."""
-    listed = tuple(effect for effect, _ in members("middle", effects))
+    listed = tuple(effect for effect, _ in with_kernel("middle", effects))
     if not listed:
         return height, speed
     kinds = tuple(map(type, listed))

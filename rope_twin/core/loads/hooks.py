@@ -7,7 +7,7 @@ and no branch. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
 
 - `flow(effect, work, stage, low, high)` adds water velocity to the rows FLOW of the nodes
   low <= i < high, at the stage's predicted positions; one of them may set FLOW_RATE.
-- `soak(effect, node)` returns the node for the `load` of other effects, with the volume and the
+- `submerge(effect, node)` returns the node for the `load` of other effects, with the volume and the
   areas of its submerged part.
 - `load(effect, node, stage)` returns a Load: the contribution of the effect to one node. All
   effects' loads are summed in one loop over the nodes, in registers: one pass over memory for any
@@ -18,19 +18,19 @@ and no branch. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
   the block-pentadiagonal solver.
 - `pull(effect, work, n)` returns the contribution of such an effect to the rope's force on the
   hang-off.
-- `calm(effect, work, stage, n, share)`, of an effect with an active set (`switching`, e.g.
-  contact): whether the active set is the same for the present motion and for that with share·delta,
-  on the n free nodes.
-- `share(effect, time, factor)` returns a factor on forces of the water (`grows`).
+- `unchanged(effect, work, stage, n, share)`, of an effect with an active set
+  (`has_active_set`, e.g. contact): whether it is the same for the present motion and for that with
+  share·delta, on the n free nodes.
+- `share(effect, time, factor)` returns a factor on forces of the water (`scales_with_ramp`).
 - `axial(effect, extension, rate, weights, stiffness, depth)` is the law of the lowest element
   instead of its section's: its force [N], which the element bounds to a pull, and the tangent of it
   with the strain rate included (core/elements.py), where the effect's field `here` is not 0.
 - `prepare(effect, rope, stage, kind)`, of such an effect with internal variables: once a stage,
   before the elements of the predicted motion.
-- `face(effect, rope, stack, memory)`, of an effect with internal variables: once a step of a
+- `gather(effect, rope, stack, memory)`, of an effect with internal variables: once a step of a
   multi-line system, copies from the other ropes of `stack` what the effect depends on; memory: its
   internal variables of all ropes, (ropes, rows, nodes + 1).
-- `among(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
+- `interact(effect, system, stage)` adds forces between the ropes of a system (core/joined) to
   residuals and blocks of their nodes or connections, after the loads of every rope. Connections
   that it couples are those in the effect's field `joints`.
 - `middle(effect, height, speed)` returns the height of the payload's middle [m] and its vertical
@@ -41,14 +41,14 @@ and no branch. Plain Python (NUMBA_DISABLE_JIT=1) loops over the same tuple.
 A kernel whose arithmetic also holds for SIMD vectors (core/lanes) is registered with `wide=True`; a
 kernel that branches on values that differ from rope to rope has a SIMD variant, `@wide_kernel(hook,
 Type)`, or is called lane by lane (core/lanes/effects). A rope with an effect without any of these
-is stepped individually. A SIMD `calm` returns the lanes with unchanged active sets as bits.
+is stepped individually. A SIMD `unchanged` returns the lanes with unchanged active sets as bits.
 
-**Growth**: time-dependent factors on the hydrodynamic forces, where a scene lists a ramp
+**Ramps**: time-dependent factors on the hydrodynamic forces, where a scene lists a ramp
 (effects/fluid_ramp.py). An effect declares the coefficients that its force is proportional to
-(`grows`), and which of the three factors applies to them. With a ramp, a kernel is called with a
-copy of its effect whose coefficients are multiplied by the factor at the stage's time; inertia,
-added mass, weight and buoyancy in the same kernel are unchanged. The code of the copy is generated
-at compile time, like the loop over the effects.
+(`scales_with_ramp`), and which of the three factors applies to them. With a ramp, a kernel is
+called with a copy of its effect whose coefficients are multiplied by the factor at the stage's
+time; inertia, added mass, weight and buoyancy in the same kernel are unchanged. The code of the
+copy is generated at compile time, like the loop over the effects.
 """
 
 from __future__ import annotations
@@ -81,15 +81,15 @@ class Load(NamedTuple):
 
 
 HOOKS = (
-    "flow", "soak", "load", "load_end", "couple", "pull", "calm", "share", "start", "predict",
-    "load_nodes", "settle", "axial", "prepare", "face", "among", "middle",
+    "flow", "submerge", "load", "load_end", "couple", "pull", "unchanged", "share", "start",
+    "predict", "load_nodes", "settle", "axial", "prepare", "gather", "interact", "middle",
 )  # fmt: skip
-WITHIN = ("soak", "load", "share", "axial")  # inlined into the calling loop
+INLINED_HOOKS = ("submerge", "load", "share", "axial")  # inlined into the calling loop
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
-_SWITCHING: set[type] = set()
-_WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
+_WITH_ACTIVE_SET: set[type] = set()
+_SIMD_KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 # indices of the real-number fields, by type of which the numbers may differ between ropes
-DIFFERING: dict[type, list[int]] = {}
+FIELDS_BY_ROPE: dict[type, list[int]] = {}
 
 
 def kernel(
@@ -109,63 +109,63 @@ def kernel(
 
     def register(function: Any) -> Any:
         decorator = jit_exact if exact else jit
-        compiled = jit_within(function) if hook in WITHIN else decorator(function)
+        compiled = jit_within(function) if hook in INLINED_HOOKS else decorator(function)
         _KERNELS[hook][effect] = compiled
         if wide:
-            _WIDE[hook][effect] = compiled
+            _SIMD_KERNELS[hook][effect] = compiled
         return compiled
 
     return register
 
 
-def switching(effect: type) -> None:
+def has_active_set(effect: type) -> None:
     """Declare that an effect has an active set: convergence requires that it is unchanged."""
-    _SWITCHING.add(effect)
+    _WITH_ACTIVE_SET.add(effect)
 
 
-def switches(kinds: Iterable[type]) -> bool:
+def have_active_sets(kinds: Iterable[type]) -> bool:
     """Return whether one of these types of effects has an active set."""
-    return any(kind in _SWITCHING for kind in kinds)
+    return any(kind in _WITH_ACTIVE_SET for kind in kinds)
 
 
-def may_be_calm(kinds: Iterable[type]) -> bool:
+def can_report_unchanged(kinds: Iterable[type]) -> bool:
     """Return whether all effects of these types with an active set can report it unchanged."""
-    return all(kind in _KERNELS["calm"] for kind in kinds if kind in _SWITCHING)
+    return all(kind in _KERNELS["unchanged"] for kind in kinds if kind in _WITH_ACTIVE_SET)
 
 
-def differs(*kinds: type) -> None:
+def differs_by_rope(*kinds: type) -> None:
     """Declare that the numbers of these types of effects may differ from rope to rope."""
     for kind in kinds:
         hints = get_type_hints(kind).values()
-        DIFFERING[kind] = [k for k, hint in enumerate(hints) if hint is float]
+        FIELDS_BY_ROPE[kind] = [k for k, hint in enumerate(hints) if hint is float]
 
 
 def wide_kernel(hook: str, effect: type, *, exact: bool = False) -> Callable[[Any], Any]:
     """Register the SIMD variant of an effect's kernel."""
 
     def register(function: Any) -> Any:
-        _WIDE[hook][effect] = (jit_exact if exact else jit)(function)
-        return _WIDE[hook][effect]
+        _SIMD_KERNELS[hook][effect] = (jit_exact if exact else jit)(function)
+        return _SIMD_KERNELS[hook][effect]
 
     return register
 
 
 def register_wide(hook: str, effect: type, compiled: Any) -> None:
     """Register a compiled kernel as the SIMD variant of an effect's kernel."""
-    _WIDE[hook][effect] = compiled
+    _SIMD_KERNELS[hook][effect] = compiled
 
 
 def all_wide(kinds: Iterable[type]) -> bool:
     """Return whether ropes with effects of these types can be stepped as a SIMD batch.
 
-    Not required: `start`, since a batch does not begin at time 0, and `face`, for single ropes.
+    Not required: `start`, since a batch does not begin at time 0, and `gather`, for single ropes.
     """
-    return all(is_wide(kind, "start", "face") for kind in kinds)
+    return all(is_wide(kind, "start", "gather") for kind in kinds)
 
 
 def is_wide(kind: type, *besides: str) -> bool:
     """Return whether all kernels of an effect have SIMD variants; besides: hooks that need none."""
-    return all(kind in _WIDE[hook] for hook in set(hooks_of(kind)) - set(besides))
+    return all(kind in _SIMD_KERNELS[hook] for hook in set(hooks_of(kind)) - set(besides))
 
 
 def hooks_of(effect: type) -> tuple[str, ...]:
@@ -188,7 +188,7 @@ def kernel_of(hook: str, effect: type) -> Any:
     return _KERNELS[hook][effect]
 
 
-def kernels_by_place(hook: str, effects: Any) -> dict[int, Any]:
+def kernels_by_index(hook: str, effects: Any) -> dict[int, Any]:
     """Return the kernels of a hook by the effect's index (of numba types); hook "": none."""
     registered = _KERNELS.get(hook, {})
     by_index = {i: registered.get(effect.instance_class) for i, effect in enumerate(effects)}
@@ -197,23 +197,23 @@ def kernels_by_place(hook: str, effects: Any) -> dict[int, Any]:
 
 def kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     """Return the kernels of a hook by the effect's index; SIMD variants for a SIMD `work`."""
-    registered = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
+    registered = (_KERNELS if isinstance(work, types.Array) else _SIMD_KERNELS)[hook]
     by_index = {i: registered.get(effect.instance_class) for i, effect in enumerate(effects)}
     return {i: call for i, call in by_index.items() if call is not None}
 
 
-def axial_place(kinds: Iterable[type]) -> int | None:
+def axial_index(kinds: Iterable[type]) -> int | None:
     """Return the index of the effect type with a law of the lowest element, or None."""
     return next((i for i, kind in enumerate(kinds) if kind in _KERNELS["axial"]), None)
 
 
-def members(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
+def with_kernel(hook: str, effects: Iterable[Any]) -> list[tuple[Any, Any]]:
     """Return the effects that have a kernel for a hook, each with its kernel (plain Python)."""
     registered = _KERNELS[hook]
     return [(effect, registered[type(effect)]) for effect in effects if type(effect) in registered]
 
 
-def chosen_by(test: Callable[[Iterable[type]], bool], yes: Any, no: Any) -> Any:
+def selected_by(test: Callable[[Iterable[type]], bool], yes: Any, no: Any) -> Any:
     """Return a function that calls `yes(effects, ...)` or `no(effects, ...)`, by the effect types.
 
     Both are plain functions with the same argument names; numba compiles the selected one.
@@ -248,23 +248,23 @@ def struct_text(
     return f"({''.join(text + ', ' for text in texts)})"
 
 
-def written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
+def generated(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
     """Return the function compiled from these source lines; `calls` are kernel_0, kernel_1, ...
 
     The loop is generated as source text, because numba compiles a recursive loop as one library per
     effect, each optimised again with all its callees.
     """
     scope = {f"kernel_{i}": call for i, call in calls.items()} | names
-    exec("\n    ".join([f"def written_out({head}):", *lines]), scope)
-    return scope["written_out"]
+    exec("\n    ".join([f"def generated({head}):", *lines]), scope)
+    return scope["generated"]
 
 
 WATER, VORTICES, FAIRINGS = range(3)
 FACTORS = ("water", "vortices", "fairings")
-_GROWING: dict[type, tuple[int, tuple[str, ...]]] = {}
+_RAMPED_FIELDS: dict[type, tuple[int, tuple[str, ...]]] = {}
 
 
-def grows(kind: type, *names: str, factor: int = WATER) -> None:
+def scales_with_ramp(kind: type, *names: str, factor: int = WATER) -> None:
     """Declare the fields of an effect's type that its force is proportional to.
 
     A field is a number, a tuple of numbers, or the data of another declared type.
@@ -273,73 +273,75 @@ def grows(kind: type, *names: str, factor: int = WATER) -> None:
         ValueError: there is no such field, or the type has been declared.
     """
     fields = getattr(kind, "_fields", ())
-    if kind in _GROWING or not set(names) <= set(fields):
+    if kind in _RAMPED_FIELDS or not set(names) <= set(fields):
         raise ValueError(f"{kind.__name__}: {', '.join(names)} cannot be declared as growing")
-    _GROWING[kind] = factor, names
+    _RAMPED_FIELDS[kind] = factor, names
 
 
 def factors_at(effects: tuple[Any, ...], time_s: float) -> tuple[float, ...]:
     """Return the three factors at a time; () where no ramp is among the effects."""
-    ramps = tuple(ramp for ramp, _ in members("share", effects))
+    ramps = tuple(ramp for ramp, _ in with_kernel("share", effects))
     if not ramps:
         return ()
     return tuple(float(_factor_at(ramps, time_s, factor)) for factor in range(len(FACTORS)))
 
 
-def _share_of(ramps: Any, time_s: float, factor: int) -> Any:
+def _ramp_factor(ramps: Any, time_s: float, factor: int) -> Any:
     """Return a factor of the first of these ramps."""
-    ramp, call = members("share", ramps)[0]
+    ramp, call = with_kernel("share", ramps)[0]
     return call(ramp, time_s, factor)
 
 
-@overload(_share_of, jit_options=LINKED, strict=False)
-def _compose_share(ramps: Any, time_s: float, factor: int) -> Any:
-    calls = kernels_by_place("share", ramps)
-    return written_out(
-        "ramps, time_s, factor", ["return kernel_0(ramps[0], time_s, factor)"], calls
-    )
+@overload(_ramp_factor, jit_options=LINKED, strict=False)
+def _compose_ramp_factor(ramps: Any, time_s: float, factor: int) -> Any:
+    calls = kernels_by_index("share", ramps)
+    return generated("ramps, time_s, factor", ["return kernel_0(ramps[0], time_s, factor)"], calls)
 
 
 @jit_entry
 def _factor_at(ramps: Any, time_s: float, factor: int) -> Any:
     """Compiled entry point of `_share_of`, to be called from Python."""
-    return _share_of(ramps, time_s, factor)
+    return _ramp_factor(ramps, time_s, factor)
 
 
-def grown(effects: Any, time_s: float) -> Any:
+def ramped(effects: Any, time_s: float) -> Any:
     """Return the effects with their coefficients at a time (plain Python)."""
     factors = factors_at(effects, time_s)
     if not factors:
         return effects
     return tuple(
-        _times(effect, factors[_GROWING[type(effect)][0]]) if type(effect) in _GROWING else effect
+        _scaled(effect, factors[_RAMPED_FIELDS[type(effect)][0]])
+        if type(effect) in _RAMPED_FIELDS
+        else effect
         for effect in effects
     )
 
 
-def _times(value: Any, factor: float) -> Any:
+def _scaled(value: Any, factor: float) -> Any:
     """Return a coefficient, or the data of an effect, times a factor."""
-    if type(value) in _GROWING:
-        names = _GROWING[type(value)][1]
-        return value._replace(**{name: _times(getattr(value, name), factor) for name in names})
+    if type(value) in _RAMPED_FIELDS:
+        names = _RAMPED_FIELDS[type(value)][1]
+        return value._replace(**{name: _scaled(getattr(value, name), factor) for name in names})
     if isinstance(value, tuple):
-        return tuple(_times(item, factor) for item in value)
+        return tuple(_scaled(item, factor) for item in value)
     return factor * value
 
 
-class Growth:
-    """Source text of the effects at a stage's time, for functions that are written out."""
+class RampedEffects:
+    """Source text of the effects at a stage's time, for generated functions."""
 
     def __init__(self, effects: Any) -> None:
         """Take the numba types of the effects."""
         self._effects = effects
         self.names: dict[str, Any] = {}  # names in the text
         self.lines: list[str] = []  # lines that precede it
-        ramps = kernels_by_place("share", effects)
+        ramps = kernels_by_index("share", effects)
         kinds = [effect.instance_class for effect in effects]
         for i in ramps:
             self.names["share_of"] = kernel_of("share", kinds[i])
-            for factor in sorted({_GROWING[kind][0] for kind in kinds if kind in _GROWING}):
+            for factor in sorted(
+                {_RAMPED_FIELDS[kind][0] for kind in kinds if kind in _RAMPED_FIELDS}
+            ):
                 call = f"share_of(effects[{i}], stage.time, {factor})"
                 self.lines.append(f"share_{factor} = {call}")
 
@@ -349,9 +351,9 @@ class Growth:
 
     def _text(self, effect: Any, path: str) -> str:
         kind = effect.instance_class
-        if kind not in _GROWING:
+        if kind not in _RAMPED_FIELDS:
             return path
-        factor, names = _GROWING[kind]
+        factor, names = _RAMPED_FIELDS[kind]
         self.names[kind.__name__] = kind
         texts = []
         for name, field_type in zip(effect.fields, effect.types, strict=True):
@@ -379,8 +381,8 @@ def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False
     places = {name: k for k, name in enumerate(names.split(", "))}
 
     def call_all(effects: Any, *rest: Any) -> Any:
-        present = grown(effects, rest[places["stage"]].time) if growth else effects
-        for effect, call in members(hook, present):
+        present = ramped(effects, rest[places["stage"]].time) if growth else effects
+        for effect, call in with_kernel(hook, present):
             call(effect, *rest)
 
     @overload(call_all, jit_options=LINKED, strict=False)
@@ -388,14 +390,14 @@ def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False
         if lanes or "work" in places:
             calls = kernels(hook, effects, None if lanes else rest[places["work"]])
         else:
-            calls = kernels_by_place(hook, effects)
-        text = Growth(effects if growth and calls else ())
+            calls = kernels_by_index(hook, effects)
+        text = RampedEffects(effects if growth and calls else ())
         effect_texts = [text.of(i) if text.lines else f"effects[{i}]" for i in calls]
         lines = [
             f"kernel_{i}({effect_text}, {names})"
             for i, effect_text in zip(calls, effect_texts, strict=True)
         ]
-        return written_out(
+        return generated(
             f"effects, {names}", [*text.lines, *lines, "return None"], calls, **text.names
         )
 

@@ -38,13 +38,13 @@ from numba.extending import overload
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.loads.hooks import (
-    Growth,
+    RampedEffects,
     calls_of,
-    chosen_by,
-    grown,
+    generated,
     kernel_of,
-    kernels_by_place,
-    written_out,
+    kernels_by_index,
+    ramped,
+    selected_by,
 )
 from rope_twin.core.state import ELEMENTS, ZERO, Rope, Stage, State
 
@@ -68,21 +68,23 @@ def declare_internal_variables(effect: type, count: int, *arrays: str) -> None:
     _CARRIED_ARRAYS[effect] = arrays
 
 
-def arrays_carried(kind: type) -> tuple[str, ...]:
+def carried_arrays(kind: type) -> tuple[str, ...]:
     """Return the fields besides `memory` whose numbers change from step to step."""
     return _CARRIED_ARRAYS.get(kind, ())
 
 
-def remembers(kinds: Iterable[type]) -> bool:
+def have_internal_variables(kinds: Iterable[type]) -> bool:
     """Return whether one of these types of effects has internal variables."""
     return any(kind in _VARIABLE_COUNTS for kind in kinds)
 
 
 # Whether one of these effects has internal variables.
-has_internal_variables = chosen_by(remembers, lambda effects: True, lambda effects: False)
+has_internal_variables = selected_by(
+    have_internal_variables, lambda effects: True, lambda effects: False
+)
 
 
-def numbers_carried(kind: type) -> int:
+def variable_count(kind: type) -> int:
     """Return the number of internal variables per node of an effect of this type; 0: none."""
     return _VARIABLE_COUNTS.get(kind, 0)
 
@@ -92,7 +94,7 @@ def new_memory(count: int, own_rows: int, room: int) -> Any:
     return np.zeros((3 * count + 1 + own_rows, room + 1))
 
 
-def count_known(effect: Any) -> int:
+def count_initialised(effect: Any) -> int:
     """Return the number of nodes with internal variables of an effect.
 
     These are all nodes except a hang-off.
@@ -117,7 +119,7 @@ def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
     if n == previous_count:
         return
     if previous_count == 0:  # static solution, before time 0: zeros
-        _mark(memory, state, k, n)
+        _record_coordinates(memory, state, k, n)
         return
     marks, j = memory[3 * k], 0
     for i in range(n):
@@ -128,11 +130,11 @@ def _carry_over(memory: Any, state: State, k: int, n: int) -> None:
         for r in range(k):
             memory[k + r, i] = (1.0 - fraction) * memory[r, j] + fraction * memory[r, j + 1]
     _copy(memory, k, ZERO, k, n)
-    _mark(memory, state, k, n)
+    _record_coordinates(memory, state, k, n)
 
 
 @jit
-def _mark(memory: Any, state: State, k: int, n: int) -> None:
+def _record_coordinates(memory: Any, state: State, k: int, n: int) -> None:
     """Record the material coordinates of the n present nodes."""
     for i in range(n):
         memory[3 * k, i] = state.s[i]
@@ -168,15 +170,15 @@ def _for_each(
 ) -> Any:
     """Return the function that runs `line` for each effect with internal variables."""
     counts = counts_carried(effects)
-    calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
+    calls = {i: call for i, call in kernels_by_index(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
     if "stage" in head and counts:
-        growth, line = Growth(effects), line.replace("effects[#]", "{own}")
+        growth, line = RampedEffects(effects), line.replace("effects[#]", "{own}")
         calls_text = [line.replace("{own}", growth.of(i)).replace("#", str(i)) for i in counts]
         lines, names = [*growth.lines, *calls_text], names | growth.names
     else:
         lines = [line.replace("#", str(i)) for i in counts]
-    return written_out(head, [*lines, f"return {result}"], calls, **names)
+    return generated(head, [*lines, f"return {result}"], calls, **names)
 
 
 def begin_step(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
@@ -187,7 +189,7 @@ def begin_step(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
     for effect, k in _with_variables(effects):
         if time == 0.0:
             kernel_of("start", type(effect))(effect, rope, upto)
-            _mark(effect.memory, rope.state, k, upto)
+            _record_coordinates(effect.memory, rope.state, k, upto)
         else:
             _carry_over(effect.memory, rope.state, k, upto)
 
@@ -199,7 +201,7 @@ def _compose_begin(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
         "        mark(effects[#].memory, rope.state, k_#, upto)\n"
         "    else:\n        carry(effects[#].memory, rope.state, k_#, upto)"
     )
-    names = {"carry": _carry_over, "mark": _mark}
+    names = {"carry": _carry_over, "mark": _record_coordinates}
     return _for_each("effects, rope, time, upto", effects, line, "start", **names)
 
 
@@ -226,7 +228,7 @@ def update_internal_variables(
 
     Effects with internal variables require the complete motion of the stage.
     """
-    for effect, _ in _with_variables(grown(effects, stage.time)):
+    for effect, _ in _with_variables(ramped(effects, stage.time)):
         pending = _complete(rope, stage, pending)
         kernel_of("settle", type(effect))(effect, rope, stage, kind, upto)
     return pending
