@@ -1,4 +1,4 @@
-"""How tests run: side by side on all cores, and property tests with the same examples every time.
+"""Test session: parallel on all cores, and property tests with the same examples in each run.
 
 Nothing is inherited of the terminal that they are started from: not its width, not its colours. Nor
 is a wish for no bytecode: each worker and each of some hundred processes would make its own.

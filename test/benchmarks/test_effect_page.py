@@ -33,7 +33,7 @@ def test_every_effect_has_a_row_and_none_is_in_the_code_without() -> None:
 
 
 def test_a_ratio_is_of_pieces_of_one_round() -> None:
-    """What slows a whole round leaves it alone; of 48 the interval is the 16th to the 33rd."""
+    """A slow round changes no interval; of 48 the interval is the 16th to the 33rd."""
     random = np.random.default_rng(1)
     slowed = random.uniform(1.0, 5.0, 48)
     exact = np.linspace(1.1, 1.2, 48)
@@ -46,7 +46,7 @@ def test_a_ratio_is_of_pieces_of_one_round() -> None:
 
 
 def test_the_interval_holds_the_median_as_often_as_it_says() -> None:
-    """Of 2,000 samples of 48 numbers about 1, at least 98.5 of a hundred; 99.2 are expected."""
+    """In 2,000 samples of 48 numbers about 1 at least 98.5 % hold; 99.2 % are expected."""
     samples = np.random.default_rng(2).lognormal(0.0, 0.05, (2000, 48))
     held = sum(ratio_of(list(one), [1.0] * 48).holds_one for one in samples)
     assert 0.985 < held / 2000 < 0.999

@@ -36,7 +36,7 @@ def test_a_row_is_consistent() -> None:
 
 
 def test_the_command_tells_the_rows(capsys: pytest.CaptureFixture[str]) -> None:
-    """As JSON and as a table."""
+    """Results are printed as JSON and as a table."""
     assert main(["ensemble", "--quick", "--json"]) == 0
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert row["members"] == QUICK[0].members

@@ -42,7 +42,7 @@ def test_what_differs_is_counted(
 
 
 def test_every_scene_of_the_benchmark_steps_in_lanes() -> None:
-    """So that a row never compares members alone with themselves."""
+    """A row must not compare members alone with themselves."""
     assert not [case.scene for case in FULL if _why_alone(load_scene(case.scene))]
 
 

@@ -1,4 +1,4 @@
-"""What a wrong command line is answered with: one sentence and exit code 2, or 1 if it was read."""
+"""Wrong command lines: one sentence and exit code 2, or 1 if the line was read."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def test_a_folder_in_place_of_a_file_is_called_one(
 
 
 def refused(tmp_path: Path, *words: str, output: str) -> str:
-    """What a command says where files of more than 20 kB are refused, as by a full disk."""
+    """Return the output of a command where files of over 20 kB are refused, as by a full disk."""
 
     def small_files() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))

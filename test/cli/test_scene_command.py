@@ -151,7 +151,7 @@ def test_check_of_a_payload_that_floats_up_is_one_json_object(
 
 
 def errors_of(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
-    """What `scene check` says of a broken scene: `line, key path: what; right` for each error."""
+    """Return the errors that `scene check` prints: `line, key path: problem; remedy`."""
     path = written(folder, text)
     assert command("check", str(path)) == 1
     out, err = capsys.readouterr()

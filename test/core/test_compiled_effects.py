@@ -52,7 +52,7 @@ def listed(scene: Scene) -> set[str]:
 
 
 def lines_of_passes(code: str) -> int:
-    """How many lines of assembly are loads and the pass that calls them."""
+    """Return the number of lines of assembly of loads and of the pass that calls them."""
     count, inside = 0, False
     for line in code.splitlines():
         if line.startswith("_ZN"):
@@ -62,7 +62,7 @@ def lines_of_passes(code: str) -> int:
 
 
 def traces(code: str, name: str) -> int:
-    """How often symbols of the effect's module, or of its kernel there, occur."""
+    """Count symbols of the effect's module, or of its kernel there."""
     return symbols(code, f"rope_twin.effects.{KERNELS.get(name, name)}")
 
 
@@ -74,7 +74,7 @@ def whole() -> str:
 
 @pytest.fixture(scope="module")
 def bare() -> str:
-    """The same with nothing but weight and payload."""
+    """Step of a scene with nothing but weight and payload."""
     scene = main_job()
     return step_assembly(
         replace(scene, effects=tuple(params for params in scene.effects if type(params) in BARE))
@@ -82,7 +82,7 @@ def bare() -> str:
 
 
 def test_a_listed_effect_is_in_the_assembly(whole: str) -> None:
-    """So that the next test cannot pass by looking for the wrong name."""
+    """The next test must not pass by looking for the wrong name."""
     names = listed(main_job())
     assert {"current", "weight", "drag", "added_mass", "payload"} <= names
     assert not [name for name in names if not traces(whole, name)]

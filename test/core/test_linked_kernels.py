@@ -52,7 +52,7 @@ def test_kernels_shared_with_a_dropped_call_are_linked() -> None:
 
 
 def test_cached_types_are_distinguished() -> None:
-    """The same operators of other types, in kernels of other options."""
+    """Compile these operators for other types, in kernels of other options."""
     assert numba.njit(**OPTIONS)(_both)(1.5, 2) == 4.0 + 4.0 + 5.0 + 4.0
 
 
@@ -83,7 +83,7 @@ def _is_forced(kernel: Any) -> bool:
 
 
 def test_a_separate_kernel_is_not_inlined_into_an_inlined_one() -> None:
-    """Nor is what it calls: numba hands the order to inline on to all below."""
+    """Callees are not inlined either: numba passes the order to inline to all of them."""
     assert numba.njit(**OPTIONS)(_asks_within)(5.0) == 24.0
     assert _is_forced(_within)
     assert not _is_forced(_apart)

@@ -1,4 +1,4 @@
-"""Whether the installed numba has every private part that core/jit is built on.
+"""Private parts of numba that core/jit is built on exist in the installed version.
 
 If one of these tests fails, this version of numba or llvmlite is not supported: the message names
 it, and what it lacks. Each part is looked up by name and used in a kernel of a few lines, whose
@@ -68,7 +68,7 @@ def test_a_private_name_is_there(name: str) -> None:
 
 
 def test_the_compiler_imports_private_names() -> None:
-    """So that the test above cannot pass by looking in the wrong folder."""
+    """The test above must not pass by looking in the wrong folder."""
     assert {"numba.core.cgutils", "llvmlite.ir"} <= set(_private_names())
 
 

@@ -1,4 +1,4 @@
-"""What the README and the tutorials show runs, and prints what they say."""
+"""Snippets of the README and the tutorials run, and print what the pages show."""
 
 from __future__ import annotations
 

@@ -256,7 +256,7 @@ def test_compensation_is_on_as_recorded(lift: RecordedLift) -> None:
 
 
 def test_known_offsets_are_subtracted(folder: Path, lift: RecordedLift, tmp_path: Path) -> None:
-    """Of the load cell and of the line-out counter."""
+    """Offsets of the load cell and of the line-out counter are subtracted."""
     scene = tmp_path / "offset.yaml"
     offsets = "measured: {tension: {bias_n: 500.0}, line_out: {bias_m: 2.0}}\n"
     scene.write_text((folder / "small.yaml").read_text() + offsets)

@@ -143,7 +143,7 @@ def test_spread_factor_follows_the_bands(spread: float, expected: float) -> None
 
 
 def test_kept_forecasts_wait_for_their_time() -> None:
-    """Nothing is judged before; one too near the last is not kept; gaps are not bridged."""
+    """No forecast is judged earlier; one too near the last is not kept; gaps are not bridged."""
     kept = ForecastVerification(LEADS)
     assert (kept.factor() == 1.0).all()
     kept.add(forecast(0.0))

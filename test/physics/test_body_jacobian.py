@@ -159,7 +159,7 @@ def test_the_body_jacobian_is_the_derivative_of_its_momentum_balance(seed: int) 
     sought += np.random.default_rng(seed).normal(0.0, 0.05, 6)
 
     def missing(change: Vector) -> Vector:
-        """What the balance misses, in the frame."""
+        """Return the residual of the balance, in the frame."""
         stage[at.SPEED : at.SPEED + 3] = (sought + change)[:3]
         stage[at.TURN_RATE : at.TURN_RATE + 3] = (sought + change)[3:]
         _balance(body, q, *hook)

@@ -68,7 +68,7 @@ def test_energy_balance_of_a_bridle_with_a_spreader_bar() -> None:
 
 
 def borders(bench: JointBench, steps: int) -> Iterator[SystemBorder]:
-    """Of a bench whose ropes have no hang-off, after each step."""
+    """Measure a system whose ropes have no hang-off, after each step."""
     still = np.zeros(len(bench.lines))
     for _ in range(steps):
         pulls = bench.hold(1)[:, 0]

@@ -103,7 +103,7 @@ def test_modes_of_a_bifilar_pendulum() -> None:
 
 
 def test_a_load_under_one_hook_has_a_zero_twist_mode() -> None:
-    """Nothing holds the bridle's spin about the hoist: the first mode has no period."""
+    """The bridle's spin about the hoist is free: the first mode has no period."""
     computed = find_system_modes(load_scene("bridle_lift"), 2)
     assert [mode.kind for mode in computed.lowest] == ["free", "swinging"]
     assert computed.lowest[0].frequency_hz == 0.0

@@ -29,7 +29,7 @@ STILL = CurrentParams(profile=((0.0, (0.0, 0.0)),))
 
 
 def at_rest(text: str, folder: Path, *idle: Any) -> Snapshot:
-    """How the scene begins; nobody warns of it.
+    """Return the snapshot at the start of the scene, which gives no warning.
 
     idle: effects besides that do nothing, by which its step is one that is compiled anyway.
     """
@@ -103,7 +103,7 @@ def test_a_laid_cable_is_a_catenary(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_the_touchdown_point_moves_continuously_on_coarse_elements(tmp_path: Path) -> None:
-    """Of 9 m each, while the lower end goes 10 m away and two nodes are picked up."""
+    """Elements of 9 m, while the lower end moves 10 m and two nodes are lifted off."""
     (tmp_path / "own.yaml").write_text(CABLE)
     scene = load_scene(tmp_path / "own.yaml")
     depth, length = 300.0, 450.0

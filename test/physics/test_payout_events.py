@@ -51,7 +51,7 @@ def test_no_tension_jump_at_splits_and_merges(rope: Rig, heave: float, element: 
     ],
 )
 def test_no_tension_jump_at_splits_and_merges_in_a_current(rope: Rig, element: float) -> None:
-    """The same across a current of 1 m/s, where a bent pair is longer than its chord.
+    """Test across a current of 1 m/s, where a bent pair is longer than its chord.
 
     Without the length offsets 30 m of HMPE jump by 0.8 % (PAYOUT.md, section 5).
     """
@@ -102,7 +102,7 @@ def test_payout_conserves_rope_length() -> None:
 
 @dataclass(frozen=True)
 class Event:
-    """The same step taken with and without its split or merge."""
+    """One step, with and without its split or merge."""
 
     before: Vector  # momentum of the rope [N·s], (3,)
     after: Vector

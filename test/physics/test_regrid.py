@@ -76,7 +76,7 @@ def motion(twin: Twin, load: float) -> float:
 @settings(max_examples=25)
 @given(moving_twins())
 def test_coarsening_conserves_mass_marks_and_momentum(twin: Twin) -> None:
-    """What the hang-off's own half element takes of the momentum is counted by the lever rule."""
+    """The momentum of the hang-off's half element is counted by the lever rule."""
     before, rest, mass, velocity, tension = parts(twin)
     load = float(twin.scene.payloads[0].mass_kg)
     kinetic = motion(twin, load)

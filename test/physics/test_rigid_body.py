@@ -53,7 +53,7 @@ def top(inertia: tuple[float, float, float], spin: Any, step: float = 0.01) -> H
 
 
 def angular_momentum(hung: Hung) -> Vector:
-    """Of a body without water [kg·m²/s], in the frame's directions."""
+    """Return the angular momentum of a body without water [kg·m²/s], in the frame's directions."""
     pose = hung.pose()
     return np.asarray(pose.turn @ hung.body.inertia @ pose.spin)
 

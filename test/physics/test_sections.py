@@ -27,7 +27,7 @@ def short(rig: Rig, line_out: float) -> Rig:
 
 
 def is_a_node(shot: Snapshot) -> bool:
-    """Whether the joint is a node below the hang-off (arc lengths count from there)."""
+    """Return whether the joint is a node below the hang-off (arc lengths count from there)."""
     from_below = shot.line_out_m - shot.arc_length_m[1:]
     return bool(np.abs(from_below - JOINT).min() < 1e-9)
 
@@ -73,7 +73,7 @@ def test_static_tension_and_depth_of_two_sections(low: Rig, high: Rig) -> None:
 
 @dataclass(frozen=True)
 class Carried:
-    """What the rope carries before and after an event at the joint."""
+    """Loads of the rope before and after an event at the joint."""
 
     mass: float
     momentum: float

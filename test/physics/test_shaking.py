@@ -90,7 +90,7 @@ def test_live_viv_equals_the_frequency_domain_assessment() -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 def test_mean_offset_with_drag_amplification(model: Any) -> None:
-    """As far as a rope whose drag coefficient is that much larger all along, on the mean."""
+    """The mean offset is that of a rope whose drag coefficient is as much larger all along."""
     shot, twin = settled(shaken(model))
     growth = grown(twin)
     assert growth == pytest.approx(around_nodes(twin, shot), abs=1e-3)

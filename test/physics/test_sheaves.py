@@ -152,7 +152,7 @@ def balance(bench: JointBench) -> tuple[Vector, Vector, float]:
 def test_a_free_rope_and_sheave_conserve_momentum_and_energy(
     elements: int, left_open: float
 ) -> None:
-    """Nothing outside acts: what the rope brings to the sheave is what the sheave takes.
+    """No external load acts: the sheave gains the momentum that the rope loses.
 
     Spin and energy to what the half element at the sheave leaves open, less with its length.
     """

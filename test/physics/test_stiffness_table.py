@@ -125,7 +125,7 @@ def test_the_energy_account_uses_the_table() -> None:
 
 
 def test_a_straight_table_equals_constant_stiffness() -> None:
-    """The same tensions under heave, through slack, payout and haul-in, to round-off."""
+    """Tensions agree to round-off under heave, through slack, payout and haul-in."""
     straight = StiffnessTable(table=((0.0, 0.0), (0.002, 0.412e6), (0.01, 2.06e6)))
     rig = replace(RIG, length=200.0, elements=20)
     plain = top_tension(Twin(rig.scene()), sine(1.5, 4.0), 6.0)

@@ -33,7 +33,7 @@ def frequency_at(shed: Any, speed: float, per_diameter: float) -> Any:
 
 
 def test_strouhal_number_by_reynolds_range() -> None:
-    """None up to Re 40; St 0.2 to 1e6; above it linear."""
+    """No shedding up to Re 40; St 0.2 to 1e6; above it linear."""
     params = StrouhalForcingParams(drag=1.0, strouhal_rise=0.9, viscosity_m2_per_s=1e-6)
     around = type("Water", (), {"water_density_kg_per_m3": 1000.0, "drag_normal": 0.0, "room": 4})
     shed = strouhal.build(params, None, around)

@@ -59,7 +59,7 @@ def test_minimum_bend_radius_of_a_catenary() -> None:
 
 
 def test_reported_bend_radius_is_at_least_half_an_element() -> None:
-    """Of a rope folded back on itself; one that has shrunk to a point is no division by zero."""
+    """Half an element where a rope is folded back; one shrunk to a point is no division by zero."""
     arc = np.array([0.0, 3.0, 6.0])
     there_and_back = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     assert 1.0 / curvatures(there_and_back, arc)[1] == pytest.approx(1.5)

@@ -41,7 +41,7 @@ def found_at(length: float, shift: float, rise: float = 0.0) -> float:
 
 @pytest.mark.parametrize("rise", [0.0, 0.1, -0.2])
 def test_touchdown_of_a_catenary_within_half_an_element(rise: float) -> None:
-    """Of nodes on the curve itself, which are not a polygon in balance; and it converges."""
+    """Nodes on the curve itself are no polygon in balance; the error converges."""
     worst = [
         max(
             abs(found_at(length, share * length, rise) - HANGS)

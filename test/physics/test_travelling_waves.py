@@ -49,7 +49,7 @@ def stepped(cylinder: Cylinder, seconds: float) -> Vector:
 
 
 def integrated(cylinder: Cylinder, seconds: float) -> float:
-    """The same by an integrator of high order, from the equations written out."""
+    """Integrate the equations, written out, by a method of high order."""
     omega, M = shedding(cylinder), cylinder.moving
     lift = 0.5 * DENSITY * DIAMETER * cylinder.speed**2
     k, c = M * (2.0 * math.pi * cylinder.frequency) ** 2, 2.0 * PARAMS.damping_fraction * M * omega

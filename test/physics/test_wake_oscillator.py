@@ -50,7 +50,7 @@ def shedding(cylinder: Cylinder) -> float:
 
 
 def integrated(cylinder: Cylinder, seconds: float, step: float) -> Vector:
-    """The same by Runge and Kutta from the equations of [QM], written out."""
+    """Integrate the equations of [QM], written out, by Runge and Kutta."""
     A, epsilon = SET.upright
     V, M, omega = cylinder.speed, cylinder.moving, shedding(cylinder)
     k = M * (2.0 * math.pi * cylinder.frequency) ** 2

@@ -99,7 +99,7 @@ def figures(twin: Twin) -> dict[str, float]:
 
 
 def amplitude(t: NDArray[np.float64], x: NDArray[np.float64]) -> float:
-    """Of the heave's frequency in a series over whole periods."""
+    """Return the amplitude at the heave's frequency in a series over whole periods."""
     columns = np.column_stack([np.cos(OMEGA * t), np.sin(OMEGA * t), np.ones_like(t)])
     c, s, _ = np.linalg.lstsq(columns, x, rcond=None)[0]
     return math.hypot(c, s)

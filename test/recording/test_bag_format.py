@@ -1,4 +1,4 @@
-"""What the writer writes, seen by the readers of others: rosbags, mcap, and rosbag2's rules."""
+"""Format of the writer's bags, read by other readers: rosbags, mcap, and rosbag2's rules."""
 
 import re
 

@@ -79,7 +79,7 @@ def bare_pose(at_ns: int, pose: ShipPose) -> bytes:
 
 
 def replay(folder: Path, recorded: RecordedPoses | None = None, **how: float) -> PoseReplay:
-    """Of a bag, for a hang-off at ARM."""
+    """Return the motion of a bag for a hang-off at ARM."""
     scene = load_scene("still_water")
     ship = Ship(hang_off_m=ARM, reference_m=(0.0, 0.0, 0.0))
     recorded = recorded or RecordedPoses(bag=str(folder))
@@ -115,7 +115,7 @@ def scene_file(folder: Path, sea: str) -> str:
 
 
 def test_a_run_with_its_own_recorded_poses_is_the_same_run(tmp_path: Path) -> None:
-    """What a run recorded moves another one to the same bits: tension, rope and payload."""
+    """A replay of a recorded run is bit-identical: tension, rope and payload."""
     bag, again = write_poses(tmp_path / "bag", rolling()), tmp_path / "again"
     scene = scene_file(tmp_path, "sea_state: {poses: {bag: ./bag}}")
     runs: list[list[Snapshot]] = []

@@ -144,7 +144,7 @@ def subscriptions(bench: Bench, name: str) -> list[tuple[str, list[str]]]:
 
 @dataclass
 class Profile:
-    """What the policy lets a node do."""
+    """Rights that the policy grants a node."""
 
     publish: set[str]
     subscribe: set[str]

@@ -254,7 +254,7 @@ def test_a_simulation_that_dies_goes_on_from_a_state_of_its_own_run_only(
             started.append(command)
 
         def kill(self) -> None:
-            """Nothing runs."""
+            """Do nothing: no process runs."""
 
         wait = kill
 

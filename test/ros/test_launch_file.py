@@ -108,7 +108,7 @@ def test_it_runs_where_launch_is_installed() -> None:
 
 
 def test_it_keeps_to_the_loopback_interface_and_starts_again_what_dies(tree: ast.Module) -> None:
-    """As far as the text shows it: the machines that test this have no launch."""
+    """Checked in the text only: the test machines have no launch package."""
     text = ast.unparse(tree)
     (closed,) = calls(tree, "_loopback")
     assert ast.unparse(closed) == "_loopback(value('network'))"

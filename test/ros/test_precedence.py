@@ -37,7 +37,7 @@ def place_of(thread: threading.Thread) -> tuple[int, int]:
 
 
 def allowed() -> bool:
-    """Whether a thread may run ahead here; asked by one that ends at once."""
+    """Return whether a thread may have priority here; asked by one that ends at once."""
     found: list[bool] = []
     asking = threading.Thread(target=lambda: found.append(raise_stepping_thread()))
     asking.start()

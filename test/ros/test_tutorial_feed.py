@@ -26,7 +26,7 @@ def test_the_simulation_follows_the_feed(
     processes.start([str(tmp_path / "feed.py")])
 
     def is_believed() -> bool:
-        """Whether the newest row of heave is OK, a second of samples after the first."""
+        """Return whether the newest row of heave is OK, a second of samples after the first."""
         rows = [row for message in diagnostics[-1:] for row in message.status]
         (row,) = [row for row in rows if row.name == "simulation: input heave"] or [None]
         accepted = {} if row is None else {pair.key: pair.value for pair in row.values}

@@ -1,4 +1,4 @@
-"""How a rope shakes and what it has used, as a second process hears it."""
+"""VIV response and fatigue damage of a rope, received by a second process."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ class Operators:
 
     @property
     def held(self) -> str:
-        """What winch/seat said last."""
+        """Last message of winch/seat."""
         return str(self.seats[-1].data)
 
     def row(self) -> Status:

@@ -121,7 +121,7 @@ def test_an_emergency_stop_in_a_pause_is_latched() -> None:
 
 
 def test_a_stop_that_no_winch_executes_is_not_reported_as_latched(rig: Rig) -> None:
-    """Nor is one of the schedule, which begins again with the next epoch."""
+    """Nor is a stop of the schedule, which restarts with the next epoch."""
     rig.border.epoch_ns = None
     assert "add `emergency_stop` to it" in rig.border.switch("winch", "emergency_stop")[1]
     order = WinchCommand("emergency_stop")

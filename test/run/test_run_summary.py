@@ -1,4 +1,4 @@
-"""What the last lines of a run say of where it ended."""
+"""Last lines of a run: where it ended."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def test_of_one_rope_it_is_its_lower_end() -> None:
 
 
 def test_a_view_that_was_not_written_is_not_named(tmp_path: Path) -> None:
-    """Such as without rerun; the file is there as soon as the viewer has opened it."""
+    """A run without rerun, for example; the file exists as soon as the viewer has opened it."""
     options = RunOptions(headless=True, record=tmp_path / "lift")
     assert options.view_file is not None
     assert options.shown is None

@@ -107,7 +107,7 @@ def test_a_commander_that_leaves_the_network_is_lost() -> None:
 
 
 def streamed(own: CommandSeat, name: str, order: WinchCommand = SPEED) -> int:
-    """So many commands at 10 Hz; twin time of the last."""
+    """Send commands at 10 Hz; return the twin time of the last."""
     own.judge(name, order, 0.0)
     for k in range(STREAM_COMMANDS + 1):
         own.note(order, None, k * S // 10, 0.1 * k)

@@ -36,7 +36,7 @@ def with_body(old: str = "", new: str = "") -> str:
 
 
 def listing(effect: str) -> str:
-    """The same with another effect beside it."""
+    """Return the scene of the body with another effect in its list."""
     return with_body().replace("effects:\n", f"effects:\n  - {effect}\n")
 
 
@@ -125,7 +125,7 @@ def test_unusual_body_sizes_and_slings_are_warned_of(text: str, words: str, tmp_
 
 
 def test_body_inertia_and_drag_follow_from_the_size(tmp_path: Path) -> None:
-    """Of a box of a×b×c: m·(b² + c²)/12; strips of M_z along y and M_y along z; CdA·b³/32."""
+    """A box of a×b×c has m·(b² + c²)/12; strips of M_z along y and M_y along z; CdA·b³/32."""
     scene = load_scene(written(tmp_path, with_body()))
     figures = payload_figures(scene.payloads[0], 1025.0)
     (body,) = (own for own in build_effects(scene, figures) if isinstance(own, RigidBody))

@@ -227,7 +227,7 @@ def test_a_lower_end_above_the_water_is_warned_of(tmp_path: Path) -> None:
 def test_a_headless_run_prints_the_scene_warnings(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As `scene check` does, before it runs."""
+    """The warnings are those of `scene check`, printed before the run."""
     text = spoilt("mass_kg: 20000.0", "mass_kg: 0.0")
     text = text.replace("  - weight: {}\n", "  - weight: {}\n  - added_mass: {normal: 1.0}\n")
     path = written(tmp_path, text)

@@ -107,7 +107,7 @@ def heaving(folder: Path, lowest_hz: float, highest_hz: float) -> Responses:
 
 
 def test_raos_beyond_the_table_hold_below_and_fade_above(tmp_path: Path) -> None:
-    """Such a table was refused: it had to reach as far as the waves."""
+    """Such a table is accepted, although it does not reach as far as the waves."""
     table = heaving(tmp_path, 0.05, 0.2)
     f = np.array([0.001, 0.05, 0.1, 0.2, 0.21, 0.22, 0.23, 0.24, 0.4])
     heave = table.at(f, np.zeros(len(f)))[2]
@@ -225,7 +225,7 @@ POSES = {
 
 @pytest.mark.parametrize("fault", POSES)
 def test_an_implausible_pose_is_rejected_and_counted(fault: str) -> None:
-    """As of heave: one sentence, counted; the next good one is taken."""
+    """A bad pose gives one sentence and is counted, like heave; the next good one is accepted."""
     track = HangOffTrack(load_scene("still_water"))
     assert track.offer_pose(replace(GOOD, stamp_ns=0, position_m=STILL)) == ""
     pose, words = POSES[fault]

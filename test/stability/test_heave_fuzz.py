@@ -124,7 +124,7 @@ def test_results_stay_finite_for_any_sequence_of_faults(
 def test_line_out_stays_within_limits_for_any_speed_command(
     scene: Scene, commands: list[tuple[int | None, float, int]]
 ) -> None:
-    """The same for speed commands: the line out stays within the winch's limits."""
+    """Under any speed commands the line out stays within the winch's limits."""
     twin = Twin(scene)
     for stamp_ns, speed, steps in commands:
         assert "\n" not in twin.offer_speed(stamp_ns, speed)

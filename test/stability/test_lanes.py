@@ -430,7 +430,7 @@ def test_members_of_two_sizes_form_two_groups(tmp_path: Path) -> None:
 
 
 def test_a_branch_on_a_wide_number_does_not_compile() -> None:
-    """So that an effect that branches cannot be taken for one that works in lanes."""
+    """An effect that branches must not be taken for one that works in lanes."""
 
     @numba.njit(**OPTIONS)
     def branching(array: np.ndarray) -> float:

@@ -66,7 +66,7 @@ class Run:
         return " | ".join(dict.fromkeys(row.message for row in self.rows if row.level))
 
     def flagged_after_s(self, at_s: float = FAULT_AT_S) -> float:
-        """How long after a time the status was OK no more; the twin is DELAY_S behind."""
+        """Return the delay to the first status that is not OK; the twin lags by DELAY_S."""
         pairs = zip(self.shots, self.rows, strict=True)
         late = [shot.time_s + DELAY_S - at_s for shot, row in pairs if row.level]
         late = [after_s for after_s in late if after_s >= 0.0]

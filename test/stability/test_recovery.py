@@ -176,7 +176,7 @@ def test_any_exception_is_recovered_from(tmp_path: Path, monkeypatch: pytest.Mon
 def test_a_current_received_since_the_checkpoint_is_reverted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As one that is accepted by mistake would do: without it the twin goes on."""
+    """Accept an impossible sample by mistake: without it the twin continues."""
     monkeypatch.setattr(CurrentInput, "_fault", lambda self, profile: "")
     twin = heaving(tmp_path)
     recovery = Recovery(twin)

@@ -112,7 +112,7 @@ def test_another_process_resumes_bit_identically(
 
 
 def test_a_branch_is_independent_of_its_origin(scene: Scene) -> None:
-    """What one does and hears does not reach the other, and both are checked to have moved."""
+    """Inputs of one do not reach the other; both are checked to have moved."""
     twin = Twin(scene)
     run_until(twin, 300)
     before, branch = twin.capture(), twin.branch()

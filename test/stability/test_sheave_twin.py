@@ -33,7 +33,7 @@ def run_both(twin: Twin, speed: float, seconds: int) -> list[Snapshot]:
 
 
 def pulls(shot: Snapshot) -> dict[str, float]:
-    """Of each rope at its upper end, or on the sheave [N]."""
+    """Return the tension of each rope at its upper end, or on the sheave [N]."""
     return {rope.name: rope.tension_top_n for rope in shot.ropes}
 
 

@@ -101,7 +101,7 @@ def test_a_hundred_more_changed_scenes_stay_finite_and_in_tension(
 def test_numerical_dissipation_of_changed_scenes_is_not_negative(
     drawn: Scene, weather: Weather
 ) -> None:
-    """What is dissipated numerically is not negative, but for a thousandth of what is exchanged."""
+    """Numerical dissipation is not negative, but for a thousandth of the exchanged energy."""
     energy = through(drawn, weather, ENERGY).snapshot().energy
     assert energy is not None
     assert energy.residual_pct >= -MOST_GAIN_PCT

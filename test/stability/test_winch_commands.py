@@ -34,7 +34,7 @@ def test_a_single_line_winch_answers_to_its_name_and_the_ropes(tmp_path: Path, n
 
 
 def test_a_command_for_an_unknown_winch_is_rejected(tmp_path: Path) -> None:
-    """Of a crane beside this one, say; the sentence has the name that is right."""
+    """A command for another crane is refused; the sentence has the right name."""
     twin = Twin(small_scene(tmp_path))
     sentence = twin.offer_speed(None, 0.5, "starboard_crane")
     assert sentence == (

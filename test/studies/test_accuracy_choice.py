@@ -271,7 +271,7 @@ def test_a_window_that_ends_before_the_run_is_reported_or_refused(
 
 
 def test_a_doubted_study_says_nothing_on_any_rung(tmp_path: Path) -> None:
-    """Nor in what is branched off."""
+    """A branch of the twin reports no error either."""
     twin = Twin(studied_scene(tmp_path, elements=40))
     assert twin.snapshot().study_error.rms_pct > 0.0
     twin.invalidate_error("it was a drill")
@@ -315,7 +315,7 @@ def plain_cost(setting: Setting) -> Cost:
 @pytest.mark.parametrize("budget", [1.0, 3.0, 10.0, 30.0, 60.0])
 @pytest.mark.parametrize("start", [Setting(40, 0.005), Setting(100, 0.02), Setting(20, 0.01)])
 def test_a_budget_is_spent_on_elements_and_steps_alike(budget: float, start: Setting) -> None:
-    """What is left is for the middleware and the rest of the process."""
+    """The rest is left for the middleware and the rest of the process."""
     found = refine(start, budget, 20_000, plain_cost)
     assert isinstance(found, Selection)
     setting, cost = found.setting, found.cost

@@ -37,7 +37,7 @@ LOOK_S = 0.2
 
 
 def sheds(params: Any) -> bool:
-    """Whether these are a vortex model's."""
+    """Return whether these are a vortex model's."""
     return any(effect.sheds and type(params) is effect.params for effect in EFFECTS)
 
 

@@ -19,7 +19,7 @@ Printed = pytest.CaptureFixture[str]
 
 
 def written() -> dict[str, Any]:
-    """What the file of shallow_lift says."""
+    """Return the text of the file of shallow_lift."""
     text = (share_dir() / "config" / "scenes" / f"{SHALLOW}.yaml").read_text(encoding="utf-8")
     scene: dict[str, Any] = yaml.safe_load(text)
     return scene

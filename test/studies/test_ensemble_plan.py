@@ -1,4 +1,4 @@
-"""What members draw: ranges, grids, seeds, and what is refused."""
+"""Draws of members: ranges, grids, seeds, and plans that are refused."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Machine:
         )
 
     def run(self, load: float, seconds: float) -> int:
-        """So long at this load; how many moves."""
+        """Run at this load for a time; return the number of level changes."""
         return sum(self.slot(load) for _ in range(round(seconds / 0.02)))
 
 
@@ -210,7 +210,7 @@ def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
 
 
 def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
-    """As march, for a twin whose step is not what it was."""
+    """March a twin whose step has changed."""
     shots = []
     end_ns = twin.time_ns + round(seconds * 1e9)
     while twin.time_ns < end_ns:

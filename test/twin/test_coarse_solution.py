@@ -130,7 +130,7 @@ def payout_m(twin: Twin) -> float:
 
 
 def soft_brake() -> Scene:
-    """Of emergency_stop, stopped after 4 s, with a brake that slips 3 % above the static load."""
+    """Return emergency_stop, stopped after 4 s, whose brake slips 3 % above the static load."""
     scene = load_scene("emergency_stop")
     assert scene.winch is not None
     assert scene.winch.brake is not None
@@ -209,7 +209,7 @@ def test_a_restored_twin_gives_its_coarse_solution_a_winch_again() -> None:
 
 
 def drives_on_both_lines(of: tuple[str, ...] = ("winch", "aft_sheave")) -> Scene:
-    """Of two_line_lift, 1.5 m of the aft line paid out while drives hold 6 % above static load."""
+    """Return two_line_lift: 1.5 m of the aft line paid out, drives 6 % above the static load."""
     scene, lent = load_scene("two_line_lift"), load_scene("emergency_stop").winch
     assert scene.winch is not None
     assert lent is not None

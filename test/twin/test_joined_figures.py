@@ -83,7 +83,7 @@ def nodes(twin: Twin) -> list[rows.Floats]:
 
 
 def same(one: Twin, other: Twin) -> bool:
-    """Whether all nodes of two twins are equal to the bit."""
+    """Return whether all nodes of two twins are bit-identical."""
     return all(np.array_equal(a, b) for a, b in zip(nodes(one), nodes(other), strict=True))
 
 

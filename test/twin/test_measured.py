@@ -172,7 +172,7 @@ REFUSED = {
 
 
 def test_readings_of_another_clock_are_called_so(scene: Scene) -> None:
-    """Such as stamps of zero: not an order to be mended."""
+    """A stamp of zero, for example, is an error and not an order to correct."""
     inputs = MeasuredInputs(scene)
     assert inputs.offer(Measurement.of_winch(10**11, 200.0), 10**11) == ""
     refusal = inputs.offer(Measurement.of_winch(-(10**18), 200.0), 10**11)

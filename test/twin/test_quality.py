@@ -56,7 +56,7 @@ UNMEASURED = replace(SOUND, residuals=())
 
 
 def at(shot: Snapshot, time_s: float) -> Snapshot:
-    """The same at another time, with readings that are as fresh as before."""
+    """Return these readings at another time, as fresh as before."""
     moved = tuple(replace(one, at_s=one.at_s + time_s - shot.time_s) for one in shot.residuals)
     return replace(shot, stamp_ns=round(time_s * 1e9), residuals=moved)
 

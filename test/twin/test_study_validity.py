@@ -42,7 +42,7 @@ def variant_scene(folder: Path, old: str, new: str) -> Scene:
 
 
 def reason(twin: Twin) -> str:
-    """What a snapshot says of the error, which is known only where nothing speaks against it."""
+    """Return the words on a snapshot's error, "unknown" first where it is NaN."""
     error = twin.snapshot().study_error
     assert math.isnan(error.rms_pct) == error.words.startswith("unknown")
     return error.words if math.isnan(error.rms_pct) else ""
@@ -258,7 +258,7 @@ def test_switches_of_the_schedule_are_part_of_it() -> None:
 
 
 def test_the_scenes_own_schedule_never_differs() -> None:
-    """Of every shipped winch, over two rounds."""
+    """Check every shipped winch, over two rounds."""
     watch = ScheduleMonitor(None)
     watch.look(SECOND_NS, WinchCommand(SPEED, 0.0), False)
     assert watch.differs_s is None

@@ -369,7 +369,7 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
 
 
 def test_a_run_records_and_sums_up(tmp_path: Path) -> None:
-    """Of a scene as users have it; without asking for it there is no such message."""
+    """The scene is one that users have; without monitoring there is no such message."""
     options = RunOptions(
         scene="shallow_lift", end_s=3.0, speed=0.0, record=tmp_path / "bag", watch=WORN
     )

@@ -1,4 +1,4 @@
-"""How a line follows what it is reported: within its limits, and never past where it is to stop."""
+"""Pacing of a line: it follows commands within its limits and never passes its stop position."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
 
 def failures(case: Case) -> list[str]:
-    """What does not hold, in words."""
+    """Return the conditions that fail, in words."""
     row = run_case(case)
     assert row.refusal == ""
     missed = [one for one in row.found.findings if not one.ok]
@@ -38,7 +38,7 @@ def test_a_quick_robustness_case_passes(case: Case) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("case", LONG, ids=lambda case: case.id)
 def test_a_long_robustness_case_passes(case: Case) -> None:
-    """The same for those that take longer: `pytest -m long test/validation`."""
+    """Run the cases that take longer: `pytest -m long test/validation`."""
     assert failures(case) == []
 
 

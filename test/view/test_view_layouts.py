@@ -19,7 +19,7 @@ STORE = get_typestore(Stores.ROS2_KILTED)
 
 
 def field_exists(topic: str, path: list[str]) -> bool:
-    """Whether a field of a topic's type is there; indices as in `effort[0]`."""
+    """Return whether a topic's type has a field; indices as in `effort[0]`."""
     kind: Any = BY_NAME[topic].type_name
     for name in path:
         fields = dict(STORE.fielddefs[kind][1])

@@ -1,4 +1,4 @@
-"""What RopeView puts into a recording, read back with rerun's own reader."""
+"""Contents of a recording by RopeView, read by rerun's own reader."""
 
 from __future__ import annotations
 
@@ -232,7 +232,7 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
 
 
 def test_the_water_is_drawn_where_the_lower_end_passes_it(session: Session) -> None:
-    """As a line at its height, which is gone once the rope's end is far below."""
+    """The seabed is a line at its height, absent once the rope's end is far below."""
     shot = hanging_rope(21, time_s=1.0)
     session.epoch()
     for k, height_m in enumerate((2.0, -2.0, -400.0, -401.0)):
