@@ -153,9 +153,9 @@ def _turn(
     together = _ns(ensemble, seconds) * ensemble.threads
     busy_s = time.process_time() - busy_s
     share = busy_s / (ensemble.threads * (time.perf_counter() - began))
-    ensemble.abreast = 1
+    ensemble.max_lanes = 1
     threads_only = _ns(ensemble, seconds) * ensemble.threads
-    ensemble.abreast = LANES
+    ensemble.max_lanes = LANES
     return together, threads_only, _ns(alone, single_s), share
 
 

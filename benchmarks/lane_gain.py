@@ -112,7 +112,7 @@ def _measure(scene: Scene, case: Case) -> GainRow:
     plan = make_plan(axes, case.members, SEED)
     members = variations(scene, plan, case.warm_s + case.turns * case.seconds)
     together = Ensemble(scene, members, threads=1)
-    alone = Ensemble(scene, members, threads=1, abreast=1)
+    alone = Ensemble(scene, members, threads=1, max_lanes=1)
     together.make_ready()
     together.advance(case.warm_s)
     alone.advance(case.warm_s)
@@ -151,11 +151,11 @@ def _spent(ensemble: Ensemble, seconds: float) -> float:
 
 def _same(together: Ensemble, alone: Ensemble, number: int) -> bool:
     """Return whether motion, tensions and counters of a member are equal to the last bit."""
-    abreast, expected = together.snapshot(number), alone.snapshot(number)
+    max_lanes, expected = together.snapshot(number), alone.snapshot(number)
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
-    equal = all(np.array_equal(getattr(abreast, name), getattr(expected, name)) for name in names)
+    equal = all(np.array_equal(getattr(max_lanes, name), getattr(expected, name)) for name in names)
     # of a multi-line scene
-    for rope, expected_rope in zip(abreast.ropes, expected.ropes, strict=True):
+    for rope, expected_rope in zip(max_lanes.ropes, expected.ropes, strict=True):
         equal &= np.array_equal(rope.node_position_m, expected_rope.node_position_m)
         equal &= np.array_equal(rope.element_tension_n, expected_rope.element_tension_n)
     return equal and together.figures()[number] == alone.figures()[number]

@@ -330,7 +330,7 @@ def _relaxed_of_lanes(law: Any, section: int, working: Any, strain: Any) -> Any:
 relaxed_at = by_width(_relaxed_of_one, _relaxed_of_lanes)
 
 
-def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
+def elastic_state(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
     """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
 
     In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, used
@@ -351,7 +351,7 @@ def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> 
     return tension, stored
 
 
-def held_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
+def instantaneous_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
     """Return the elastic tension [N] of a fibre rope at these strains, and its stored energy [J/m].
 
     ε_m is that of the last step: the instantaneous response, not clipped where slack.
@@ -359,7 +359,7 @@ def held_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
     n = len(strain)
     mean, stiff = law.memory[MEAN, :n], law.memory[STIFF, :n]
     upper, lower, initial, bend = law.memory[[UPPER, LOWER, INITIAL, BEND], :n]
-    static, stored = hold(law.table, np.zeros(n), section, mean)
+    static, stored = elastic_state(law.table, np.zeros(n), section, mean)
     has_curve, u = initial > 0.0, np.maximum(mean - lower, 0.0)
     static = np.where(has_curve & (mean < upper), u * (initial + u * bend), static)
     # energy on the original curve: that which unloading along the working curve would recover
@@ -380,9 +380,9 @@ def held_tension(law: FibreLaw, section: Any, strain: Floats) -> Any:
     return static + stiff * over, stored + static * elastic + 0.5 * stiff * elastic * elastic
 
 
-def held_strain(law: FibreLaw, section: Any, tension: Floats) -> Floats:
-    """Return the strains at which `held_tension` is this tension [N]."""
+def instantaneous_strain(law: FibreLaw, section: Any, tension: Floats) -> Floats:
+    """Return the strains at which `instantaneous_tension` is this tension [N]."""
     n = len(tension)
-    static, _ = held_tension(law, section, law.memory[MEAN, :n])
+    static, _ = instantaneous_tension(law, section, law.memory[MEAN, :n])
     strain: Floats = law.memory[MEAN, :n] + (tension - static) / law.memory[STIFF, :n]
     return strain

@@ -30,20 +30,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.axial_law import FibreLaw, held_tension, hold, sections_law
+from rope_twin.core.axial_law import FibreLaw, elastic_state, instantaneous_tension, sections_law
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, Joints, System
 from rope_twin.core.joined.line_contact import touch_of
 from rope_twin.core.joined.payload_contact import payload_touch_of
 from rope_twin.core.joined.stack import (
-    CREEP,
     FLOW_COLUMN,
     FRICTION,
     FROM,
     INTO,
     NOWHERE,
     POINT,
+    SHEAVE_FRICTION_SPEED,
     SHEAVE_MASS,
     SHEAVE_WEIGHT,
     WHEEL,
@@ -200,11 +200,11 @@ def _elements(rope: Rope, V: float) -> Elements:
     strain = (length + offset - rest) / rest
     law, damper = sections_law(rope), sections[C, section] / rest * rate
     if isinstance(law, FibreLaw):
-        elastic, stored = held_tension(law, section, strain)
+        elastic, stored = instantaneous_tension(law, section, strain)
         pull = np.maximum(elastic + damper, 0.0)
         spring, held = np.zeros(n), stored.copy()
     else:
-        spring, stored = hold(law, sections[EA, section], section, strain)
+        spring, stored = elastic_state(law, sections[EA, section], section, strain)
         slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
         pull, held = np.maximum(spring + slack + damper, 0.0), np.zeros(n)
     stored, damping, water = stored * rest, pull - spring, 0.0
@@ -403,7 +403,7 @@ def _friction_power(
         wrap = acos(max(-1.0, min(1.0, cosine)))
         V = float(joints.nodes[VELOCITY, int(column[FLOW_COLUMN])])
         grip = mean * tanh(0.5 * column[FRICTION] * wrap) * max(float(pulls[a] + pulls[b]), 0.0)
-        total += grip * tanh(V / CREEP) * V
+        total += grip * tanh(V / SHEAVE_FRICTION_SPEED) * V
     return total
 
 

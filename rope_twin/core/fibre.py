@@ -258,7 +258,7 @@ predict_law = by_type(
 
 
 @jit
-def _hold(law: Any, rope: Any) -> None:
+def _freeze(law: Any, rope: Any) -> None:
     m, work = law.memory, rope.work
     for e in range(rope.state.counts[ELEMENTS]):
         if rope.sections[RELAXATION, int(work[SECTION, e])] > 0.0:
@@ -266,7 +266,7 @@ def _hold(law: Any, rope: Any) -> None:
 
 
 # Freeze ε_m at its value at the start of the step; other laws have no ε_m.
-hold_law = by_type(FibreLaw, lambda law, rope: _hold(law, rope), lambda law, rope: None)
+freeze_mean_strain = by_type(FibreLaw, lambda law, rope: _freeze(law, rope), lambda law, rope: None)
 
 
 @jit_within
@@ -334,7 +334,7 @@ def settle(fibre: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
             smoothing, last = 1.0 - exp(-2.0 * stage.q * rate / GAMMA), k
         m[CARRIED + SQUARE, e] = m[SQUARE, e] + smoothing * (over * over - m[SQUARE, e])
         m[HAT, e], m[HELD, e] = mean, 1.0
-    _hold_ghosts(m, law, rope, stage, n)
+    _set_ghosts(m, law, rope, stage, n)
 
 
 @jit
@@ -363,7 +363,7 @@ def _settled(law: Any, rope: Any, stage: Any, k: int, e: int) -> Any:
 
 
 @jit
-def _hold_ghosts(m: Any, law: Any, rope: Any, stage: Any, n: int) -> None:
+def _set_ghosts(m: Any, law: Any, rope: Any, stage: Any, n: int) -> None:
     """Copy the top element's values to the ghost elements of a split or merge and to a new element.
 
     During haul-in the lower ghost is the merged element. If the next section has come over the
@@ -376,11 +376,11 @@ def _hold_ghosts(m: Any, law: Any, rope: Any, stage: Any, n: int) -> None:
     _copy_element(m, top, n)
     for r in range(CARRIED):  # a node at a connection has no element above it
         m[CARRIED + r, n] = m[CARRIED + r, top]
-    _hold_next_section(m, law, rope, n)
+    _set_next_section(m, law, rope, n)
 
 
 @jit
-def _hold_next(m: Any, law: Any, rope: Any, n: int) -> None:
+def _set_next(m: Any, law: Any, rope: Any, n: int) -> None:
     sections, slots, top = rope.sections, rope.state.s.shape[0], n - 1
     above = section_above(sections, rope.state.s[top])
     if above + 1 < sections.shape[1] and sections[END, above] < rope.state.s[n]:
@@ -396,12 +396,12 @@ def _hold_next(m: Any, law: Any, rope: Any, n: int) -> None:
 
 
 @jit
-def _hold_none(m: Any, law: Any, rope: Any, n: int) -> None:
+def _set_none(m: Any, law: Any, rope: Any, n: int) -> None:
     """Do nothing: lanes give such steps up (`_leave_at_border`)."""
 
 
 # Initialise the section that has come over the sheave.
-_hold_next_section = by_width(_hold_next, _hold_none)
+_set_next_section = by_width(_set_next, _set_none)
 
 
 @jit

@@ -14,7 +14,7 @@ from typing import Any
 
 from rope_twin.core.axial_law import sections_law
 from rope_twin.core.elements import set_lengths, set_top_length, stretch_all
-from rope_twin.core.fibre import hold_law
+from rope_twin.core.fibre import freeze_mean_strain
 from rope_twin.core.integrator import (
     BDF2,
     CONVERGED,
@@ -28,7 +28,7 @@ from rope_twin.core.integrator import (
 )
 from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.jit.functions import flush, restore
-from rope_twin.core.jit.rows import copy, hold
+from rope_twin.core.jit.rows import by_reference, copy
 from rope_twin.core.joined.joints import LOOSE, Joined, System, renew_plan
 from rope_twin.core.joined.sheaves import is_at_sheave, set_border
 from rope_twin.core.joined.stack import POINT, load, rope_of, stacked_effects, store, store_memories
@@ -258,12 +258,12 @@ def _recompute_tension(system: Any, boundary: Boundary, row: int, time: float) -
         rope = rope_at(system, r)
         pass_sheave(system, rope, r, 0.0, 0.0)
         rope_stage = stage_of(system, stage, r)
-        hold_law(sections_law(rope), rope)
+        freeze_mean_strain(sections_law(rope), rope)
         prepare_axial(rope.effects, rope, rope_stage, TRAPEZOID)
         stretch_all(rope, rope_stage)
 
 
-# A single rope is passed by value, since this is inlined; `held` is the same system by reference.
+# A single rope is passed by value, since this is inlined; `reference` is the same system by reference.
 @jit
 def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
     """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""
@@ -282,14 +282,14 @@ def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) 
 @by_system_type(
     lambda system, held, boundary, pull, row, time: finish(system, boundary, pull, row, time)
 )
-def _finish(system: Any, held: Any, boundary: Any, pull: Any, row: Any, time: Any) -> Any:
+def _finish(system: Any, reference: Any, boundary: Any, pull: Any, row: Any, time: Any) -> Any:
     """Complete a step, which ends at `time`: report tensions, split or merge elements."""
-    for r in range(count_ropes(held)):
-        rope = rope_at(held, r)
-        if held.joints.upper[r] == LOOSE:
-            finish(rope, boundary_of(held, boundary, r), pull[r], row, time)
-        elif is_at_sheave(held.sheaves, r):
-            finish_at_sheave(held.sheaves, held, r, pull[r, row : row + 1], time)
+    for r in range(count_ropes(reference)):
+        rope = rope_at(reference, r)
+        if reference.joints.upper[r] == LOOSE:
+            finish(rope, boundary_of(reference, boundary, r), pull[r], row, time)
+        elif is_at_sheave(reference.sheaves, r):
+            finish_at_sheave(reference.sheaves, reference, r, pull[r, row : row + 1], time)
         else:
             report_at_connection(rope, pull[r], row, Stage(time, 1.0, 0.0, 0.0))
 
@@ -320,21 +320,21 @@ def _advance(
     system: Any, boundary: Boundary, pull: Any, time: float, first: int, steps: int
 ) -> int:
     """Advance from step `first` to `steps`, or until the elimination plan becomes invalid."""
-    held, held_boundary = hold(system), hold(boundary)
-    _load_start(held, held_boundary, first)
-    h = step_of(held)
+    reference, boundary_reference = by_reference(system), by_reference(boundary)
+    _load_start(reference, boundary_reference, first)
+    h = step_of(reference)
     for row in range(first, steps):
         start = step_start(time, row, h)
-        for r in range(count_ropes(held)):
-            rope = rope_at(held, r)
-            begin_step(rope.effects, rope, start, count_loaded(held, r))
-        for r in range(count_ropes(held)):
-            gather_from_others(held, rope_at(held, r))
-        if not _advance_substeps(held, (held_boundary, row, start)):
-            _recompute_tension(held, held_boundary, row, start)
+        for r in range(count_ropes(reference)):
+            rope = rope_at(reference, r)
+            begin_step(rope.effects, rope, start, count_loaded(reference, r))
+        for r in range(count_ropes(reference)):
+            gather_from_others(reference, rope_at(reference, r))
+        if not _advance_substeps(reference, (boundary_reference, row, start)):
+            _recompute_tension(reference, boundary_reference, row, start)
             return row
-        _finish(system, held, boundary, pull, row, start + h)
-        if _needs_plan(held):
+        _finish(system, reference, boundary, pull, row, start + h)
+        if _needs_plan(reference):
             return row + 1
     return steps
 

@@ -78,7 +78,7 @@ def build(params: BendingParams, payload: Any, environment: Any) -> Bending:
 
 
 @jit_exact_within
-def _lack(bending: Any, work: Any, n: int) -> Any:
+def _clamping_force(bending: Any, work: Any, n: int) -> Any:
     """Return 2·EI/l² times the normal deviation of the top element from the fixed direction [N]."""
     inverse = 1.0 / work[REST, n - 1]
     x, y, z = bending.x, bending.y, bending.z
@@ -91,10 +91,10 @@ def _lack(bending: Any, work: Any, n: int) -> Any:
 
 
 @jit_exact
-def _hold(bending: Any, work: Any, p: float, n: int) -> None:
+def _add_clamp(bending: Any, work: Any, p: float, n: int) -> None:
     """Add the force that turns the top element towards the fixed direction."""
     x, y, z = bending.x, bending.y, bending.z
-    fx, fy, fz = _lack(bending, work, n)
+    fx, fy, fz = _clamping_force(bending, work, n)
     rest = work[REST, n - 1]
     k = p * bending.clamp / (rest * rest * rest)
     for i in range(n - 1, n + 1):
@@ -117,7 +117,7 @@ def pull(bending: Any, work: Any, n: int) -> Any:
     Its component along the rope is the EI·κ² by which the tension there exceeds λ.
     """
     low, top = work[REST, n - 2], work[REST, n - 1]
-    fx, fy, fz = _lack(bending, work, n)
+    fx, fy, fz = _clamping_force(bending, work, n)
     EI = 2.0 * bending.EI / (low + top)
     mx = EI * (_slope(work, POSITION, n - 1) - _slope(work, POSITION, n - 2))
     my = EI * (_slope(work, POSITION + 1, n - 1) - _slope(work, POSITION + 1, n - 2))
@@ -217,7 +217,7 @@ def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
             _add_at(bending, work, stage.p, i, n)
         for i in range(max(n - 1, 2), n + 1):
             _add_at(bending, work, stage.p, i, n)
-    _hold(bending, work, stage.p, n)
+    _add_clamp(bending, work, stage.p, n)
 
 
 @account("potential", Bending)

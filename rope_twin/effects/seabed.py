@@ -29,7 +29,7 @@ from rope_twin.core.loads.hooks import Load, has_active_set, kernel, wide_kernel
 from rope_twin.core.state import CORRECTION, POSITION, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
-CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
+FRICTION_SPEED = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,7 +126,7 @@ def _contact(soil: Any, k: float, bed: Any, v: Any, stage: Any) -> Any:
     gain = max(1.0 - soil.chi * speed, 0.0)
     push = k * d * gain
     tx, ty, tz = vx - speed * nx, vy - speed * ny, vz - speed * nz
-    rub = soil.mu * push / sqrt(tx * tx + ty * ty + tz * tz + CREEP * CREEP)
+    rub = soil.mu * push / sqrt(tx * tx + ty * ty + tz * tz + FRICTION_SPEED * FRICTION_SPEED)
     touches = choose(push > 0.0, 1.0, 0.0)
     across = stage.q * rub
     along = touches * (stage.p * k * gain + stage.q * soil.chi * k * d) - across
@@ -246,7 +246,7 @@ def _pushed(bed: Any, k: Any, place: Any) -> Any:
     normal = np.stack([-east * nz, -north * nz, nz])
     push = normal_push(bed, k, place.position, v)
     sliding = v - (v * normal).sum(axis=0) * normal
-    speed = np.sqrt((sliding * sliding).sum(axis=0) + CREEP * CREEP)
+    speed = np.sqrt((sliding * sliding).sum(axis=0) + FRICTION_SPEED * FRICTION_SPEED)
     return push * normal - bed.soil.mu * push / speed * sliding
 
 

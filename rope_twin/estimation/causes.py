@@ -227,8 +227,8 @@ class FaultLanes:
             }
             line, rate = cut.pop("")
             inputs = FleetInputs(z[steps], v[steps], line, rate, cut)
-            record = self._fleet.advance(inputs, look_steps=steps.stop - steps.start - 1)
-            tension[:, steps.start : steps.stop - 1] = list(record.hung_tension_n.values())
+            record = self._fleet.advance(inputs, interval_steps=steps.stop - steps.start - 1)
+            tension[:, steps.start : steps.stop - 1] = list(record.suspended_tension_n.values())
         return tension, np.array([length_m[1:, 0] for length_m, _ in lines.values()])
 
     def _factors(self, theta: Floats, starts: Sequence[int], mean: int) -> dict[str, Floats]:

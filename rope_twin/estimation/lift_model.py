@@ -293,7 +293,7 @@ class LiftModel:
         self._fleet.restore(prediction.states)
         times = self._borders(prediction.end_s, steps)
         inputs = self._inputs(times, thetas, prediction.motion, prediction.lead)
-        record = self._fleet.advance(inputs, look_steps=self.steps_per_mean)
+        record = self._fleet.advance(inputs, interval_steps=self.steps_per_mean)
         if 0 in record.failures:
             raise SolverError(record.failures[0])
         ends = times[self.steps_per_mean :: self.steps_per_mean]
@@ -301,7 +301,7 @@ class LiftModel:
         prediction.slack_s = np.append(prediction.slack_s, ends[loose])
         outside = self._water.without(record.payload_depth_m).any(axis=1)
         prediction.near_s = np.append(prediction.near_s, ends[outside])
-        prediction.tension_n.append(np.array(list(record.hung_tension_n.values())))
+        prediction.tension_n.append(np.array(list(record.suspended_tension_n.values())))
         lines = [
             np.asarray(inputs.line_out_m),
             *(line_out_m[:, 0] for line_out_m, _ in inputs.lines.values()),
@@ -442,7 +442,7 @@ class LiftModel:
         times = self._borders(begin_s, steps)
         lead = self.lead(begin_s, state, theta[None], motion)
         inputs = self._inputs(times, theta[None], motion, lead)
-        record = self._lone.advance(inputs, look_steps=steps)
+        record = self._lone.advance(inputs, interval_steps=steps)
         if record.failures:
             raise SolverError(record.failures[0])
         return self._lone.state(0)

@@ -547,7 +547,7 @@ class TensionForecaster:
             by_lead = top.reshape(leads, steps, -1)
             return SuspendedRope(by_lead[:, -1], by_lead.max(axis=1), numbers[name])
 
-        ropes = {name: spread(name, top_n) for name, top_n in record.hung_tension_n.items()}
+        ropes = {name: spread(name, top_n) for name, top_n in record.suspended_tension_n.items()}
         main_name = next(iter(ropes))
         main = ropes.pop(main_name)
         values = {

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
+from rope_twin.core.lanes.step import LOWEST_TENSION, MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT
 from rope_twin.effects.rigid_body import DeckHeave, RigidBodyParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import SolverError
@@ -292,7 +292,9 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
     return replace(scene, effects=effects)
 
 
-AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (1 + k for k in (LEAST, DEPTH, SINKING, LOWEST))
+AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (
+    1 + k for k in (MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION)
+)
 
 # what a run is for: extremes of its cell, the error of one of those, or the choice of a setting
 STATISTICS, ERROR, SETTING = "statistics", "error", "setting"

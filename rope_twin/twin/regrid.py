@@ -27,7 +27,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.axial_law import FibreLaw, held_strain, held_tension, hold, sections_law
+from rope_twin.core.axial_law import (
+    FibreLaw,
+    elastic_state,
+    instantaneous_strain,
+    instantaneous_tension,
+    sections_law,
+)
 from rope_twin.core.body.state import FIXED, RigidBody
 from rope_twin.core.joined.joints import System, loaded_ends, new_system, with_flows
 from rope_twin.core.joined.stack import FLOW_COLUMN
@@ -408,10 +414,10 @@ def tensions(rope: Rope, elements: Elements, offset: Floats) -> Floats:
     strain = (elements.length + offset - elements.rest) / elements.rest
     law, stiffness = sections_law(rope), rope.sections[rows.EA][elements.section]
     if isinstance(law, FibreLaw):
-        elastic = held_tension(law, elements.section, strain)[0]
+        elastic = instantaneous_tension(law, elements.section, strain)[0]
     else:
         elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
-        elastic += hold(law, stiffness, elements.section, strain)[0]
+        elastic += elastic_state(law, stiffness, elements.section, strain)[0]
     tension: Floats = np.maximum(elastic + elements.damper, 0.0)
     unit_law = law_of_lowest(rope.effects)
     if unit_law is not None:
@@ -430,7 +436,7 @@ def offsets_for(rope: Rope, elements: Elements, wanted_n: Floats) -> Floats:
     elastic = wanted_n - elements.damper
     strain, law = elastic / stiffness, sections_law(rope)
     if isinstance(law, FibreLaw):
-        strain = held_strain(law, elements.section, elastic)
+        strain = instantaneous_strain(law, elements.section, elastic)
     elif rope.law is not None:
         taut = elastic > 0.0
         strain = np.where(
@@ -450,12 +456,12 @@ def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
     """
     high = np.full(len(elastic_n), 1e-3)
     unused = np.zeros(len(elastic_n))
-    while np.any(too_low := hold(law, unused, section, high)[0] < elastic_n):
+    while np.any(too_low := elastic_state(law, unused, section, high)[0] < elastic_n):
         high = np.where(too_low, 2.0 * high, high)
     low = np.zeros(len(elastic_n))
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        below = hold(law, unused, section, middle)[0] < elastic_n
+        below = elastic_state(law, unused, section, middle)[0] < elastic_n
         low, high = np.where(below, middle, low), np.where(below, high, middle)
     strain: Floats = 0.5 * (low + high)
     return strain

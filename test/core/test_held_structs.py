@@ -10,7 +10,7 @@ from llvmlite import ir
 from numba.core.registry import cpu_target
 
 from rope_twin.core.jit.decorators import OPTIONS, jit
-from rope_twin.core.jit.rows import HeldType, hold
+from rope_twin.core.jit.rows import ReferenceType, by_reference
 from rope_twin.core.state import Boundary, Floats
 
 
@@ -40,7 +40,7 @@ def _sum_up(held: Any) -> Any:
 
 
 def _entry(outer: Any) -> Any:
-    return _sum_up(hold(outer))
+    return _sum_up(by_reference(outer))
 
 
 def test_fields_of_a_referenced_struct_equal_the_struct() -> None:
@@ -61,7 +61,7 @@ def test_a_referenced_struct_is_one_pointer() -> None:
     """To the kernel that it is handed on to; as itself it would be all that is in it."""
     border = np.zeros((2, 2))
     outer = Outer(Inner(np.zeros((2, 3)), 3, (7.0, 8.0)), Boundary(border, border))
-    (pointer,) = arguments_of(HeldType(numba.typeof(outer)))
+    (pointer,) = arguments_of(ReferenceType(numba.typeof(outer)))
     assert isinstance(pointer, ir.PointerType)
     (whole,) = arguments_of(numba.typeof(outer))
     assert whole == pointer.pointee

@@ -167,12 +167,12 @@ def test_wide_numbers() -> None:
 def test_structs_by_reference_and_the_register_of_subnormals() -> None:
     with _supported("structs by reference"):
         from rope_twin.core.jit.functions import flush, restore
-        from rope_twin.core.jit.rows import hold
+        from rope_twin.core.jit.rows import by_reference
         from rope_twin.core.state import Boundary
 
         def entry(boundary: Any) -> float:
             was = flush()
-            found = hold(boundary).rate[0, 1]
+            found = by_reference(boundary).rate[0, 1]
             restore(was)
             return float(found)
 

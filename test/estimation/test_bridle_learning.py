@@ -94,7 +94,7 @@ def truths() -> tuple[Floats, Floats, Floats]:
     t = STEP_S * np.arange(round(SECONDS / STEP_S) + 1)
     fleet = Fleet(bridle(), TRUTHS, elements=40, step_s=STEP_S)
     fleet.set_figures(factors_of(thetas))
-    record = fleet.advance(FleetInputs(*motion(t)), look_steps=100)
+    record = fleet.advance(FleetInputs(*motion(t)), interval_steps=100)
     assert not record.failures
     return thetas, t[1:], record.top_tension_n
 

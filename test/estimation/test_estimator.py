@@ -312,7 +312,7 @@ def test_impedance_of_the_stepped_rope(period_s: float) -> None:
     fleet = Fleet(scene(), 1, elements=60, step_s=step)
     fleet.set_figures({"current": 1e-6, "axial_damping": 1e-3})
     line = np.full_like(t, 200.0)
-    record = fleet.advance(FleetInputs(z, v, line, np.zeros_like(t)), look_steps=100)
+    record = fleet.advance(FleetInputs(z, v, line, np.zeros_like(t)), interval_steps=100)
     last = slice(-round(4 * period_s / step), None)
     wave = np.exp(-1j * w * t[1:][last])
     tension = record.top_tension_n[last, 0]

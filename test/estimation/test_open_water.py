@@ -46,7 +46,7 @@ def measured() -> MeasuredLift:
     way = PchipInterpolator(TIMES_S, LINE_M)
     fleet = Fleet(landing(), 1, elements=20, step_s=STEP_S)
     fleet.set_figures({name: float(np.exp(value)) for name, value in TRUTH.items()})
-    record = fleet.advance(FleetInputs(z, v, way(t), way(t, 1)), look_steps=20)
+    record = fleet.advance(FleetInputs(z, v, way(t), way(t, 1)), interval_steps=20)
     assert record.payload_depth_m.max() > 400.0
     made = MeasuredLift(NOISE_N)
     noise = NOISE_N * np.random.default_rng(3).standard_normal(len(t) - 1)

@@ -84,7 +84,7 @@ def test_figures_of_a_rigid_body_are_covered() -> None:
     line = 200.0 + np.concatenate([[0.0], np.cumsum(0.5 * STEP_S * (speed[1:] + speed[:-1]))])
     fleet = Fleet(deep(99), TRUTHS, elements=20, step_s=STEP_S)
     fleet.set_figures({name: np.exp(truths[:, k]) for k, name in enumerate(FIGURES)})
-    record = fleet.advance(FleetInputs(z, v, line, speed), look_steps=50)
+    record = fleet.advance(FleetInputs(z, v, line, speed), interval_steps=50)
     assert not record.failures
     deviations = []
     for k in range(TRUTHS):

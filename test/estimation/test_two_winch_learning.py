@@ -148,7 +148,7 @@ def measured(
     fleet = Fleet(two_lines(length_m), len(thetas), elements=elements, step_s=step_s)
     fleet.set_figures(factors_of(thetas))
     inputs = FleetInputs(z, v, fore, fore_rate, {AFT: (own, own_rate)})
-    record = fleet.advance(inputs, look_steps=100)
+    record = fleet.advance(inputs, interval_steps=100)
     assert not record.failures
     rng, every, made = np.random.default_rng(seed + 1), round(SENSOR_S / step_s) or 1, []
     first = int(np.argmin(np.abs(t)))  # the sensors are heard from there on
@@ -162,7 +162,7 @@ def measured(
         ):
             noise_n = prior().pin_noise_n * prior().ranges.get(winch, 1.0)
             bias, gain = (theta[prior().names.index(of_winch(winch, one))] for one in (BIAS, GAIN))
-            tension = (1.0 + gain) * record.hung_tension_n[name][:, k] + bias
+            tension = (1.0 + gain) * record.suspended_tension_n[name][:, k] + bias
             noise = noise_n * rng.standard_normal(len(t) - 1)
             rope.tension.extend(t[1:][heard], (tension + noise)[heard])
             rope.line_out.extend(t[heard], line[heard])

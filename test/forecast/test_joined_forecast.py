@@ -124,9 +124,9 @@ def made(scene: Scene) -> Made:
     )
     given, advance = list[FleetInputs](), forecaster.fleet.advance
 
-    def spy(own: FleetInputs, look_steps: int) -> FleetRecord:
+    def spy(own: FleetInputs, interval_steps: int) -> FleetRecord:
         given.append(own)
-        return advance(own, look_steps)
+        return advance(own, interval_steps)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(forecaster.fleet, "advance", spy)
@@ -201,7 +201,7 @@ def test_the_forecast_is_what_then_happens(scene: Scene, made: Made) -> None:
     first = round(200.0 / PERIOD_S)
     bands = {"fore": going.band(), "aft": going.others["aft"].band()}
     for name, band in bands.items():
-        truth = record.hung_tension_n[name][first:, 0][9::10]
+        truth = record.suspended_tension_n[name][first:, 0][9::10]
         error = band[1] - truth
         assert np.mean(error[:20] ** 2) < 0.05 * np.var(truth)
     least = record.least_tension_n[first // 10 :, 0]
@@ -306,7 +306,7 @@ def bag(scene: Scene, tmp_path_factory: pytest.TempPathFactory) -> Path:
         for k in range(count):
             stamp_ns = START_NS + round(k * PERIOD_S * 1e9)
             writer.write("ship/heave", stamp_ns, encode_heave(stamp_ns, z[k], v[k]))
-            tops = {name: own[max(k - 1, 0), 0] for name, own in record.hung_tension_n.items()}
+            tops = {name: own[max(k - 1, 0), 0] for name, own in record.suspended_tension_n.items()}
             reading = Measurement.of_winch(stamp_ns, 600.0, 0.0, float(tops["fore"]))
             aft = ("aft_sheave", float(line[k]), float(rate[k]), float(tops["aft"]))
             both = reading._replace(rows=(aft, *reading.rows))

@@ -227,9 +227,9 @@ def test_a_recorded_line_has_the_compensation_in_it(
     forecaster = TensionForecaster(lift_with_compensation, SETTINGS)
     given, advance = list[FleetInputs](), forecaster.fleet.advance
 
-    def spy(own: FleetInputs, look_steps: int) -> FleetRecord:
+    def spy(own: FleetInputs, interval_steps: int) -> FleetRecord:
         given.append(own)
-        return advance(own, look_steps)
+        return advance(own, interval_steps)
 
     monkeypatch.setattr(forecaster.fleet, "advance", spy)
     heave = heave_at(SAMPLE_S * np.arange(300))

@@ -193,7 +193,7 @@ def test_a_two_way_payload_in_lanes_equals_a_single_twin() -> None:
         heave=RegularHeave(amplitude_m=2.0, period_s=7.0)))  # fmt: skip
     masses = [read_axis("", f"payloads[0].mass_kg=18e3..22e3:{LANES}")]
     own = variations(scene, make_plan(masses, None, 1), 20.0)
-    together, alone = Ensemble(scene, own), Ensemble(scene, own, abreast=1)
+    together, alone = Ensemble(scene, own), Ensemble(scene, own, max_lanes=1)
     assert together.lanes().members == LANES
     for ensemble in (together, alone):
         ensemble.advance(20.0)

@@ -14,7 +14,7 @@ from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.axial_law import hold, tension_at
+from rope_twin.core.axial_law import elastic_state, tension_at
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.step import advance
 from rope_twin.scene.rope_data import StiffnessTable
@@ -119,7 +119,7 @@ def test_the_energy_account_uses_the_table() -> None:
     """Tension and stored energy of its account against the kernel's law and the integral."""
     strain = np.array([-0.001, 0.0, 0.0005, 0.0015, 0.006, 0.012])
     law, section = HMPE.cubics, np.zeros(6, dtype=int)
-    tension, energy = hold(law, np.ones(6), section, strain)
+    tension, energy = elastic_state(law, np.ones(6), section, strain)
     assert tension == pytest.approx([max(HMPE.tension_n(float(e)), 0.0) for e in strain], rel=1e-12)
     assert energy == pytest.approx([stored(HMPE, max(float(e), 0.0)) for e in strain], rel=1e-12)
 

@@ -86,7 +86,7 @@ def test_slack_and_snapping_systems_in_lanes(name: str) -> None:
     scene = load_scene(name)
     members = [member(number, 0.2 if number % 2 else SLACK_M[name]) for number in range(LANES)]
     ensemble = Ensemble(scene, members, look_s=0.07, threads=1)
-    lone = Ensemble(scene, members, look_s=0.07, threads=1, abreast=1)
+    lone = Ensemble(scene, members, look_s=0.07, threads=1, max_lanes=1)
     for seconds in (2, 4):
         ensemble.advance(seconds)
         lone.advance(seconds)
@@ -104,7 +104,7 @@ def test_a_step_repeated_alone_at_the_end_of_a_call() -> None:
     """Tensions are those of the step that the member made alone."""
     scene = load_scene("bridle_lift")
     members = [member(number, 0.2 if number % 2 else 4.0) for number in range(LANES)]
-    both = [Ensemble(scene, members, threads=1, abreast=abreast) for abreast in (LANES, 1)]
+    both = [Ensemble(scene, members, threads=1, max_lanes=max_lanes) for max_lanes in (LANES, 1)]
     for one in both:
         one.advance(4)
     before = both[0].lanes().given_up
@@ -229,7 +229,7 @@ def test_wakes_of_systems_in_lanes(tmp_path: Path) -> None:
     memories = [_memory_of(ensemble, number) for number in (0, 0, 2)]
     assert np.array_equal(memories[0], memories[1])
     assert not np.array_equal(memories[0], memories[2])
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     lone.advance(15)
     for number in range(LANES):
         assert np.array_equal(_memory_of(ensemble, number), _memory_of(lone, number)), number
@@ -355,7 +355,7 @@ def test_payload_contact_in_lanes(tmp_path: Path) -> None:
         heave = HeaveSeries.of(sea((0.2, 0.5, 1.0)[k % 3], 5.0 + 0.3 * k, 30.0))
         members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
     ensemble = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     assert ensemble.lanes().members == LANES
     touches = []
     for _ in range(10):

@@ -17,7 +17,7 @@ from rope_twin.core.body.state import SUBMERGED, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.core.lanes.step import DEPTH, SINKING
+from rope_twin.core.lanes.step import PAYLOAD_DEPTH, PAYLOAD_DESCENT
 from rope_twin.core.state import ELEMENTS, Floats
 from rope_twin.scene.load import Change, change_scene
 from rope_twin.scene.rope_model import build
@@ -109,7 +109,7 @@ def test_branching_effects_in_lanes(tmp_path: Path) -> None:
     members = [member(number) for number in range(LANES)]
     ensemble = Ensemble(scene, members, threads=1)
     assert ensemble.lanes().members == LANES
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     for seconds in (1, 3):
         ensemble.advance(seconds)
         lone.advance(seconds)
@@ -127,7 +127,7 @@ def test_shipped_scenes_in_lanes(name: str) -> None:
     scene = load_scene(name)
     members = [heaving(scene, number) for number in range(LANES)]
     together = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     assert together.lanes().members == LANES
     steps = round(6.0 / scene.time.step_s)
     for some in (1, steps // 4, steps - 1 - steps // 4):
@@ -151,7 +151,7 @@ def test_wakes_that_start_during_payout_in_lanes(tmp_path: Path) -> None:
     commands = (CommandSample(0, WinchCommand(SPEED, 0.5)),)
     members = [Variation(heave=heaving(scene, k).heave, commands=commands) for k in range(LANES)]
     together = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     assert together.lanes().members == LANES
     for one in (together, lone):
         one.advance(1.0)
@@ -294,7 +294,7 @@ def test_fibre_rope_below_wire_in_lanes(tmp_path: Path) -> None:
         back = CommandSample(8 * SECOND_NS, WinchCommand(SPEED, -0.6 if k % 3 == 1 else 0.0))
         members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed, back)))
     together = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     assert together.lanes().members == LANES
     for seconds in (1, 14):
         together.advance(seconds)
@@ -337,8 +337,8 @@ def _check_bodies(together: Ensemble, lone: Ensemble) -> None:
         found, expected = _body_of(together, number), _body_of(lone, number)
         pose = pose_of(found)
         depth, sinking = -pose.place(found.middle)[2], -pose.speed(found.middle)[2]
-        assert watched[-1, 1 + DEPTH] == pytest.approx(depth, rel=1e-9)
-        assert watched[-1, 1 + SINKING] == pytest.approx(sinking, rel=1e-9, abs=1e-12)
+        assert watched[-1, 1 + PAYLOAD_DEPTH] == pytest.approx(depth, rel=1e-9)
+        assert watched[-1, 1 + PAYLOAD_DESCENT] == pytest.approx(sinking, rel=1e-9, abs=1e-12)
         assert np.array_equal(found.records, expected.records), number
         assert np.array_equal(found.memory[:, :1], expected.memory[:, :1]), number
 
@@ -349,7 +349,7 @@ def test_lift_off_in_lanes() -> None:
     scene = load_scene("lift_off")
     members = [heaving(scene, number) for number in range(LANES)]
     together = Ensemble(scene, members, threads=1, watched=True)
-    lone = Ensemble(scene, members, threads=1, abreast=1, watched=True)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1, watched=True)
     assert together.lanes().members == LANES
     heights = []
     for seconds in (1, 13, 12):
@@ -396,7 +396,7 @@ def test_body_at_the_surface_and_on_the_bed_in_lanes(
     scene = change_scene(scene, (Change("ropes[0].length_m", line_out_m),))
     members = [Variation((Change("effects.waves.seed", float(k)),)) for k in range(LANES)]
     together = Ensemble(scene, members, threads=1, watched=True)
-    lone = Ensemble(scene, members, threads=1, abreast=1, watched=True)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1, watched=True)
     assert together.lanes().members == LANES
     for seconds in (1, 3):
         together.advance(seconds)

@@ -425,8 +425,8 @@ def test_members_of_two_sizes_form_two_groups(tmp_path: Path) -> None:
     reported = Ensemble(small_scene(tmp_path), members).lanes()
     assert reported.members == LANES
     assert reported.alone == {"": 2 * few}
-    with pytest.raises(InputError, match=f"{LANES + 1} ropes abreast; give 1 to {LANES}"):
-        Ensemble(small_scene(tmp_path), members, abreast=LANES + 1)
+    with pytest.raises(InputError, match=f"{LANES + 1} ropes max_lanes; give 1 to {LANES}"):
+        Ensemble(small_scene(tmp_path), members, max_lanes=LANES + 1)
 
 
 def test_a_branch_on_a_wide_number_does_not_compile() -> None:

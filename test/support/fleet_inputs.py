@@ -9,13 +9,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.lanes.step import LEAST
+from rope_twin.core.lanes.step import MIN_TENSION
 from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetInputs
 from rope_twin.twin.ensemble.live_state import LiveState, live_state
-from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.ensemble.member import sample_of
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.twin import Twin
 
@@ -74,8 +74,10 @@ def driven(
         borders.append(border(twin))
         share, _ = ramp(twin.time_ns * 1e-9, scene.ship.motion_ramp_s)
         heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
-        folds = np.array([fold_of(rope) for rope in ropes(twin)])
-        outputs.append((twin.top_pull_n, folds[:, LEAST].min(), *folds[payload_rope(scene), 1:]))
+        samples = np.array([sample_of(rope) for rope in ropes(twin)])
+        outputs.append(
+            (twin.top_pull_n, samples[:, MIN_TENSION].min(), *samples[payload_rope(scene), 1:])
+        )
         tops.append([twin.top_pull_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
     value, rate = np.array(borders).transpose(1, 2, 0, 3)
     rest_z = scene.ship.hang_off_m[2]

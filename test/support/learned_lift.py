@@ -59,7 +59,7 @@ def recorded(waves: float = 1.0) -> tuple[Floats, Floats, Floats]:
     z, v, line, speed = motion(t, waves)
     fleet = Fleet(scene(), 1, elements=40, step_s=step)
     fleet.set_figures({name: float(np.exp(theta[k])) for k, name in enumerate(ROPE_FIGURES)})
-    record = fleet.advance(FleetInputs(z, v, line, speed), look_steps=100)
+    record = fleet.advance(FleetInputs(z, v, line, speed), interval_steps=100)
     return theta, t[1:], record.top_tension_n[:, 0]
 
 

@@ -97,7 +97,7 @@ def stepped_both_ways(
 ) -> tuple[Ensemble, Ensemble]:
     """Step members in lanes and without lanes over these spans [s]; assert that they are equal."""
     ensemble = Ensemble(scene, members, threads=1)
-    lone = Ensemble(scene, members, threads=1, abreast=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
     assert ensemble.lanes().members == LANES
     for seconds in spans:
         ensemble.advance(seconds)

@@ -50,7 +50,7 @@ def nodes(fleet: Fleet, member: int) -> np.ndarray:
 
 
 def test_members_equal_a_twin(fleet: Fleet, paying: Driven) -> None:
-    """Tension of each step, folds of each look, state and solver counts, all to the bit."""
+    """Tension of each step, samples of each interval, state and solver counts, all to the bit."""
     start = fleet.state(0)
     record = fleet.advance(paying.inputs, LOOK)
     state = paying.twin.rope.state
@@ -328,11 +328,11 @@ def test_members_with_a_body_have_figures_of_their_own() -> None:
     inputs = FleetInputs(*wave, np.full(801, 16.0), np.zeros(801))
     fleet = Fleet(scene, 4, elements=6, step_s=0.0025)
     fleet.set_figures(factors)
-    found = fleet.advance(inputs, look_steps=100).top_tension_n
+    found = fleet.advance(inputs, interval_steps=100).top_tension_n
     for k in range(4):
         alone = Fleet(scene, 1, elements=6, step_s=0.0025)
         alone.set_figures({name: float(factors[name][k]) for name in kinds})
-        own = alone.advance(inputs, look_steps=100).top_tension_n[:, 0]
+        own = alone.advance(inputs, interval_steps=100).top_tension_n[:, 0]
         assert np.array_equal(own, found[:, k])
     more = found.mean(axis=0) - found[:, 0].mean()
     assert more[1] == pytest.approx(0.1 * body.W, rel=0.02)

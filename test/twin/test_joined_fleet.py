@@ -47,12 +47,12 @@ def check_equal(fleet: Fleet, record: FleetRecord, expected: Driven, first: int 
     """Assert that results and states of all members are the twin's to the bit."""
     assert not record.failures
     ends = slice(first + LOOK - 1, None, LOOK)
-    assert list(record.hung_tension_n) == list(expected.hung_n)
+    assert list(record.suspended_tension_n) == list(expected.hung_n)
     own = ropes(expected.twin)
     for k in range(len(fleet)):
         assert np.array_equal(record.top_tension_n[:, k], expected.top_n[first:])
         for name, hung_n in expected.hung_n.items():
-            assert np.array_equal(record.hung_tension_n[name][:, k], hung_n[first:])
+            assert np.array_equal(record.suspended_tension_n[name][:, k], hung_n[first:])
         least = expected.least_n[first:].reshape(-1, LOOK).min(axis=1)
         assert np.array_equal(record.least_tension_n[:, k], least)
         assert np.array_equal(record.payload_depth_m[:, k], expected.depth_m[ends])
@@ -172,7 +172,7 @@ def test_figures_of_load_and_ropes_apply_to_the_whole_system(two_lines: Scene) -
     factors = {"submerged_weight": [1.0, 1.1, 1.0], "axial_stiffness": [1.0, 1.0, 0.5]}
     fleet.set_figures(factors | {"axial_damping": 20.0})
     record = fleet.advance(still(1200, 600.0), LOOK)
-    fore, aft = (record.hung_tension_n[name][-1] for name in ("fore", "aft"))
+    fore, aft = (record.suspended_tension_n[name][-1] for name in ("fore", "aft"))
     load_n = (25000.0 - 5.0 * 1025.0) * 9.80665
     assert (fore + aft)[1] - (fore + aft)[0] == pytest.approx(0.1 * load_n, rel=0.01)
     assert fore[1] - fore[0] == pytest.approx(aft[1] - aft[0], rel=0.05)
@@ -237,7 +237,7 @@ def test_another_mesh_keeps_connections_and_tension(
         assert np.array_equal(mine.nodes[:, n], own.rope.state.nodes[:, m])
     record = fleet.advance(cut(lowered.inputs, LIVE), LOOK)
     for name, hung_n in lowered.hung_n.items():
-        away = record.hung_tension_n[name][:, 0] - hung_n[LIVE:]
+        away = record.suspended_tension_n[name][:, 0] - hung_n[LIVE:]
         spread = float(np.std(hung_n))
         assert abs(away[0]) < 0.001 * spread
         assert np.sqrt(np.mean(away**2)) < 0.01 * spread
@@ -267,7 +267,7 @@ def test_a_member_that_fails_leaves_the_others_alone(two_lines: Scene) -> None:
     fleet.restore([start, start, broken, start])
     record = fleet.advance(inputs)
     assert list(record.failures) == [2]
-    for values in (record.top_tension_n, record.least_tension_n, record.hung_tension_n["aft"]):
+    for values in (record.top_tension_n, record.least_tension_n, record.suspended_tension_n["aft"]):
         assert np.isnan(values[:, 2]).all()
     others = [0, 1, 3]
     assert np.array_equal(record.top_tension_n[:, others], whole.top_tension_n[:, others])

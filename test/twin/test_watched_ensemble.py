@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.step import DEPTH, LEAST, LOWEST, SINKING
+from rope_twin.core.lanes.step import LOWEST_TENSION, MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT
 from rope_twin.errors import InputError
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
@@ -55,16 +55,16 @@ def test_watched_steps_are_those_of_a_fleet(
         own.append(ensemble.watched(k))
     fleet = Fleet(scene, members, elements=elements, step_s=step_s)
     stacked = (np.stack(columns, axis=1) for columns in zip(*inputs, strict=True))
-    record = fleet.advance(FleetInputs(*stacked), look_steps=1)
+    record = fleet.advance(FleetInputs(*stacked), interval_steps=1)
     assert not record.failures
     for k, own in enumerate(parts):
-        top, *folds, line_out = np.concatenate(own).T
+        top, *samples, line_out = np.concatenate(own).T
         np.testing.assert_array_equal(line_out, inputs[k][2][1:])
         np.testing.assert_array_equal(top, record.top_tension_n[:, k])
-        np.testing.assert_array_equal(folds[LEAST], record.least_tension_n[:, k])
-        np.testing.assert_array_equal(folds[DEPTH], record.payload_depth_m[:, k])
-        np.testing.assert_array_equal(folds[SINKING], record.payload_speed_m_per_s[:, k])
-        np.testing.assert_array_equal(folds[LOWEST], record.payload_tension_n[:, k])
+        np.testing.assert_array_equal(samples[MIN_TENSION], record.least_tension_n[:, k])
+        np.testing.assert_array_equal(samples[PAYLOAD_DEPTH], record.payload_depth_m[:, k])
+        np.testing.assert_array_equal(samples[PAYLOAD_DESCENT], record.payload_speed_m_per_s[:, k])
+        np.testing.assert_array_equal(samples[LOWEST_TENSION], record.payload_tension_n[:, k])
         share = float((record.least_tension_n[:, k] <= 0.0).mean())
         assert ensemble.figures()[k].slack_share == pytest.approx(share, abs=1e-12)
     slackest = max(one.slack_share for one in ensemble.figures())

@@ -184,7 +184,7 @@ class _Group:
         some = slice(begin, end + 1)
         line = self._line[some]
         inputs = FleetInputs(self._heave[some], self._rate[some], line[:, 0], line[:, 1])
-        record = self.fleet.advance(inputs, look_steps=end - begin)
+        record = self.fleet.advance(inputs, interval_steps=end - begin)
         assert not record.failures, record.failures
         return record.top_tension_n
 

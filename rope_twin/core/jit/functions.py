@@ -41,7 +41,7 @@ from numba.core.typing.templates import signature
 from numba.extending import intrinsic, overload
 
 from rope_twin.core.jit.decorators import INLINED, LINKED, jit_entry, jit_exact_within, jit_within
-from rope_twin.core.jit.rows import unheld
+from rope_twin.core.jit.rows import struct_type
 from rope_twin.core.jit.wide import (
     LANES,
     REGISTER,
@@ -283,7 +283,7 @@ def by_type(kind: type, yes: Any, no: Any, options: dict[str, Any] = LINKED) -> 
 
     @overload(call, jit_options=options, strict=False)
     def choose(first: Any, *rest: Any) -> Any:
-        return yes if getattr(unheld(first), "instance_class", None) is kind else no
+        return yes if getattr(struct_type(first), "instance_class", None) is kind else no
 
     return call
 

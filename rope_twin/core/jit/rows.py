@@ -9,12 +9,12 @@ than the 64 nodes of a chunk.
 
 Rows are not bounds-checked and accept no negative index. In plain Python they are numpy views.
 
-**Held structs.** In machine code a struct is passed between kernels as one word per scalar and ten
-per array: a hundred words for a rope, two hundred for a system, which every call copies.
-`hold(struct)` stores it on the stack and passes one pointer; a field is loaded where it is used. It
-is valid within the kernel that holds it, and its fields are read-only (the contents of its arrays
-are not). Loops over nodes take arrays and not held structs, since the compiler must assume that
-memory behind a pointer may change.
+**Structs by reference.** In machine code a struct is passed between kernels as one word per scalar
+and ten per array: a hundred words for a rope, two hundred for a system, which every call copies.
+`by_reference(struct)` stores it on the stack and passes one pointer; a field is loaded where it is
+used. It is valid within the kernel that made it, and its fields are read-only (the contents of its
+arrays are not). Loops over nodes take arrays and not such structs, since the compiler must assume
+that memory behind a pointer may change.
 
 **Pairs**: two doubles in a SIMD register, for loops that LLVM cannot vectorise. `pair(a, b)` makes
 one, `+ - *` and `scalar / pair` work lane by lane, `lane(p, 0)` extracts one, `gather(row, i, j)`
@@ -251,83 +251,83 @@ def column(work: Any, first: int, i: int) -> Any:
 _NAMED = (types.NamedTuple, types.NamedUniTuple)
 
 
-class HeldType(types.Type):  # type: ignore[misc]
+class ReferenceType(types.Type):  # type: ignore[misc]
     """numba type of a struct that is passed by reference."""
 
     def __init__(self, inner: Any) -> None:
-        super().__init__(name=f"Held({inner})")
+        super().__init__(name=f"Reference({inner})")
         self.inner = inner
 
     def field(self, name: str) -> tuple[int, Any]:
-        """Return number and type of a field; nested structs are held too."""
+        """Return number and type of a field; nested structs are references too."""
         number = self.inner.fields.index(name)
         kind = list(self.inner)[number]
-        return number, HeldType(kind) if isinstance(kind, _NAMED) else kind
+        return number, ReferenceType(kind) if isinstance(kind, _NAMED) else kind
 
 
-def unheld(kind: Any) -> Any:
-    """Return the numba type of a struct, also of a held one."""
-    return kind.inner if isinstance(kind, HeldType) else kind
+def struct_type(kind: Any) -> Any:
+    """Return the numba type of a struct, also of a reference to one."""
+    return kind.inner if isinstance(kind, ReferenceType) else kind
 
 
 def field_type(kind: Any, name: str) -> Any:
     """Return the numba type of a struct's field."""
-    inner = unheld(kind)
+    inner = struct_type(kind)
     return inner.types[inner.fields.index(name)]
 
 
-@register_model(HeldType)
-class _HeldModel(models.PrimitiveModel):  # type: ignore[misc]
+@register_model(ReferenceType)
+class _ReferenceModel(models.PrimitiveModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
         super().__init__(manager, kind, manager.lookup(kind.inner).get_value_type().as_pointer())
 
 
 @infer_getattr
 class _Fields(AttributeTemplate):  # type: ignore[misc]
-    key = HeldType
+    key = ReferenceType
 
     def generic_resolve(self, held: Any, name: str) -> Any:
         return held.field(name)[1] if name in held.inner.fields else None
 
 
-@lower_getattr_generic(HeldType)
+@lower_getattr_generic(ReferenceType)
 def _read(context: Any, builder: Any, kind: Any, address: Any, name: str) -> Any:
     number, field = kind.field(name)
     index = [ir.Constant(ir.IntType(32), k) for k in (0, number)]
     place = builder.gep(address, index, inbounds=True)
-    return place if isinstance(field, HeldType) else builder.load(place)
+    return place if isinstance(field, ReferenceType) else builder.load(place)
 
 
-def _held(struct: Any) -> Any:
+def _make_reference(struct: Any) -> Any:
     """Return typing and code generator of a struct stored on the stack."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         return cgutils.alloca_once_value(builder, arguments[0])
 
-    return HeldType(struct)(struct), generate
+    return ReferenceType(struct)(struct), generate
 
 
 @intrinsic
-def _hold(context: Any, struct: Any) -> Any:
-    return _held(struct)
+def _reference(context: Any, struct: Any) -> Any:
+    return _make_reference(struct)
 
 
 @intrinsic
-def hold_system(context: Any, system: Any) -> Any:
+def system_by_reference(context: Any, system: Any) -> Any:
     """Return a reference to a system of ropes, but a single rope by value; for SIMD lanes."""
     if system.instance_class is Rope:
         return system(system), lambda context, builder, sig, arguments: arguments[0]
-    return _held(system)
+    return _make_reference(system)
 
 
 if config.DISABLE_JIT:
 
-    def hold(struct: Any) -> Any:
+    def by_reference(struct: Any) -> Any:
         """Return the struct itself."""
         return struct
 
 else:
-    hold = _hold
+    by_reference = _reference
 
 
 _FLAGS = ("contract", "nsz")

@@ -34,9 +34,9 @@ from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.hooks import calls_of, has_active_set, kernel
 from rope_twin.core.state import BLOCK, DIVISOR_MIN, ELEMENTS, POSITION, RESIDUAL, VELOCITY, Floats
 
-BUNCH = 8  # elements per group, for a broad phase with bounding boxes
+GROUP_ELEMENTS = 8  # elements per group, for a broad phase with bounding boxes
 BEGIN_S = 1e-9  # time from which on contact is active; static solutions are before
-CREEP = 0.01  # v_0 [m/s]
+FRICTION_SPEED = 0.01  # v_0 [m/s]
 PARALLEL = 1e-9  # sine² of the angle below which two elements are parallel
 
 
@@ -50,7 +50,7 @@ class LineContact(NamedTuple):
 
 
 @jit_within
-def less(a: Any, b: Any) -> Any:
+def difference(a: Any, b: Any) -> Any:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
@@ -64,8 +64,11 @@ def _interpolated(a: Any, b: Any, t: float) -> Any:
 def _closest(nodes_a: Any, i: int, nodes_b: Any, j: int) -> Any:
     """Return the fractions s, t of the closest points of two elements, and the vector between."""
     a, b = column(nodes_a, POSITION, i), column(nodes_b, POSITION, j)
-    u, w = less(column(nodes_a, POSITION, i + 1), a), less(column(nodes_b, POSITION, j + 1), b)
-    r = less(a, b)
+    u, w = (
+        difference(column(nodes_a, POSITION, i + 1), a),
+        difference(column(nodes_b, POSITION, j + 1), b),
+    )
+    r = difference(a, b)
     uu, ww, uw = dot(u, u) + DIVISOR_MIN, dot(w, w) + DIVISOR_MIN, dot(u, w)
     ur, wr = dot(u, r), dot(w, r)
     square = uu * ww - uw * uw
@@ -107,7 +110,7 @@ def _is_nearest(contact: Any, pair: Any, s: float, t: float, gap: Any, last: Any
             other_point = _interpolated(
                 column(nodes_a, POSITION, e), column(nodes_a, POSITION, e + 1), u
             )
-            offset, other_distance2 = less(other_point, point), dot(other_gap, other_gap)
+            offset, other_distance2 = difference(other_point, point), dot(other_gap, other_gap)
             precedes = e < i or (e == i and f < j)
             if dot(offset, offset) < 4.0 * contact.reach * contact.reach and (
                 other_distance2 < distance2
@@ -136,7 +139,13 @@ def press(contact: Any, penetration: Any, n: Any, v: Any) -> Any:
     gain = max(1.0 - contact.chi * speed, 0.0)
     N = contact.k * penetration * gain
     sliding = (v[0] - speed * n[0], v[1] - speed * n[1], v[2] - speed * n[2])
-    return N, gain, speed, sliding, contact.mu * N / sqrt(dot(sliding, sliding) + CREEP * CREEP)
+    return (
+        N,
+        gain,
+        speed,
+        sliding,
+        contact.mu * N / sqrt(dot(sliding, sliding) + FRICTION_SPEED * FRICTION_SPEED),
+    )
 
 
 @jit_within
@@ -152,7 +161,7 @@ def contact_block(across: Any, along: Any, n: Any) -> Any:
 def _relative(nodes_a: Any, i: int, s: float, nodes_b: Any, j: int, t: float) -> Any:
     """Return the velocity of P relative to Q."""
     velocity = _interpolated(column(nodes_a, VELOCITY, i), column(nodes_a, VELOCITY, i + 1), s)
-    return less(
+    return difference(
         velocity, _interpolated(column(nodes_b, VELOCITY, j), column(nodes_b, VELOCITY, j + 1), t)
     )
 
@@ -221,11 +230,11 @@ def _add_between_ropes(contact: Any, works: Any, starts: Any, counts: Any, stage
     """Add the forces between two ropes; counts: their elements."""
     (work_a, work_b), (n, m), reach = works, counts, contact.reach
     last = (n - 2, m - 2)
-    for low in range(1, n - 1, BUNCH):
-        high = min(low + BUNCH, n - 1)
+    for low in range(1, n - 1, GROUP_ELEMENTS):
+        high = min(low + GROUP_ELEMENTS, n - 1)
         box_a = _bounding_box(work_a, starts[0], low, high)
-        for under in range(1, m - 1, BUNCH):
-            over = min(under + BUNCH, m - 1)
+        for under in range(1, m - 1, GROUP_ELEMENTS):
+            over = min(under + GROUP_ELEMENTS, m - 1)
             if _are_apart(box_a, _bounding_box(work_b, starts[1], under, over), reach):
                 continue
             for i in range(low, high):
@@ -276,8 +285,10 @@ def _measure(contact: Any, nodes: Any, counts: Any, result: Any) -> None:
             for i in range(1, n - 1):
                 element_box, far = _bounding_box(nodes_a, nodes_a, i, i + 1), False
                 for j in range(1, m - 1):
-                    if (j - 1) % BUNCH == 0:
-                        bunch_box = _bounding_box(nodes_b, nodes_b, j, min(j + BUNCH, m - 1))
+                    if (j - 1) % GROUP_ELEMENTS == 0:
+                        bunch_box = _bounding_box(
+                            nodes_b, nodes_b, j, min(j + GROUP_ELEMENTS, m - 1)
+                        )
                         far = _are_apart(element_box, bunch_box, contact.reach)
                     if far or _are_apart(
                         element_box, _bounding_box(nodes_b, nodes_b, j, j + 1), contact.reach

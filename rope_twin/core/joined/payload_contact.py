@@ -20,7 +20,14 @@ from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
-from rope_twin.core.joined.line_contact import Touch, contact_block, less, measured, press, side_of
+from rope_twin.core.joined.line_contact import (
+    Touch,
+    contact_block,
+    difference,
+    measured,
+    press,
+    side_of,
+)
 from rope_twin.core.loads.hooks import has_active_set, kernel
 from rope_twin.core.state import POSITION, RESIDUAL, VELOCITY, Floats, Ints
 
@@ -39,8 +46,8 @@ class PayloadContact(NamedTuple):
 def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
     """Return the direction n from body b to body a, and e."""
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
-    gap = less(column(motion, POSITION, i), column(motion, POSITION, j))
-    before = less(column(start, POSITION, i), column(start, POSITION, j))
+    gap = difference(column(motion, POSITION, i), column(motion, POSITION, j))
+    before = difference(column(start, POSITION, i), column(start, POSITION, j))
     n, distance = side_of(gap, before)
     return n, contact.radii[a] + contact.radii[b] - distance
 
@@ -52,7 +59,7 @@ def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
     if not anywhere(penetration > 0.0):
         return
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
-    v = less(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
+    v = difference(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
     N, gain, _, sliding, friction = press(contact, penetration, n, v)
     presses = N > 0.0
     if not anywhere(presses):
@@ -89,7 +96,7 @@ def _measure(contact: Any, nodes: Any, result: Any) -> None:
             if deep <= 0.0:
                 continue
             i, j = contact.joints[a], contact.joints[b]
-            v = less(column(nodes, VELOCITY, i), column(nodes, VELOCITY, j))
+            v = difference(column(nodes, VELOCITY, i), column(nodes, VELOCITY, j))
             N, _, out, slid, rub = press(contact, deep, n, v)
             result[0] += 0.5 * contact.k * deep * deep
             result[1] += (contact.k * deep - N) * out

@@ -31,13 +31,13 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.stack import (
-    CREEP,
     FLOW_COLUMN,
     FRICTION,
     FROM,
     INTO,
     NOWHERE,
     POINT,
+    SHEAVE_FRICTION_SPEED,
     SHEAVE_MASS,
     SHEAVE_WEIGHT,
     WHEEL,
@@ -153,10 +153,10 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
     # F = F'·exp(x) is F - F' = tanh(x/2)·(F + F'), for either sense of the flow
     wrap = acos(max(-1.0, min(1.0, -dot(t, u))))
     grip = mean * tanh(0.5 * figures[FRICTION, k] * wrap) * max(pull + pull_b, 0.0)
-    creep = tanh(V / CREEP)
+    creep = tanh(V / SHEAVE_FRICTION_SPEED)
     joints.work[RESIDUAL, f] += mean * (pull - pull_b) - grip * creep
     joints.work[RESIDUAL, f] -= figures[WHEEL, k] * joints.work[ACCELERATION, f]
-    joints.matrix[3 * f, 3 * f] += q * grip * (1.0 - creep * creep) / CREEP
+    joints.matrix[3 * f, 3 * f] += q * grip * (1.0 - creep * creep) / SHEAVE_FRICTION_SPEED
     _add_end_to_flow(sheaves, joints.matrix, a, six(work, BLOCK, n))
     _add_end_to_flow(sheaves, joints.matrix, b, six(second, BLOCK, m))
 

@@ -22,7 +22,7 @@ from numba.extending import overload
 
 from rope_twin.core.jit.decorators import INLINED, LINKED, jit
 from rope_twin.core.jit.functions import by_type, lanes_only
-from rope_twin.core.jit.rows import field_type, unheld
+from rope_twin.core.jit.rows import field_type, struct_type
 from rope_twin.core.jit.wide import table, tiles, wide
 from rope_twin.core.loads.hooks import (
     FIELDS_BY_ROPE,
@@ -368,7 +368,7 @@ def _at(data: Any, r: Any) -> Any:
     if isinstance(data, types.NoneType):
         return lambda data, r: None
     scope: dict[str, Any] = {"wide": wide, "table": table}
-    text = struct_text(unheld(data), "data", scope, _widened)
+    text = struct_text(struct_type(data), "data", scope, _widened)
     return generated("data, r", [f"return {text}"], {}, **scope)
 
 
@@ -394,7 +394,7 @@ def wide_rope_of(stack: Any, r: int) -> Any:
 
 def _in_lanes(stack: Any) -> bool:
     """Return whether a numba type of stack is that of lanes."""
-    return unheld(stack).instance_class is LaneStack
+    return struct_type(stack).instance_class is LaneStack
 
 
 # Rope r of a stack, or of all lanes.
@@ -470,7 +470,7 @@ SHEAVE_MASS, SHEAVE_WEIGHT = 4, 5  # [kg], in water [N]
 WHEEL = 6  # inertia of the turning wheel over its radius squared [kg]
 FRICTION = 7  # of the rope on the wheel: F/F' = exp(FRICTION·angle of wrap)
 SHEAVE_ROWS = 8
-CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
+SHEAVE_FRICTION_SPEED = 0.01  # m/s: speed at which friction is 76 % of its limit
 
 
 class Sheaves(NamedTuple):

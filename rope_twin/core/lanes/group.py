@@ -23,7 +23,7 @@ from rope_twin.core.lanes.effects import (
     put_each,
     put_wide,
 )
-from rope_twin.core.lanes.step import FOLDS, LEAST, TALLIES, Run, advance_lanes_steps
+from rope_twin.core.lanes.step import MIN_TENSION, SAMPLE_COLUMNS, TALLIES, Run, advance_lanes_steps
 from rope_twin.core.loads import hooks
 from rope_twin.core.loads.memory import carried_arrays, count_initialised, variable_count
 from rope_twin.core.payout import TRIALS
@@ -217,13 +217,13 @@ class Lanes(ABC):
     def __init__(self, effects: tuple[Any, ...], lead: tuple[int, ...], sizes: Any) -> None:
         """Allocate tables of motion and results.
 
-        effects: layouts; lead: axes before those of a rope; sizes: steps, and rows of `folds`.
+        effects: layouts; lead: axes before those of a rope; sizes: steps, and rows of `samples`.
         """
-        self.steps, looks = sizes
+        self.steps, intervals = sizes
         border = (*lead, self.steps + 1, MOTIONS, LANES)
         self.boundary = Boundary(aligned(*border), aligned(*border))
         self.pulls = aligned(*lead, self.steps, PULL_COLUMNS, LANES)
-        self.folds = aligned(*lead, looks, FOLDS, LANES)
+        self.samples = aligned(*lead, intervals, SAMPLE_COLUMNS, LANES)
         self._tally = aligned(TALLIES, LANES)
         self._lowest: Ints = np.zeros((*lead, LANES), np.int64)
         self._late = 0  # lanes whose internal variables must be interpolated, as bits
@@ -249,15 +249,15 @@ class Lanes(ABC):
                 table[..., : values.shape[-2], :, lane] = values
 
     def load(self, members: Sequence[Any]) -> None:
-        """Copy in members of the group's kind, and clear counters and folds."""
+        """Copy in members of the group's kind, and clear counters and samples."""
         self._clear()
         for lane in range(LANES):
             self._put(lane, members[lane if lane < len(members) else 0])
 
     def _clear(self) -> None:
         self._tally[:] = 0.0
-        self.folds[:] = 0.0
-        self.folds[..., LEAST, :] = np.inf
+        self.samples[:] = 0.0
+        self.samples[..., MIN_TENSION, :] = np.inf
 
     def late(self, steps: int) -> int:
         """Return the lanes that take the step after `steps` in the single-rope solver, as bits.
@@ -280,12 +280,12 @@ class Lanes(ABC):
 class Group(Lanes):
     """Batch of up to LANES ropes of one kind."""
 
-    def __init__(self, kind: Kind, steps: int, looks: int = 0) -> None:
+    def __init__(self, kind: Kind, steps: int, intervals: int = 0) -> None:
         """Allocate arrays for ropes of this kind and for this many steps.
 
-        looks: rows of `folds`, the result of a fleet, which replaces slack samples; 0 for none.
+        intervals: rows of `samples`, the result of a fleet in place of slack samples; 0 for none.
         """
-        super().__init__(kind.effects, (), (steps, looks))
+        super().__init__(kind.effects, (), (steps, intervals))
         self.kind = kind
         columns = kind.elements + 1 + TRIALS
         figures: Any = {name: aligned(LANES) for name in OWN_FIGURES}
@@ -311,7 +311,7 @@ class Group(Lanes):
             self._place[:] = kind.place
 
     def begin_stacked(self, ropes: Rope, of: Ints) -> None:
-        """Copy in the ropes `of` of a stack, all of the group's plain kind, and clear the folds.
+        """Copy in the ropes `of` of a stack, all of the group's plain kind, and clear the samples.
 
         ropes: arrays of state and sections, and the fields of its effects that differ from rope to
         rope, have all ropes of the stack as their first axis. Unused lanes get a copy of the first.
@@ -398,7 +398,7 @@ class Group(Lanes):
         """
         known = self._place, self._lowest, self._tally
         rope = self._rope
-        tables = self.boundary, self.pulls, self.folds, run
+        tables = self.boundary, self.pulls, self.samples, run
         return advance_batch(rope.effects, rope.law, rope, self._each, known, *tables)
 
     def tension(self, lane: int) -> Floats:

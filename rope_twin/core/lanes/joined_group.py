@@ -187,14 +187,14 @@ def _part(data: Any, r: int) -> Any:
 class JoinedGroup(Lanes):
     """Batch of up to LANES systems of one kind, with space for as many nodes as each has."""
 
-    def __init__(self, system: System, kind: JoinedKind, steps: int, looks: int = 0) -> None:
+    def __init__(self, system: System, kind: JoinedKind, steps: int, intervals: int = 0) -> None:
         """Allocate arrays for systems of this kind, as this one, and for this many steps.
 
-        looks: rows of each rope's `folds`, the result of a fleet, which replaces slack samples; 0
+        intervals: rows of each rope's `samples`, the result of a fleet in place of slack samples; 0
         for none.
         """
         count, first = len(kind.ropes), kind.ropes[0]
-        super().__init__(first.effects, (count,), (steps, looks))
+        super().__init__(first.effects, (count,), (steps, intervals))
         self.kind = kind.layout
         columns = system.stack.s.shape[1]
         sections = aligned(count, SECTION_ROWS, max(rope.sections for rope in kind.ropes), LANES)
@@ -250,7 +250,7 @@ class JoinedGroup(Lanes):
         return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
 
     def load(self, members: Sequence[System], used: Collection[int] = range(LANES)) -> None:
-        """Copy in systems of the group's kind, and clear counters and folds.
+        """Copy in systems of the group's kind, and clear counters and samples.
 
         For a system that its lane already holds, and in unused lanes, only the state is copied.
         """
@@ -334,7 +334,7 @@ class JoinedGroup(Lanes):
         """
         lane_stack, known = self._stack, (self._place, self._lowest, self._tally)
         joined = Joined(lane_stack, self._joints, self._sheaves)
-        tables = self.boundary, self.pulls, self.folds, run
+        tables = self.boundary, self.pulls, self.samples, run
         return advance_batch(lane_stack.effects, lane_stack.law, joined, self._each, known, *tables)
 
 

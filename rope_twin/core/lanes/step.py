@@ -18,7 +18,7 @@ from rope_twin.core.elements import set_element, set_top_of
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct, step_start
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import flush, restore
-from rope_twin.core.jit.rows import hold_system, node_rows, row
+from rope_twin.core.jit.rows import node_rows, row, system_by_reference
 from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of, table, whole
 from rope_twin.core.joined.sheaves import is_at_sheave, set_border
 from rope_twin.core.joined.stack import POINT
@@ -74,10 +74,10 @@ from rope_twin.core.state import (
     LaneStage,
 )
 
-SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
-# Columns of `folds`, one row per look: least element tension over the look [N]; at its end the
+SOLVES_DONE, MAX_SOLVES, STEPS_DONE, SLACK_SAMPLES, TALLIES = range(5)  # rows of a lane's counters
+# Columns of `samples`, one row per interval: minimum tension of an element over it [N]; at its end
 # depth of the payload's middle [m], its speed downward [m/s] and the lowest element's tension [N]
-LEAST, DEPTH, SINKING, LOWEST, FOLDS = range(5)
+MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION, SAMPLE_COLUMNS = range(5)
 
 
 class Run(NamedTuple):
@@ -88,7 +88,7 @@ class Run(NamedTuple):
     steps: int  # number of steps of the batch
     wanted: int  # active lanes, as bits
     before: int  # steps since the start of the run, at the start of the batch
-    look: int  # interval of slack detection, in steps
+    interval: int  # interval of slack detection, in steps
     late: int  # lanes that take the next step by themselves, as bits
 
 
@@ -214,7 +214,7 @@ def _slack(system: Any) -> Any:
 
 
 @jit
-def _fold_rope(rope: Any, folds: Any, look: int, mask: Any) -> None:
+def _sample_rope(rope: Any, samples: Any, interval: int, mask: Any) -> None:
     """Reduce a step's result into the row of its sample, in the lanes of `mask`."""
     tension, nodes = row(rope.work, TENSION, 0), rope.state.nodes
     minimum = tension[0]
@@ -223,22 +223,24 @@ def _fold_rope(rope: Any, folds: Any, look: int, mask: Any) -> None:
     _, _, z = node_rows(nodes, POSITION, 0)
     _, _, vz = node_rows(nodes, VELOCITY, 0)
     height, speed = payload_middle(rope.effects, z[0], vz[0])
-    folds[look, LEAST] = choose(mask, min(folds[look, LEAST], minimum), folds[look, LEAST])
-    folds[look, DEPTH] = choose(mask, -height, folds[look, DEPTH])
-    folds[look, SINKING] = choose(mask, -speed, folds[look, SINKING])
-    folds[look, LOWEST] = choose(mask, tension[0], folds[look, LOWEST])
+    samples[interval, MIN_TENSION] = choose(
+        mask, min(samples[interval, MIN_TENSION], minimum), samples[interval, MIN_TENSION]
+    )
+    samples[interval, PAYLOAD_DEPTH] = choose(mask, -height, samples[interval, PAYLOAD_DEPTH])
+    samples[interval, PAYLOAD_DESCENT] = choose(mask, -speed, samples[interval, PAYLOAD_DESCENT])
+    samples[interval, LOWEST_TENSION] = choose(mask, tension[0], samples[interval, LOWEST_TENSION])
 
 
 @jit_entry
 def advance_lanes_steps(
-    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
+    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, sample: Any, run: Any
 ) -> int:
     """Compiled implementation of `Group.advance`.
 
     known: section of each element; each lane's lowest length correction, and counters.
     """
     mode = flush()
-    done = _advance(arrays, each, known, boundary, pull, fold, run)
+    done = _advance(arrays, each, known, boundary, pull, sample, run)
     restore(mode)
     return int(done)
 
@@ -397,17 +399,17 @@ def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, contex
 
 
 @jit
-def _fold(system: Any, folds: Any, look: int, kept: Any) -> None:
+def _sample(system: Any, samples: Any, interval: int, kept: Any) -> None:
     """Reduce a step's result into the row of its sample, for each rope."""
     for r in range(count_ropes(system)):
-        _fold_rope(rope_at(system, r), table(part_of(system, folds, r)[0]), look, kept)
+        _sample_rope(rope_at(system, r), table(part_of(system, samples, r)[0]), interval, kept)
 
 
 @jit
 def _advance(
-    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, fold: Any, run: Any
+    arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, sample: Any, run: Any
 ) -> int:
-    system = hold_system(wide_system(arrays))
+    system = system_by_reference(wide_system(arrays))
     sections, lowest, tally = known
     tallies = table(tally)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, step_of(system)
@@ -438,13 +440,18 @@ def _advance(
             system, arrays, (sections, lowest), (boundary, pull), step, (start + h, accepted, each)
         )
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
-        tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, solves_max, 0.0))
+        tallies[MAX_SOLVES] = max(tallies[MAX_SOLVES], choose(mask, solves_max, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
-        if fold.size > 0:  # a fleet samples every step, an ensemble at intervals
-            _fold(system, fold, (run.before + step) // run.look - run.before // run.look, mask)
-        elif (run.before + step + 1) % run.look == 0:
+        if sample.size > 0:  # a fleet samples every step, an ensemble at intervals
+            _sample(
+                system,
+                sample,
+                (run.before + step) // run.interval - run.before // run.interval,
+                mask,
+            )
+        elif (run.before + step + 1) % run.interval == 0:
             slack = mask_of(_slack(system) & accepted)
-            tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)
+            tallies[SLACK_SAMPLES] = tallies[SLACK_SAMPLES] + choose(slack, 1.0, 0.0)
         if accepted != wanted:
             return int((step + 1) * (ALL + 1) + (wanted - accepted))
     return int(steps * (ALL + 1))

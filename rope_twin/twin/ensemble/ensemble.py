@@ -27,7 +27,7 @@ import numpy as np
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.joined_group import JoinedKind
-from rope_twin.core.lanes.step import FOLDS, LEAST, Run
+from rope_twin.core.lanes.step import MIN_TENSION, SAMPLE_COLUMNS, Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import change_scene
@@ -118,7 +118,7 @@ class Ensemble:
         variations: Sequence[Variation],
         look_s: float = SAMPLING_S,
         threads: int | None = None,
-        abreast: int = LANES,
+        max_lanes: int = LANES,
         watched: bool = False,
         monitors: Monitors = NO_MONITORS,
     ) -> None:
@@ -129,7 +129,7 @@ class Ensemble:
             variations: one for each member.
             look_s: interval at which each rope is checked for slack [s].
             threads: number of parallel threads; None: as many as there are cores.
-            abreast: maximum number of ropes in one SIMD step; 1: all step alone.
+            max_lanes: maximum number of ropes in one SIMD step; 1: all step alone.
             watched: record every step of each rope (`watched`), and check it for slack.
             monitors: of the members that have a twin of their own (`twin_of`).
 
@@ -142,16 +142,16 @@ class Ensemble:
         """
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
-        self._look_steps = 1 if watched else whole_steps("look_s", look_s, self.step_s)
+        self._interval_steps = 1 if watched else whole_steps("look_s", look_s, self.step_s)
         self._watched = watched
         self.threads = cores() if threads is None else threads
-        if not 1 <= abreast <= LANES:
-            raise InputError("ensemble", f"{abreast} ropes abreast", f"give 1 to {LANES}")
+        if not 1 <= max_lanes <= LANES:
+            raise InputError("ensemble", f"{max_lanes} ropes max_lanes", f"give 1 to {LANES}")
         if self.threads < 1 or not variations:
             problem = f"{self.threads} threads, {len(variations)} members"
             raise InputError("ensemble", problem, "give at least one of each")
         self.scene = scene
-        self.abreast = abreast
+        self.max_lanes = max_lanes
         self.steps = 0
         self._interrupted = False
         self._thread_scratch: _ThreadScratch | None = None
@@ -211,7 +211,7 @@ class Ensemble:
             def advance_members(
                 group: list[SteppedMember], batch: int = batch, local: _ThreadScratch = local
             ) -> None:
-                advance_group(group, batch, self._look_steps, local.scratch)
+                advance_group(group, batch, self._interval_steps, local.scratch)
 
             self._on_threads(advance_members, self._groups())
             self.steps += batch
@@ -225,7 +225,7 @@ class Ensemble:
             for member in self._members
             if not isinstance(member, UnstartedMember) and not member.failure
         ]
-        return sort_into_groups(running, self.abreast if len(self) >= MIN_MEMBERS else 1)
+        return sort_into_groups(running, self.max_lanes if len(self) >= MIN_MEMBERS else 1)
 
     def make_ready(self) -> None:
         """Compile the kernels of the first batch, so that it takes no longer than the next."""
@@ -261,8 +261,8 @@ class Ensemble:
     def watched(self, number: int) -> Floats:
         """Return the recorded steps of a member since the last call, (steps, WATCHED).
 
-        Columns are the top tension [N], the sampled values (`fold_of`), and the line out [m]. There
-        are fewer rows than steps if the member failed, none without `watched`.
+        Columns are the top tension [N], the sampled values (`sample_of`), and the line out [m].
+        There are fewer rows than steps if the member failed, none without `watched`.
         """
         member = self._members[number]
         parts = member.watched if isinstance(member, Member) else []
@@ -345,16 +345,16 @@ def _new_member(
 
 
 def sort_into_groups(
-    members: Iterable[SteppedMember], abreast: int = LANES
+    members: Iterable[SteppedMember], max_lanes: int = LANES
 ) -> list[list[SteppedMember]]:
-    """Return groups of at most `abreast` members of one kind; members of small groups are alone."""
+    """Return groups of at most `max_lanes` members of a kind; those of small groups are alone."""
     kinds: dict[Kind | JoinedKind | None, list[SteppedMember]] = {}
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
     groups = []
     for kind, same_kind in kinds.items():
-        for first in range(0, len(same_kind), abreast):
-            group = same_kind[first : first + abreast]
+        for first in range(0, len(same_kind), max_lanes):
+            group = same_kind[first : first + max_lanes]
             in_lanes = kind is not None and len(group) >= MIN_GROUP
             groups += [group] if in_lanes else [[member] for member in group]
     return groups
@@ -371,7 +371,7 @@ def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
 
 
 def advance_group(
-    members: Sequence[SteppedMember], steps: int, look_steps: int, scratch: Scratch
+    members: Sequence[SteppedMember], steps: int, interval_steps: int, scratch: Scratch
 ) -> None:
     """Advance the members of a group by a batch of steps.
 
@@ -379,11 +379,11 @@ def advance_group(
     continue as a group of their own.
     """
     if len(members) == 1:
-        members[0].advance(steps, look_steps, scratch)
+        members[0].advance(steps, interval_steps, scratch)
         return
     twin_members = [member for member in members if isinstance(member, TwinMember)]
     if twin_members:
-        _advance_joined(twin_members, steps, look_steps, scratch)
+        _advance_joined(twin_members, steps, interval_steps, scratch)
         return
     waiting = [
         _Progress(member, member.open_batch(steps, scratch), 0)
@@ -394,15 +394,15 @@ def advance_group(
         same_kind = [progress for progress in waiting if progress.can_join(waiting[0])]
         waiting = [progress for progress in waiting if not progress.can_join(waiting[0])]
         if same_kind[0].member.kind() is not None and len(same_kind) >= MIN_GROUP:
-            waiting += _LaneBatch(same_kind, look_steps, scratch).run()
+            waiting += _LaneBatch(same_kind, interval_steps, scratch).run()
         else:
             for member, batch, done in same_kind:
                 member.given_up += steps - done
-                member.go_on(batch, done, look_steps, scratch)
+                member.go_on(batch, done, interval_steps, scratch)
 
 
 def _advance_joined(
-    members: Sequence[TwinMember], steps: int, look_steps: int, scratch: Scratch
+    members: Sequence[TwinMember], steps: int, interval_steps: int, scratch: Scratch
 ) -> None:
     """Advance multi-line members to the end of a batch.
 
@@ -423,11 +423,11 @@ def _advance_joined(
             same_kind = [member for member in group if isinstance(member, TwinMember)]
             kind = same_kind[0].kind()
             if len(same_kind) > 1 and isinstance(kind, JoinedKind):
-                JoinedBatch(same_kind, kind, scratch).run(count, look_steps)
+                JoinedBatch(same_kind, kind, scratch).run(count, interval_steps)
                 continue
             for member in same_kind:
                 member.given_up += count
-                member.go_on(count, look_steps)
+                member.go_on(count, interval_steps)
 
 
 class _Progress(NamedTuple):
@@ -445,10 +445,12 @@ class _Progress(NamedTuple):
 class _LaneBatch:
     """Remaining steps of a batch, in SIMD lanes, of members of one kind with equal progress."""
 
-    def __init__(self, progress: Sequence[_Progress], look_steps: int, scratch: Scratch) -> None:
+    def __init__(
+        self, progress: Sequence[_Progress], interval_steps: int, scratch: Scratch
+    ) -> None:
         kind = progress[0].member.kind()
         assert kind is not None
-        self._look_steps, self._scratch = look_steps, scratch
+        self._interval_steps, self._scratch = interval_steps, scratch
         self._first, self._steps = progress[0].done, len(progress[0].batch.pulls)
         self._before = progress[0].member.steps - self._first
         self._time = self._before * round(kind.step * 1e9) * 1e-9
@@ -469,7 +471,9 @@ class _LaneBatch:
         while self._members and done < self._steps:
             wanted = sum(1 << lane for lane in self._members)
             late = self._group.late(self._before + done)
-            run = Run(self._time, done, self._steps, wanted, self._before, self._look_steps, late)
+            run = Run(
+                self._time, done, self._steps, wanted, self._before, self._interval_steps, late
+            )
             done, undone_lanes = self._group.advance(run)
             for lane in undone_lanes:
                 self._step_alone(lane, done)
@@ -485,17 +489,17 @@ class _LaneBatch:
         member.steps = self._before + done - 1
         boundary = Boundary(*(table[done - 1 : done + 1] for table in batch.boundary))
         alone = self._alone[lane]
-        folds = None if batch.folds is None else np.zeros((1, FOLDS))
-        single_step = Batch(boundary, np.zeros((1, PULL_COLUMNS)), folds)
-        member.step(single_step, 0, 1, self._look_steps, work)
+        samples = None if batch.samples is None else np.zeros((1, SAMPLE_COLUMNS))
+        single_step = Batch(boundary, np.zeros((1, PULL_COLUMNS)), samples)
+        member.step(single_step, 0, 1, self._interval_steps, work)
         self._tension[lane] = element_tension(member.rope._replace(work=work)).copy()
         if member.failure:
             self._leave(lane, done - 1)
             return
         alone.append(done)
         group.pulls[done - 1, :, lane] = single_step.pulls[0]
-        if folds is not None:
-            group.folds[done - 1, :, lane] = folds[0]
+        if samples is not None:
+            group.samples[done - 1, :, lane] = samples[0]
         too_often = len(alone) > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * (done - self._first)
         if too_often or state.counts[ELEMENTS] != group.kind.elements:
             self._leave(lane, done, too_often)
@@ -513,17 +517,19 @@ class _LaneBatch:
             group.take(lane, member.rope)
             self._tension[lane] = group.tension(lane)
         steps, slack = group.account(lane, member.rope.state.health)
-        if batch.folds is not None:
-            batch.folds[first:done] = group.folds[first:done, :, lane]
+        if batch.samples is not None:
+            batch.samples[first:done] = group.samples[first:done, :, lane]
             rows_alone = [step - 1 - first for step in alone if step <= done]
-            slack = int((np.delete(batch.folds[first:done, LEAST], rows_alone) <= 0.0).sum())
+            slack = int(
+                (np.delete(batch.samples[first:done, MIN_TENSION], rows_alone) <= 0.0).sum()
+            )
         member.lane_steps += steps
         member.given_up += done - first - steps
         steps_alone = [self._before + step for step in alone]
-        samplings = (self._before + done) // self._look_steps
-        samplings -= (self._before + first) // self._look_steps
-        member.count_looks(
-            samplings - sum(step % self._look_steps == 0 for step in steps_alone), slack
+        samplings = (self._before + done) // self._interval_steps
+        samplings -= (self._before + first) // self._interval_steps
+        member.count_slack(
+            samplings - sum(step % self._interval_steps == 0 for step in steps_alone), slack
         )
         member.steps = self._before + done
         batch.pulls[first:done] = group.pulls[first:done, :, lane]
@@ -531,6 +537,6 @@ class _LaneBatch:
             member.close(batch, done, self._tension[lane])
         elif too_often:
             member.given_up += self._steps - done
-            member.go_on(batch, done, self._look_steps, self._scratch)
+            member.go_on(batch, done, self._interval_steps, self._scratch)
         else:
             self._left.append(_Progress(member, batch, done))

@@ -5,7 +5,7 @@ each with its own heave, line out or payload. The members of a fleet have a mesh
 their own, coarser than those of the live twin. They are stepped in SIMD lanes like an ensemble's
 (`core/lanes`), but their boundary conditions are arrays, their figures are set by writing to arrays
 without another scene or statics, and the top tension of every step is returned. Minimum tension and
-the payload's motion are reduced in the lanes over each look, a sampling interval.
+the payload's motion are reduced in the lanes over each sampling interval.
 
 A member is bit-identical to a `Twin` of the same mesh, step, state and inputs. Members of a scene
 whose effects do not step in lanes step alone.
@@ -22,7 +22,14 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING, Run
+from rope_twin.core.lanes.step import (
+    LOWEST_TENSION,
+    MIN_TENSION,
+    PAYLOAD_DEPTH,
+    PAYLOAD_DESCENT,
+    SAMPLE_COLUMNS,
+    Run,
+)
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.load import at_setting, load_scene
@@ -50,25 +57,25 @@ MAX_ALONE_FRACTION, MIN_ALONE_STEPS = 0.5, 10
 
 
 class Record:
-    """Results of a call: top tension of each step, and the folds of each look."""
+    """Results of a call: top tension of each step, and the samples of each interval."""
 
-    def __init__(self, lead: tuple[int, ...], steps: int, looks: int, members: int) -> None:
+    def __init__(self, lead: tuple[int, ...], steps: int, intervals: int, members: int) -> None:
         """Allocate results; lead: axes before those of a rope."""
         self.top: Floats = np.full((*lead, steps, members), np.nan)
-        self.folds: Floats = np.full((*lead, looks, FOLDS, members), np.nan)
-        self.folds[..., LEAST, :] = np.inf
+        self.samples: Floats = np.full((*lead, intervals, SAMPLE_COLUMNS, members), np.nan)
+        self.samples[..., MIN_TENSION, :] = np.inf
         self._failed: list[tuple[int, int, int]] = []
 
-    def fail(self, step: int, look: int, member: int) -> None:
-        """Record the step and the look (sampling interval) at which a member failed."""
-        self._failed.append((step, look, member))
+    def fail(self, step: int, interval: int, member: int) -> None:
+        """Record the step and the sampling interval at which a member failed."""
+        self._failed.append((step, interval, member))
 
     def close(self) -> None:
         """Set the results of failed members to NaN from the failing step on."""
-        for step, look, member in self._failed:
+        for step, interval, member in self._failed:
             self.top[..., step:, member] = np.nan
-            self.folds[..., look:, :, member] = np.nan
-        min_tension = self.folds[..., LEAST, :]
+            self.samples[..., interval:, :, member] = np.nan
+        min_tension = self.samples[..., MIN_TENSION, :]
         min_tension[np.isinf(min_tension)] = np.nan
 
 
@@ -88,20 +95,20 @@ class StepRange:
         members: RopeMembers | SystemMembers,
         boundaries: Any,
         record: Record,
-        look_steps: int,
+        interval_steps: int,
         span: tuple[int, int, int],
     ) -> None:
         """Begin a range of steps.
 
-        boundaries: boundary conditions of the members; look_steps: number of steps of a look; span:
-        first step, number of steps, and time at the beginning [ns].
+        boundaries: boundary conditions of the members; interval_steps: number of steps of
+        an interval; span: first step, number of steps, and time at the beginning [ns].
         """
         self._members, self._boundaries, self._record = members, boundaries, record
         self._first, self._steps, time_ns = span
-        self._look_steps = look_steps
+        self._interval_steps = interval_steps
         self._steps_before = time_ns // round(members.step_s * 1e9)
         self._time_s = time_ns * 1e-9
-        self._first_look = self._first // look_steps
+        self._first_interval = self._first // interval_steps
 
     def groups(self) -> list[Ints]:
         """Return the members that have not failed, in groups to be stepped one after another.
@@ -109,7 +116,7 @@ class StepRange:
         Members with the same line out at the end are neighbours: they have the same payout, so that
         elements are added and removed in all lanes of a group at once.
         """
-        members = np.array(self._members.going, dtype=np.int64)
+        members = np.array(self._members.running, dtype=np.int64)
         line = self._boundaries.line_out_m[self._first + self._steps]
         if line.ndim:
             members = members[np.argsort(line[members], kind="stable")]
@@ -152,7 +159,7 @@ class StepRange:
         members: of all lanes; running: by lane, those to be stepped; span: steps done before, and
         at most at the end. Returns the steps done, and the members that continue after them.
         """
-        fleet_members, look_steps, (first, last) = self._members, self._look_steps, span
+        fleet_members, interval_steps, (first, last) = self._members, self._interval_steps, span
         lanes, done = list(running), first
         group = self._load_group(members, lanes, kind, span, scratch)
         alone = dict.fromkeys(running, 0)
@@ -163,7 +170,7 @@ class StepRange:
             wanted = sum(1 << lane for lane in running)
             end = min(done + call_steps, last)
             late = group.late(self._steps_before + done)
-            run = Run(self._time_s, done, end, wanted, self._first, look_steps, late)
+            run = Run(self._time_s, done, end, wanted, self._first, interval_steps, late)
             done, undone_lanes = group.advance(run)
             for lane in undone_lanes:
                 member = running[lane]
@@ -192,8 +199,10 @@ class StepRange:
     ) -> Any:
         """Return the arrays of a group, filled with its members and their motion in these steps."""
         done, end = span
-        looks = (self._first + self._steps - 1) // self._look_steps - self._first_look + 1
-        group = scratch.group(self._members, kind, self._steps, looks)
+        intervals = (
+            (self._first + self._steps - 1) // self._interval_steps - self._first_interval + 1
+        )
+        group = scratch.group(self._members, kind, self._steps, intervals)
         self._members.load(group, members, lanes)
         boundary = Boundary(*(table[..., done : end + 1, :, :] for table in group.boundary))
         self._boundaries.fill(boundary, members, self._first + done)
@@ -202,13 +211,15 @@ class StepRange:
 
     def _step_lane(self, group: Any, lane: int, member: int, step: int, scratch: Scratch) -> bool:
         """Step one lane alone; return whether the step succeeded."""
-        look = (self._first + step) // self._look_steps - self._first_look
+        interval = (self._first + step) // self._interval_steps - self._first_interval
         extremes = self._step(member, step, scratch)
         if extremes is None:
             return False
         group.pulls[..., step, :, lane] = scratch.pull[..., 0, :]
-        extremes[..., LEAST] = np.minimum(extremes[..., LEAST], group.folds[..., look, LEAST, lane])
-        group.folds[..., look, :, lane] = extremes
+        extremes[..., MIN_TENSION] = np.minimum(
+            extremes[..., MIN_TENSION], group.samples[..., interval, MIN_TENSION, lane]
+        )
+        group.samples[..., interval, :, lane] = extremes
         return True
 
     def _record_lanes(
@@ -218,19 +229,23 @@ class StepRange:
 
         Those of lanes that left are overwritten later.
         """
-        record, look_steps = self._record, self._look_steps
+        record, interval_steps = self._record, self._interval_steps
         first, end = self._first + span[0], self._first + span[1]
-        first_look, end_look = first // look_steps, (end - 1) // look_steps + 1
-        folds = group.folds[
-            ..., first_look - self._first_look : end_look - self._first_look, :, lanes
+        first_interval, end_interval = first // interval_steps, (end - 1) // interval_steps + 1
+        samples = group.samples[
+            ...,
+            first_interval - self._first_interval : end_interval - self._first_interval,
+            :,
+            lanes,
         ]
         pulls = group.pulls[..., slice(*span), rows.PULL, lanes]
         record.top[..., first:end, members] = pulls
         min_tension = np.minimum(
-            record.folds[..., first_look:end_look, LEAST, members], folds[..., LEAST, :]
+            record.samples[..., first_interval:end_interval, MIN_TENSION, members],
+            samples[..., MIN_TENSION, :],
         )
-        record.folds[..., first_look:end_look, :, members] = folds
-        record.folds[..., first_look:end_look, LEAST, members] = min_tension
+        record.samples[..., first_interval:end_interval, :, members] = samples
+        record.samples[..., first_interval:end_interval, MIN_TENSION, members] = min_tension
 
     def _finish_alone(self, member: int, done: int, scratch: Scratch) -> None:
         """Step a member by itself to the end of the range."""
@@ -239,12 +254,12 @@ class StepRange:
             extremes, index = self._step(member, step, scratch), self._first + step
             if extremes is None:
                 return
-            look = index // self._look_steps
+            interval = index // self._interval_steps
             record.top[..., index, member] = scratch.pull[..., 0, rows.PULL]
-            extremes[..., LEAST] = np.minimum(
-                extremes[..., LEAST], record.folds[..., look, LEAST, member]
+            extremes[..., MIN_TENSION] = np.minimum(
+                extremes[..., MIN_TENSION], record.samples[..., interval, MIN_TENSION, member]
             )
-            record.folds[..., look, :, member] = extremes
+            record.samples[..., interval, :, member] = extremes
 
     def _step(self, member: int, step: int, scratch: Scratch) -> Floats | None:
         """Step one member alone; return its extremes over the step, or None if it failed."""
@@ -253,7 +268,7 @@ class StepRange:
         extremes = fleet_members.step(member, self._boundaries, index, time_s, scratch)
         if extremes is None:
             fleet_members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
-            self._record.fail(index, index // self._look_steps, member)
+            self._record.fail(index, index // self._interval_steps, member)
         return extremes
 
 
@@ -381,46 +396,46 @@ class Fleet:
 
     # Steps
 
-    def advance(self, inputs: FleetInputs, look_steps: int = 10) -> FleetRecord:
+    def advance(self, inputs: FleetInputs, interval_steps: int = 10) -> FleetRecord:
         """Advance all members that have not failed over the steps of the inputs.
 
-        look_steps: number of steps of a look.
+        interval_steps: number of steps of an interval.
 
         Raises:
             InputError: inputs of different or wrong shapes or not finite, a line out that is not
-                possible, or a look of no step.
+                possible, or an interval of no step.
         """
-        steps = self._check(inputs, look_steps)
+        steps = self._check(inputs, interval_steps)
         members = self._members
-        record = Record(members.lead, steps, -(-steps // look_steps), len(self))
+        record = Record(members.lead, steps, -(-steps // interval_steps), len(self))
         boundaries = members.boundaries(inputs)
         for first in range(0, steps, MAX_RANGE_STEPS):
             count = min(MAX_RANGE_STEPS, steps - first)
             span = first, count, self._time_ns
-            self._run(StepRange(members, boundaries, record, look_steps, span))
+            self._run(StepRange(members, boundaries, record, interval_steps, span))
             self._time_ns += count * self._step_ns
         record.close()
         top = record.top.reshape(-1, *record.top.shape[-2:])  # of each rope
-        folds = record.folds.reshape(-1, *record.folds.shape[-3:])
-        payload_folds = folds[members.payload]
+        samples = record.samples.reshape(-1, *record.samples.shape[-3:])
+        payload_samples = samples[members.payload]
         return FleetRecord(
             top_tension_n=top[0],
-            least_tension_n=folds[:, :, LEAST].min(axis=0),
-            payload_depth_m=payload_folds[:, DEPTH],
-            payload_speed_m_per_s=payload_folds[:, SINKING],
-            payload_tension_n=payload_folds[:, LOWEST],
+            least_tension_n=samples[:, :, MIN_TENSION].min(axis=0),
+            payload_depth_m=payload_samples[:, PAYLOAD_DEPTH],
+            payload_speed_m_per_s=payload_samples[:, PAYLOAD_DESCENT],
+            payload_tension_n=payload_samples[:, LOWEST_TENSION],
             failures=dict(members.failures),
-            hung_tension_n={self.scene.ropes[r].name: top[r] for r in members.from_ship},
+            suspended_tension_n={self.scene.ropes[r].name: top[r] for r in members.from_ship},
         )
 
-    def _check(self, inputs: FleetInputs, look_steps: int) -> int:
+    def _check(self, inputs: FleetInputs, interval_steps: int) -> int:
         """Return the number of steps of valid inputs.
 
         Raises:
             InputError: see `advance`.
         """
-        if look_steps < 1:
-            raise InputError("fleet", f"a look of {look_steps} steps", "give at least 1")
+        if interval_steps < 1:
+            raise InputError("fleet", f"an interval of {interval_steps} steps", "give at least 1")
         first = np.shape(inputs.heave_m)[:1]
         series = [
             ("heave_m", inputs.heave_m),

@@ -68,19 +68,21 @@ class FleetInputs:
 
 @dataclass(frozen=True)
 class FleetRecord:
-    """Results of `Fleet.advance`. The last look may be shorter than the others.
+    """Results of `Fleet.advance`. The last interval may be shorter than the others.
 
     In multi-line systems the payload is the rigid body of the scene, or else its first payload; its
     tension is that of the first rope that ends there.
     """
 
     top_tension_n: Floats  # of the main winch's rope at the end of each step, (steps, members)
-    least_tension_n: Floats  # of any element of any rope over each look, (looks, members)
-    payload_depth_m: Floats  # at the end of each look, (looks, members), positive down
+    least_tension_n: Floats  # of any element of any rope over each interval, (intervals, members)
+    payload_depth_m: Floats  # at the end of each interval, (intervals, members), positive down
     payload_speed_m_per_s: Floats  # vertical, likewise, positive down
     payload_tension_n: Floats  # of the lowest element, likewise
     failures: Mapping[int, str]  # members that failed and why; their values are then NaN
-    hung_tension_n: Mapping[str, Floats]  # as top_tension_n, of each rope from a hang-off, by name
+    suspended_tension_n: Mapping[
+        str, Floats
+    ]  # as top_tension_n, of each rope from a hang-off, by name
 
 
 class BoundarySeries(NamedTuple):
@@ -124,13 +126,13 @@ class Scratch:
         self.pull: Floats = np.zeros((*lead, 1, rows.PULL_COLUMNS))
         self._groups: dict[Any, Any] = {}
 
-    def group(self, members: Members, kind: Any, steps: int, looks: int) -> Any:
+    def group(self, members: Members, kind: Any, steps: int, intervals: int) -> Any:
         """Return arrays for members of this kind in lanes."""
         group = self._groups.get(kind.layout)
-        if group is None or group.steps < steps or group.folds.shape[-3] < looks:
+        if group is None or group.steps < steps or group.samples.shape[-3] < intervals:
             if len(self._groups) >= MAX_KINDS:
                 self._groups.clear()
-            group = self._groups[kind.layout] = members.new_group(kind, steps, looks)
+            group = self._groups[kind.layout] = members.new_group(kind, steps, intervals)
         group.fit(kind)
         return group
 
@@ -155,7 +157,7 @@ class Members(ABC):
         ]
 
     @property
-    def going(self) -> list[int]:
+    def running(self) -> list[int]:
         """Members that have not failed."""
         return [k for k in range(self.count) if k not in self.failures]
 
@@ -201,5 +203,5 @@ class Members(ABC):
                 yield np.array(same_kind[first : first + LANES], dtype=np.int64)
 
     @abstractmethod
-    def new_group(self, kind: Any, steps: int, looks: int) -> Any:
+    def new_group(self, kind: Any, steps: int, intervals: int) -> Any:
         """Return arrays for members of this kind in lanes."""

@@ -26,7 +26,7 @@ from rope_twin.twin.ensemble.fleet_members import (
     Scratch,
 )
 from rope_twin.twin.ensemble.live_state import on_mesh
-from rope_twin.twin.ensemble.member import fold_of
+from rope_twin.twin.ensemble.member import sample_of
 from rope_twin.twin.figures import scaled_rope, stacked_effects, stacked_sections
 from rope_twin.twin.regrid import has_state, own_copies, state_arrays
 from rope_twin.twin.statics import solve_scene_statics
@@ -163,16 +163,16 @@ class RopeMembers(Members):
         columns = columns_for(self._rope.state.s.shape[0])
         return Scratch(self.lead, new_work(columns, self._rope.work.shape[0]))
 
-    def new_group(self, kind: Kind, steps: int, looks: int) -> Group:
+    def new_group(self, kind: Kind, steps: int, intervals: int) -> Group:
         """Return arrays for members of this kind in lanes."""
-        return Group(kind, steps, looks)
+        return Group(kind, steps, intervals)
 
     def nodes_of(self, kind: Kind) -> int:
         """Return the number of nodes that members of this kind step."""
         return kind.elements
 
     def load(self, group: Group, members: Ints, lanes: list[int]) -> None:
-        """Copy members into a group, and clear its counters and folds; lanes: those in use."""
+        """Copy members into a group, and clear its counters and samples; lanes: those in use."""
         if group.kind.plain:
             group.begin_stacked(self._stack, members)
         else:
@@ -209,8 +209,8 @@ class RopeMembers(Members):
     ) -> Floats | None:
         """Step one member alone, from a step boundary on.
 
-        Returns its extremes over the step, (FOLDS,), or None if it failed. The force on the
-        hang-off is in `scratch.pull`.
+        Returns its extremes over the step, (SAMPLE_COLUMNS,), or None if it failed. The force on
+        the hang-off is in `scratch.pull`.
         """
         work, boundary = scratch.work, scratch.boundary
         assert work is not None
@@ -221,4 +221,4 @@ class RopeMembers(Members):
         boundary.value[:, : rows.Z] = state.nodes[: rows.Z, n]
         if advance(rope, boundary, scratch.pull, time_s, 1) < 1:
             return None
-        return fold_of(rope)
+        return sample_of(rope)

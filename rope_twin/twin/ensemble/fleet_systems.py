@@ -36,7 +36,7 @@ from rope_twin.twin.ensemble.fleet_members import (
     Scratch,
 )
 from rope_twin.twin.ensemble.live_state import on_mesh
-from rope_twin.twin.ensemble.member import element_changes, fold_of
+from rope_twin.twin.ensemble.member import element_changes, sample_of
 from rope_twin.twin.figures import scaled_law, scaled_rope
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.regrid import joined_as, own_copies, state_arrays
@@ -225,16 +225,16 @@ class SystemMembers(Members):
         """Return scratch arrays of a thread."""
         return Scratch(self.lead)
 
-    def new_group(self, kind: JoinedKind, steps: int, looks: int) -> JoinedGroup:
+    def new_group(self, kind: JoinedKind, steps: int, intervals: int) -> JoinedGroup:
         """Return arrays for members of this kind in lanes."""
-        return JoinedGroup(self._base, kind, steps, looks)
+        return JoinedGroup(self._base, kind, steps, intervals)
 
     def nodes_of(self, kind: JoinedKind) -> int:
         """Return the number of nodes that members of this kind step."""
         return sum(rope.elements for rope in kind.ropes)
 
     def load(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
-        """Copy members into a group, and clear its counters and folds; lanes: those in use."""
+        """Copy members into a group, and clear its counters and samples; lanes: those in use."""
         group.load([self._systems[k] for k in members.tolist()], lanes)
 
     def place(self, boundary: Boundary, members: Ints, kind: JoinedKind) -> None:
@@ -276,8 +276,8 @@ class SystemMembers(Members):
     ) -> Floats | None:
         """Step one member alone, from a step boundary on.
 
-        Returns its extremes over the step, (ropes, FOLDS), or None if it failed. The forces on the
-        upper ends are in `scratch.pull`.
+        Returns its extremes over the step, (ropes, SAMPLE_COLUMNS), or None if it failed. The
+        forces on the upper ends are in `scratch.pull`.
         """
         system, boundary = self._systems[member], scratch.boundary
         boundaries.set_step(boundary, member, step)
@@ -287,7 +287,7 @@ class SystemMembers(Members):
             boundary.value[r, :, : rows.Z] = top
         if advance_joined(system, boundary, scratch.pull, time_s, 1) < 1:
             return None
-        return np.array([fold_of(rope) for rope in system.ropes])
+        return np.array([sample_of(rope) for rope in system.ropes])
 
 
 def _with_effects(system: System, effects: Sequence[tuple[Any, ...]]) -> System:

@@ -30,9 +30,9 @@ class JoinedBatch:
     def __init__(self, members: Sequence[TwinMember], kind: JoinedKind, scratch: Scratch) -> None:
         self._all, self._kind, self._scratch = members, kind, scratch
 
-    def run(self, steps: int, look_steps: int) -> None:
+    def run(self, steps: int, interval_steps: int) -> None:
         """Do this number of steps; a member may do fewer, or fail."""
-        members, self._look_steps = self._all, look_steps
+        members, self._interval_steps = self._all, interval_steps
         self._before, self._step_s = members[0].steps, self._kind.ropes[0].step
         self._time = self._before * round(self._step_s * 1e9) * 1e-9
         self._opened = [member.open_steps(steps) for member in members]
@@ -53,7 +53,7 @@ class JoinedBatch:
         while self._running and done < steps:
             wanted = sum(1 << lane for lane in self._running)
             late = self._group.late(self._before + done)
-            run = Run(self._time, done, steps, wanted, self._before, look_steps, late)
+            run = Run(self._time, done, steps, wanted, self._before, interval_steps, late)
             done, undone_lanes = self._group.advance(run)
             for lane in undone_lanes:
                 self._step_alone(lane, done, steps)
@@ -67,8 +67,8 @@ class JoinedBatch:
             done = pulls.shape[1]
             member.lane_steps += counted
             member.given_up += done - counted
-            looks = (self._before + done) // look_steps - self._before // look_steps
-            member.count_looks(looks, slack + self._slack[lane])
+            intervals = (self._before + done) // interval_steps - self._before // interval_steps
+            member.count_slack(intervals, slack + self._slack[lane])
             member.close_steps(opened, pulls, done + (lane in self._failed))
 
     def _step_alone(self, lane: int, done: int, steps: int) -> None:
@@ -102,9 +102,9 @@ class JoinedBatch:
 
     def _advance(self, lane: int, system: System, first: int, steps: int) -> int:
         """Do steps of one system from step `first` on, with sampling; return how many were done."""
-        at, end, look_steps = first, first + steps, self._look_steps
+        at, end, interval_steps = first, first + steps, self._interval_steps
         while at < end:
-            count = min(end - at, look_steps - (self._before + at) % look_steps)
+            count = min(end - at, interval_steps - (self._before + at) % interval_steps)
             rows = slice(at, at + count + 1)
             boundary = Boundary(*(table[:, rows].copy() for table in self._opened[lane].boundary))
             pull: Floats = np.zeros((len(system.ropes), count, PULL_COLUMNS))
@@ -113,6 +113,6 @@ class JoinedBatch:
             at += done
             if done < count:
                 break
-            if (self._before + at) % look_steps == 0:
+            if (self._before + at) % interval_steps == 0:
                 self._slack[lane] += is_slack(system.ropes)
         return at - first

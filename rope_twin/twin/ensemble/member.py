@@ -26,7 +26,13 @@ from rope_twin.core.lanes.joined_group import (
     joined_kind_of,
     why_joined_alone,
 )
-from rope_twin.core.lanes.step import DEPTH, FOLDS, LEAST, LOWEST, SINKING
+from rope_twin.core.lanes.step import (
+    LOWEST_TENSION,
+    MIN_TENSION,
+    PAYLOAD_DEPTH,
+    PAYLOAD_DESCENT,
+    SAMPLE_COLUMNS,
+)
 from rope_twin.core.loads.balance import lone_middle
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
@@ -52,8 +58,8 @@ from rope_twin.twin.winch.commands import CommandSample, schedule_samples
 from rope_twin.twin.winch.winch import spooled_rope, winch_of_rope
 from rope_twin.vortex.coupled import VivDragAmplification
 
-# Columns of a watched step: top tension [N], those of a look at its end, line out [m]
-TOP, LINE_OUT, WATCHED = 0, FOLDS + 1, FOLDS + 2
+# Columns of a watched step: top tension [N], those of an interval at its end, line out [m]
+TOP, LINE_OUT, WATCHED = 0, SAMPLE_COLUMNS + 1, SAMPLE_COLUMNS + 2
 HEAVE_LEAD_NS = 1_000_000_000  # lead of heave samples to the twin, which accepts up to 2 s
 
 
@@ -126,9 +132,9 @@ class Scratch:
     """Scratch arrays of a thread; their content is valid within one call of the step."""
 
     def __init__(self, steps: int, watched: bool = False) -> None:
-        """Allocate arrays for batches of at most `steps` steps; watched: with folds of each."""
+        """Allocate arrays for batches of at most `steps` steps; watched: with samples of each."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        self.folds: Floats | None = np.zeros((steps, FOLDS)) if watched else None
+        self.samples: Floats | None = np.zeros((steps, SAMPLE_COLUMNS)) if watched else None
         self._work: dict[tuple[int, int], Floats] = {}
         self._group: Group | None = None
         self._joined: JoinedGroup | None = None
@@ -142,8 +148,8 @@ class Scratch:
     def group(self, kind: Kind) -> Group:
         """Return arrays for ropes of this kind in SIMD lanes; those of another kind are dropped."""
         if self._group is None or self._group.kind != kind:
-            looks = 0 if self.folds is None else len(self.folds)
-            self._group = Group(kind, len(self.pulls), looks)
+            intervals = 0 if self.samples is None else len(self.samples)
+            self._group = Group(kind, len(self.pulls), intervals)
         return self._group
 
     def joined(self, kind: JoinedKind, system: System, steps: int) -> JoinedGroup:
@@ -161,7 +167,7 @@ class Batch:
 
     boundary: Boundary  # (steps + 1, rows.MOTIONS) each
     pulls: Floats  # result: force on the hang-off [N], (steps, rows.PULL_COLUMNS)
-    folds: Floats | None = None  # result: sampled values of each step, (steps, FOLDS)
+    samples: Floats | None = None  # result: sampled values of each step, (steps, SAMPLE_COLUMNS)
 
 
 def element_changes(ropes: Iterable[Rope]) -> int:
@@ -170,18 +176,18 @@ def element_changes(ropes: Iterable[Rope]) -> int:
     return sum(int(counts[rows.SPLITS] + counts[rows.MERGES]) for counts in health)
 
 
-def fold_of(rope: Rope) -> Floats:
-    """Return the sampled values of a rope, (FOLDS,).
+def sample_of(rope: Rope) -> Floats:
+    """Return the sampled values of a rope, (SAMPLE_COLUMNS,).
 
     Minimum tension of all elements and tension of the lowest [N]; depth of the payload [m] and its
     speed downward [m/s], those of its middle if it is a rigid body.
     """
-    state, fold, tension = rope.state, np.empty(FOLDS), element_tension(rope)
-    fold[LEAST], fold[LOWEST] = tension.min(), tension[0]
+    state, sample, tension = rope.state, np.empty(SAMPLE_COLUMNS), element_tension(rope)
+    sample[MIN_TENSION], sample[LOWEST_TENSION] = tension.min(), tension[0]
     end = (float(state.nodes[row + 2, 0]) for row in (rows.POSITION, rows.VELOCITY))
     height, speed = lone_middle(rope.effects, *end)
-    fold[DEPTH], fold[SINKING] = -height, -speed
-    return fold
+    sample[PAYLOAD_DEPTH], sample[PAYLOAD_DESCENT] = -height, -speed
+    return sample
 
 
 @dataclass(frozen=True)
@@ -245,7 +251,7 @@ class Member:
         self._value, self._rate = (table[0] for table in boundaries.boundary)
         self._seen, self._recent = Extremes(), Extremes()
         self._recent.take([float(start.pull[rows.PULL])])
-        self._looks = self._slack_looks = 0
+        self._intervals = self._slack_samples = 0
         self._unconverged = 0
         self.watched: list[Floats] = []  # steps, (steps, WATCHED) each
 
@@ -267,30 +273,30 @@ class Member:
         assert kind is not None
         return Group(kind, 0)
 
-    def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
-        """Advance, and check for slack after every `look_steps` steps; the member may fail."""
+    def advance(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
+        """Advance, and check for slack after every `interval_steps` steps; the member may fail."""
         boundary = self.boundaries.through(self.steps, steps)
-        folds = None if scratch.folds is None else scratch.folds[:steps]
-        self.go_on(Batch(boundary, scratch.pulls[:steps], folds), 0, look_steps, scratch)
+        samples = None if scratch.samples is None else scratch.samples[:steps]
+        self.go_on(Batch(boundary, scratch.pulls[:steps], samples), 0, interval_steps, scratch)
 
     def open_batch(self, steps: int, scratch: Scratch) -> Batch:
         """Return the next batch of steps, with arrays of its own for the results."""
         pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        folds = None if scratch.folds is None else np.zeros((steps, FOLDS))
-        return Batch(self.boundaries.through(self.steps, steps), pulls, folds)
+        samples = None if scratch.samples is None else np.zeros((steps, SAMPLE_COLUMNS))
+        return Batch(self.boundaries.through(self.steps, steps), pulls, samples)
 
-    def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
+    def go_on(self, batch: Batch, done: int, interval_steps: int, scratch: Scratch) -> None:
         """Complete a batch of which `done` steps are done, and close it; the member may fail."""
         steps = len(batch.pulls)
         work = scratch.work(self.work_shape)
         while done < steps and not self.failure:
-            count = min(steps - done, look_steps - self.steps % look_steps)
+            count = min(steps - done, interval_steps - self.steps % interval_steps)
             if self._viv_drag is not None:
                 count = min(count, self._viv_drag.steps_to_sampling(self.steps))
-            done += self.step(batch, done, count, look_steps, work)
+            done += self.step(batch, done, count, interval_steps, work)
         self.close(batch, done, element_tension(self.rope._replace(work=work)).copy())
 
-    def step(self, batch: Batch, done: int, count: int, look_steps: int, work: Floats) -> int:
+    def step(self, batch: Batch, done: int, count: int, interval_steps: int, work: Floats) -> int:
         """Do `count` steps of a batch after `done`; return how many, fewer if it failed."""
         rope = self.rope._replace(work=work)
         boundary = Boundary(*(table[done : done + count + 1] for table in batch.boundary))
@@ -303,10 +309,10 @@ class Member:
         if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
             present = Boundary(*(table[done + count :] for table in batch.boundary))
             self._viv_drag.look((rope,), present, self.steps, 0)
-        if self.steps % look_steps == 0:
-            self.count_looks(1, is_slack((rope,)))
-        if batch.folds is not None:  # then every step is sampled
-            batch.folds[done] = fold_of(rope)
+        if self.steps % interval_steps == 0:
+            self.count_slack(1, is_slack((rope,)))
+        if batch.samples is not None:  # then every step is sampled
+            batch.samples[done] = sample_of(rope)
         return stepped
 
     def close(self, batch: Batch, done: int, tension: Floats) -> None:
@@ -319,15 +325,15 @@ class Member:
             batch_extremes.take(batch.pulls[:done, rows.PULL].tolist())
             self._seen.join(batch_extremes)
             self._recent.join(batch_extremes)
-            if batch.folds is not None:
+            if batch.samples is not None:
                 line_out = batch.boundary.value[1 : done + 1, rows.LINE]
                 top = batch.pulls[:done, rows.PULL]
-                self.watched.append(np.column_stack([top, batch.folds[:done], line_out]))
+                self.watched.append(np.column_stack([top, batch.samples[:done], line_out]))
 
-    def count_looks(self, looks: int, slack: int) -> None:
+    def count_slack(self, intervals: int, slack: int) -> None:
         """Add slack checks made elsewhere, of which `slack` found the rope slack."""
-        self._looks += looks
-        self._slack_looks += slack
+        self._intervals += intervals
+        self._slack_samples += slack
 
     def figures(self) -> MemberResults:
         """Return the results since the start."""
@@ -337,7 +343,7 @@ class Member:
             tension_top_max_n=tension.high,
             tension_top_mean_n=tension.mean,
             tension_top_min_n=tension.low,
-            slack_share=self._slack_looks / self._looks if self._looks else 0.0,
+            slack_share=self._slack_samples / self._intervals if self._intervals else 0.0,
             unconverged_substeps=int(self.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,
         )
@@ -391,7 +397,7 @@ class TwinMember:
         self.twin.prescribe_motion()
         self._heave, self._commands = heave, commands
         self._samples = 0  # of the heave, given to the twin
-        self._looks = self._slack_looks = 0
+        self._intervals = self._slack_samples = 0
         self.failure = ""
         self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
         self._boundaries = boundaries
@@ -448,11 +454,11 @@ class TwinMember:
         assert kind is not None
         return JoinedGroup(self.system, kind, 0)
 
-    def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
-        """Advance, and check for slack after every `look_steps` steps; the member may fail."""
+    def advance(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
+        """Advance, and check for slack after every `interval_steps` steps; the member may fail."""
         self.offer(steps)
         if not self.failure:
-            self.go_on(steps, look_steps)
+            self.go_on(steps, interval_steps)
 
     def offer(self, steps: int) -> None:
         """Pass the inputs of the next steps to the twin; the member fails if one is rejected."""
@@ -462,14 +468,16 @@ class TwinMember:
             motion = {r: boundary.through(first, steps) for r, boundary in self._boundaries.items()}
             self._motion.give(first, motion)
 
-    def go_on(self, steps: int, look_steps: int) -> None:
-        """Do these steps by itself, and check for slack after every `look_steps`; it may fail."""
+    def go_on(self, steps: int, interval_steps: int) -> None:
+        """Do these steps alone, and check for slack after every `interval_steps`; it may fail."""
         end = self.steps + steps
         try:
             while self.steps < end:
-                self.twin.advance(min(end - self.steps, look_steps - self.steps % look_steps))
-                if self.steps % look_steps == 0:
-                    self.count_looks(1, is_slack(self.twin.all_ropes))
+                self.twin.advance(
+                    min(end - self.steps, interval_steps - self.steps % interval_steps)
+                )
+                if self.steps % interval_steps == 0:
+                    self.count_slack(1, is_slack(self.twin.all_ropes))
         except SolverError as error:
             self.failure = str(error)
 
@@ -484,10 +492,10 @@ class TwinMember:
         except SolverError as error:
             self.failure = str(error)
 
-    def count_looks(self, looks: int, slack: int) -> None:
+    def count_slack(self, intervals: int, slack: int) -> None:
         """Add slack checks, of which `slack` found an element without tension."""
-        self._looks += looks
-        self._slack_looks += slack
+        self._intervals += intervals
+        self._slack_samples += slack
 
     def _offer(self, from_ns: int, to_ns: int) -> str:
         """Pass the inputs of a batch to the twin; return why it rejects one of the member's own."""
@@ -520,7 +528,7 @@ class TwinMember:
             tension_top_max_n=statistics.tension_top_max_n,
             tension_top_mean_n=statistics.tension_top_mean_n,
             tension_top_min_n=statistics.tension_top_min_n,
-            slack_share=self._slack_looks / self._looks if self._looks else 0.0,
+            slack_share=self._slack_samples / self._intervals if self._intervals else 0.0,
             unconverged_substeps=int(self.twin.rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
             failure=self.failure,
         )
