@@ -89,7 +89,7 @@ def _run_learn(args: argparse.Namespace) -> int:
             f"bag {args.bag}", fault, "check the sensors, and give a bag behind the fault"
         )
     if not estimator.results:
-        fault = f"{min(known_s, until_s) - recorded.lift.begin_s:.0f} s of data"
+        fault = f"{max(min(known_s, until_s) - recorded.lift.begin_s, 0.0):.0f} s of data"
         remedy = f"give at least {LEARN_LEAST_S:g} s with tension, heave and line out"
         raise InputError(f"bag {args.bag}", fault, remedy)
     if remark := report.disagreement(estimator):

@@ -263,7 +263,7 @@ def _recompute_tension(system: Any, boundary: Boundary, row: int, time: float) -
         stretch_all(rope, rope_stage)
 
 
-# A single rope is passed by value, since this is inlined; `reference` is the same system by reference.
+# A single rope is passed by value, since this is inlined; `reference` is the system by reference.
 @jit
 def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
     """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""

@@ -237,7 +237,8 @@ class Estimator:
         end_s = self.block_end_s + self.heave_ahead_s
         begin_s = self.state_s - BEFORE_S
         times, heave = self.model.lift.heave.table[:, :2].T
-        window = slice(*np.searchsorted(times, (begin_s - 1.0, end_s + 1.0)))
+        first, behind = np.searchsorted(times, (begin_s - 1.0, end_s + 1.0))
+        window = slice(max(first - 1, 0), behind + 1)  # with the ends of a hole that is longer
         psd, error_m = self._measured_psd(end_s), self.prior.learning.heave_error_m
         expected = ExpectedHeave(times[window], heave[window], begin_s, end_s, psd, error_m)
         line, *further_lines = (

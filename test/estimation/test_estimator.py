@@ -212,6 +212,21 @@ def test_without_tension_nothing_is_learned() -> None:
     assert np.allclose(made.belief.sd, prior().sd * np.sqrt(1.0 + 0.02**2))
 
 
+def test_all_sensors_may_be_lost_for_minutes() -> None:
+    """Minutes without heave, line out and tension leave what was learned before."""
+    before, gone_s = lift(), 300.0
+    series = MeasuredLift(NOISE_N)
+    for name in ("heave", "line_out", "tension"):
+        table = getattr(before, name).table[: round(125.0 / 0.05)]
+        getattr(series, name).extend(*table.T)
+        getattr(series, name).extend(table[:, 0] + table[-1, 0] + gone_s, *table[:, 1:].T)
+    made = estimator(series)
+    first, *holes = made.run(360.0)
+    assert first.used > 0.9
+    assert [block.used for block in holes] == pytest.approx([0.0] * 4, abs=0.1)
+    assert np.array_equal(made.results[-1].posterior.mean, holes[0].posterior.mean)
+
+
 def test_innovation_of_a_block() -> None:
     """The residual before learning has the covariance R + J·P·Jᵀ."""
     made = estimator(lift())
