@@ -187,7 +187,8 @@ def lowest_words(elements: Sequence[dict[str, Any]]) -> str:
     words = f"quality index: {present:.2f} now, lowest {worst['lowest']:.2f} ({name}"
     if worst["lowest_at_s"] > 0.0:
         words += f" at {worst['lowest_at_s']:.1f} s"
-    return f"{words}): {worst['lowest_reason']}" if worst["lowest_reason"] else f"{words})"
+    reason = worst["reason" if worst["index"] <= worst["lowest"] else "lowest_reason"]
+    return f"{words}): {reason}" if reason else f"{words})"
 
 
 FIGURE_COLUMNS = "name value low high prior prior_sd sd state correlation"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ from sample_snapshot import QUALITY, hanging_rope
 
 from rope_twin import messages
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
+from rope_twin.messages.status import lowest_words
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
@@ -306,6 +307,13 @@ def test_the_quality_row_has_the_lowest_index_and_its_reason(
     assert rising.message == f"{said}, rising after input: heave: late"
     assert found.values["slack: index"] == "1.000"
     assert found.values["top tension: history"] == "unknown"
+
+
+@pytest.mark.parametrize(("index", "reason"), [(0.7, "now"), (0.9, "then")])
+def test_a_lowest_index_that_lasts_has_its_present_reason(index: float, reason: str) -> None:
+    """A run of 0.7 throughout is explained by what limits it now."""
+    lasting = replace(QUALITY, index=index, reason="now", lowest=0.7, lowest_reason="then")
+    assert lowest_words([asdict(lasting)]).endswith(f"): {reason}")
 
 
 def test_the_quality_table_has_every_component_and_nan_where_unknown() -> None:
