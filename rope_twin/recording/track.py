@@ -301,8 +301,8 @@ class RecordReplay:
             self._later = np.concatenate([faded, self._first[len(faded) :]])
             faded_s = (track.end_ns - splice.loop_ns) * 1e-9
             remark = (
-                f"{record.source}: its end does not join its beginning, the last {faded_s:.3g} s "
-                "of each pass fade into the next."
+                f"{record.source}: it lasts {self.duration_s:.4g} s and is repeated; its end does "
+                f"not join its beginning, the last {faded_s:.3g} s of each pass fade into the next."
             )
             self.note = " ".join(filter(None, [record.note, remark]))
 

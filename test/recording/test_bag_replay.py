@@ -111,7 +111,8 @@ def test_without_loop_the_samples_end():
 
 def test_a_seam_is_faded_and_reported(faded):
     assert faded.loop_ns == pytest.approx(51.3 * SECOND)
-    assert "its end does not join its beginning, the last 10 s of each pass fade" in faded.note
+    assert "it lasts 61.3 s and is repeated; its end does not join its beginning" in faded.note
+    assert "the last 10 s of each pass fade" in faded.note
     samples = faded.between(0, 300 * SECOND)
     stamps = np.array([s.stamp_ns for s in samples])
     assert set(np.diff(stamps)) == {STEP_NS}
