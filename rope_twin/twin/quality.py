@@ -356,7 +356,13 @@ def residual_of(element: str, shot: Snapshot) -> Component:
             known.append(sensor)
     if known:
         return _worst(known)
-    return parts[0] if parts else Component(None, f"no measured {_WORDS[quantity]} to compare with")
+    if parts:
+        return parts[0]
+    groups = (PAYLOAD_DEPTH,) if element == DEPTH else (WINCH_MEASURED, MOTOR_TENSION)
+    refusals = [health.refusal for name, health in shot.inputs.items()
+                if name.startswith(groups) and health.recently_refused]  # fmt: skip
+    missing = f"no measured {_WORDS[quantity]} to compare with"
+    return Component(None, refusals[0].rstrip(".") if refusals else missing)
 
 
 def _compares(residual: Residual, shot: Snapshot) -> bool:

@@ -88,6 +88,16 @@ def test_without_a_measurement_or_a_known_error_it_is_capped_and_says_why() -> N
     assert "unknown: why" in one.reason
 
 
+def test_a_measurement_that_is_refused_is_the_reason() -> None:
+    """All readings in another unit: that there are none would be wrong."""
+    sentence = "winch/measured: tension 1e+30 N; -2e+05 to 2e+06 N are possible for this rope"
+    health = InputHealth(accepted=9, impossible=9, recently_refused=9, refusal=f"{sentence}.")
+    shot = replace(UNMEASURED, inputs={**UNMEASURED.inputs, "winch_measured": health})
+    judged = QualityIndex().judge(shot)
+    assert (of(judged).index, of(judged).reason) == (UNPROVEN, sentence)
+    assert of(judged, DEPTH).reason == "no measured payload depth to compare with"
+
+
 def test_fatigue_has_an_index_only_where_it_is_counted() -> None:
     names = [one.element for one in QualityIndex().judge(SOUND).quality]
     assert names == [one for one in ELEMENTS if one != FORECAST]
