@@ -206,6 +206,16 @@ def exit_code(work: Callable[[], int]) -> int:
 
     An error that a user can correct is printed as one sentence on stderr.
     """
+    was_ignored = list[KeyboardInterrupt]()  # by a callback of C, such as the compiler's
+    hook = sys.unraisablehook
+
+    def note(report: Any) -> None:
+        if isinstance(report.exc_value, KeyboardInterrupt):
+            was_ignored.append(report.exc_value)
+        else:
+            hook(report)
+
+    sys.unraisablehook = note
     try:
         code = work()
         sys.stdout.flush()
@@ -225,6 +235,12 @@ def exit_code(work: Callable[[], int]) -> int:
             f"{phrase(str(where), reason, 'free space there, or name another place')}\n"
         )
         return _silenced(ExitCode.ERROR)
+    except Exception:
+        if not was_ignored:
+            raise
+        return ExitCode.INTERRUPTED  # the compiler fails without its callback
+    finally:
+        sys.unraisablehook = hook
 
 
 def _silenced(code: int) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import os
 import resource
@@ -173,6 +174,24 @@ def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(cli, "_command", interrupted)
+    assert main(["run"]) == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_ctrl_c_in_a_callback_of_the_compiler_ends_quietly(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """ctypes swallows the interrupt there, and numba fails for want of what the callback does."""
+
+    @ctypes.CFUNCTYPE(None)
+    def callback() -> None:
+        raise KeyboardInterrupt
+
+    def compiled(name: str) -> None:
+        callback()
+        raise RuntimeError("no compiled object yet")
+
+    monkeypatch.setattr(cli, "_module", compiled)
     assert main(["run"]) == 130
     assert capsys.readouterr() == ("", "")
 
