@@ -321,7 +321,7 @@ def _start_up(fraction: float) -> Status:
     name, values = "simulation: start-up", {"share of ship motion": f"{fraction:.3f}"}
     if fraction >= 1.0:
         return Status(name, Level.OK, "full ship motion applied", values)
-    message = f"build-up period: {fraction:.0%} of the ship motion applied"
+    message = f"build-up period: {min(fraction, 0.99):.0%} of the ship motion applied"
     return Status(name, Level.WARN, f"{message}, tension not yet representative", values)
 
 

@@ -328,7 +328,7 @@ def _validity(shot: Snapshot) -> Iterator[Component]:
         if rope.utilisation >= 1.0:
             yield Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
     if shot.motion_ramp < 1.0:
-        text = f"{BUILD_UP}: {shot.motion_ramp:.0%} of the ship motion applied"
+        text = f"{BUILD_UP}: {min(shot.motion_ramp, 0.99):.0%} of the ship motion applied"
         yield Component(BUILD_UP_VALUE, text)
     if any(factor != 1.0 for factor in shot.fluid_factors):
         yield Component(BUILD_UP_VALUE, "the forces of the water are not applied in full")

@@ -70,6 +70,8 @@ def test_start_up_is_reported_until_the_motion_is_all_there() -> None:
     ramp = row("start-up", replace(hanging_rope(), motion_ramp=0.25))
     assert ramp.level is Level.WARN
     assert "25%" in ramp.message
+    nearly = row("start-up", replace(hanging_rope(), motion_ramp=0.9999))
+    assert "99%" in nearly.message, "all of it would be no reason for a warning"
 
 
 @pytest.mark.parametrize(
