@@ -25,7 +25,7 @@ from rope_twin.vortex.decomposed_response import (
     newmark_step,
 )
 from rope_twin.vortex.line_model import Span
-from rope_twin.vortex.power_in import Decomposed, Excitation, analyse, decomposed
+from rope_twin.vortex.power_in import Decomposed, Excitation, ExcitationSearch, decomposed
 from validation.case import Case, Finding, Found, between, shown
 from validation.cell_frequencies import CellResponse
 from validation.published_ropes import DENSITY, PublishedRope
@@ -197,7 +197,7 @@ def _modes(whole: bool = True) -> list[Finding]:
     ):  # fmt: skip
         for (case, span, margin), mode in zip(cases, modes, strict=True):
             if mode is not None:
-                dominant = analyse(span, model).dominant
+                dominant = ExcitationSearch(span, model).found().dominant
                 findings.append(_near(f"{case}, {name}: mode", dominant, mode, margin))
         if not whole:
             break
@@ -299,7 +299,7 @@ def riser(duration: float = 40.0) -> Found:
     amplitudes, runs = _amplitudes(duration)
     findings += amplitudes
     for ratio, _ in RATIOS:
-        excitation = analyse(_shear(0.54, ratio * WATER), decomposed())
+        excitation = ExcitationSearch(_shear(0.54, ratio * WATER), decomposed()).found()
         mean = float(excitation.added_mass[excitation.dominant - 1])
         findings.append(
             shown(f"mass ratio {ratio:g}: C_a, mean over the mode", mean, "not printed")
@@ -335,7 +335,7 @@ def _panels(runs: dict[bool, list[_Run]]) -> tuple[Panel, ...]:
         for run, (ratio, _) in zip(runs[varying], RATIOS, strict=True)
         if ratio != 3.0
     )
-    excitation: Excitation = analyse(_shear(0.54), decomposed())
+    excitation: Excitation = ExcitationSearch(_shear(0.54), decomposed()).found()
     modes = np.arange(1.0, len(excitation.power) + 1.0)
     return (
         Panel("mean rms/D over the mass ratio", "mass ratio", "rms/D", tuple(lines)),

@@ -23,7 +23,7 @@ from rope_twin.vortex.decomposed_response import upper_bands
 from rope_twin.vortex.force_table import ForceTable
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modes import stiffness
-from rope_twin.vortex.power_in import Decomposed, analyse, displaced
+from rope_twin.vortex.power_in import Decomposed, ExcitationSearch, displaced
 
 DIAGONALS = 2  # of the stiffness beside the main one
 ROUNDS, SHARE, SAME = 400, 0.4, 1e-7
@@ -91,7 +91,7 @@ def steady_amplitude(
     """
     from scipy.linalg import solve_banded
 
-    excitation, free = analyse(span, model), slice(1, -1)
+    excitation, free = ExcitationSearch(span, model).found(), slice(1, -1)
     k = (excitation.dominant if mode is None else mode) - 1
     frequency = reading.drive * float(excitation.frequency[k])
     omega, D = 2.0 * pi * frequency, span.diameter[free]

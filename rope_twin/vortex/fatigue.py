@@ -51,14 +51,6 @@ class Cycles:
     count: Vector  # 1, or 0.5 for a half cycle
 
 
-@dataclass(frozen=True)
-class Strength:
-    """Properties of a rope that a curve needs."""
-
-    metal_area_m2: float  # NaN: not all steel
-    breaking_load_n: float
-
-
 class Rope(Protocol):
     """Properties of a rope that fatigue needs, as in rope_twin.scene.schema."""
 
@@ -101,15 +93,6 @@ class StressCurve:
         used: Vector = cycles.count * (1e-6 * cycles.range) ** self.exponent / self.constant
         return used
 
-    def stress_damage(self, cycles: Cycles) -> float:
-        """Return Miner's sum of cycles of stress [Pa]."""
-        return float(self.used(cycles).sum())
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Return Miner's sum of cycles of tension [N]."""
-        area = strength.metal_area_m2
-        return self.stress_damage(Cycles(cycles.range / area, cycles.mean / area, cycles.count))
-
 
 @dataclass(frozen=True)
 class TensionCurve:
@@ -128,11 +111,6 @@ class TensionCurve:
         endured = 10.0 ** (self.log10_k + self.per_mean_load * cycles.mean)
         used: Vector = cycles.count * cycles.range**self.exponent / endured
         return used
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Return Miner's sum of cycles of tension [N]."""
-        load = strength.breaking_load_n
-        return float(self.used(Cycles(cycles.range / load, cycles.mean / load, cycles.count)).sum())
 
 
 Curve = StressCurve | TensionCurve
@@ -174,14 +152,6 @@ def find_stress_curve(where: str, name: str) -> StressCurve:
     raise InputError(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES))
 
 
-def strength_of(rope: Rope) -> Strength:
-    """Return the breaking load, and the metal area if the rope is all steel."""
-    volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
-    steel = rope.mass_kg_per_m > MIN_STEEL_DENSITY_KG_PER_M3 * volume
-    area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
-    return Strength(area, rope.breaking_load_n)
-
-
 def pipe_area(EI: float, EA: float, diameter: float) -> float:
     """Metal area of the pipe with these stiffnesses [m²]; 0: there is none.
 
@@ -194,7 +164,11 @@ def pipe_area(EI: float, EA: float, diameter: float) -> float:
 
 def metal_area(rope: Rope, EI: float) -> float:
     """Metal area of a rope with this bending stiffness (0: none) [m²]; NaN: not all steel."""
-    return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
+    if (pipe_m2 := pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m)) > 0.0:
+        return pipe_m2
+    volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
+    steel = rope.mass_kg_per_m > MIN_STEEL_DENSITY_KG_PER_M3 * volume
+    return rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
 
 
 def other_material(rope: Rope, EI: float) -> str:
@@ -204,7 +178,7 @@ def other_material(rope: Rope, EI: float) -> str:
     """
     if pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) > 0.0:
         return "a pipe"
-    if np.isnan(strength_of(rope).metal_area_m2):
+    if np.isnan(metal_area(rope, EI)):
         return NOT_STEEL
     return "chain" if rope.hydrodynamic_diameter_m > rope.diameter_m else ""
 
@@ -213,14 +187,11 @@ def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
     """Return a warning on sections that a curve does not cover; "" if there are none."""
     if name == OWN:
         return ""
-    kinds = [
-        (number, other_material(section.rope, EI))
-        for number, section in enumerate(line.made_of, start=1)
-    ]
-    material = "polyester" if name == FIBRE else "wire"
+    material, kinds = "wire", [other_material(section.rope, EI) for section in line.made_of]
     if name == FIBRE:
-        kinds = [(number, "" if kind == NOT_STEEL else kind or "steel") for number, kind in kinds]
-    excluded = [f"section {number} is {kind}" for number, kind in kinds if kind]
+        material = "polyester"
+        kinds = ["" if kind == NOT_STEEL else kind or "steel" for kind in kinds]
+    excluded = [f"section {number} is {kind}" for number, kind in enumerate(kinds, 1) if kind]
     if not excluded:
         return ""
     problem = (
@@ -276,12 +247,10 @@ class RainflowCount:
         final = copy.deepcopy(self)
         non_empty = np.flatnonzero(final._count > 0)
         final._push(non_empty, final._last[non_empty], cost)
-        deepest = int(final._count.max(initial=0))
-        for k in range(deepest - 1):
-            with_cycle = np.flatnonzero(final._count > k + 1)
-            final._close(
-                with_cycle, final._open[with_cycle, k], final._open[with_cycle, k + 1], 0.5, cost
-            )
+        for k in range(int(final._count.max(initial=0)) - 1):
+            open_now = np.flatnonzero(final._count > k + 1)
+            begin, end = final._open[open_now, k : k + 2].T
+            final._close(open_now, begin, end, 0.5, cost)
         return final.used
 
     def _push(self, series: Numbers, points: Vector, cost: Damage) -> None:
@@ -296,19 +265,14 @@ class RainflowCount:
             depth = count[series]
             first_point, mid_point, last_point = (open_points[series, depth - k] for k in (3, 2, 1))
             is_closed = np.abs(last_point - mid_point) >= np.abs(mid_point - first_point)
-            series, depth = series[is_closed], depth[is_closed]
-            first_point, mid_point, last_point = (
-                first_point[is_closed],
-                mid_point[is_closed],
-                last_point[is_closed],
+            series, depth, first_point, mid_point, last_point = (
+                values[is_closed] for values in (series, depth, first_point, mid_point, last_point)
             )
             is_first = depth == 3
             self._close(series, first_point, mid_point, np.where(is_first, 0.5, 1.0), cost)
             half_cycles, full_cycles = series[is_first], series[~is_first]
-            open_points[half_cycles, 0], open_points[half_cycles, 1] = (
-                mid_point[is_first],
-                last_point[is_first],
-            )
+            open_points[half_cycles, 0] = mid_point[is_first]
+            open_points[half_cycles, 1] = last_point[is_first]
             count[half_cycles] -= 1
             open_points[full_cycles, depth[~is_first] - 3] = last_point[~is_first]
             count[full_cycles] -= 2

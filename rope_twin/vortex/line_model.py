@@ -35,8 +35,9 @@ SAMPLES_PER_PERIOD = 24  # samples per period of the fastest vortices: resolves 
 AVERAGING_PERIODS = 10.0  # of the means, in periods of the fastest vortices
 # ratios to the design frequency at which the interval changes
 SHORTEN_ABOVE, LENGTHEN_BELOW = 1.25, 0.5
-_FLOW = slice(rows.FLOW, rows.FLOW + 3)
-_SPEED = slice(rows.VELOCITY, rows.VELOCITY + 3)
+_PLACE, _SPEED, _FLOW = (
+    slice(first, first + 3) for first in (rows.POSITION, rows.VELOCITY, rows.FLOW)
+)
 
 
 def along(rope: Rope) -> Floats:
@@ -95,13 +96,7 @@ def _mix(flow: Any, nodes: Any, work: Any, n: int, weight: float) -> None:
 
 @jit_entry
 def _mean(
-    points: Any,
-    s: Any,
-    values: Any,
-    half_width: Any,
-    integral: Any,
-    double: Any,
-    means: Any,
+    points: Any, s: Any, values: Any, half_width: Any, integral: Any, double: Any, means: Any
 ) -> None:
     integral[0] = double[0] = 0.0  # integrals of the values from s[0], and double integrals
     for i in range(1, s.shape[0]):
@@ -163,12 +158,16 @@ def shedding_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
     U is the flow across the rope, relative to the hang-off's velocity.
     """
     n = int(rope.state.counts[rows.ELEMENTS])
-    flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - boundary.rate[0, :3, None]
+    flow = rope.work[_FLOW, :n] - boundary.rate[0, :3, None]
     flow[2] = 0.0  # heave and waves' vertical motion run along the rope
-    tangent = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
-    across = flow - (flow * tangent).sum(axis=0) * tangent
-    speed = np.sqrt((across * across).sum(axis=0))
+    speed = _speed_across(flow, tangents(rope.state.nodes[_PLACE, : n + 1])[:, :n])
     return float((strouhal * speed / diameters(rope)[:n]).max())
+
+
+def _speed_across(velocity: Floats, tangent: Floats) -> Floats:
+    """Return the magnitude of velocities normal to unit vectors along the rope, (3, nodes) each."""
+    across = velocity - (velocity * tangent).sum(axis=0) * tangent
+    return np.sqrt((across * across).sum(axis=0))
 
 
 def sampling_steps(hz: float, step_s: float, cycle: int) -> int:
@@ -202,7 +201,11 @@ def relative_flow(rope: Rope) -> Floats:
 
 def tangents(position: Floats) -> Floats:
     """Unit vectors along the rope at its nodes, upward, (3, nodes)."""
-    step = np.diff(position, axis=1)
+    return _directions(np.diff(position, axis=1))
+
+
+def _directions(step: Floats) -> Floats:
+    """Unit vectors along the sums of the adjacent steps at the nodes, (3, nodes)."""
     tangent = np.concatenate([step[:, :1], step[:, 1:] + step[:, :-1], step[:, -1:]], axis=1)
     return np.asarray(tangent / np.sqrt((tangent * tangent).sum(axis=0)))
 
@@ -236,18 +239,15 @@ def curvature(rope: Rope) -> tuple[Floats, Floats]:
     n = int(rope.state.counts[rows.ELEMENTS])
     s = rope.state.s[: n + 1]
     unstretched = np.diff(s)
-    q = np.diff(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1) / unstretched
+    q = np.diff(rope.state.nodes[_PLACE, : n + 1], axis=1) / unstretched
     kappa = np.zeros((3, n + 1))
     kappa[:, 1:-1] = np.diff(q, axis=1) / (0.5 * (unstretched[1:] + unstretched[:-1]))
     for effect in rope.effects:
         if isinstance(effect, Bending) and effect.clamp > 0.0:
-            clamp_direction = np.array([effect.x, effect.y, effect.z])
-            misfit = clamp_direction - q[:, -1]
-            kappa[:, -1] = (
-                2.0 / unstretched[-1] * (misfit - (misfit @ clamp_direction) * clamp_direction)
-            )
-    tangent = np.concatenate([q[:, :1], q[:, 1:] + q[:, :-1], q[:, -1:]], axis=1)
-    return s, turned(kappa, tangent / np.sqrt((tangent * tangent).sum(axis=0)))
+            clamped = np.array([effect.x, effect.y, effect.z])
+            misfit = clamped - q[:, -1]
+            kappa[:, -1] = 2.0 / unstretched[-1] * (misfit - (misfit @ clamped) * clamped)
+    return s, turned(kappa, _directions(q))
 
 
 def turned(vectors: Floats, tangent: Floats) -> Floats:
@@ -285,21 +285,22 @@ class Span(NamedTuple):
     @property
     def node_mass(self) -> Floats:
         """Return the mass lumped at the nodes, including that of the end [kg]."""
-        half = 0.5 * self.mass * np.diff(self.s)
-        lumps = np.zeros(len(self.s))
-        lumps[:-1] += half
-        lumps[1:] += half
+        lumps = _lumped(self.mass * np.diff(self.s))
         lumps[0] += self.end_mass or 0.0
         return lumps
 
     @property
     def node_length(self) -> Floats:
         """Return the length lumped at each node from the adjacent half elements [m]."""
-        half = 0.5 * np.diff(self.s)
-        lengths = np.zeros(len(self.s))
-        lengths[:-1] += half
-        lengths[1:] += half
-        return lengths
+        return _lumped(np.diff(self.s))
+
+
+def _lumped(elements: Floats) -> Floats:
+    """Return values of elements, (n,), as lumps at their nodes, (n + 1,): half at either end."""
+    lumps = np.zeros(len(elements) + 1)
+    lumps[:-1] += 0.5 * elements
+    lumps[1:] += 0.5 * elements
+    return lumps
 
 
 class RecentSpeeds:
@@ -381,8 +382,7 @@ def extended(points: Floats, s: Floats, values: Floats) -> Floats:
 def line_model(rope: Rope, moved_water: bool = True) -> Span:
     """Return the line model of the present rope; moved_water: include its added mass."""
     n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
-    position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
-    velocity = rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, :n]
+    position = rope.state.nodes[_PLACE, : n + 1]
     steps = np.diff(position, axis=1)
     length = np.sqrt((steps * steps).sum(axis=0))
     s = rope.state.s[: n + 1]
@@ -394,10 +394,8 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
     added = added if moved_water else 0.0
     payload = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)
-    direction = tangents(position)[:, :n]
-    relative = work[rows.FLOW : rows.FLOW + 3, :n] - velocity
-    across = relative - (relative * direction).sum(axis=0) * direction
-    speed = np.sqrt((across * across).sum(axis=0))
+    relative = work[_FLOW, :n] - rope.state.nodes[_SPEED, :n]
+    speed = _speed_across(relative, tangents(position)[:, :n])
     along = np.concatenate([[0.0], np.cumsum(length)])
     # the flow at the hang-off is unknown: extrapolated linearly from the two nodes below it
     at_top = extended(along[n:], along[:n], speed)
@@ -477,14 +475,9 @@ def one_rope(ropes: Sequence[Rope]) -> Rope:
         below_m += length_m
     counts = lowest.state.counts.copy()
     counts[rows.ELEMENTS] = sum(int(rope.state.counts[rows.ELEMENTS]) for rope in ropes)
-    state = State(
-        np.concatenate(nodes, axis=1),
-        np.concatenate(s),
-        np.concatenate(offset),
-        counts,
-        lowest.state.health,
-    )
-    work, made = np.concatenate(works, axis=1), np.concatenate(sections, axis=1)
+    node_rows, work, made = (np.concatenate(part, axis=1) for part in (nodes, works, sections))
+    health = lowest.state.health
+    state = State(node_rows, np.concatenate(s), np.concatenate(offset), counts, health)
     return lowest._replace(state=state, work=work, sections=made)
 
 

@@ -46,15 +46,6 @@ class LateralModes(NamedTuple):
     mass: Floats  # modal mass of that shape [kg], (k,)
 
 
-def find_lateral_modes(span: Span, highest_hz: float) -> LateralModes:
-    """Return all modes up to a frequency.
-
-    Raises:
-        InputError: the rope is slack somewhere, or has too many modes below that frequency.
-    """
-    return ModeSearch(span, highest_hz, MAX_MODES).found()
-
-
 class ModeSearch:
     """Incremental modal analysis up to a frequency: a few modes per call, for a real-time run.
 
@@ -62,7 +53,7 @@ class ModeSearch:
         InputError: the rope is slack somewhere, or has too many modes below that frequency.
     """
 
-    def __init__(self, span: Span, highest_hz: float, part: int) -> None:
+    def __init__(self, span: Span, highest_hz: float, part: int = MAX_MODES) -> None:
         """Set up the search; `part`: approximate number of modes per call."""
         if not (span.tension > 0.0).all():
             slack = int((span.tension <= 0.0).sum())

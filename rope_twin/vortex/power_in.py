@@ -72,9 +72,7 @@ class Excitation:
 
     @property
     def driven(self) -> Floats:
-        """Return the mean excitation frequency of each node [Hz], (nodes,); 0 where it is not
-        excited.
-        """
+        """Return the mean excitation frequency of each node [Hz], (nodes,); 0: there is none."""
         total = self.zones.sum(axis=1)
         mean = (self.zones * self.frequency).sum(axis=1) / np.where(total > 0.0, total, 1.0)
         return np.asarray(mean)
@@ -133,11 +131,15 @@ class ExcitationSearch:
             self._modes = self._search.found()
         elif self.left:
             first = self._part * len(self._parts)
-            group = _some(self._modes, slice(first, first + self._part))
-            idle = float(group.frequency[-1]) < self._slowest
-            self._parts.append(
-                _idle(self._model, group) if idle else _excited(self.span, self._model, group)
-            )
+            which = slice(first, first + self._part)
+            shape = np.ascontiguousarray(self._modes.shape[:, which])
+            group = LateralModes(self._modes.frequency[which], shape, self._modes.mass[which])
+            if float(group.frequency[-1]) >= self._slowest:
+                self._parts.append(_excited(self.span, self._model, group))
+                return
+            added = np.full(len(group.mass), self._model.fixed_added_mass)
+            idle = np.zeros(len(added)), np.zeros_like(shape)
+            self._parts.append(_Part(group.frequency, added, *idle))
 
     def found(self) -> Excitation:
         """Complete the search and return the excitation of all modes."""
@@ -149,12 +151,10 @@ class ExcitationSearch:
         frequency, added, power, band = (
             np.concatenate(columns, axis=-1) for columns in zip(*groups, strict=True)
         )
-        nearest = self._model.lock_in == "nearest"
-        zones = (
-            _nearest(self.span, frequency, band, self._model.centre)
-            if nearest
-            else _share_out(power, band, self._model.candidate)
-        )
+        if self._model.lock_in == "nearest":
+            zones = _nearest(self.span, frequency, band, self._model.centre)
+        else:
+            zones = _share_out(power, band, self._model.candidate)
         return Excitation(modes, frequency, added, power, zones)
 
 
@@ -170,15 +170,6 @@ def near_driven(excitation: Excitation) -> tuple[float, float] | None:
     return 0.9 * float(driven[0]), 1.1 * float(driven[-1])
 
 
-def analyse(span: Span, model: Decomposed) -> Excitation:
-    """Return candidate modes, their power and natural frequency; span.mass is without added mass.
-
-    Raises:
-        InputError: the rope is slack somewhere.
-    """
-    return ExcitationSearch(span, model).found()
-
-
 class _Part(NamedTuple):
     """Excitation of a group of modes, (modes,) or (nodes, modes)."""
 
@@ -186,17 +177,6 @@ class _Part(NamedTuple):
     added_mass: Floats
     power: Floats
     band: Floats
-
-
-def _some(modes: LateralModes, which: slice) -> LateralModes:
-    shape = np.ascontiguousarray(modes.shape[:, which])
-    return LateralModes(modes.frequency[which], shape, modes.mass[which])
-
-
-def _idle(model: Decomposed, modes: LateralModes) -> _Part:
-    """Return the excitation of modes without power."""
-    added = np.full(len(modes.mass), model.fixed_added_mass)
-    return _Part(modes.frequency, added, np.zeros(len(added)), np.zeros_like(modes.shape))
 
 
 def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:

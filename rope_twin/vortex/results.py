@@ -109,14 +109,9 @@ class RopeVibration:
 
     def upside_down(self) -> RopeVibration:
         """Return the response with its rows in reverse order."""
-        return replace(
-            self,
-            cross_flow=self.cross_flow[::-1].copy(),
-            cross_flow_hz=self.cross_flow_hz[::-1].copy(),
-            in_line=None if self.in_line is None else self.in_line[::-1].copy(),
-            in_line_hz=None if self.in_line_hz is None else self.in_line_hz[::-1].copy(),
-            drag_amplification=self.drag_amplification[::-1].copy(),
-        )
+        names = ("cross_flow", "cross_flow_hz", "in_line", "in_line_hz", "drag_amplification")
+        rows = {name: values for name in names if (values := getattr(self, name)) is not None}
+        return replace(self, **{name: values[::-1].copy() for name, values in rows.items()})
 
 
 @dataclass(frozen=True)
@@ -209,9 +204,8 @@ class RopeDamage:
         strength = area if by_stress else np.array([rope.breaking_load_n for rope in materials])
         fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in materials]) / area
         self._per_tension = 1.0 / strength[section_of]
-        self._per_curvature = (
-            fibre[section_of] if by_stress and settings.bends else np.zeros(pieces)
-        )
+        bends = by_stress and settings.bends
+        self._per_curvature = fibre[section_of] if bends else np.zeros(pieces)
         self._wires = settings.wires if by_stress else ()
         self._aboard = np.full((len(self._wires), pieces), UNKNOWN)
         points = np.arange(CIRCUMFERENCE_POINTS if self.bends else 1)
@@ -244,12 +238,9 @@ class RopeDamage:
         self.take_tensions(self._lost_m + s, tension, pull_n, curvature)
 
     def take_tensions(
-        self,
-        from_lower_m: Floats,
-        tension_n: Floats,
-        upper_n: float,
+        self, from_lower_m: Floats, tension_n: Floats, upper_n: float,
         curvature: Floats | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Add one sample of a rope: nodes from its lower end up, (n + 1,), and elements, (n,)."""
         profile = tension_along(from_lower_m, tension_n, upper_n)
         self._take(profile, float(from_lower_m[-1]), upper_n, curvature)
@@ -263,10 +254,8 @@ class RopeDamage:
         points, values = tension_along(*_tensions(first), pulls_n[0])
         beyond, beyond_values = tension_along(*_tensions(other), pulls_n[1])
         whole_m = points[-1] + beyond[-1]
-        profile = (
-            np.concatenate((points, whole_m - beyond[::-1])),
-            np.concatenate((values, beyond_values[::-1])),
-        )
+        material = np.concatenate((points, whole_m - beyond[::-1]))
+        profile = material, np.concatenate((values, beyond_values[::-1]))
         self._take(profile, float(points[-1]), max(pulls_n), None)
 
     def _take(

@@ -19,7 +19,7 @@ from rope_twin.scene.vortex import strouhal_number
 from rope_twin.vortex.coupled import decomposed_of
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.line_model import Span
-from rope_twin.vortex.power_in import analyse
+from rope_twin.vortex.power_in import ExcitationSearch
 
 L, D, T, M, EI = 90.0, 0.03, 3700.0, 2.268, 3640.0
 DENSITY, ZETA, SPEED = 1025.0, 0.04, 0.4
@@ -161,7 +161,7 @@ def test_steady_amplitude_by_a_tabulated_lift(tmp_path: Path) -> None:
     assert table.check() is None
     params = DecomposedForceParams(table=table, damping_fraction=ZETA)
     span, model = riser(), decomposed_of(params, DENSITY)
-    actual = analyse(span, model)
+    actual = ExcitationSearch(span, model).found()
     k = actual.dominant - 1
     omega, water = 2.0 * pi * actual.frequency[k], DENSITY * 0.25 * pi * D**2
     push = 0.5 * lift * DENSITY * D * SPEED**2 * 4.0 / pi

@@ -11,7 +11,7 @@ import pytest
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.force_table import ForceTable
 from rope_twin.vortex.line_model import Span
-from rope_twin.vortex.power_in import analyse, decomposed
+from rope_twin.vortex.power_in import ExcitationSearch, decomposed
 from validation.steady_riser import steady_amplitude
 
 L, D, T, M, EI = 90.0, 0.03, 3700.0, 2.268, 3640.0
@@ -30,7 +30,7 @@ def test_steady_amplitude_with_constant_lift() -> None:
     table = ForceTable(*ends, np.full((2, 2), LIFT), np.ones((2, 2)))
     model = replace(decomposed(varying=False), table=table, structural=ZETA)
     span = _riser(np.full(181, 0.4))
-    actual = analyse(span, model)
+    actual = ExcitationSearch(span, model).found()
     k = actual.dominant - 1
     moved, shape = D * steady_amplitude(span, model), actual.modes.shape[:, k]
     omega, water = 2.0 * pi * actual.frequency[k], DENSITY * 0.25 * pi * D**2

@@ -9,7 +9,7 @@ import pytest
 from rigs import Rig
 
 from rope_twin.vortex.line_model import line_model
-from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.modes import ModeSearch
 
 CABLE = Rig(
     length=200.0, elements=40, mass=6.4, EA=6.5e7, diameter=0.04, load=3e3, density=1025.0,
@@ -25,6 +25,6 @@ def test_the_line_model_equals_the_twins_rope() -> None:
     assert span.tension[-1] == pytest.approx(CABLE.top_weight - 2.5 * weight, rel=0.01)
     assert span.end_mass == pytest.approx(3e3)
     assert span.mass @ np.diff(span.s) == pytest.approx(200.0 * (6.4 + 1025.0 * 4e-4 * np.pi))
-    light = find_lateral_modes(span, 0.5).frequency[1:]
-    heavy = find_lateral_modes(line_model(replace(CABLE, load=6e3).twin().rope), 0.5).frequency[1:]
+    light = ModeSearch(span, 0.5).found().frequency[1:]
+    heavy = ModeSearch(line_model(replace(CABLE, load=6e3).twin().rope), 0.5).found().frequency[1:]
     assert (heavy[: len(light)] > light[: len(heavy)]).all()

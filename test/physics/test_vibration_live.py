@@ -19,7 +19,7 @@ from rope_twin.twin.twin import Twin
 from rope_twin.vortex.decomposed_response import DecomposedResponse
 from rope_twin.vortex.line_model import Span, line_model, refined
 from rope_twin.vortex.modal_response import ModalResponse
-from rope_twin.vortex.modes import ModeSearch, find_lateral_modes
+from rope_twin.vortex.modes import ModeSearch
 from rope_twin.vortex.power_in import POWER_MIN, ExcitationSearch, decomposed, near_driven
 from rope_twin.vortex.results import FREQUENCY_DOMAIN, MonitorSettings, RopeVibration
 from rope_twin.vortex.shedding import Shedding
@@ -53,7 +53,7 @@ def fine_span(ends: bool = True) -> Span:
 @pytest.mark.parametrize("part", [1, 7, 400])
 def test_a_mode_search_in_parts_equals_one_at_once(part: int, ends: bool, EI: float) -> None:
     span = fine_span(ends)._replace(stiffness=EI)
-    whole = find_lateral_modes(span, 3.0)
+    whole = ModeSearch(span, 3.0).found()
     search = ModeSearch(span, 3.0, part)
     assert search.left > 10 / part
     search.go_on()

@@ -21,7 +21,7 @@ from rope_twin.vortex.decomposed_response import (
 from rope_twin.vortex.force_table import fitted_forces, read_force_table
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.modes import stiffness
-from rope_twin.vortex.power_in import Decomposed, analyse, decomposed, displaced
+from rope_twin.vortex.power_in import Decomposed, ExcitationSearch, decomposed, displaced
 from validation.decomposed_riser import newmark
 from validation.steady_riser import forces_at
 
@@ -67,7 +67,7 @@ def test_broken_tables_are_refused(tmp_path: Path) -> None:
 
 def test_true_frequency() -> None:
     """f = f_dry·√(m*/(m* + C_a)) of a uniform riser, with the C_a that the table has there."""
-    actual = analyse(riser(), decomposed())
+    actual = ExcitationSearch(riser(), decomposed()).found()
     ratio = M / (1025.0 * 0.25 * pi * D**2)
     n = np.arange(1, len(actual.frequency) + 1)
     dry = 0.5 * n / L * np.sqrt((T + EI * (n * pi / L) ** 2) / M)
@@ -82,7 +82,7 @@ def test_true_frequency() -> None:
 def test_power_of_a_uniform_current() -> None:
     """Π = |Q|²/(2R): Q = ½·C_Lv·ρ·D·U²·2L/π in the band, R = 2·m·ω·ζ·L/2."""
     fixed = decomposed(varying=False)
-    analysis = analyse(riser(n=360), fixed)
+    analysis = ExcitationSearch(riser(n=360), fixed).found()
     for mode in np.flatnonzero(analysis.power):
         f, phi = analysis.frequency[mode], analysis.modes.shape[:, mode]
         (lift,), _ = forces_at(fixed.table, np.array([0.5]), np.array([f * D / 0.4]))
@@ -94,7 +94,7 @@ def test_power_of_a_uniform_current() -> None:
 
 
 def test_still_water_excites_no_mode() -> None:
-    analysis = analyse(riser(speed=0.0), decomposed())
+    analysis = ExcitationSearch(riser(speed=0.0), decomposed()).found()
     assert analysis.dominant == 0
     assert not analysis.driven.any()
 
@@ -176,7 +176,7 @@ def test_response_is_the_dominant_mode_in_uniform_current() -> None:
 def test_fixed_added_mass_is_that_of_the_modes() -> None:
     """With C_a fixed the true frequency is the mode's own, and the water moved is C_a times it."""
     model: Decomposed = replace(decomposed(varying=False), fixed_added_mass=2.0)
-    analysis = analyse(riser(n=90), model)
+    analysis = ExcitationSearch(riser(n=90), model).found()
     np.testing.assert_array_equal(analysis.frequency, analysis.modes.frequency)
     wet = riser().node_mass + 2.0 * displaced(riser(), 1025.0)
     np.testing.assert_allclose(analysis.modes.mass, wet @ analysis.modes.shape**2, rtol=1e-6)

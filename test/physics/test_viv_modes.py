@@ -13,7 +13,7 @@ from scipy.special import jn_zeros
 from rope_twin.errors import InputError
 from rope_twin.vortex.line_model import Span, refined
 from rope_twin.vortex.modal_response import Drive, ModalResponse, ModalState, advance_modes
-from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.modes import ModeSearch
 from rope_twin.vortex.shedding import Lift, Shedding, leading_zones, nearest_zones
 from validation.modal_lines import all_zones, dominant_zones
 
@@ -34,7 +34,7 @@ def test_frequencies_of_string_and_beam(stiffness: float) -> None:
     errors = []
     for elements in (100, 200):
         span = string(elements, stiffness=stiffness)
-        computed = find_lateral_modes(span, 1.02 * exact[-1])
+        computed = ModeSearch(span, 1.02 * exact[-1]).found()
         assert len(computed.frequency) == 8
         errors.append(np.abs(computed.frequency / exact - 1.0).max())
         np.testing.assert_allclose(computed.mass, 0.5 * M * L, rtol=5e-3)
@@ -49,7 +49,7 @@ def test_frequencies_of_a_hanging_chain() -> None:
     tension = 9.81 * M * 0.5 * (s[1:] + s[:-1])
     span = Span(s, tension, np.full(n, M), np.ones(n + 1), np.zeros(n + 1), end_mass=0.0)
     exact = 0.5 * jn_zeros(0, 4) * np.sqrt(9.81 / 100.0) / (2.0 * pi)
-    computed = find_lateral_modes(span, 1.01 * exact[-1])
+    computed = ModeSearch(span, 1.01 * exact[-1]).found()
     np.testing.assert_allclose(computed.frequency, exact, rtol=2e-3)
     assert (np.abs(computed.shape).argmax(axis=0) == 0).all()
 
@@ -218,6 +218,6 @@ def test_lift_vanishes_at_one_diameter() -> None:
 def test_modes_of_a_slack_rope_are_rejected() -> None:
     slack = string()._replace(tension=np.full(200, 0.0))
     with pytest.raises(InputError, match="200 of 200 elements are slack"):
-        find_lateral_modes(slack, 1.0)
+        ModeSearch(slack, 1.0).found()
     with pytest.raises(InputError, match="modes lie below"):
-        find_lateral_modes(string(), 1e4)
+        ModeSearch(string(), 1e4).found()

@@ -22,7 +22,7 @@ from rope_twin.studies.viv_frequency_domain import (
     span_of,
 )
 from rope_twin.vortex.fatigue import CURVES, StressCurve, pipe_area
-from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.modes import ModeSearch
 from rope_twin.vortex.shedding import Shedding
 
 PICTURES = {"current.png", "modes.png", "along.png", "motion.png", "spectra.png"}
@@ -91,7 +91,7 @@ def test_span_of_a_scene_has_its_frequencies() -> None:
     effects = [straight if isinstance(p, CurrentParams) else p for p in scene.effects]
     scene = replace(scene, effects=tuple(effects))
     theirs = [m.frequency_hz for m in find_modes(scene, 12).lowest if m.kind == "out-of-plane"]
-    ours = find_lateral_modes(span_of(scene).span, 0.3).frequency
+    ours = ModeSearch(span_of(scene).span, 0.3).found().frequency
     np.testing.assert_allclose(ours[: len(theirs)], theirs, rtol=2e-3)
 
 

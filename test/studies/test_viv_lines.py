@@ -14,7 +14,7 @@ from rope_twin.cli import main
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.viv_frequency_domain import count_fatigue, run_frequency_domain, spans_of
 from rope_twin.vortex.fatigue import StressCurve
-from rope_twin.vortex.modes import find_lateral_modes
+from rope_twin.vortex.modes import ModeSearch
 from rope_twin.vortex.shedding import Shedding
 
 G = 9.80665
@@ -60,7 +60,7 @@ def test_a_leg_of_a_bridle_is_a_taut_string() -> None:
         assert span.tension[0] == pytest.approx(tension, rel=5e-3)
         mass = rope.mass_kg_per_m + density * volume
         expected = [k / (2.0 * 8.0) * math.sqrt(tension / mass) for k in (1, 2)]
-        modes = find_lateral_modes(span, 1.1 * expected[1])
+        modes = ModeSearch(span, 1.1 * expected[1]).found()
         assert modes.frequency == pytest.approx(expected, rel=0.03)  # on eight elements
 
 

@@ -47,4 +47,4 @@ class WholeHistory:
         """Return Miner's sum of each metre."""
         histories = np.array(self._rows).T
         cycles = [count_cycles(history[~np.isnan(history)]) for history in histories]
-        return np.array([curve.stress_damage(counted) for counted in cycles])
+        return np.array([curve.used(counted).sum() for counted in cycles])
