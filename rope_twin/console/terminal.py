@@ -35,6 +35,7 @@ from rope_twin.console.figures import (
     payload_figures,
     quality_lines,
     risk_lines,
+    scaled,
     sea_figures,
     winch_figures,
 )
@@ -94,10 +95,8 @@ def curves(trend: Mapping[str, Sequence[float | None]], forecast: Values | None,
     now = times[-1]
 
     def past(name: str) -> Points:
-        return [
-            (instant - now, _scaled(value, units))
-            for instant, value in zip(times, trend[name], strict=True)
-        ]
+        pairs = zip(times, trend[name], strict=True)
+        return [(instant - now, scaled(value, units.per_newton)) for instant, value in pairs]
 
     shown = [Curve(past(name), styles.band, joined=False) for name in ("low_n", "high_n")]
     shown += _forecast_curves(forecast, now, units, styles)
@@ -193,16 +192,11 @@ def _forecast_curves(
 
     def after(name: str) -> Points:
         pairs = zip(places, forecast[name], strict=True)
-        return [
-            (lead_s, _scaled(value, units)) for lead_s, value in pairs if 0.0 < lead_s <= AHEAD_S
-        ]
+        shown = (pair for pair in pairs if 0.0 < pair[0] <= AHEAD_S)
+        return [(lead_s, scaled(value, units.per_newton)) for lead_s, value in shown]
 
     band = [Curve(after(name), styles.band, joined=False) for name in ("low_n", "high_n")]
     return [*band, Curve(after("median_n"), styles.computed, joined=False)]
-
-
-def _scaled(newton: float | None, units: Units) -> float | None:
-    return None if newton is None else newton * units.per_newton
 
 
 def _range(values: Sequence[float], limits: Sequence[float]) -> tuple[float, float]:

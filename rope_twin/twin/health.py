@@ -118,15 +118,9 @@ class InputCounter:
         if self._newest_ns is None and judged is UNJUDGED and not touched:
             return NOTHING_CAME
         age = float("inf") if self._newest_ns is None else (now_ns - self._newest_ns) * 1e-9
-        counts = self._counts
+        warning = self._warning if now_ns - self._warned_ns < RECENT_NS else ""
         return InputHealth(
-            accepted=counts["accepted"],
-            late=counts["late"],
-            repeated=counts["repeated"],
-            non_finite=counts["non_finite"],
-            impossible=counts["impossible"],
-            stuck=counts["stuck"],
-            unconfirmed=counts["unconfirmed"],
+            **self._counts,
             recently_refused=self._refused_recently(now_ns) if self._refused else 0,
             age_s=age,
             stale=stale,
@@ -136,11 +130,8 @@ class InputCounter:
             note=self._remark or self._refusal,
             refusal=self._refusal,
             executed_late=self.executed_late,
-            warning=judged.warning or self._warned(now_ns),
+            warning=judged.warning or warning,
         )
-
-    def _warned(self, now_ns: int) -> str:
-        return self._warning if now_ns - self._warned_ns < RECENT_NS else ""
 
     def _refused_recently(self, now_ns: int) -> int:
         second, new = now_ns // 1_000_000_000, self._refused - self._dated

@@ -79,12 +79,10 @@ def with_vibration(scene: Scene, shot: Snapshot, responses: Sequence[RopeVibrati
     responses: from the last node of the core down, which at a sheave is the rope's lower end.
     """
     pairs = zip(scene.ropes, shot.ropes, responses, strict=False)
-    ropes = [
-        replace(
-            rope, vibration=response.upside_down() if runs_over_sheave(scene, line) else response
-        )
-        for line, rope, response in pairs
-    ]
+    ropes = []
+    for line, rope, response in pairs:
+        ordered = response.upside_down() if runs_over_sheave(scene, line) else response
+        ropes.append(replace(rope, vibration=ordered))
     return amended(shot, vibration=responses[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
 
 
@@ -258,11 +256,9 @@ def _at_common_depths(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
     bottom = min(float(depth[-1]) for depth in depths)
     common = np.unique(np.concatenate(depths))
     common = common[(common >= top) & (common <= bottom)]
+    pairs = zip(depths, paths, strict=True)
     positions = np.array(
-        [
-            [np.interp(common, depth, path[:, k]) for k in range(2)]
-            for depth, path in zip(depths, paths, strict=True)
-        ]
+        [[np.interp(common, d, path[:, k]) for k in range(2)] for d, path in pairs]
     )
     slopes = np.diff(positions, axis=2) / np.diff(common)
     slopes = np.concatenate([slopes, slopes[:, :, -1:]], axis=2)
@@ -321,10 +317,8 @@ class ClearanceReport:
 
     def state(self) -> list[Any]:
         """Return the state that a restart needs, as plain numbers."""
-        current = self._watch.crossings
         crossings = [
-            [crossing.depth_m, crossing.angle_deg, crossing.gap_m, *crossing.position_m]
-            for crossing in current
+            [c.depth_m, c.angle_deg, c.gap_m, *c.position_m] for c in self._watch.crossings
         ]
         near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
         last = [near.time_s, near.depth_m, near.distance_m]
@@ -333,10 +327,8 @@ class ClearanceReport:
     def restore(self, state: list[Any]) -> None:
         """Resume from the state that `state` gave."""
         self._sampled_second, self._watch.turned_up, last, rows = state
-        self._watch.crossings = tuple(
-            Crossing(depth_m=depth, angle_deg=angle, gap_m=gap, position_m=(x, y, z))
-            for depth, angle, gap, x, y, z in rows
-        )
+        crossings = (Crossing(depth, angle, gap, (x, y, z)) for depth, angle, gap, x, y, z in rows)
+        self._watch.crossings = tuple(crossings)
         sampled = self._sampled_second >= 0
         self._shot = LinesShot(Nearest(*last), self._watch.crossings) if sampled else None
 

@@ -200,13 +200,12 @@ class QualityIndex:
 
     def _evaluate(self, shot: Snapshot, elapsed_s: float, validity: Component) -> None:
         inputs, numerics = inputs_of(shot), self._numerics(shot)
-        has_fatigue = shot.fatigue is not None or any(
-            rope.fatigue is not None for rope in shot.ropes
-        )
+        damages = shot.fatigue, *(rope.fatigue for rope in shot.ropes)
+        has_fatigue = any(damage is not None for damage in damages)
         building_up = shot.motion_ramp < 1.0
         histories = {
-            quantity: self._history(number, quantity, shot, elapsed_s)
-            for number, quantity in enumerate((_TENSIONS, _DEPTHS))
+            quantity: self._history(k, quantity, shot, elapsed_s)
+            for k, quantity in enumerate((_TENSIONS, _DEPTHS))
         }
         for element in self._elements:
             name = element.name
@@ -239,11 +238,8 @@ class QualityIndex:
 
     def _history(self, number: int, quantity: str, shot: Snapshot, elapsed_s: float) -> Component:
         """Count the time in agreement with measurements, and return its component."""
-        compared = [
-            residual
-            for residual in shot.residuals
-            if residual.quantity == quantity and _compares(residual, shot)
-        ]
+        of_quantity = [one for one in shot.residuals if one.quantity == quantity]
+        compared = [residual for residual in of_quantity if _compares(residual, shot)]
         bins, hour = self._agreed[number], int(shot.time_s // 3600.0)
         if compared and elapsed_s > 0.0:
             row = bins[hour % HISTORY_HOURS]
@@ -263,18 +259,16 @@ class QualityIndex:
 
 def inputs_of(shot: Snapshot) -> Component:
     """Return the component of the inputs that drive the twin: the worst of them."""
-    return _worst(_inputs(shot))
-
-
-def _inputs(shot: Snapshot) -> Iterator[Component]:
     is_followed = any(name.startswith(LINE_FOLLOWING) for name in shot.inputs)
     comparing = _SENSORS[1:] if is_followed else _SENSORS  # a line that is followed drives the twin
-    for name, health in shot.inputs.items():
-        if name.startswith(comparing) or name in _COMMANDS_ONLY:
-            continue
-        yield input_of("inputs" if name == BORDER else name.replace("_", " "), health)
+    parts = [
+        input_of("inputs" if name == BORDER else name.replace("_", " "), health)
+        for name, health in shot.inputs.items()
+        if not name.startswith(comparing) and name not in _COMMANDS_ONLY
+    ]
     if shot.winch_at_limit:
-        yield Component(WARNING_VALUE, f"winch: {shot.winch_at_limit}")
+        parts.append(Component(WARNING_VALUE, f"winch: {shot.winch_at_limit}"))
+    return _worst(parts)
 
 
 def input_of(name: str, health: InputHealth) -> Component:
@@ -320,18 +314,18 @@ def discretisation_of(element: str, shot: Snapshot) -> Component:
 
 def validity_of(shot: Snapshot, outside: Iterable[Finding] = ()) -> Component:
     """Return the component of the model's validity now; outside: findings outside its range."""
-    return _worst((*_validity(shot), *(Component(*finding) for finding in outside)))
-
-
-def _validity(shot: Snapshot) -> Iterator[Component]:
-    for rope in shot.strength:
-        if rope.utilisation >= 1.0:
-            yield Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
+    parts = [
+        Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
+        for rope in shot.strength
+        if rope.utilisation >= 1.0
+    ]
     if shot.motion_ramp < 1.0:
         text = f"{BUILD_UP}: {min(shot.motion_ramp, 0.99):.0%} of the ship motion applied"
-        yield Component(BUILD_UP_VALUE, text)
+        parts.append(Component(BUILD_UP_VALUE, text))
     if any(factor != 1.0 for factor in shot.fluid_factors):
-        yield Component(BUILD_UP_VALUE, "the forces of the water are not applied in full")
+        text = "the forces of the water are not applied in full"
+        parts.append(Component(BUILD_UP_VALUE, text))
+    return _worst((*parts, *(Component(*finding) for finding in outside)))
 
 
 def residual_of(element: str, shot: Snapshot) -> Component:
@@ -423,10 +417,8 @@ def calibration_of(score: ForecastScore) -> Component:
         return Component(None, "no measured tension to judge forecasts by")
     min_coverage = COVERED - 2.0 * math.sqrt(COVERED * (1.0 - COVERED) / score.judged)
     min_coverage = max(min_coverage, COVERED_BAD + 0.01)
-    value = min(
-        falling(-score.coverage, -min_coverage, -COVERED_BAD),
-        falling(score.factor, FACTOR_GOOD, FACTOR_BAD),
-    )
+    coverage = falling(-score.coverage, -min_coverage, -COVERED_BAD)
+    value = min(coverage, falling(score.factor, FACTOR_GOOD, FACTOR_BAD))
     text = f"{score.coverage:.0%} of the truth in the 90 % bands of the last {score.judged} "
     return Component(value, f"{text}forecasts, whose spread is widened by {score.factor:.2g}")
 

@@ -214,9 +214,8 @@ class Readings(ABC):
 
         lead_s: allowed to a sender, as a replay publishes a reading before its time.
         """
-        warnings = [
-            text for text in (self.warning, self._distrust, self._clock_doubt(lead_s)) if text
-        ]
+        doubts = self.warning, self._distrust, self._clock_doubt(lead_s)
+        warnings = [text for text in doubts if text]
         if self._newest_ns is not None and self.stale(now_ns):
             gap_s = (now_ns - self._newest_ns) * 1e-9
             warnings.append(f"no reading for {gap_s:.1f} s; nothing is compared")
@@ -365,17 +364,13 @@ class DepthReadings(Readings):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__("payload_depth", "payload/measured_depth")
-        line = scene.ropes[0]
-        winch = winch_of(scene, line)
+        line, winch = scene.ropes[0], winch_of(scene, scene.ropes[0])
         max_length_m = line.length_m if winch is None else winch.most_line_out_m
-        if len(scene.ropes) > 1:
-            max_length_m += sum(other.length_m for other in scene.ropes[1:])
+        max_length_m += sum(other.length_m for other in scene.ropes[1:])
         lowest_z = min(position[2] for position in places(scene).values())
-        sensor = scene.measured.payload_depth
-        self._deepest_m = (
-            1.2 * max_length_m - lowest_z + scene.ship.max_heave_m + abs(sensor.bias_m)
-        )
-        self._sensor = sensor
+        self._sensor = scene.measured.payload_depth
+        self._deepest_m = 1.2 * max_length_m - lowest_z + scene.ship.max_heave_m
+        self._deepest_m += abs(self._sensor.bias_m)
 
     def _range_fault(self, row: Row) -> Refusal | None:
         depth = row[1]

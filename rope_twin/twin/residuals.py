@@ -15,6 +15,7 @@ import math
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable
+from operator import add
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.instruments import MOTOR as AT_MOTOR
@@ -100,7 +101,7 @@ class Comparison:
         # newest one compared: stamp, measured, computed, instrument's and twin's uncertainty
         self._newest: tuple[int, float, float, float | None, float | None] | None = None
         # second, readings, Σr, Σr², outside, with an interval, Σc, Σc²: r residual, c computed
-        self._bins: deque[tuple[int, int, float, float, int, int, float, float]] = deque()
+        self._bins: deque[tuple[float, ...]] = deque()
         self._level = 0.0  # reference of c
         judged = sensor.uncertainty(1.0) is not None
         self._monitor = ResidualMonitor() if judged else None
@@ -133,11 +134,7 @@ class Comparison:
             if computed is None:
                 continue
             uncertainty = twin
-            if (
-                uncertainty is None
-                and rms_share is not None
-                and (spread := self._spread()) is not None
-            ):
+            if twin is None and rms_share is not None and (spread := self._spread()) is not None:
                 uncertainty = rms_share * spread
             self._count(stamp_ns, measured, computed, uncertainty)
 
@@ -149,25 +146,15 @@ class Comparison:
         self._newest = stamp_ns, measured, computed, u, twin
         half_width = _half_width(u, twin)
         second = stamp_ns // 1_000_000_000
-        known, outside = (
-            int(half_width is not None),
-            int(half_width is not None and abs(r) > half_width),
-        )
+        known = int(half_width is not None)
+        outside = int(half_width is not None and abs(r) > half_width)
         if self._monitor is not None and half_width and u:
             self._monitor.take(stamp_ns, r, half_width / COVERAGE, u)
+        sums: tuple[float, ...] = 0, 0.0, 0.0, 0, 0, 0.0, 0.0
         if self._bins and self._bins[-1][0] == second:
-            _, n, sum_r, sum_rr, outside_sum, with_half, sum_c, sum_cc = self._bins.pop()
-        else:
-            n, sum_r, sum_rr, outside_sum, with_half, sum_c, sum_cc = 0, 0.0, 0.0, 0, 0, 0.0, 0.0
-        sums = (
-            sum_r + r,
-            sum_rr + r * r,
-            outside_sum + outside,
-            with_half + known,
-            sum_c + c,
-            sum_cc + c * c,
-        )
-        self._bins.append((second, n + 1, *sums))
+            sums = self._bins.pop()[1:]
+        added = 1, r, r * r, outside, known, c, c * c
+        self._bins.append((second, *map(add, sums, added)))
         while self._bins[0][0] <= second - WINDOW_S:
             self._bins.popleft()
         value, since_ns, count, low, high = self._equal
@@ -268,8 +255,9 @@ class MeasuredInputs:
         self._tensions = tuple(
             Comparison(line.from_, TENSION, 2 * r, sensors.tension, group) for r, line in lines
         )
+        counter = sensors.line_out
         self._lengths = tuple(
-            Comparison(line.from_, LINE_OUT, 2 * r + 1, sensors.line_out, WINCH_MEASURED)
+            Comparison(line.from_, LINE_OUT, 2 * r + 1, counter, WINCH_MEASURED)
             for r, line in lines
         )
         lower = scene.payloads[0].name if len(scene.payloads) == 1 else "payload"
@@ -368,10 +356,8 @@ class MeasuredInputs:
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted reading of each sensor group [ns]."""
-        counters = (readings.counter for readings in self._groups)
-        return {
-            counter.name: counter.newest_ns for counter in counters if counter.newest_ns is not None
-        }
+        newest = {readings.counter.name: readings.counter.newest_ns for readings in self._groups}
+        return {name: stamp_ns for name, stamp_ns in newest.items() if stamp_ns is not None}
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """Return the health of each sensor group that has sent anything."""
@@ -385,11 +371,8 @@ class MeasuredInputs:
             for motor, comparison in zip(self._motors, self._tensions, strict=True):
                 motor.warning = comparison.doubt
         self._depth.warning = self._depths.doubt
-        return {
-            readings.counter.name: readings.health(now_ns, self.lead_s)
-            for readings in self._groups
-            if readings.counter.accepted or readings.counter.refused
-        }
+        groups = [one for one in self._groups if one.counter.accepted or one.counter.refused]
+        return {one.counter.name: one.health(now_ns, self.lead_s) for one in groups}
 
     @property
     def _groups(self) -> tuple[Readings, ...]:

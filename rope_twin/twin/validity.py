@@ -108,8 +108,6 @@ class ModelRange:
                 yield Finding(DOUBTED, f"{text}: another lift than the one prepared")
 
     def _at_the_surface(self, shot: Snapshot) -> Iterator[Finding]:
-        if not self._surfacing:
-            return
         positions = {payload.name: payload.position_m for payload in shot.payloads}
         for name, half_m in self._surfacing.items():
             z = float(positions.get(name, shot.payload_position_m)[2])
@@ -167,10 +165,8 @@ def _below_the_profile(shot: Snapshot, effects: tuple[Any, ...]) -> Iterator[Fin
 @functools.lru_cache(maxsize=8)
 def _standing(scene: Scene) -> tuple[Finding, ...]:
     """Return a finding for each warning of the scene on what its model does not contain."""
-    return tuple(
-        Finding(DOUBTED, f"the scene warns: {warning.removesuffix('.')}")
-        for warning in validity_warnings(scene)
-    )
+    warnings = (warning.removesuffix(".") for warning in validity_warnings(scene))
+    return tuple(Finding(DOUBTED, f"the scene warns: {warning}") for warning in warnings)
 
 
 def _half_heights(scene: Scene) -> dict[str, float]:
@@ -181,15 +177,12 @@ def _half_heights(scene: Scene) -> dict[str, float]:
     modelled = any(isinstance(e, SplashZoneParams | RigidBodyParams) for e in scene.effects)
     if modelled or is_air(scene):
         return {}
+    unmodelled = list(scene.payloads[:1])
     if is_joined(scene):
         unmodelled = [payload for payload in scene.payloads if payload.splash_zone is None]
-    else:
-        unmodelled = list(scene.payloads[:1])
     density = scene.environment.water_density_kg_per_m3
-    return {
-        payload.name: 0.5 * payload_figures(payload, density).volume_m3 ** (1.0 / 3.0)
-        for payload in unmodelled
-    }
+    volumes_m3 = {one.name: payload_figures(one, density).volume_m3 for one in unmodelled}
+    return {name: 0.5 * volume_m3 ** (1.0 / 3.0) for name, volume_m3 in volumes_m3.items()}
 
 
 @dataclass(frozen=True)
@@ -295,12 +288,10 @@ class StudyValidity:
 
     def _check_sea(self, shot: Snapshot, compared: bool) -> None:
         """Check that samples of the scene's sea arrive and were compared."""
-        heave = shot.inputs.get("heave")
+        heave, is_late = shot.inputs.get("heave"), shot.stamp_ns > MISSING_NS
         if not compared:
             self._latch("the ship's motion was not compared with the scene's own sea")
-        elif heave is not None and (
-            heave.stale or (heave.accepted == 0 and shot.stamp_ns > MISSING_NS)
-        ):
+        elif heave is not None and (heave.stale or (heave.accepted == 0 and is_late)):
             self._latch(f"samples of the scene's sea are missing at {shot.time_s:.2f} s")
 
     def _latch(self, reason: str) -> None:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -124,12 +124,9 @@ class RopeView:
         """Flush and close the sink."""
         self.flush()
         if not self._sink.live:  # in a window it would reset the user's arrangement
-            ranges = {
-                path: decade_range(series.least, series.most)
-                for path, series in self._series.items()
-                if series.least <= series.most
-            }
-            self._arrange(ranges)
+            spans = {path: (one.least, one.most) for path, one in self._series.items()}
+            known = {path: span for path, span in spans.items() if span[0] <= span[1]}
+            self._arrange({path: decade_range(*span) for path, span in known.items()})
         self._sink.close()
 
     def _arrange(self, ranges: Ranges | None = None) -> None:
@@ -186,25 +183,25 @@ class RopeView:
         edges = float(first["lower_n"]), float(first["upper_n"])
         if not all(math.isfinite(edge) for edge in edges):
             return
-        for (path, name, rgb), force in zip(INTERVAL_CURVES, edges, strict=True):
-            if path not in self._series:
-                self._add_curve(path, name, rgb)
-            self._series[path].add(time_ns, force / 1000.0)
+        self._add_band(INTERVAL_CURVES, time_ns, edges)
 
     def _forecast(self, message: Any, time_ns: int) -> None:
         """Add the band AHEAD_S before its time, ahead of the curve of the tension."""
-        rows = read_cloud(message)
-        lead_s = rows["lead_s"]
-        for lead, row in zip(lead_s, rows, strict=True):
+        for row in read_cloud(message):
+            lead = row["lead_s"]
             if not AHEAD_S - AHEAD_EVERY_S < lead <= AHEAD_S:
                 continue
-            at_ns = time_ns + round(float(lead) * NANOSECONDS)
-            for (path, name, rgb), column in zip(
-                AHEAD_CURVES, ("top_tension_5_n", "top_tension_95_n"), strict=True
-            ):
-                if path not in self._series:
-                    self._add_curve(path, name, rgb)
-                self._series[path].add(at_ns, float(row[column]) / 1000.0)
+            edges = float(row["top_tension_5_n"]), float(row["top_tension_95_n"])
+            self._add_band(AHEAD_CURVES, time_ns + round(float(lead) * NANOSECONDS), edges)
+
+    def _add_band(
+        self, curves: Sequence[tuple[str, str, str]], time_ns: int, edges_n: tuple[float, float]
+    ) -> None:
+        """Add both edges of a band of the top tension [N] to their curves, made as they come."""
+        for (path, name, rgb), edge_n in zip(curves, edges_n, strict=True):
+            if path not in self._series:
+                self._add_curve(path, name, rgb)
+            self._series[path].add(time_ns, edge_n / 1000.0)
 
     def _element_tension(self, message: Any, time_ns: int) -> None:
         self._elements = read_cloud(message)
@@ -270,20 +267,10 @@ class RopeView:
             self._arrange()
 
     def _payloads(self, message: Any, time_ns: int) -> None:
-        poses = {
-            name: (
-                np.array(
-                    [transform.translation.x, transform.translation.y, transform.translation.z]
-                ),
-                [
-                    transform.rotation.x,
-                    transform.rotation.y,
-                    transform.rotation.z,
-                    transform.rotation.w,
-                ],
-            )
-            for name, transform in zip(message.joint_names, message.transforms, strict=True)
-        }
+        poses = {}
+        for name, pose in zip(message.joint_names, message.transforms, strict=True):
+            place, turn = pose.translation, pose.rotation
+            poses[name] = np.array([place.x, place.y, place.z]), [turn.x, turn.y, turn.z, turn.w]
         self._lower_end.take_poses(poses)
         self._overview.payloads = self._lower_end.payloads
 

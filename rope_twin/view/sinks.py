@@ -54,9 +54,8 @@ def load_rerun() -> Any:
     try:
         import rerun
     except ImportError as error:
-        raise InputError(
-            "view", f"rerun is missing ({error})", "install it with: pip install '.[viz]'"
-        ) from error
+        problem, remedy = f"rerun is missing ({error})", "install it with: pip install '.[viz]'"
+        raise InputError("view", problem, remedy) from error
     return rerun
 
 
@@ -194,13 +193,13 @@ def what_a_window_lacks() -> str:
         return phrase("view", "no display", "use --out FILE.rrd or --out FILE.png")
     libraries = _X11_LIBRARIES if os.environ.get("DISPLAY") else {}
     missing = [package for library, package in libraries.items() if not has_library(library)]
-    if missing:
-        return phrase(
-            "view",
-            "libraries for a window are not installed",
-            f"on Debian: apt-get install {' '.join(missing)}",
-        )
-    return ""
+    return _to_install("libraries for a window are not installed", missing)
+
+
+def _to_install(problem: str, missing: list[str]) -> str:
+    """Return a sentence on the Debian packages to install, or "" if none is missing."""
+    remedy = f"on Debian: apt-get install {' '.join(missing)}"
+    return phrase("view", problem, remedy) if missing else ""
 
 
 def has_library(name: str) -> bool:
@@ -260,9 +259,8 @@ def wait_for_viewer(process: subprocess.Popen[bytes], port: int) -> None:
                 return
         time.sleep(0.05)
     process.kill()
-    raise InputError(
-        "view", "rerun's viewer did not start", f"test it with: {sys.executable} -m rerun"
-    )
+    remedy = f"test it with: {sys.executable} -m rerun"
+    raise InputError("view", "rerun's viewer did not start", remedy)
 
 
 def what_a_picture_lacks() -> str:
@@ -270,13 +268,7 @@ def what_a_picture_lacks() -> str:
     missing = [] if has_library("libvulkan.so.1") else ["libvulkan1"]
     if _driver() is None:
         missing.append("mesa-vulkan-drivers")
-    if not missing:
-        return ""
-    return phrase(
-        "view",
-        "a picture needs Vulkan, which is not installed",
-        f"on Debian: apt-get install {' '.join(missing)}",
-    )
+    return _to_install("a picture needs Vulkan, which is not installed", missing)
 
 
 def take_picture(recording: Path, picture: Path) -> None:
@@ -300,9 +292,8 @@ def take_picture(recording: Path, picture: Path) -> None:
         wait_for_viewer(viewer, port)
         data = _settled(port, recording)
     except RuntimeError as error:  # how the viewer's client reports all failures
-        raise InputError(
-            "view", f"no picture received ({error})", "try again, or use --out FILE.rrd"
-        ) from error
+        problem, remedy = f"no picture received ({error})", "try again, or use --out FILE.rrd"
+        raise InputError("view", problem, remedy) from error
     finally:
         viewer.kill()
         viewer.wait()
@@ -343,10 +334,8 @@ def _write(data: bytes, picture: Path) -> None:
             picture.parent.mkdir(parents=True)
         image.save(picture, format="PNG", optimize=True)
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise InputError(
-            f"picture {picture}", f"it cannot be written ({reason})", "name another file"
-        ) from error
+        problem = f"it cannot be written ({error.strerror or error})"
+        raise InputError(f"picture {picture}", problem, "name another file") from error
 
 
 def _without_title_bar(image: Any) -> Any:
