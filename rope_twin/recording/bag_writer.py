@@ -117,11 +117,7 @@ class _McapFile:
     """One MCAP file of a bag."""
 
     def __init__(self, path: Path, chunk_bytes: int) -> None:
-        """Create the file.
-
-        Raises:
-            OSError: the file exists or cannot be created.
-        """
+        """Create the file. Raises OSError: the file exists or cannot be created."""
         self.name = path.name
         self.sink = FileSink(path)
         self._writer = Writer(self.sink, chunk_bytes, CompressionType.ZSTD)

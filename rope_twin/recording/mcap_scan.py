@@ -398,11 +398,7 @@ def _read_summary(file: _File) -> _Summary | None:
 
 
 def _parse_summary(body: bytes, start: int) -> _Summary:
-    """Return the parsed summary.
-
-    Raises:
-        one of _DAMAGE: its records are inconsistent.
-    """
+    """Return the parsed summary. Raises one of _DAMAGE: its records are inconsistent."""
     summary = _Summary(start)
     for opcode, content in _frames(body):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):

@@ -42,11 +42,7 @@ class AlertOutputNode(SuiteNode):
         self._commands = publish(self, BY_NAME[ALERT_COMMAND])
 
     def begin(self) -> None:
-        """Open the sockets and listen to the suite.
-
-        Raises:
-            InputError: the address cannot be used.
-        """
+        """Open the sockets and listen to the suite."""
         try:
             addresses = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_DGRAM)
             family, kind, protocol, _, address = addresses[0]

@@ -224,11 +224,7 @@ class ConsoleNode(SuiteNode):
         self._server: Server | None = None
 
     def begin(self) -> None:
-        """Bind the address and serve.
-
-        Raises:
-            InputError: the address cannot be used, or the extra `console` is not installed.
-        """
+        """Bind the address and serve."""
         host, port = read_address(self._params.address)
         source = SuiteSource(self)
         scene = self._params.scene

@@ -157,11 +157,7 @@ class FeedNode(SuiteNode):
         return bool(self._channels) and all(channel.ended for channel in self._channels)
 
     def begin(self) -> None:
-        """Open all sources.
-
-        Raises:
-            RopeTwinError: settings or a source cannot be used; one sentence.
-        """
+        """Open all sources."""
         feeds = chosen_feeds(self._params.settings, self._params.feed, self._params.source)
         start_ns = self.get_clock().now().nanoseconds
         faults = read_faults(self._params.faults)
@@ -259,11 +255,7 @@ class FeedSimulator(SuiteNode):
         return bool(stop_s) and time.monotonic() - self._began_s > stop_s
 
     def begin(self) -> None:
-        """Open the ways out and listen to the simulation.
-
-        Raises:
-            RopeTwinError: settings or an address cannot be used; one sentence.
-        """
+        """Open the ways out and listen to the simulation."""
         params = self._params
         feeds = chosen_feeds(params.settings, params.feed, params.source)
         faults = read_faults(params.faults)

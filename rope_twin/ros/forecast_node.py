@@ -77,11 +77,7 @@ class ForecastNode(SuiteNode):
         self.worker: ForecastWorker | None = None
 
     def begin(self) -> None:
-        """Read the scene, subscribe and start the worker.
-
-        Raises:
-            RopeTwinError: the scene cannot be read, or a limit is not possible.
-        """
+        """Read the scene, subscribe and start the worker."""
         params = self._params
         scene = load_scene(params.scene)
         limits = params.tension_limit_n, params.contact_limit_m_per_s

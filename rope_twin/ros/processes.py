@@ -387,11 +387,7 @@ class _Supervisor:
                 self._spin(expected=name)
 
     def result(self, options: RunOptions) -> RunSummary:
-        """Return the last summary that was received.
-
-        Raises:
-            InputError: none was received.
-        """
+        """Return the last summary that was received. Raises InputError: none was received."""
         code = self._codes.get("simulation", 0)
         summary = self._monitor.summary
         if summary is None:

@@ -123,11 +123,7 @@ class RecorderNode(SuiteNode):
         self.failure = ""  # why the bag is incomplete, known when closed
 
     def begin(self) -> None:
-        """Subscribe and create the bag; on standby, that as soon as the start file exists.
-
-        Raises:
-            BagError: the bag cannot be created.
-        """
+        """Subscribe and create the bag; on standby, that as soon as the start file exists."""
         if not self._params.standby:
             self._start()
             return

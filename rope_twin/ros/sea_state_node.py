@@ -34,11 +34,7 @@ class SeaStateNode(InputNode):
         self.ended = False
 
     def begin(self) -> None:
-        """Read or synthesise the sea, then follow the simulation's epoch.
-
-        Raises:
-            RopeTwinError: the sea cannot be read; one sentence.
-        """
+        """Read or synthesise the sea, then follow the simulation's epoch."""
         self._replay = _open(self._params)
         if self._replay is None:
             self.get_logger().warning(f"scene {self._params.scene} has no sea: no ship motion")

@@ -118,11 +118,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
     # -- lifecycle -----------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Configure and activate if the parameter `autostart` is true.
-
-        Raises:
-            InputError: the node cannot be configured or activated.
-        """
+        """Configure and activate if the parameter `autostart` is true."""
         if not self._params.autostart:
             return
         if self.trigger_configure() != _SUCCESS or self.trigger_activate() != _SUCCESS:
