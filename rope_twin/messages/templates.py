@@ -196,8 +196,8 @@ class CloudReader:
         kind, count, begin = self._points
         if 0 < len(data) == self._size and self._described(data, begin) == self._description:
             order = "<" if data[1] & 1 else ">"  # of the encapsulation
-            seconds, nanoseconds = struct.unpack_from(f"{order}iI", data, HEADER_BYTES)
-            return seconds * NANOSECONDS + nanoseconds, np.frombuffer(data, kind, count, begin)
+            sec, nanosec = struct.unpack_from(f"{order}iI", data, HEADER_BYTES)
+            return sec * NANOSECONDS + nanosec, np.frombuffer(data, kind, count, begin)
         message = decode(self._topic, data)
         points = read_cloud(message)
         begin = self._begin(data, points.tobytes())
