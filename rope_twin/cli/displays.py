@@ -207,7 +207,8 @@ def _run_console(args: argparse.Namespace) -> int:
 
 def _live(args: argparse.Namespace) -> int:
     from rope_twin.ros.console_node import ConsoleNode
-    from rope_twin.ros.entry import keep_to_loopback, run_node
+    from rope_twin.ros.entry import run_node
+    from rope_twin.ros.middleware import keep_to_loopback
     from rope_twin.ros.params import overrides
 
     if not args.network:
@@ -241,7 +242,7 @@ def _terminal(args: argparse.Namespace) -> int:
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.console.requests import session_facts
     from rope_twin.ros.console_node import suite_source
-    from rope_twin.ros.entry import keep_to_loopback
+    from rope_twin.ros.middleware import keep_to_loopback
 
     stop = StopSignal(signal.SIG_DFL)
     try:

@@ -82,8 +82,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_node(args: argparse.Namespace) -> int:
-    from rope_twin.ros.entry import keep_to_loopback, run_node
+    from rope_twin.ros.entry import run_node
     from rope_twin.ros.feed_node import FeedNode, FeedSimulator
+    from rope_twin.ros.middleware import keep_to_loopback
     from rope_twin.ros.params import overrides
 
     keep_to_loopback()

@@ -44,7 +44,7 @@ def ros_distribution() -> str:
 
 def load_middleware() -> Any:
     """Return the module that knows the middleware, which loads rclpy."""
-    return importlib.import_module("rope_twin.ros.entry")
+    return importlib.import_module("rope_twin.ros.middleware")
 
 
 def version_text() -> str:

@@ -272,7 +272,7 @@ def _run_alerts(args: argparse.Namespace) -> int:
             raise InputError("--replies", str(args.replies), "give a port, 1 to 65535")
         # rclpy takes a second to import and is needed here only
         from rope_twin.ros.alert_output_node import run_output
-        from rope_twin.ros.entry import keep_to_loopback
+        from rope_twin.ros.middleware import keep_to_loopback
 
         keep_to_loopback()
         return run_output(host, port, args.replies)

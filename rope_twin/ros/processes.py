@@ -24,7 +24,8 @@ from rclpy.node import Node
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
-from rope_twin.ros.entry import PARENT, initialise, keep_to_loopback, leave
+from rope_twin.ros.entry import PARENT, initialise, leave
+from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
 from rope_twin.run.options import RunOptions

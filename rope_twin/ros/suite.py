@@ -17,15 +17,8 @@ from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.core.jit.decorators import make_ready
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import (
-    InstanceLock,
-    SuiteNode,
-    initialise,
-    keep_to_loopback,
-    leave,
-    lock_instance,
-)
-from rope_twin.ros.executor import make_executor
+from rope_twin.ros.entry import InstanceLock, SuiteNode, initialise, leave, lock_instance
+from rope_twin.ros.middleware import keep_to_loopback, make_executor
 from rope_twin.ros.params import NODES, node_parameters, overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.simulation_node import SimulationNode

@@ -113,10 +113,10 @@ def test_only_an_error_changes_the_exit_code(
 
 @pytest.mark.ros
 def test_a_message_goes_through_dds() -> None:
-    from rope_twin.ros import entry
+    from rope_twin.ros import middleware
 
     for _ in range(12):  # of 5 s each: other tests may keep the processors busy for longer
-        check = installation.check_middleware(lambda: entry)
+        check = installation.check_middleware(lambda: middleware)
         if check.level != ERROR:
             break
     assert check.level in (OK, WARN), check

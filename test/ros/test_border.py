@@ -21,8 +21,8 @@ from rope_twin.console.readings import SHOWN
 from rope_twin.console.requests import LEARNING
 from rope_twin.files import share_dir
 from rope_twin.messages import encode_cut
-from rope_twin.ros.entry import DISCOVERY_RANGE
 from rope_twin.ros.feed_node import FeedNode, FeedSimulator
+from rope_twin.ros.middleware import DISCOVERY_RANGE
 from rope_twin.ros.params import NODES, overrides
 from rope_twin.ros.processes import STANDBY
 from rope_twin.topics import (

@@ -19,7 +19,7 @@ class Served:
         import rclpy
         from rclpy.signals import SignalHandlerOptions
 
-        from rope_twin.ros.executor import SuiteExecutor
+        from rope_twin.ros.middleware import SuiteExecutor
 
         rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
         self.executor = SuiteExecutor()
@@ -112,7 +112,7 @@ def test_an_rclpy_of_other_make_serves_by_its_own(
     """Earlier releases run what they take elsewhere: theirs is used then."""
     from rclpy.executors import SingleThreadedExecutor
 
-    from rope_twin.ros.executor import SuiteExecutor, make_executor
+    from rope_twin.ros.middleware import SuiteExecutor, make_executor
 
     assert isinstance(make_executor(), SuiteExecutor)
     monkeypatch.setattr(SingleThreadedExecutor, "_execute_timer", None, raising=False)

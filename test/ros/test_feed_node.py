@@ -20,6 +20,7 @@ from ros_bench import Bench, free_port, stamp_ns
 from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.instrument import LineSample, MotionSample
+from rope_twin.feeds.line_faults import LineFaults
 from rope_twin.feeds.transports import Address, UdpSink
 from rope_twin.feeds.writers import writer
 from rope_twin.messages import encode_heave
@@ -131,7 +132,7 @@ def test_a_file_as_fast_as_possible_loses_nothing(bench: Bench, tmp_path: Path) 
 def test_one_turn_takes_what_had_arrived_when_it_began(monkeypatch: pytest.MonkeyPatch) -> None:
     """A file as fast as possible refills the queue meanwhile."""
     winch = FeedSettings(**{"format": "lci90", **SETTINGS["lci90"], "source": "udp://:6224"})
-    channel, taken = _Channel("winch", winch, 1.0, 0), []
+    channel, taken = _Channel("winch", winch, 1.0, 0, LineFaults(), 0), []
 
     def take(*piece: Any) -> list[Any]:
         taken.append(piece)
