@@ -47,7 +47,7 @@ from rope_twin.topics import (
     slot_of,
 )
 from rope_twin.twin.input_queue import InputQueue, LogEntry
-from rope_twin.twin.level import TwinOverloadProtection
+from rope_twin.twin.level import OverloadProtection
 from rope_twin.twin.pacing import (
     CATCH_UP,
     GrantedClock,
@@ -107,7 +107,7 @@ def saving_row(saving: SavingStatus) -> Status:
     return Status(name, Level.OK, f"state saved at {saved} s", values)
 
 
-def level_row(protection: TwinOverloadProtection, last: Snapshot) -> Status:
+def level_row(protection: OverloadProtection, last: Snapshot) -> Status:
     """Return the row on the accuracy level: elements, time step, and why it was degraded."""
     number, count = protection.place
     values = {
@@ -515,11 +515,11 @@ def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, 
     return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 
-def _protection_of(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:
+def _protection_of(twin: Twin, params: SimulationParams) -> OverloadProtection | None:
     """Return the accuracy levels, at one that is real-time on this machine; None: disabled."""
     if not params.overload_protection:
         return None
-    protection = TwinOverloadProtection(twin)
+    protection = OverloadProtection(twin)
     if protection.place[1] == 1:
         return None
     slot_s = steps_in_slot(twin.step_s) * twin.step_s

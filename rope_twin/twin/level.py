@@ -153,19 +153,14 @@ class Mesh:
 
 
 class OverloadProtection:
-    """Overload protection of one twin; for use by the stepping thread."""
+    """Overload protection of a scene's twin; for use by the stepping thread."""
 
-    def __init__(
-        self,
-        twin: Twin,
-        levels: Sequence[AccuracyLevel],
-        at: AccuracyLevel,
-        wait_s: float = WAIT_S,
-    ) -> None:
-        """Start at the level `at` of `levels`, which are ordered from the best down."""
+    def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
+        """Start at the twin's own level, the only one if it is none of the scene's."""
+        levels = levels_of(twin.scene)
         self._twin = twin
-        self._levels = tuple(levels)
-        self._at = self._levels.index(at)
+        self._levels = levels if twin.level in levels else (twin.level,)
+        self._at = self._levels.index(twin.level)
         self._slots: deque[SlotTimes] = deque()
         self._moved_s = float("-inf")
         self._next_check_s = float("-inf")  # time of the next check for spare capacity
@@ -174,6 +169,7 @@ class OverloadProtection:
         self.changes = 0
         self.load = 0.0  # over the newest window
         self.reason = ""  # reason of the newest change
+        self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     @property
     def level(self) -> AccuracyLevel:
@@ -186,7 +182,12 @@ class OverloadProtection:
         return self._at + 1, len(self._levels)
 
     def judge(self, slot: SlotTimes) -> bool:
-        """Take the timing of a cycle; return True if the twin has changed its level."""
+        """Take the timing of a cycle; return True if the twin has changed its level.
+
+        A cut rope stays on its level.
+        """
+        if self._twin.cut is not None:
+            return False
         self._slots.append(slot)
         longest = WINDOW_S if self._at == 0 else max(self._wait_s, WINDOW_S)
         while self._slots[0].end_ns * 1e-9 < slot.end_ns * 1e-9 - longest:
@@ -247,8 +248,8 @@ class OverloadProtection:
         return len(self._levels) - 1
 
     def _work(self, level: AccuracyLevel) -> float:
-        """Return the work for a second of twin time, in any unit."""
-        return 1.0 / (level.step_s * (1 << level.halvings))
+        """Return the steps of an element in a second of twin time."""
+        return sum(elements_at(self._twin.scene, level.halvings)) / level.step_s
 
     def _move(self, target: int, now_s: float, reason: str) -> bool:
         if target == self._at:
@@ -260,18 +261,11 @@ class OverloadProtection:
         self._slots.clear()
         self.changes += 1
         self.reason = reason
+        number, count = self.place
+        direction = "up" if self._went_up else "down"
+        level = f"accuracy level {number} of {count}, {self.words()}"
+        self.said.append(f"stepping {direction} to {level}: {reason}")
         return True
-
-
-class TwinOverloadProtection(OverloadProtection):
-    """Overload protection of a scene's twin, with messages on its changes."""
-
-    def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
-        scene = twin.scene
-        levels = levels_of(scene)
-        known = levels if twin.level in levels else (twin.level,)
-        super().__init__(twin, known, twin.level, wait_s)
-        self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:
         """Return the load of the present level: the minimum over TIMED_CYCLES cycles of a branch.
@@ -290,37 +284,17 @@ class TwinOverloadProtection(OverloadProtection):
             return 0.0  # the run itself reports the error
         return min_s * speed / (steps * branch.step_s)
 
-    def judge(self, slot: SlotTimes) -> bool:
-        """Take the timing of a cycle; a cut rope stays on its level."""
-        return self._twin.cut is None and super().judge(slot)
-
-    def _work(self, level: AccuracyLevel) -> float:
-        """Return the steps of an element in a second of twin time."""
-        return sum(elements_at(self._twin.scene, level.halvings)) / level.step_s
-
-    def _move(self, target: int, now_s: float, reason: str) -> bool:
-        has_moved = super()._move(target, now_s, reason)
-        if has_moved:
-            number, count = self.place
-            direction = "up" if self._went_up else "down"
-            level = f"accuracy level {number} of {count}, {self.words()}"
-            self.said.append(f"stepping {direction} to {level}: {reason}")
-        return has_moved
-
     def words(self) -> str:
         """Return a description of the present level."""
         error = self._twin.study_error
-        error_text = (
-            error.words if isnan(error.rms_pct) else f"at most {format_bound(error.rms_pct)} %"
-        )
-        scene_elements, present_elements = (
+        bound = f"at most {format_bound(error.rms_pct)} %"
+        error_text = error.words if isnan(error.rms_pct) else bound
+        of_scene, present = (
             sum(elements_at(self._twin.scene, n)) for n in (0, self.level.halvings)
         )
-        elements = (
-            f"{scene_elements} elements"
-            if present_elements == scene_elements
-            else f"{present_elements} elements in place of {scene_elements}"
-        )
+        elements = f"{present} elements"
+        if present != of_scene:
+            elements += f" in place of {of_scene}"
         step_ms = 1e3 * self.level.step_s
         return f"{elements} and steps of {step_ms:g} ms, error of the tension {error_text}"
 

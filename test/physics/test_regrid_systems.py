@@ -22,7 +22,7 @@ from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.studies.driven_twin import with_effect
-from rope_twin.twin.level import TwinOverloadProtection, elements_at, levels_of, scene_level
+from rope_twin.twin.level import OverloadProtection, elements_at, levels_of, scene_level
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 
@@ -209,7 +209,7 @@ def test_levels_of_a_system_halve_every_rope_that_can_be() -> None:
     ]  # fmt: skip
     assert max(level.halvings for level in levels_of(scene)) == 2
     twin = Twin(scene)
-    protection = TwinOverloadProtection(twin)
+    protection = OverloadProtection(twin)
     assert protection.start_at(100.0)
     assert twin.level == levels_of(scene)[-1]
     assert "35 elements in place of 128 and steps of 50 ms" in protection.words()

@@ -22,7 +22,7 @@ from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cut_input import CutInput, PlannedCut, plan_for, read_plan
-from rope_twin.twin.level import TwinOverloadProtection
+from rope_twin.twin.level import OverloadProtection
 from rope_twin.twin.monitors import ENERGY, ERROR_INTERVAL
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.snapshot import LENGTH
@@ -192,7 +192,7 @@ def test_the_accuracy_level_is_frozen_after_a_cut(scene: Scene) -> None:
     """However late the cycles are; a level taken before the cut is kept, and saved."""
     twin = reported(Twin(scene))
     twin.set_level(AccuracyLevel(20_000_000))
-    protection = TwinOverloadProtection(twin)
+    protection = OverloadProtection(twin)
     twin.advance(150)
     slots = (SlotTimes(k * 20_000_000, 2e7, 60_000_000, True) for k in range(100))
     assert not any(protection.judge(slot) for slot in slots)

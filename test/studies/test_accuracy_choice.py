@@ -38,7 +38,7 @@ from rope_twin.scene.error_bound import AccuracyLevel, Setting, StudyLevel
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_within import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.level import TwinOverloadProtection
+from rope_twin.twin.level import OverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
@@ -278,7 +278,7 @@ def test_a_doubted_study_says_nothing_on_any_rung(tmp_path: Path) -> None:
     own, step_ns = twin.level, twin.step_ns
     for level in (own, AccuracyLevel(2 * step_ns), AccuracyLevel(2 * step_ns, 1), own):
         twin.set_level(level)
-        assert "unknown: it was a drill" in TwinOverloadProtection(twin).words()
+        assert "unknown: it was a drill" in OverloadProtection(twin).words()
         for one in (twin, twin.branch()):
             error = one.snapshot().study_error
             assert math.isnan(error.rms_pct)

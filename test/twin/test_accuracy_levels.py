@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.convergence import read_study
-from rope_twin.scene.error_bound import RMS, AccuracyLevel
+from rope_twin.scene.error_bound import RMS, AccuracyLevel, KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.level import (
@@ -23,7 +23,6 @@ from rope_twin.twin.level import (
     TARGET_LOAD,
     WAIT_S,
     OverloadProtection,
-    TwinOverloadProtection,
     levels_of,
 )
 from rope_twin.twin.monitors import Monitors
@@ -40,9 +39,11 @@ HEAVE = sine(1.0, 7.0)
 class Machine:
     """A protection on a machine that needs so much of each slot of 20 ms on the best level."""
 
-    def __init__(self, levels: tuple[AccuracyLevel, ...]) -> None:
-        self.levels, self.now_ns = levels, 0
-        self.protection = OverloadProtection(self, levels, levels[0])
+    def __init__(self) -> None:
+        self.scene, self.now_ns = load_scene("deep_lift"), 0
+        self.levels = levels_of(self.scene)
+        self.level, self.cut, self.study_error = self.levels[0], None, KnownError()
+        self.protection = OverloadProtection(self)
         self.taken: list[AccuracyLevel] = []
 
     def set_level(self, level: AccuracyLevel) -> None:
@@ -65,7 +66,7 @@ class Machine:
 
 @pytest.fixture
 def machine() -> Machine:
-    return Machine(levels_of(load_scene("deep_lift")))
+    return Machine()
 
 
 def test_larger_steps_come_first_and_then_fewer_elements() -> None:
@@ -79,7 +80,7 @@ def test_larger_steps_come_first_and_then_fewer_elements() -> None:
 @given(st.lists(st.floats(0.0, 0.65), min_size=50, max_size=100), st.integers(0, 49))
 def test_a_machine_with_room_never_steps_down(loads: list[float], stalled: int) -> None:
     """Not even when the system stalls once for a second, and slots after that end late."""
-    machine = Machine(levels_of(load_scene("deep_lift")))
+    machine = Machine()
     for number, load in enumerate(loads):
         stall = 50.0 if number == stalled else 0.0
         assert not machine.slot(load + stall, late=stalled <= number < stalled + 20)
@@ -89,7 +90,7 @@ def test_a_machine_with_room_never_steps_down(loads: list[float], stalled: int) 
 @settings(max_examples=30)
 @given(st.floats(0.9, 4.0))
 def test_too_much_work_goes_to_the_first_rung_that_fits(load: float) -> None:
-    machine = Machine(levels_of(load_scene("deep_lift")))
+    machine = Machine()
     slots = 0
     while not machine.taken:
         machine.slot(load)
@@ -332,7 +333,7 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     for k in range(400):
         at_ns = k * 25 * MS
         twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
-    protection = TwinOverloadProtection(twin, wait_s=0.3)
+    protection = OverloadProtection(twin, wait_s=0.3)
     handover = SnapshotQueue(10_000)
     pacer = Pacer(twin, handover, steps_in_slot(twin.step_s), clock=clock, last_step=300)
     taken: list[AccuracyLevel] = []
@@ -374,11 +375,11 @@ def huge() -> Scene:
 def test_a_scene_that_is_too_much_for_any_machine_begins_lower() -> None:
     """Five times real time with 7,000 elements and 1 ms: five million nodes a second and more."""
     twin = Twin(huge())
-    protection = TwinOverloadProtection(twin)
+    protection = OverloadProtection(twin)
     load = protection.measure(0.02, 50.0)
     assert load > 1.0
     assert protection.start_at(load)
     assert twin.level != AccuracyLevel(MS)
     assert "it would take" in protection.reason
     assert twin.snapshot().stamp_ns == 0
-    assert TwinOverloadProtection(RIG.twin()).measure(0.02, 0.01) < 0.6
+    assert OverloadProtection(RIG.twin()).measure(0.02, 0.01) < 0.6
