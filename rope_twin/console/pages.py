@@ -103,13 +103,10 @@ class Pages:
         facts: Values | None = None,
         read_session: Callable[[bytes], Values] | None = None,
     ) -> None:
-        """Make the pages of a source.
+        """Make the pages of a source; clock: a steady one [s].
 
-        Args:
-            source: where messages come from.
-            clock: steady clock [s].
-            facts: constant facts of the scene; None: those of twin/session, once it arrives.
-            read_session: makes the facts from a message of twin/session.
+        facts: constant facts of the scene; None: those of twin/session, once it arrives, from which
+        `read_session` makes them.
         """
         self.source, self._clock = source, clock
         self.readings, self.trend, self._profile = Readings(), Trend(RATE_HZ), RopeProfile()

@@ -27,9 +27,10 @@ from rope_twin.messages.reports import (
     STATES,
     band_columns,
     figure_unit,
+    read_alerts,
 )
 from rope_twin.messages.reports import TENSION_TOPIC as FORECAST
-from rope_twin.messages.templates import NANOSECONDS, nanoseconds
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds, xyz
 from rope_twin.topics import ALARM_TOPIC, ALERTS, BY_NAME, ESTIMATE_TOPIC, WHAT_IF_ORDERS
 from rope_twin.twin.motion.ship_motion import turned
 from rope_twin.twin.snapshot import CAUSES
@@ -254,10 +255,8 @@ def _payloads(message: Any) -> Values:
     rows = []
     for name, pose, twist in zip(message.joint_names, message.transforms, message.twist,
                                  strict=True):  # fmt: skip
-        place, turn = pose.translation, pose.rotation
-        linear = twist.linear
-        attitude = turn.x, turn.y, turn.z, turn.w
-        speed = turned(attitude, (linear.x, linear.y, linear.z))
+        turn = pose.rotation
+        speed = turned((*xyz(turn), turn.w), xyz(twist.linear))
         roll = math.atan2(2 * (turn.w * turn.x + turn.y * turn.z),
                           1 - 2 * (turn.x**2 + turn.y**2))  # fmt: skip
         pitch = math.asin(max(-1.0, min(1.0, 2 * (turn.w * turn.y - turn.z * turn.x))))
@@ -266,7 +265,7 @@ def _payloads(message: Any) -> Values:
         rows.append(
             {
                 "name": str(name),
-                "place_m": _numbers((place.x, place.y, place.z)),
+                "place_m": _numbers(xyz(pose.translation)),
                 "velocity_m_per_s": _numbers(speed),
                 "attitude_deg": _numbers(math.degrees(angle) for angle in (roll, pitch, heading)),
             }
@@ -276,10 +275,7 @@ def _payloads(message: Any) -> Values:
 
 def _hang_off(message: Any) -> Values:
     place, speed = message.pose.pose.position, message.twist.twist.linear
-    return {
-        "hang_off_m": _numbers((place.x, place.y, place.z)),
-        "hang_off_m_per_s": _numbers((speed.x, speed.y, speed.z)),
-    }
+    return {"hang_off_m": _numbers(xyz(place)), "hang_off_m_per_s": _numbers(xyz(speed))}
 
 
 def _residuals(points: Points) -> Values:
@@ -313,30 +309,24 @@ def _diagnostics(message: Any) -> Values:
 
 def _alerts(message: Any) -> Values:
     """Return the alerts in the order to be shown; times are those of the twin [s]."""
-    rows = []
-    for status in message.status:
-        values = {str(pair.key): str(pair.value) for pair in status.values}
-        try:
-            now_ns = int(values["now [ns]"])
-            rows.append(
-                {
-                    "id": f"{values['identifier']}.{values['instance']}",
-                    "instance": int(values["instance"]),
-                    "title": str(status.name).partition(" ")[2],
-                    "priority": values["priority"],
-                    "category": values["category"],
-                    "state": values["state"],
-                    "text": str(status.message),
-                    "since_s": int(values["since [ns]"]) / NANOSECONDS,
-                    "revision": int(values["revision"]),
-                    "shelved": now_ns < int(values["shelved until [ns]"]),
-                    "first_out": values["first out"] == "true",
-                    "sounds": values["sounds"] == "true",
-                }
-            )
-        except (KeyError, ValueError) as error:
-            problem = f"row '{status.name}' is no alert ({error})"
-            raise InputError(ALERTS, problem, "only the simulation publishes here") from None
+    _, now_ns, alerts = read_alerts(message)
+    rows = [
+        {
+            "id": alert.key,
+            "instance": alert.instance,
+            "title": alert.name,
+            "priority": alert.priority.name.lower(),
+            "category": alert.category,
+            "state": alert.state.name.lower(),
+            "text": alert.text,
+            "since_s": alert.since_ns / NANOSECONDS,
+            "revision": alert.revision,
+            "shelved": alert.shelved(now_ns),
+            "first_out": alert.first_out,
+            "sounds": alert.sounds(now_ns),
+        }
+        for alert in alerts
+    ]
     return {"alerts": rows}
 
 

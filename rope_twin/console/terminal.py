@@ -294,12 +294,9 @@ class TerminalConsole(App[None]):
         clock: Callable[[], float] = time.monotonic,
         stopped: Callable[[], bool] = lambda: False,
     ) -> None:
-        """Make the console of the pages' source.
+        """Make the console of the pages' source; no page need be connected.
 
-        Args:
-            pages: values of a source; no page need be connected.
-            clock: that of the pages [s].
-            stopped: asked before each row: whether the console is to end.
+        clock: that of the pages [s]; stopped: asked before each row whether the console is to end.
         """
         super().__init__()
         self.pages, self._clock, self._stopped = pages, clock, stopped

@@ -209,19 +209,15 @@ class Template:
                     raise ValueError(f"{path}: shape {np.shape(value)}, must be {slot.shape}")
                 np.ndarray(slot.shape, slot.dtype, data, slot.offset)[...] = value
             else:
-                struct.pack_into(_scalar_format(slot.dtype), data, slot.offset, value)
+                struct.pack_into(f"<{slot.dtype.char}", data, slot.offset, value)
         return bytes(data)
 
 
 def table(type_name: str, messages: Sequence[bytes], paths: Sequence[str]) -> Table | None:
     """Return fields of messages (n, len(paths)) if all have one layout and equal texts, else None.
 
-    The fields of all messages are read at once, where decoding each takes 20 µs.
-
-    Args:
-        type_name: type of the messages.
-        messages: their CDR bytes, at least one.
-        paths: dotted names of numbers, like `pose.pose.position.z`.
+    The fields of all messages, at least one, are read at once, where decoding each takes 20 µs.
+    paths: dotted names of numbers, like `pose.pose.position.z`.
 
     Raises:
         SerdeError: (of rosbags) the first message is not of this type.
@@ -257,11 +253,6 @@ class Templates:
         if cached is None or cached[0] != key:
             cached = self._known[topic] = (key, Template(make()))
         return cached[1]
-
-
-@cache
-def _scalar_format(dtype: np.dtype[Any]) -> str:
-    return "<" + dtype.char
 
 
 @cache

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, decode, new, serialise
-from rope_twin.messages.templates import NANOSECONDS
+from rope_twin.messages.templates import NANOSECONDS, xyz
 from rope_twin.quantity import or_nan, or_none
 from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
@@ -203,8 +203,8 @@ def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
         InputError: if the bytes are not such a message, or its stamp or orientation is invalid.
     """
     message, stamp_ns = _stamped("ship/heave", data)
-    orientation = message.pose.pose.orientation
-    if reason := orientation_fault((orientation.x, orientation.y, orientation.z, orientation.w)):
+    turn = message.pose.pose.orientation
+    if reason := orientation_fault((*xyz(turn), turn.w)):
         raise InputError("ship/heave", *reason)
     return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
 
@@ -216,15 +216,10 @@ def read_pose(data: bytes) -> tuple[int, ShipPose]:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message, stamp_ns = _stamped("ship/odometry", data)
-    position, orientation = message.pose.pose.position, message.pose.pose.orientation
-    velocity, rate = message.twist.twist.linear, message.twist.twist.angular
-    return stamp_ns, ShipPose(
-        0,
-        (position.x, position.y, position.z),
-        (velocity.x, velocity.y, velocity.z),
-        (orientation.x, orientation.y, orientation.z, orientation.w),
-        (rate.x, rate.y, rate.z),
-    )
+    pose, twist = message.pose.pose, message.twist.twist
+    turn = (*xyz(pose.orientation), pose.orientation.w)
+    velocity, rate = xyz(twist.linear), xyz(twist.angular)
+    return stamp_ns, ShipPose(0, xyz(pose.position), velocity, turn, rate)
 
 
 def read_lower_end(data: bytes) -> tuple[int, Vector3, Vector3]:
@@ -234,8 +229,7 @@ def read_lower_end(data: bytes) -> tuple[int, Vector3, Vector3]:
         InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message, stamp_ns = _stamped(LOWER_END, data)
-    position, velocity = message.pose.pose.position, message.twist.twist.linear
-    return stamp_ns, (position.x, position.y, position.z), (velocity.x, velocity.y, velocity.z)
+    return stamp_ns, xyz(message.pose.pose.position), xyz(message.twist.twist.linear)
 
 
 def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:

@@ -337,12 +337,10 @@ class PublishedAlerts(NamedTuple):
 
 
 def encode_alerts(stamp_ns: int, now_ns: int, alerts: Sequence[Alert]) -> bytes:
-    """Return an `alerts` message.
+    """Return an `alerts` message, stamped with a ROS time.
 
-    Args:
-        stamp_ns: ROS time.
-        now_ns: twin time, to which the times of the alerts refer.
-        alerts: in the order to be shown; shelved ones at the end.
+    now_ns: twin time, to which the times of the alerts refer; alerts: in the order to be shown,
+    shelved ones at the end.
     """
     return encode_diagnostics(stamp_ns, [_row(alert, now_ns) for alert in alerts])
 
@@ -382,7 +380,15 @@ def decode_alerts(data: bytes) -> PublishedAlerts:
     Raises:
         InputError: the bytes are not such a message.
     """
-    message = decode(ALERTS, data)
+    return read_alerts(decode(ALERTS, data))
+
+
+def read_alerts(message: Any) -> PublishedAlerts:
+    """Return the alerts of a decoded message.
+
+    Raises:
+        InputError: a row is no alert.
+    """
     alerts, now_ns = [], 0
     for row in message.status:
         values = {pair.key: pair.value for pair in row.values}

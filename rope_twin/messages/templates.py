@@ -58,6 +58,11 @@ def nanoseconds(time: Any) -> int:
     return int(time.sec) * NANOSECONDS + int(time.nanosec)
 
 
+def xyz(vector: Any) -> tuple[float, float, float]:
+    """Return the numbers of a Point or Vector3, or the vector part of a Quaternion."""
+    return vector.x, vector.y, vector.z
+
+
 def header(frame_id: str) -> Any:
     return new("std_msgs/msg/Header", frame_id=frame_id)
 
@@ -324,7 +329,7 @@ class RopeMarkers:
             values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
             last += 1
         if snapshot.body is not None:
-            values |= _body_markers(snapshot, snapshot.body, last, line_m)
+            values |= _body_markers(snapshot.body, last, line_m)
             last += len(snapshot.body.leg_end_m) > 0
         for index in range(last):
             values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
@@ -368,7 +373,7 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
     return values
 
 
-def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
+def _body_markers(body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
     """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
     hook = np.broadcast_to(body.hook_m, body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))

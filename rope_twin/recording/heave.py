@@ -222,10 +222,7 @@ def open_heave(
 ) -> HeaveReplay:
     """Return the replay of a bag: a name in bags/, or the path of a directory or .mcap file.
 
-    Args:
-        topic: the Odometry topic; by default ship/heave or the only one.
-        start_s: position of t = 0 in the bag.
-        loop: continue from the beginning at the end; otherwise the samples end.
+    topic: by default ship/heave or the only one of Odometry; start_s: position of t = 0 in the bag.
 
     Raises:
         BagError: the bag, the topic or the start is invalid; one sentence.

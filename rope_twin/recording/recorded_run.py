@@ -44,6 +44,7 @@ from rope_twin.topics import (
 from rope_twin.twin.input_queue import Call
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import MOTOR, PAYLOAD, Measurement
+from rope_twin.twin.validity import pose_numbers
 from rope_twin.twin.winch.commands import COMMANDER_EVENTS, WinchCommand
 
 _STAMPED = "hang_off/wrench"  # due at every slot, with a stamp
@@ -317,7 +318,7 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
         return read_heave(data)
     if topic == "ship/odometry":
         stamp_ns, pose = read_pose(data)
-        return stamp_ns, _pose_values(pose)
+        return stamp_ns, pose_numbers(pose)
     if topic == LOWER_END:
         stamp_ns, place, velocity = read_lower_end(data)
         return stamp_ns, (*place, *velocity)
@@ -341,7 +342,7 @@ def _key_of(call: Call) -> tuple[str, int | None, Values] | None:
     if call.method == "offer_pose":
         pose = call.arguments[0]
         assert isinstance(pose, ShipPose)
-        return "ship/odometry", pose.stamp_ns, _pose_values(pose)
+        return "ship/odometry", pose.stamp_ns, pose_numbers(pose)
     if call.method == "offer_lower_end":
         stamp_ns, place, velocity = call.arguments
         return LOWER_END, stamp_ns, (*place, *velocity)
@@ -368,10 +369,6 @@ def _key_of(call: Call) -> tuple[str, int | None, Values] | None:
 def _measured_values(measurement: Measurement) -> Values:
     """Return names and values of all rows."""
     return tuple(value for row in measurement.rows for value in row)
-
-
-def _pose_values(pose: ShipPose) -> Values:
-    return (*pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s)
 
 
 def _order_values(order: WinchCommand) -> Values:

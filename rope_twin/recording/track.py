@@ -269,15 +269,10 @@ class RecordReplay:
         start_s: float,
         loop: bool,
     ) -> None:
-        """Prepare the replay.
+        """Prepare the replay of values of each sample, rows (n, k), each with the record's surface.
 
-        Args:
-            record: source, notes, and water surface, which follows in each row; NaN: unknown.
-            track: motion that decides whether the end joins the beginning.
-            rows: values of each sample, (n, k).
-            blended: returns the rows (h, k) where the end of a pass is blended into the next.
-            start_s: position of t = 0 in the record.
-            loop: whether to continue from the beginning at the end.
+        track: motion that decides whether the end joins the beginning; blended: returns the rows
+        (h, k) where the end of a pass is blended into the next.
 
         Raises:
             BagError: `start_s` is not inside the record.

@@ -38,7 +38,7 @@ from rope_twin.messages import (
     encode_pose,
 )
 from rope_twin.messages.reports import counted
-from rope_twin.messages.templates import nanoseconds
+from rope_twin.messages.templates import nanoseconds, xyz
 from rope_twin.quantity import or_none
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import FeedParams, declare
@@ -308,14 +308,9 @@ class FeedSimulator(SuiteNode):
 
     def _take_pose(self, data: bytes) -> None:
         message = decode("ship/odometry", data)
-        pose, twist = message.pose.pose, message.twist.twist
-        position, turn, velocity = pose.position, pose.orientation, twist.linear
-        ship_pose = ShipPose(
-            nanoseconds(message.header.stamp),
-            (position.x, position.y, position.z),
-            (velocity.x, velocity.y, velocity.z),
-            (turn.x, turn.y, turn.z, turn.w),
-        )
+        pose, velocity = message.pose.pose, xyz(message.twist.twist.linear)
+        turn, stamp_ns = pose.orientation, nanoseconds(message.header.stamp)
+        ship_pose = ShipPose(stamp_ns, xyz(pose.position), velocity, (*xyz(turn), turn.w))
         if not pose_fault(ship_pose):
             self._hold(ship_pose)
 

@@ -144,14 +144,9 @@ class Publisher:
 
         Loading them later would take from the time that other nodes have before t = 0.
 
-        Args:
-            handover: queue of snapshots.
-            publish: publishes the bytes of a message on a topic.
-            first: any snapshot of the run.
-            log: input log whose entries are published too.
-            published: returns the number of messages published on each topic up to now.
-            alerts: judges every snapshot; its list is published too.
-            watch: is given each snapshot, in the publishing thread.
+        publish: publishes the bytes of a message on a topic; published: returns the number of
+        messages published on each topic up to now; watch: is given each snapshot, in the publishing
+        thread. Entries of `log` and the list of `alerts` are published too.
         """
         rehearsal = Encoder(0)
         for topic in SNAPSHOT_TOPICS:

@@ -183,10 +183,8 @@ class Processes:
     def restart(self, name: str, code: int, stepping: bool) -> str:
         """Restart a process that has ended; return in words what ended and what was done.
 
-        Args:
-            name: the process.
-            code: its exit code; negative: the signal that killed it.
-            stepping: whether the simulation has sent diagnostics yet.
+        code: its exit code, or the negative number of the signal that killed it; stepping: whether
+        the simulation has sent diagnostics yet.
 
         Raises:
             NotRestarted: it failed three times in the last minute, or could not start; its own
@@ -204,7 +202,9 @@ class Processes:
         times.append(now_s)
         done = "restarted"
         if name == "recorder":  # before another one makes its bag
-            done = f"recording continues in {self._next_bag()}"
+            self._bags.append(free_path(Path(self._parameters["recorder"]["out"])))
+            remedy = f"recover the first part with `rope_twin recover {self._bags[-2]}`"
+            done = f"recording continues in {self._bags[-1]}; {remedy}"
         if name == "recorder" and STANDBY in self._running:
             self._call.touch()  # also seen by a standby recorder that is still starting
             self._running[name] = self._running.pop(STANDBY)
@@ -213,12 +213,6 @@ class Processes:
         else:
             self._start(name, restarted=True)
         return f"{died}; {done}"
-
-    def _next_bag(self) -> str:
-        """Return the bag of the next recorder, and how to recover the previous bag."""
-        bag = Path(self._parameters["recorder"]["out"])
-        self._bags.append(free_path(bag))
-        return f"{self._bags[-1]}; recover the first part with `rope_twin recover {self._bags[-2]}`"
 
     def close(self) -> None:
         """Kill all running processes and remove the temporary files."""

@@ -250,21 +250,17 @@ class RecorderNode(SuiteNode):
             self._record(topic, *received)
 
     def _record(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
-        if self._recorder is None:
-            self._keep(topic, data, info)
+        if self._recorder is None:  # kept for the beginning of the bag, as long as is needed
+            now_s = time.monotonic()
+            self._kept.append((now_s, topic, data, info))
+            while self._kept[0][0] < now_s - _KEPT_S:
+                self._kept.popleft()
             return
         self._loss.count(info)
         stamp_ns = info["source_timestamp"] or time.time_ns()
         number = info["publication_sequence_number"] or 0
         for message in self._beginning.take((topic, stamp_ns, data, number & 0xFFFFFFFF)):
             self._recorder.write(*message)
-
-    def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
-        """Keep a message for the beginning of the bag; drop those that are older than is needed."""
-        now_s = time.monotonic()
-        self._kept.append((now_s, topic, data, info))
-        while self._kept[0][0] < now_s - _KEPT_S:
-            self._kept.popleft()
 
     def _publish_diagnostics(self) -> None:
         status = self.status()

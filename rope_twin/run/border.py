@@ -149,13 +149,9 @@ class InputBorder:
     def take_motion(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
     ) -> None:
-        """Accept or reject a message on one of MOTION_TOPICS.
+        """Accept or reject a message (CDR) on one of MOTION_TOPICS.
 
-        Args:
-            topic: topic of the message.
-            data: the message as CDR.
-            sender: any identifier of its publisher.
-            received_ns: ROS time of its arrival; None: not known.
+        sender: any identifier of its publisher; received_ns: ROS time of arrival, None: unknown.
         """
         content = self._read(topic, lambda: _MOTION_READERS[topic](data))
         if content is None or (epoch_ns := self._epoch()) is None:
@@ -187,10 +183,7 @@ class InputBorder:
     def take_order(self, topic: str, data: bytes, sender: str) -> None:
         """Accept or reject a message on one of WINCH_TOPICS.
 
-        Args:
-            topic: topic of the message.
-            data: the message as CDR.
-            sender: name of its node, which must have the winch's seat.
+        sender: name of its node, which must have the winch's seat.
         """
         content = self._read(topic, lambda: read_order(topic, data))
         if content is None:

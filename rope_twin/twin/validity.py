@@ -250,7 +250,9 @@ class StudyValidity:
         if scene_motion is None and self._moves:
             return
         expected = self._expected(scene_motion, pose.stamp_ns)
-        matches = isinstance(expected, ShipPose) and _matches(_numbers(expected), _numbers(pose))
+        matches = isinstance(expected, ShipPose) and _matches(
+            pose_numbers(expected), pose_numbers(pose)
+        )
         self._record_match(pose.stamp_ns, matches)
 
     def _expected(
@@ -314,7 +316,8 @@ def beyond(seconds: float) -> str:
     return f"the study's run ended at {seconds:g} s"
 
 
-def _numbers(pose: ShipPose) -> tuple[float, ...]:
+def pose_numbers(pose: ShipPose) -> tuple[float, ...]:
+    """Return position, velocity, orientation and rate of turn of a pose, 13 numbers."""
     return (
         *pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s,
     )  # fmt: skip

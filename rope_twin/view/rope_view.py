@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError
-from rope_twin.messages.templates import NANOSECONDS, nanoseconds, read_cloud, scale_above
+from rope_twin.messages.templates import NANOSECONDS, nanoseconds, read_cloud, scale_above, xyz
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
@@ -269,8 +269,8 @@ class RopeView:
     def _payloads(self, message: Any, time_ns: int) -> None:
         poses = {}
         for name, pose in zip(message.joint_names, message.transforms, strict=True):
-            place, turn = pose.translation, pose.rotation
-            poses[name] = np.array([place.x, place.y, place.z]), [turn.x, turn.y, turn.z, turn.w]
+            turn = pose.rotation
+            poses[name] = np.array(xyz(pose.translation)), [*xyz(turn), turn.w]
         self._lower_end.take_poses(poses)
         self._overview.payloads = self._lower_end.payloads
 
