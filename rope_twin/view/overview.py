@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rope_twin.messages.encoder import PAYLOAD
 from rope_twin.messages.templates import HANG_OFF_RGB, PAYLOAD_RGB, tension_colours
-from rope_twin.view.canvas import (
+from rope_twin.view.charts import (
     HAIR,
     SCALE_RGB,
     WAVE_RGB,

@@ -21,9 +21,8 @@ from rope_twin.messages.templates import NANOSECONDS, nanoseconds, read_cloud, s
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import mcap_files, topic_messages
 from rope_twin.topics import TOPICS
-from rope_twin.view.canvas import decade_range
+from rope_twin.view.charts import Profile, Values, WatchedCharts, decade_range
 from rope_twin.view.overview import LowerEnd, Overview, Surface
-from rope_twin.view.profile import Profile, WatchedCharts
 from rope_twin.view.series import (
     AHEAD_CURVES,
     AHEAD_EVERY_S,
@@ -229,11 +228,7 @@ class RopeView:
             self._arrange()
 
     def _draw_first(
-        self,
-        time_ns: int,
-        position: NDArray[np.float64],
-        nodes_n: NDArray[np.float64],
-        elements_n: NDArray[np.float64],
+        self, time_ns: int, position: Values, nodes_n: Values, elements_n: Values
     ) -> bool:
         """Draw the first rope; return whether a camera has to move."""
         peak_n = float(max(elements_n.max(), nodes_n.max()))

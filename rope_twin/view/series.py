@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.view import overview
-from rope_twin.view.profile import (
+from rope_twin.view.charts import (
     BENDS,
     FATIGUE,
     GAP,

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.view import overview
-from rope_twin.view.canvas import decade_range, depth_words, depths_over, round_step, ticks_over
+from rope_twin.view.charts import decade_range, depth_words, depths_over, round_step, ticks_over
 from rope_twin.view.overview import depth_in_words, eye, frame_for, has_left
 
 SPANS = st.floats(1e-6, 1e9)

@@ -1,21 +1,151 @@
-"""Charts over depth: tension, whose colour bar is every rope's legend; VIV response and fatigue.
+"""Canvas below one path of a recording, and charts over depth: tension, VIV response and fatigue.
 
-rerun has no plot of one quantity over another, so the axes are drawn here: coordinates of the
-tension chart run from 0 to PROFILE_WIDTH to the right and from 0 to HEIGHT downward; a panel of a
-quantity along the rope is WIDTH wide and HEIGHT high, with the hang-off at its top.
+The colour bar of the tension is every rope's legend. rerun has no plot of one quantity over
+another, so the axes are drawn here: coordinates of the tension chart run from 0 to PROFILE_WIDTH to
+the right and from 0 to HEIGHT downward; a panel of a quantity along the rope is WIDTH wide and
+HEIGHT high, with the hang-off at its top.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.templates import SLACK_RGB, shade
-from rope_twin.view.canvas import GRID_RGB, HAIR, Canvas, depth_words, depths_over, ticks_over
+from rope_twin.messages.templates import PAYLOAD_RGB, SLACK_RGB, shade, tension_colours
+
+_ABOVE = 0.25  # fraction of a step: a height above the water beyond it extends the scale
+_OVER = 0.1  # fraction of a step by which a height may exceed the scale, as a crane that heaves
+_MARGIN = 0.1  # at either end, as a fraction of the range or of a step
+_MOST = 5.5
+GRID_RGB, SCALE_RGB, WAVE_RGB = (66, 68, 76), (130, 132, 140), (120, 175, 230)
+WORDS_RGB = (205, 205, 210)
+HAIR, THIN = 0.5, 0.75  # widths of lines [points of the user interface]
+Points = Values = NDArray[np.float64]
+
+
+def round_step(span: float, most: int = 7) -> float:
+    """Return the smallest 1, 2 or 5 × 10ⁿ that divides `span` into at most `most` steps."""
+    if not (math.isfinite(span) and span > 0.0):
+        return 1.0
+    smallest = span / most
+    decade = 10.0 ** math.floor(math.log10(smallest))
+    return next(
+        step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= smallest * 0.9999
+    )
+
+
+def ticks_over(span: float, most: int = 7) -> Values:
+    """Return 0, step, 2 step, ... up to the first tick at or beyond `span`."""
+    step = round_step(span, most)
+    return np.asarray(np.arange(math.ceil(max(span, step) / step - 1e-9) + 1) * step)
+
+
+def depths_over(highest_m: float, deepest_m: float) -> Values:
+    """Return depth ticks from a height above the water to a depth, from the top down.
+
+    Negative depths are heights; a hang-off barely above the water has none.
+    """
+    deepest_m, highest_m = max(deepest_m, 0.0), max(highest_m, 0.0)
+    step = round_step(max(deepest_m + highest_m, 1e-9))
+    above = math.ceil(highest_m / step - _OVER) if highest_m > _ABOVE * step else 0
+    below = math.ceil(max(deepest_m, 0.0 if above else step) / step - 1e-9)
+    return np.asarray(np.arange(-above, below + 1) * step)
+
+
+def depth_words(depth_m: float) -> str:
+    """Return the label of a depth tick; heights above the water have a plus sign."""
+    return f"{depth_m:g}" if depth_m >= 0.0 else f"+{-depth_m:g}"
+
+
+def decade_range(low: float, high: float) -> tuple[float, float]:
+    """Return an axis range around low to high that contains at least two multiples of 10ⁿ.
+
+    rerun labels plots at multiples of a power of ten only, and only if they are far enough apart:
+    about _MOST of them in a plot of the view.
+    """
+    span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-6)
+    margin = _MARGIN * span
+    bottom, top = low - margin, high + margin
+    step = 10.0 ** math.floor(math.log10(span))
+    while True:
+        labels = math.floor(top / step) - math.ceil(bottom / step) + 1
+        if labels >= 2 and top - bottom <= _MOST * step:
+            return bottom, top
+        first, last = math.floor(low / step), math.ceil(high / step)
+        if first == last:
+            first, last = first - 1, last + 1
+        wide = last - first + 2.0 * _MARGIN
+        if wide <= _MOST:
+            return (first - _MARGIN) * step, (last + _MARGIN) * step
+        step *= 10.0
+
+
+class Canvas:
+    """Draws below `path` in the coordinates of a view; flat: in two dimensions.
+
+    Widths and radii are in points of the user interface.
+    """
+
+    def __init__(self, stream: Any, path: str, *, flat: bool = False) -> None:
+        self._stream, self._path, self._flat = stream, path, flat
+
+    def log(self, name: str, drawn: Any, *, static: bool = False) -> None:
+        """Log an archetype of rerun; static: for the whole recording."""
+        self._stream.log(f"{self._path}/{name}", drawn, static=static)
+
+    def lines(
+        self, name: str, strips: Any, colours: Any, width: float = THIN, *, static: bool = False,
+        **options: Any,
+    ) -> None:  # fmt: skip
+        """Draw strips of points."""
+        import rerun as rr
+
+        kind = rr.LineStrips2D if self._flat else rr.LineStrips3D
+        drawn = kind(strips, colors=colours, radii=rr.Radius.ui_points(width), **options)
+        self.log(name, drawn, static=static)
+
+    def rope(
+        self, name: str, nodes: Points, elements_n: Points, scale_n: float, width: float = 3.0,
+        **options: Any,
+    ) -> None:  # fmt: skip
+        """Draw the elements between nodes, (n, 2 or 3), in the colours of their tension [N]."""
+        elements = np.stack([nodes[:-1], nodes[1:]], axis=1)
+        self.lines(name, elements, tension_colours(elements_n, scale_n), width, **options)
+
+    def points(
+        self, name: str, places: Any, colour: Any, radius: float, *,
+        words: Sequence[str] | None = None, static: bool = False,
+    ) -> None:  # fmt: skip
+        """Draw points, with a label each if words are given."""
+        import rerun as rr
+
+        kind = rr.Points2D if self._flat else rr.Points3D
+        labels: dict[str, Any] = {} if words is None else {"labels": words, "show_labels": True}
+        drawn = kind(places, colors=colour, radii=rr.Radius.ui_points(radius), **labels)
+        self.log(name, drawn, static=static)
+
+    def labels(self, name: str, places: Any, words: Sequence[str], *, static: bool = False) -> None:
+        """Write a label at each place."""
+        self.points(name, places, WORDS_RGB, 0.0, words=words, static=static)
+
+    def payloads(self, places: Any, half_m: float, names: Sequence[str], *, named: bool) -> None:
+        """Draw payloads as cubes of this half side at their centres; named: with their names."""
+        import rerun as rr
+
+        self.log(
+            "payload",
+            rr.Boxes3D(
+                centers=places, half_sizes=[[half_m] * 3] * len(names), colors=PAYLOAD_RGB,
+                fill_mode="solid", labels=names, show_labels=named,
+            ),
+        )  # fmt: skip
+
 
 HEIGHT = 1000.0
 PROFILE_WIDTH = 1250.0
@@ -29,7 +159,6 @@ _LIFT = 30.0  # rerun places a label below its point; this offset places it besi
 _RANGE_RGB = (150, 150, 158)
 WIDTH, GAP = 560.0, 110.0
 _HEAD, _NAMES_LIFT = -95.0, 30.0  # title above the panel; rerun places a label below its point
-Values = NDArray[np.float64]
 
 
 class Profile:
@@ -39,10 +168,11 @@ class Profile:
         self._stream, self._path = stream, path
         self._canvas = Canvas(stream, path, flat=True)
         self._scale_n, self._top_m, self._deepest_m = 0.0, 0.0, 0.0
-        self._history: deque[tuple[int, NDArray[np.float64]]] = deque()
+        self._history: deque[tuple[int, Values]] = deque()
 
-    def show(self, time_ns: int, depth_m: NDArray[np.float64], nodes_n: NDArray[np.float64],
-             elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+    def show(
+        self, time_ns: int, depth_m: Values, nodes_n: Values, elements_n: Values, scale_n: float
+    ) -> None:
         """Draw depths and tensions (n,) of the nodes, in the colours of the element tensions."""
         if self._outgrown(scale_n, depth_m):
             depths_m = depths_over(-float(depth_m.min()), float(depth_m.max()))
@@ -58,7 +188,7 @@ class Profile:
         self._canvas.lines("range", strips, _RANGE_RGB, draw_order=1.0)
         self._canvas.rope("now", curve, elements_n, scale_n, 2.5, draw_order=2.0)
 
-    def _outgrown(self, scale_n: float, depth_m: NDArray[np.float64]) -> bool:
+    def _outgrown(self, scale_n: float, depth_m: Values) -> bool:
         """Return whether the axes have to change.
 
         A payload that heaves across a tick, or a hang-off at the water that heaves out of the
@@ -70,11 +200,11 @@ class Profile:
         above = depths_over(-high, max(low, self._deepest_m))[0] < self._top_m
         return scale_n != self._scale_n or low > self._deepest_m or small or bool(above)
 
-    def _place(self, tension_n: NDArray[np.float64], depth_m: NDArray[np.float64]) -> Any:
+    def _place(self, tension_n: Values, depth_m: Values) -> Any:
         depth = (depth_m - self._top_m) / (self._deepest_m - self._top_m)
         return np.stack([tension_n / self._scale_n * PROFILE_WIDTH, depth * HEIGHT], axis=-1)
 
-    def _range(self, time_ns: int, tension_n: NDArray[np.float64]) -> Any:
+    def _range(self, time_ns: int, tension_n: Values) -> Any:
         """Return minimum and maximum tension along the rope over RANGE_S; restart after a jump."""
         history = self._history
         if history and time_ns < history[-1][0]:
@@ -85,7 +215,7 @@ class Profile:
         rows = np.stack([row for _, row in history])
         return rows.min(axis=0), rows.max(axis=0)
 
-    def _draw_axes(self, depths_m: NDArray[np.float64]) -> None:
+    def _draw_axes(self, depths_m: Values) -> None:
         import rerun as rr
 
         forces_n = ticks_over(self._scale_n, most=5)
@@ -198,7 +328,7 @@ class WatchedCharts:
         self._bends = DepthChart(stream, f"{BENDS}/count", "bends [-]", 0)
         self._bent = DepthChart(stream, f"{BENDS}/damage", "bending [-]", 1)
 
-    def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
+    def show_vibration(self, columns: dict[str, Values]) -> bool:
         """Draw the columns of `ropes/vibration` of the first rope; return whether it is new."""
         first = columns["rope"] == columns["rope"][0]
         columns = {name: column[first] for name, column in columns.items()}
@@ -215,14 +345,12 @@ class WatchedCharts:
         self._drag.show(depth, [Curve("amplification", columns["drag_amplification"], DRAG_RGB)])
         return self._is_first(VIBRATION)
 
-    def show_fatigue(
-        self, from_hang_off_m: NDArray[np.float64], damage: NDArray[np.float64]
-    ) -> bool:
+    def show_fatigue(self, from_hang_off_m: Values, damage: Values) -> bool:
         """Draw the damage of each metre of rope; return whether it is the first."""
         self._used.show(from_hang_off_m, [Curve("per metre of rope", damage, USED_RGB)])
         return self._is_first(FATIGUE)
 
-    def show_bends(self, columns: dict[str, NDArray[np.float64]]) -> bool:
+    def show_bends(self, columns: dict[str, Values]) -> bool:
         """Draw the bends of the first rope from the upper end of its material down.
 
         Nothing is drawn of a rope that runs over nothing. Return whether it is the first.
@@ -246,6 +374,6 @@ class WatchedCharts:
         return first
 
 
-def _moving(hz: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moving(hz: Values) -> Values:
     """Return the frequencies, NaN where there is no vibration."""
     return np.where(hz > 0.0, hz, np.nan)
