@@ -26,7 +26,8 @@ _MOST = 5.5
 GRID_RGB, SCALE_RGB, WAVE_RGB = (66, 68, 76), (130, 132, 140), (120, 175, 230)
 WORDS_RGB = (205, 205, 210)
 HAIR, THIN = 0.5, 0.75  # widths of lines [points of the user interface]
-Points = Values = NDArray[np.float64]
+Values = NDArray[np.float64]
+Points = NDArray[np.float64]  # (n, 2 or 3)
 
 
 def round_step(span: float, most: int = 7) -> float:
