@@ -21,24 +21,7 @@ from textual.containers import Grid, Horizontal, Vertical
 from textual.theme import Theme
 from textual.widgets import Digits, Footer, Static
 
-from rope_twin.console.figures import (
-    UNITS,
-    Figure,
-    Units,
-    View,
-    alert_rows,
-    big_figures,
-    known,
-    limit,
-    no_forecast,
-    of_rope,
-    payload_figures,
-    quality_lines,
-    risk_lines,
-    scaled,
-    sea_figures,
-    winch_figures,
-)
+from rope_twin.console import figures
 from rope_twin.console.pages import Pages
 from rope_twin.console.playback import Recording
 from rope_twin.console.readings import AHEAD_S, TENSION, Values, stale_limits_s
@@ -87,7 +70,7 @@ class Styles(NamedTuple):
 
 
 def curves(trend: Mapping[str, Sequence[float | None]], forecast: Values | None,
-           units: Units, styles: Styles) -> list[Curve]:  # fmt: skip
+           units: figures.Units, styles: Styles) -> list[Curve]:  # fmt: skip
     """Return the curves of a trend and a forecast in the units of the screen, lowest first."""
     times = [value for value in trend["time_s"] if value is not None]
     if not times:
@@ -96,7 +79,9 @@ def curves(trend: Mapping[str, Sequence[float | None]], forecast: Values | None,
 
     def past(name: str) -> Points:
         pairs = zip(times, trend[name], strict=True)
-        return [(instant - now, scaled(value, units.per_newton)) for instant, value in pairs]
+        return [
+            (instant - now, figures.scaled(value, units.per_newton)) for instant, value in pairs
+        ]
 
     shown = [Curve(past(name), styles.band, joined=False) for name in ("low_n", "high_n")]
     shown += _forecast_curves(forecast, now, units, styles)
@@ -114,7 +99,7 @@ def draw(shown: Sequence[Curve], limits: Sequence[float], width: int, height: in
     columns, rows = 2 * max(1, width - LABEL), 4 * max(1, height - 1)
     ahead = any(x > 0.0 for curve in shown for x, _ in curve.points)
     end_s = AHEAD_S if ahead else 0.0
-    values = [value for curve in shown for _, value in curve.points if known(value)]
+    values = [value for curve in shown for _, value in curve.points if figures.known(value)]
     low, high = _range(values, limits if to_limit else ())
     canvas = _Canvas(columns, rows)
 
@@ -128,7 +113,7 @@ def draw(shown: Sequence[Curve], limits: Sequence[float], width: int, height: in
         dots: list[tuple[int, int]] = []
         for x, value in curve.points:
             column = round((x + WINDOW_S) / (WINDOW_S + end_s) * (columns - 1))
-            if known(value) and 0 <= column < columns and low <= value <= high:
+            if figures.known(value) and 0 <= column < columns and low <= value <= high:
                 dots.append((column, row_of(value)))
             else:
                 canvas.line(dots, curve.style, curve.joined)
@@ -182,18 +167,18 @@ class _Canvas:
 
 
 def _forecast_curves(
-    forecast: Values | None, now: float, units: Units, styles: Styles
+    forecast: Values | None, now: float, units: figures.Units, styles: Styles
 ) -> list[Curve]:
     """Return the band and the median after now; their leads count from the forecast's origin."""
     origin = (forecast or {}).get("at_s")
-    if forecast is None or not known(origin) or now - origin > _OLD_FORECAST_S:
+    if forecast is None or not figures.known(origin) or now - origin > _OLD_FORECAST_S:
         return []
     places = [origin + lead - now for lead in forecast["lead_s"]]
 
     def after(name: str) -> Points:
         pairs = zip(places, forecast[name], strict=True)
         shown = (pair for pair in pairs if 0.0 < pair[0] <= AHEAD_S)
-        return [(lead_s, scaled(value, units.per_newton)) for lead_s, value in shown]
+        return [(lead_s, figures.scaled(value, units.per_newton)) for lead_s, value in shown]
 
     band = [Curve(after(name), styles.band, joined=False) for name in ("low_n", "high_n")]
     return [*band, Curve(after("median_n"), styles.computed, joined=False)]
@@ -225,7 +210,7 @@ def _axis(width: int, now: float, end_s: float) -> str:
 class _Big(Vertical):
     """One big figure with what stands below it."""
 
-    _shown: tuple[Figure, str, bool, int] | None = None
+    _shown: tuple[figures.Figure, str, bool, int] | None = None
 
     def compose(self) -> ComposeResult:
         """Make head, digits and note."""
@@ -233,7 +218,7 @@ class _Big(Vertical):
         yield Digits("", classes="digits")
         yield Static(classes="note")
 
-    def show(self, figure: Figure, age: str, old: bool) -> None:
+    def show(self, figure: figures.Figure, age: str, old: bool) -> None:
         """Show a figure; `age`: of its topic, in words; `old`: it is stale."""
         if (figure, age, old, self.content_size.width) == self._shown:
             return
@@ -307,9 +292,9 @@ class TerminalConsole(App[None]):
         logging.getLogger("rope_twin").addHandler(logging.NullHandler())  # a fault is an alert here
 
     @property
-    def units(self) -> Units:
+    def units(self) -> figures.Units:
         """Return the units that are shown."""
-        return UNITS[self._units]
+        return figures.UNITS[self._units]
 
     def compose(self) -> ComposeResult:
         """Make the parts of the screen."""
@@ -340,21 +325,22 @@ class TerminalConsole(App[None]):
         if not self.is_running or not self.query("#top"):
             return  # it is about to end
         pages, units = self.pages, self.units
-        all_ropes = View(pages.readings.values, pages.facts, pages.profile)
-        view = of_rope(all_ropes, self._rope)
+        all_ropes = figures.View(pages.readings.values, pages.facts, pages.profile)
+        view = figures.of_rope(all_ropes, self._rope)
         values, facts = view.values, view.facts
         ages = self.pages.readings.ages(self._clock())
         self._set_content("top", self._head(ages))
-        for number, figure in enumerate(big_figures(values, facts, units)):
+        for number, figure in enumerate(figures.big_figures(values, facts, units)):
             age, old = self._age(figure.topic, ages)
             self.query_one(f"#big-{number}", _Big).show(figure, age, old)
         self._draw_trend(view, ages)
         self._set_content("alerts", self._alerts())
-        risks = risk_lines(values, units) or [no_forecast(all_ropes.values)]
-        self._set_content("lines", Text("\n".join([*risks, *quality_lines(values)])), layout=True)
-        payload = payload_figures(values, view.profile, facts, units)
-        for name, rows in (("payload", payload), ("sea", sea_figures(values, facts)),
-                           ("winch", winch_figures(values, facts))):  # fmt: skip
+        risks = figures.risk_lines(values, units) or [figures.no_forecast(all_ropes.values)]
+        lines = [*risks, *figures.quality_lines(values)]
+        self._set_content("lines", Text("\n".join(lines)), layout=True)
+        payload = figures.payload_figures(values, view.profile, facts, units)
+        for name, rows in (("payload", payload), ("sea", figures.sea_figures(values, facts)),
+                           ("winch", figures.winch_figures(values, facts))):  # fmt: skip
             self._set_content(name, self._table(rows, ages))
 
     def _set_content(self, place: str, content: Text, layout: bool = False) -> None:
@@ -365,7 +351,7 @@ class TerminalConsole(App[None]):
 
     def action_units(self) -> None:
         """Show other units."""
-        self._units = (self._units + 1) % len(UNITS)
+        self._units = (self._units + 1) % len(figures.UNITS)
         self.draw()
 
     def action_rope(self) -> None:
@@ -432,15 +418,15 @@ class TerminalConsole(App[None]):
         details = f"  {where}  {twin}  {self.units.name}" + ("" if self._bell else "  bell off")
         return Text.assemble(f" {name} ", (status, style), details, no_wrap=True)
 
-    def _draw_trend(self, view: View, ages: dict[str, float]) -> None:
+    def _draw_trend(self, view: figures.View, ages: dict[str, float]) -> None:
         place = self.query_one("#trend", Static)
         width, height = place.content_size
         if width < 20 or height < 4:
             return
         units, styles, trend = self.units, self._styles, self.pages.trend
-        least_n = limit(view.values, view.facts, "min_tension_n")
+        least_n = figures.limit(view.values, view.facts, "min_tension_n")
         known_n = (view.facts["ropes"][0].get("allowed_n"), least_n)
-        marks = [force_n * units.per_newton for force_n in known_n if known(force_n)]
+        marks = [force_n * units.per_newton for force_n in known_n if figures.known(force_n)]
         forecast = None if self._rope else view.values.get("forecast")  # it is of the first rope
         shown = curves(trend.columns(min(self._rope, trend.ropes - 1)), forecast, units, styles)
         head = Text.assemble(
@@ -454,7 +440,7 @@ class TerminalConsole(App[None]):
         self._set_content("trend", head + chart)
 
     def _alerts(self) -> Text:
-        rows = alert_rows(self.pages.readings.values)
+        rows = figures.alert_rows(self.pages.readings.values)
         self._sound([row.priority for row in rows if row.sounds])
         text = Text.assemble((f"Alerts ({len(rows)})", "bold"))
         alarm, warning = self._styles.limit, self._styles.measured
@@ -480,7 +466,7 @@ class TerminalConsole(App[None]):
             self._sounded_s = now_s
             self.bell()
 
-    def _table(self, rows: Sequence[Figure], ages: dict[str, float]) -> Text:
+    def _table(self, rows: Sequence[figures.Figure], ages: dict[str, float]) -> Text:
         text, width = Text(no_wrap=True), max((len(row.label) for row in rows), default=0)
         for row in rows:
             age, old = self._age(row.topic, ages)

@@ -17,15 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.errors import BagError, InputError
-from rope_twin.messages.inputs import (
-    read_current,
-    read_cut,
-    read_heave,
-    read_lower_end,
-    read_measurement,
-    read_order,
-    read_pose,
-)
+from rope_twin.messages import inputs
 from rope_twin.recording.mcap_scan import McapScan, mcap_files
 from rope_twin.recording.session import LoggedCalls, Session, Skipped, decode_json, read_log
 from rope_twin.topics import (
@@ -315,22 +307,22 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
         InputError: it is malformed.
     """
     if topic == "ship/heave":
-        return read_heave(data)
+        return inputs.read_heave(data)
     if topic == "ship/odometry":
-        stamp_ns, pose = read_pose(data)
+        stamp_ns, pose = inputs.read_pose(data)
         return stamp_ns, pose_numbers(pose)
     if topic == LOWER_END:
-        stamp_ns, place, velocity = read_lower_end(data)
+        stamp_ns, place, velocity = inputs.read_lower_end(data)
         return stamp_ns, (*place, *velocity)
     if topic == CUT_TOPIC:
-        at_ns, below_m, _ = read_cut(data)
+        at_ns, below_m, _ = inputs.read_cut(data)
         return at_ns, (below_m,)
     if topic in MEASURED_TOPICS:
-        measurement = read_measurement(topic, data)
+        measurement = inputs.read_measurement(topic, data)
         return measurement.stamp_ns, _measured_values(measurement)
     if topic == "current":
-        return None, tuple(read_current(data).ravel().tolist())
-    at_ns, order, _ = read_order(topic, data)
+        return None, tuple(inputs.read_current(data).ravel().tolist())
+    at_ns, order, _ = inputs.read_order(topic, data)
     return at_ns, _order_values(order)
 
 
