@@ -52,7 +52,7 @@ from rope_twin.twin.readings import (
     WINCH_SENSORS,
     Measurement,
 )
-from rope_twin.twin.validity import HeaveSample
+from rope_twin.twin.validity import HeaveSample, SceneMotion
 
 if TYPE_CHECKING:
     from rope_twin.twin.input_queue import InputQueue
@@ -68,15 +68,12 @@ APART_NS = 86_400 * NANOSECONDS  # readings further from t = 0 are of another vo
 GROUPS = {WINCH_SENSORS: WINCH_MEASURED, MOTOR: MOTOR_TENSION, PAYLOAD: PAYLOAD_DEPTH}
 
 
-class Sea(Protocol):
+class Sea(SceneMotion, Protocol):
     """Source of ship motion, in simulation time."""
 
     source: str  # description
     note: str  # fault of the source and how it is handled; empty: none
     topic: str  # that its samples are published on
-
-    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Return the samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
 
     def is_over(self, from_ns: int) -> bool:
         """Return whether there is no sample from a time on."""

@@ -17,9 +17,9 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin import messages
 from rope_twin.errors import BagError, InputError, did_you_mean, require
 from rope_twin.files import write_whole
+from rope_twin.messages import decode
 from rope_twin.messages.templates import NANOSECONDS, nanoseconds
 from rope_twin.quantity import unit_of
 from rope_twin.recording.bag import find_bag
@@ -50,9 +50,8 @@ def _vector(value: Any, unit: str) -> Cells:
 
 def _odometry(message: Any) -> Cells:
     yield from _vector(message.pose.pose.position, "m")
-    yield from (
-        (f"v{name}", value) for name, value in _vector(message.twist.twist.linear, "m_per_s")
-    )
+    speed = _vector(message.twist.twist.linear, "m_per_s")
+    yield from ((f"v{name}", value) for name, value in speed)
 
 
 def _heave(message: Any) -> Cells:
@@ -125,7 +124,7 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
         raise BagError(f"bag {path}", "it holds no .mcap file", "give a bag with MCAP storage")
     for name, stored in topic_messages(files, names | {EPOCH}, problems):
         try:
-            message = messages.decode(name, stored.data)
+            message = decode(name, stored.data)
         except InputError as error:
             problems.append(str(error))
             continue
@@ -139,16 +138,11 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
     if not series:
         remedy = f"it must have one of {', '.join(sorted(names))}"
         raise BagError(f"bag {path}", "no topic with a time series", remedy)
-    stamps = np.array(
-        sorted({stamp for column_values in series.values() for stamp in column_values}), np.int64
-    )
+    stamps = np.array(sorted(set().union(*series.values())), np.int64)
     columns = dict[str, Vector]()
-    for column, column_values in series.items():
-        values = np.full(len(stamps), math.nan)
-        values[
-            np.searchsorted(stamps, np.fromiter(column_values, np.int64, len(column_values)))
-        ] = list(column_values.values())
-        columns[column] = values
+    for column, known in series.items():
+        columns[column] = values = np.full(len(stamps), math.nan)
+        values[np.searchsorted(stamps, np.array(list(known), np.int64))] = list(known.values())
     begun_ns = int(stamps[0]) if epoch_ns is None else epoch_ns
     return SeriesTable((stamps - begun_ns) / NANOSECONDS, columns, tuple(dict.fromkeys(problems)))
 

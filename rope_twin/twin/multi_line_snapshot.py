@@ -142,20 +142,15 @@ def _rope_shot(state: SystemState, r: int, name: str) -> RopeShot:
     rope = state.system.ropes[r]
     lower_n = lower_end_tension(rope, state.effects, state.time_s)
     ends_n = lower_n, float(state.pull[r, rows.PULL])
-    if runs_over_sheave(state.scene, state.scene.ropes[r]):
-        return rope_shot(name, rope, ends_n, _line_over_sheave(state, r), from_sheave=True)
-    line = float(state.payout.value[r]), float(state.payout.rate[r])
-    return rope_shot(name, rope, ends_n, line)
-
-
-def _line_over_sheave(state: SystemState, r: int) -> tuple[float, float]:
-    """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
+    if not runs_over_sheave(state.scene, state.scene.ropes[r]):
+        line = float(state.payout.value[r]), float(state.payout.rate[r])
+        return rope_shot(name, rope, ends_n, line)
     sheaves = state.system.sheaves
     assert sheaves is not None
-    flow = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
+    flow, side = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), float(sheaves.side[r])
     passed, speed = state.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
-    side = float(sheaves.side[r])
-    return float(sheaves.base[r] + side * passed), float(side * speed)
+    line = float(sheaves.base[r] + side * passed), float(side * speed)
+    return rope_shot(name, rope, ends_n, line, from_sheave=True)
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:

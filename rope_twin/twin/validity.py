@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
 
@@ -200,8 +200,8 @@ class HeaveSample:
 class SceneMotion(Protocol):
     """Motion by the scene's own sea, in twin time."""
 
-    def between(self, from_ns: int, to_ns: int) -> Sequence[HeaveSample]:
-        """Return the samples with from_ns <= stamp_ns < to_ns, in order."""
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return the samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
 
 
 class StudyValidity:
