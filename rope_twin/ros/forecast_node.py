@@ -230,9 +230,9 @@ class ForecastNode(SuiteNode):
             if row.name == MOTION_ROW:
                 age = row.values.get(SAMPLE_AGE, "never")
                 is_lost = row.level == Level.ERROR and (age == "never" or float(age) > _LOST_S)
-                self._inputs.doubt = ""
+                lost = f"the ship's heave is lost, see {MOTION_ROW}"
+                self._inputs.doubt = lost if is_lost else ""
                 if is_lost:
-                    self._inputs.doubt = f"the ship's heave is lost, see {MOTION_ROW}"
                     self._inputs.heave_m.drop_after(self._measured_s.get("heave", -math.inf))
 
     def _publish_diagnostics(self) -> None:
