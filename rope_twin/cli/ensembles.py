@@ -38,7 +38,7 @@ from rope_twin.studies.ensemble import (
     read_range,
     run_study,
 )
-from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.picture import check_picture, new_figure, write_picture
 from rope_twin.studies.study_design import SEA_OFFSET_S, Row, Study, Variable, read_study
 from rope_twin.studies.study_run import check_parquet, run_parameter_study
 from rope_twin.twin.ensemble.ensemble import SAMPLING_S, Lanes, cores
@@ -455,15 +455,13 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
         InputError: it cannot be drawn or written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
     good = whole_runs(rows)
     shown = study.vary[:PANELS_MOST]
     damaged = [column for column in (good[0] if good else ()) if DAMAGE.fullmatch(column)]
     panels = len(shown) + len(damaged)
     columns = min(ACROSS, panels)
     lines = math.ceil(panels / columns)
-    figure = Figure(figsize=(4.0 * columns, 3.2 * lines + 0.5), layout="constrained")
+    figure = new_figure(4.0 * columns, 3.2 * lines + 0.5)
     axes: list[Any] = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
     for panel, variable in zip(axes, shown, strict=False):
         _draw_variable(panel, variable, good)

@@ -13,11 +13,11 @@ from rope_twin.cli import Command, ExitCode, print_json
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages.reports import PublishedAlerts, decode_alerts
 from rope_twin.recording.bag import BagReader
-from rope_twin.recording.recover import Recovery, recover
+from rope_twin.recording.recover import recover
 from rope_twin.recording.series_export import SERIES, check_ending, read_series, write_series
 from rope_twin.run.options import add_command, add_json, add_out
 from rope_twin.topics import ALERTS, recorded_name
-from rope_twin.twin.state import SavedState, load_state
+from rope_twin.twin.state import load_state
 
 if TYPE_CHECKING:
     from rope_twin.recording.exact_replay import Verification
@@ -165,31 +165,18 @@ def _run_recover(args: argparse.Namespace) -> int:
     """Recover the bag and report; return the exit code. Raises BagError."""
     result = recover(args.bag, args.out)
     if args.json:
-        print_json(_recovery_figures(args.bag, result))
-    else:
-        _report_recovery(args.bag, result)
-    return result.outcome
-
-
-def _recovery_figures(bag: Path, result: Recovery) -> dict[str, Any]:
-    return {
-        "bag": bag,
-        "outcome": result.outcome.name.lower(),
-        "directory": result.directory,
-        "messages": result.counts,
-        "start_ns": result.start_ns,
-        "end_ns": result.end_ns,
-        "lost": result.lost,
-        "notes": result.remarks,
-    }
-
-
-def _report_recovery(bag: Path, result: Recovery) -> None:
+        print_json({
+            "bag": args.bag, "outcome": result.outcome.name.lower(),
+            "directory": result.directory, "messages": result.counts,
+            "start_ns": result.start_ns, "end_ns": result.end_ns, "lost": result.lost,
+            "notes": result.remarks,
+        })  # fmt: skip
+        return result.outcome
     if result.directory is None:
-        print(f"{bag}: nothing could be recovered")
+        print(f"{args.bag}: nothing could be recovered")
     else:
         total = sum(result.counts.values())
-        print(f"{bag}: {total} messages recovered into {result.directory}")
+        print(f"{args.bag}: {total} messages recovered into {result.directory}")
         for name, count in result.counts.items():
             print(f"  {name:<24} {count:>8}")
         span_s = (result.end_ns - result.start_ns) * 1e-9
@@ -198,6 +185,7 @@ def _report_recovery(bag: Path, result: Recovery) -> None:
         print(f"  lost: {sentence}")
     for sentence in result.remarks:
         print(f"  note: {sentence}")
+    return result.outcome
 
 
 EXPORT_EXAMPLES = (
@@ -374,21 +362,10 @@ def _add_state(parser: argparse.ArgumentParser) -> None:
 def _run_state(args: argparse.Namespace) -> int:
     """Print the description. Raises StateError if the file is damaged."""
     state = load_state(args.file)
+    about, shapes = state.about, {name: list(one.shape) for name, one in state.arrays.items()}
     if args.json:
-        print_json(asdict(state.about) | {"arrays": _array_shapes(state)})
-    else:
-        for name, text in _state_rows(state):
-            print(f"{name:14} {text}")
-    return ExitCode.OK
-
-
-def _array_shapes(state: SavedState) -> dict[str, list[int]]:
-    return {name: list(array.shape) for name, array in state.arrays.items()}
-
-
-def _state_rows(state: SavedState) -> list[tuple[str, str]]:
-    """Return the description, one row per property."""
-    about = state.about
+        print_json(asdict(about) | {"arrays": shapes})
+        return ExitCode.OK
     x, y, z = about.payload_position_m
     rows = [
         ("scene", f"{about.scene} ({about.scene_path})"),
@@ -405,10 +382,10 @@ def _state_rows(state: SavedState) -> list[tuple[str, str]]:
         rows.append(("failure", about.failure))
     size = sum(array.nbytes for array in state.arrays.values())
     rows.append(("arrays", f"{len(state.arrays)}, {size / 1e3:.0f} kB, checksum correct"))
-    return [
-        *rows,
-        *(("", f"{name} {shape}") for name, shape in _array_shapes(state).items()),
-    ]
+    rows += [("", f"{name} {shape}") for name, shape in shapes.items()]
+    for name, text in rows:
+        print(f"{name:14} {text}")
+    return ExitCode.OK
 
 
 COMMANDS = {

@@ -32,7 +32,7 @@ from rope_twin.recording.track import (
     rope_values,
     vertical_motion,
 )
-from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.schema import Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of
 
@@ -106,7 +106,8 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
     rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
     if scene is None and session is not None:
         scene = session.scene()
-    first, *further = [(line.from_, line.name) for line in _hung(scene)] or [("", "")]
+    hung = [] if scene is None else [scene.ropes[r] for r in hung_ropes(scene)]
+    first, *further = [(line.from_, line.name) for line in hung] or [("", "")]
     taken = [name for pair in further for name in pair]
     if winch in taken:
         problem, right = "it carries the load with the main one", f"name the winch of '{first[1]}'"
@@ -150,11 +151,6 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
 
 def _session(topic: str, data: bytes) -> Session:
     return Session.read(decode_json(topic, data))
-
-
-def _hung(scene: Scene | None) -> list[RopeLine]:
-    """Return the ropes from the ship, the main winch's first; none without a scene."""
-    return [] if scene is None else [scene.ropes[r] for r in hung_ropes(scene)]
 
 
 def _series(

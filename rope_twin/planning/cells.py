@@ -297,10 +297,12 @@ class Cell:
             last = bisect(last, lambda k: self.judge(k, narrow=True).passed, last - 1)
             judgement = self.judged[last] if last >= 0 else None
         top = len(self.heights_m) - 1
-        beyond = self.judge(last + 1) if last < top else None
-        crossing, low, high = self._crossing()
         tolerance_m, max_seeds = self.plan.method.height_within_m, self.plan.method.seeds.most
-        while tolerance_m is not None and 0.5 * (high - low) > tolerance_m and beyond is not None:
+        while True:
+            beyond = self.judge(last + 1) if last < top else None
+            crossing, low, high = self._crossing()
+            if tolerance_m is None or 0.5 * (high - low) <= tolerance_m or beyond is None:
+                break
             pair = [k for k in (last, last + 1) if k >= 0 and self.judged[k].seeds < max_seeds]
             if not pair or beyond.fault or beyond.failures:
                 break
@@ -308,8 +310,6 @@ class Cell:
                 self.judge(k, more=True)
             last = bisect(len(self.heights_m), lambda k: self.judge(k).passed, last)
             judgement = self.judge(last, narrow=True) if last >= 0 else None
-            beyond = self.judge(last + 1) if last < top else None
-            crossing, low, high = self._crossing()
         decisive = beyond or judgement
         assert decisive is not None
         error = (

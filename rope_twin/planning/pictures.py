@@ -19,7 +19,7 @@ from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.sea.tables import Vector
-from rope_twin.studies.picture import write_picture
+from rope_twin.studies.picture import new_figure, write_picture
 from rope_twin.twin.ensemble.member import TOP
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ MOST_MARKED = 9  # peak periods that all have a mark
 
 def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
     """Return a figure over the page and its axes; those of several in a list."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDE, height), layout="constrained")
+    figure = new_figure(WIDE, height)
     axes_array = figure.subplots(1, across, **more)
     for axes in [axes_array] if across == 1 else axes_array:
         axes.grid(True, linewidth=0.3)
@@ -172,11 +170,9 @@ def limits_figure(result: PlanResult) -> Any:
 
 def _panels(count: int, panel_height: float) -> tuple[Any, list[Any]]:
     """Return a page-wide figure and the axes of its panels, `panel_height` inches high."""
-    from matplotlib.figure import Figure
-
     across = min(count, 3)
     down = math.ceil(count / across)
-    figure = Figure(figsize=(WIDE, panel_height * down), layout="constrained")
+    figure = new_figure(WIDE, panel_height * down)
     panels: list[Any] = figure.subplots(down, across, squeeze=False).ravel().tolist()
     for axes in panels[count:]:
         axes.set_axis_off()
@@ -264,10 +260,8 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
     """Return the picture of a run: hook load as a whole unless it is short, then all around its
     maximum.
     """
-    from matplotlib.figure import Figure
-
     short = is_short(time_s)
-    figure = Figure(figsize=(WIDE, 3.5 if short else 4.5), layout="constrained")
+    figure = new_figure(WIDE, 3.5 if short else 4.5)
     panels = figure.subplots(3 if short else 4, 1).tolist()
     load, payload, depth = panels[-3:]
     hook, tension, below = 1e-3 * series[:, 0], 1e-3 * series[:, 1], series[:, 2]

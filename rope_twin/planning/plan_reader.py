@@ -115,8 +115,15 @@ def faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
         yield ("scene",), *fault
         return
     yield from _vessel_faults(plan, scene)
-    yield from _current_faults(plan, scene)
-    yield from _wave_faults(plan, scene)
+    if plan.current is not None and _is_in_air(scene):
+        yield ("current",), f"'{scene.name}' is in air", "leave it out, or give a scene in water"
+    elif plan.current is not None:
+        for where, problem, remedy in scene_faults(scene):
+            yield ("current",), f"with it, {where} of '{scene.name}': {problem}", remedy
+    waves = scene.listed(WavesParams)
+    if waves is not None and (waves.jonswap is None or waves.also):
+        problem = f"the waves of '{scene.name}' are not one JONSWAP system, whose Hs and Tp vary"
+        yield ("scene",), problem, "give its effect `waves` a `jonswap`, and nothing in `also`"
     for number, phase in enumerate(plan.phases):
         for keys, problem, right in _phase_faults(plan, phase, scene):
             yield ("phases", number, phase.kind, *keys), problem, right
@@ -168,25 +175,6 @@ def _vessel_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
     if not tip.headings and plan.sea.headings_deg != (HEAD_SEAS,):
         problem = "the scene's box-like hull answers head seas alone"
         yield ("sea", "headings_deg"), problem, "give [180.0], or a `vessel` with responses"
-
-
-def _current_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
-    if plan.current is None:
-        return
-    if _is_in_air(scene):
-        yield ("current",), f"'{scene.name}' is in air", "leave it out, or give a scene in water"
-        return
-    for where, problem, remedy in scene_faults(scene):
-        yield ("current",), f"with it, {where} of '{scene.name}': {problem}", remedy
-
-
-def _wave_faults(plan: Plan, scene: Scene) -> Iterator[Fault]:
-    waves = scene.listed(WavesParams)
-    if waves is None:
-        return
-    if waves.jonswap is None or waves.also:
-        problem = f"the waves of '{scene.name}' are not one JONSWAP system, whose Hs and Tp vary"
-        yield ("scene",), problem, "give its effect `waves` a `jonswap`, and nothing in `also`"
 
 
 def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:

@@ -26,6 +26,7 @@ from rope_twin.sea.spectrum import (
     STANDARD_GRAVITY,
     Waves,
     WaveSpectrum,
+    directions,
     jonswap,
     random_shares,
     wave_at,
@@ -217,16 +218,6 @@ def _directions(exponent: float | None) -> list[tuple[float, float]]:
     return list(zip(turns.tolist(), (share / share.sum()).tolist(), strict=True))
 
 
-def _turns(exponent: float | None, shares: Vector) -> Vector:
-    """Return a direction about the mean [rad] for each share in [0, 1) of the distribution."""
-    if exponent is None:
-        return np.zeros_like(shares)
-    angle = np.linspace(-math.pi, math.pi, 2001)
-    density = np.cos(0.5 * angle) ** (2.0 * exponent)
-    below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
-    return np.interp(shares, below / below[-1], angle)
-
-
 def tip_record(ship: Ship, sea: SeaState, seed: int, seconds: float) -> HeaveSeries:
     """Return the motion of the crane tip in a record of a Gaussian sea over this time [s]."""
     samples = _samples(seconds)
@@ -288,7 +279,7 @@ def sea_record(sea: SeaState, seed: int, seconds: float) -> SeaRecord:
     energy = -np.log1p(-shares[1])  # of a Rayleigh amplitude over its mean
     amplitude = np.sqrt(2.0 * spectrum.density_at(f) / duration * energy)
     wave = amplitude * np.exp(2j * np.pi * shares[0])
-    heading = math.radians(sea.heading_deg) + _turns(sea.spreading, shares[2])
+    heading = math.radians(sea.heading_deg) + directions(sea.spreading, shares[2])
     return SeaRecord(order, f, wave, heading, count)
 
 

@@ -319,6 +319,19 @@ def irregular_waves(
     return Waves(amplitude, omega, k, np.zeros(count), phase, depth_m)
 
 
+def directions(exponent: float | None, shares: Vector) -> Vector:
+    """Return a direction about the mean [rad] for each share in [0, 1) of `spread`'s distribution.
+
+    All are 0 without an exponent.
+    """
+    if exponent is None:
+        return np.zeros_like(shares)
+    angle = np.linspace(-math.pi, math.pi, 2001)
+    density = np.cos(0.5 * angle) ** (2.0 * exponent)
+    below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+    return np.interp(shares, below / below[-1], angle)
+
+
 def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> Waves:
     """Return the waves with directions spread about a mean heading [rad].
 
@@ -326,12 +339,7 @@ def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> W
     Smith 1963); None: long-crested. Each component has one direction, drawn from the distribution.
     """
     count = len(waves.omega)
-    turn = np.zeros(count)
-    if exponent is not None:
-        angle = np.linspace(-math.pi, math.pi, 2001)
-        density = np.cos(0.5 * angle) ** (2.0 * exponent)
-        below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
-        turn = np.interp(random_shares(seed, 3 * count)[2 * count :], below / below[-1], angle)
+    turn = directions(exponent, random_shares(seed, 3 * count)[2 * count :])
     return replace(waves, heading=heading + turn)
 
 

@@ -8,12 +8,11 @@ from typing import Any
 from rope_twin.scene.error_bound import PEAK, RMS, Setting, StudyLevel, format_bound
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside, vortex_words
 from rope_twin.studies.accuracy_run import QUANTITIES, STILL
 from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Study, page_table
 from rope_twin.studies.accuracy_within import cheapest_within
-from rope_twin.studies.picture import check_picture, mark_decades, write_picture
+from rope_twin.studies.picture import check_picture, mark_decades, new_figure, write_picture
 
 Table = list[list[str]]  # the first row is the head
 HEADS = {
@@ -111,29 +110,25 @@ def summary(study: Study) -> list[str]:
 
 def notes(study: Study) -> list[str]:
     """Return notes on non-convergence, the independent code, VIV, and failed runs."""
-    lines = [f"Independent check: {study.witness}.", *_of_vortices(study.scene)]
+    lines, scene = [f"Independent check: {study.witness}."], study.scene
+    if vortices := "" if is_joined(scene) else vortex_words(scene, lift_figures(scene)):
+        if model_beside(scene) is None:
+            vortices = (
+                f"{vortices.removesuffix('.')}. The errors above are of the tension and the "
+                "payload: what is coarser than that does not tell how the rope vibrates."
+            )
+        lines.append(vortices)
     for quantity in QUANTITIES:
         doubt = study.reference.doubts[quantity.name]
         if doubt.uncertainty is None:
             lines.append(f"{quantity.name} does not converge: {_spread(quantity.name, doubt)}.")
-    line = study.scene.ropes[0]
+    line = scene.ropes[0]
     if study.reference.series.slack.any() and line.damping.newton_seconds == 0.0:
         lines.append(
             "The rope falls slack and has no damping: a snap's height then has no limit of its own "
             "but that which the solver's dissipation sets."
         )
     return lines + [f"Not run: {failure}" for failure in study.failures]
-
-
-def _of_vortices(scene: Scene) -> list[str]:
-    """Return the resolution that the fastest lock-in needs, which tension errors do not reveal."""
-    vortices = "" if is_joined(scene) else vortex_words(scene, lift_figures(scene))
-    if not vortices or model_beside(scene) is not None:
-        return [vortices] if vortices else []
-    return [
-        f"{vortices.removesuffix('.')}. The errors above are of the tension and the payload: "
-        "what is coarser than that does not tell how the rope vibrates."
-    ]
 
 
 def row_table(study: Study) -> Table:
@@ -222,9 +217,7 @@ def draw_accuracy(study: Study, path: Path) -> None:
         InputError: matplotlib is not there, or the file cannot be written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.0, 4.6), layout="constrained")
+    figure = new_figure(10.0, 4.6)
     panels = figure.subplots(1, 2)
     for axes, (name, label) in zip(panels, PANELS, strict=True):
         _draw_panel(axes, study, name)

@@ -80,6 +80,13 @@ def check_picture(path: Path) -> None:
     require("matplotlib", "a plot needs it and it is not there", "plot")
 
 
+def new_figure(width_in: float, height_in: float) -> Figure:
+    """Return an empty figure of matplotlib, which is loaded only here."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width_in, height_in), layout="constrained")
+
+
 def write_picture(figure: Figure, path: Path, dpi: float) -> None:
     """Write a figure, with its folder; a PNG without matplotlib's version, so that it repeats.
 
@@ -114,11 +121,9 @@ def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
     across = 2 if len(panels) == 4 else min(len(panels), MOST_ACROSS)
     down = ceil(len(panels) / across)
-    figure = Figure(figsize=(5.0 * across + 0.6, 3.8 * down), layout="constrained")
+    figure = new_figure(5.0 * across + 0.6, 3.8 * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
     for panel, panel_axes in zip(panels, axes, strict=False):
         _draw(figure, panel_axes, panel)

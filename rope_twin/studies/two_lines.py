@@ -13,7 +13,7 @@ from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.picture import check_picture, new_figure, write_picture
 from rope_twin.twin.motion.ship_motion import SeaRecord, synthesise
 from rope_twin.twin.multi_line_snapshot import ClearanceMonitor
 from rope_twin.twin.snapshot import LineEvent, Nearest, Snapshot
@@ -167,9 +167,7 @@ def draw_lines(name: str, calm: LineRun, rough: LineRun, label: str, path: Path)
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12.0, 4.6), layout="constrained")
+    figure = new_figure(12.0, 4.6)
     left, middle, right = figure.subplots(1, 3, width_ratios=(2.0, 1.0, 1.2))
     for k, (line, colour) in enumerate(COLOURS.items()):
         for run, style, legend in ((rough, "-", label), (calm, "--", "calm")):

@@ -11,7 +11,15 @@ import numpy as np
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.studies.modes import TURNING, UNHELD, Mode, Modes, SystemMode, SystemModes
-from rope_twin.studies.picture import Field, Line, Panel, check_picture, draw_panels, write_picture
+from rope_twin.studies.picture import (
+    Field,
+    Line,
+    Panel,
+    check_picture,
+    draw_panels,
+    new_figure,
+    write_picture,
+)
 from rope_twin.studies.viv_frequency_domain import (
     Fatigue,
     FrequencyDomainRun,
@@ -68,9 +76,7 @@ def write_all(name: str, run: FrequencyDomainRun, fatigue: Fatigue, folder: Path
 
 
 def _figure(path: Path, title: str, draw: Any, run: FrequencyDomainRun) -> Path:
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(11.0, 5.5), layout="constrained")
+    figure = new_figure(11.0, 5.5)
     draw(figure, run)
     figure.suptitle(title)
     write_picture(figure, path, 100)
@@ -393,9 +399,7 @@ def _motion_table(run: TimeDomainRun) -> dict[str, Any]:
 
 def _mode_panels(count: int, panel_width: float) -> tuple[Any, Any]:
     """Return a figure and its panels side by side, so many inches wide each."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(panel_width * count + 1.0, 5.0), layout="constrained")
+    figure = new_figure(panel_width * count + 1.0, 5.0)
     return figure, np.atleast_1d(figure.subplots(1, count, sharey=True))
 
 

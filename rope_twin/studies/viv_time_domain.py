@@ -320,21 +320,16 @@ def expected_hz(scene: Scene) -> list[float]:
     scenes = [scene]
     if is_joined(scene):
         tops = first_places(scene)
-        scenes = [
-            _from_place(alone(scene, number), tops[line.from_])
-            for number, line in enumerate(scene.ropes)
+        # each line with its upper end in its place, approximately
+        ships = [
+            replace(scene.ship, hang_off_m=tuple(tops[line.from_].tolist())) for line in scene.ropes
         ]
+        scenes = [replace(alone(scene, number), ship=ship) for number, ship in enumerate(ships)]
     paces = [expected_pace(line_scene, lift_figures(line_scene)) for line_scene in scenes]
     if not any(paces):
         problem = "nothing flows, so no vortices"
         raise SceneError(f"{scene.path}: effects", problem, "give 'current' a speed")
     return [0.0 if pace is None else pace.frequency_hz for pace in paces]
-
-
-def _from_place(scene: Scene, top: Floats) -> Scene:
-    """Return the scene of a line with its upper end there, approximately."""
-    x, y, z = top.tolist()
-    return replace(scene, ship=replace(scene.ship, hang_off_m=(x, y, z)))
 
 
 def _figures(line: RopeLine, marks: Floats, EI: float) -> tuple[Floats, Floats, Floats]:
