@@ -240,18 +240,19 @@ class Quantity:
     name: str
     unit: str  # of the error
     words: str
-    of: str  # what the error is stated in parts of
+    of: str = ""  # what the error is stated in parts of
+    value: str = ""  # of `values` whose error it is; empty: an rms of differences
 
 
 QUANTITIES = (
-    Quantity(RMS, "%", "top tension, rms", "std"),
-    Quantity("tension_mean", "%", "its mean", "mean"),
-    Quantity("tension_std", "%", "its standard deviation", "std"),
-    Quantity(PEAK, "%", "its highest", "highest"),
-    Quantity("tension_trough", "%", "its lowest", "std"),
-    Quantity("snap_peak", "%", "mean of the snaps' peaks", "itself"),
-    Quantity("payload_depth", "m", "payload's depth, rms", ""),
-    Quantity("slack_share", "%", "share of time slack", "the time"),
+    Quantity(RMS, "%", "top tension, rms"),
+    Quantity("tension_mean", "%", "its mean", "mean", "tension_mean_n"),
+    Quantity("tension_std", "%", "its standard deviation", "std", "tension_std_n"),
+    Quantity(PEAK, "%", "its highest", "itself", "tension_max_n"),
+    Quantity("tension_trough", "%", "its lowest", "std", "tension_min_n"),
+    Quantity("snap_peak", "%", "mean of the snaps' peaks", "itself", "snap_peak_n"),
+    Quantity("payload_depth", "m", "payload's depth, rms"),
+    Quantity("slack_share", "%", "share of time slack", "the time", "slack_share"),
 )
 BY_NAME = {quantity.name: quantity for quantity in QUANTITIES}
 Values = dict[str, float | None]
@@ -280,17 +281,17 @@ def differences(series: Series, truth: Series) -> Values:
     every = round(series.step_s / truth.step_s)
     true_n = truth.tension_n[every - 1 :: every][: len(series.tension_n)]
     deviation = series.tension_n[: len(true_n)] - true_n
-    mean, scale = float(truth.tension_n.mean()), tension_scale(truth)
-    return {
-        RMS: 100.0 * _rms(deviation) / scale,
-        "tension_mean": _change(figures, true_figures, "tension_mean_n", mean),
-        "tension_std": _change(figures, true_figures, "tension_std_n", scale),
-        PEAK: _change(figures, true_figures, "tension_max_n", true_figures["tension_max_n"]),
-        "tension_trough": _change(figures, true_figures, "tension_min_n", scale),
-        "snap_peak": _change(figures, true_figures, "snap_peak_n", true_figures["snap_peak_n"]),
-        "payload_depth": _rms(series.depth_m - truth.depth_m),
-        "slack_share": _change(figures, true_figures, "slack_share", 1.0),
-    }
+    scale = tension_scale(truth)
+    parts = {"mean": float(truth.tension_n.mean()), "std": scale, "the time": 1.0}
+    changes: Values = dict.fromkeys(BY_NAME)
+    changes[RMS] = 100.0 * _rms(deviation) / scale
+    changes["payload_depth"] = _rms(series.depth_m - truth.depth_m)
+    for quantity in filter(lambda quantity: quantity.value, QUANTITIES):
+        value, true_value = figures[quantity.value], true_figures[quantity.value]
+        part = parts.get(quantity.of, true_value)
+        if value is not None and true_value is not None and part:
+            changes[quantity.name] = 100.0 * (value - true_value) / part
+    return changes
 
 
 def tension_scale(series: Series) -> float:
@@ -309,13 +310,6 @@ def snap_peak_n(series: Series) -> float | None:
         if begin > 0 and (end - begin) * series.look_s >= TAUT_S
     ]
     return float(np.mean(peaks)) if peaks else None
-
-
-def _change(figures: Values, true_figures: Values, name: str, scale: float | None) -> float | None:
-    value, true_value = figures[name], true_figures[name]
-    if value is None or true_value is None or not scale:
-        return None
-    return 100.0 * (value - true_value) / scale
 
 
 def _rms(deviation: Vector) -> float:

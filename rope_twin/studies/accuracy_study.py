@@ -245,22 +245,10 @@ def uncertainty(
     return SAFETY * d2 / (2.0**p - 1.0), order if math.isfinite(order) else None
 
 
-_SPREAD_OF = {
-    "tension_mean": "tension_mean_n",
-    "tension_std": "tension_std_n",
-    "tension_peak": "tension_max_n",
-    "tension_trough": "tension_min_n",
-    "snap_peak": "snap_peak_n",
-    "slack_share": "slack_share",
-}
-
-
 def _spread(name: str, runs: list[Values], errors: list[Values]) -> tuple[float, float] | None:
     """Return minimum and maximum over the grids; for an RMS quantity, of the differences."""
-    if name in _SPREAD_OF:
-        grid_values = [run[_SPREAD_OF[name]] for run in runs]
-    else:
-        grid_values = [run[name] for run in errors]
+    value = BY_NAME[name].value
+    grid_values = [run[value] for run in runs] if value else [run[name] for run in errors]
     held = [value for value in grid_values if value is not None]
     return (min(held), max(held)) if held else None
 
