@@ -274,11 +274,7 @@ def _run_alerts(args: argparse.Namespace) -> int:
 
 
 def address_of(address: str) -> tuple[str, int]:
-    """Return host and port of HOST:PORT.
-
-    Raises:
-        InputError: it is no address.
-    """
+    """Return host and port of HOST:PORT. Raises InputError: it is no address."""
     host, colon, port = address.rpartition(":")
     if not (colon and host and port.isdecimal() and int(port) in PORTS):
         raise InputError("--udp", f"'{address}'", "give HOST:PORT, such as 127.0.0.1:60001")

@@ -90,11 +90,7 @@ class Bar:
 
 
 def bar_of(scene: Scene) -> Bar:
-    """Return the first of `bars_of`.
-
-    Raises:
-        SceneError: the scene cannot be built.
-    """
+    """Return the first of `bars_of`. Raises SceneError: the scene cannot be built."""
     return bars_of(scene)[0]
 
 

@@ -153,11 +153,7 @@ class Limits:
     ropes_n: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Check the limits.
-
-        Raises:
-            InputError: a limit that is not positive.
-        """
+        """Check the limits. Raises InputError: a limit that is not positive."""
         names = ("tension_n", "contact_m_per_s", "quiet_m_per_s", "quiet_s")
         limits = [(name, getattr(self, name)) for name in names]
         limits += [(f"tension of {name}", value) for name, value in self.ropes_n.items()]

@@ -164,11 +164,7 @@ class Observations:
     lines_m: Lines = field(default_factory=dict)  # (n,) of other winches; one not named holds
 
     def __post_init__(self) -> None:
-        """Check lengths and values.
-
-        Raises:
-            InputError: rows of different lengths, or not finite.
-        """
+        """Check lengths and values. Raises InputError: rows of different lengths, or not finite."""
         for line_m in (self.line_out_m, *self.lines_m.values()):
             if len(line_m) != len(self.heave_m):
                 problem = f"{len(self.heave_m)} samples of heave, {len(line_m)} of line out"

@@ -62,11 +62,7 @@ def check_netcdf() -> None:
 
 
 def plan_dataset(result: PlanResult) -> Dataset:
-    """Return limits and runs as one dataset.
-
-    Raises:
-        InputError: xarray is not installed.
-    """
+    """Return limits and runs as one dataset. Raises InputError: xarray is not installed."""
     check_netcdf()
     import xarray
 

@@ -295,11 +295,7 @@ def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None
 
 
 def _check_line(scene: Scene, longest_m: float) -> None:
-    """Check that the winch has this much line.
-
-    Raises:
-        InputError: it has not.
-    """
+    """Check that the winch has this much line. Raises InputError: it has not."""
     assert scene.winch is not None
     max_line_m = scene.winch.most_line_out_m
     if longest_m > max_line_m:

@@ -436,11 +436,7 @@ def load_chart(result: PlanResult) -> dict[str, Any]:
 
 
 def write_results(result: PlanResult, folder: Path) -> None:
-    """Write `plan.json` and `load_chart.json`.
-
-    Raises:
-        OSError: they cannot be written.
-    """
+    """Write `plan.json` and `load_chart.json`. Raises OSError: they cannot be written."""
     for name, content in (("plan.json", result_object(result)),
                           ("load_chart.json", load_chart(result))):  # fmt: skip
         text = json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False)

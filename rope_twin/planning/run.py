@@ -439,11 +439,7 @@ class _Counted(RowStore):
         self.stopped = True
 
     def get(self, run: int) -> Row | None:
-        """Return the row of a run.
-
-        Raises:
-            _Stopped: the plan was interrupted.
-        """
+        """Return the row of a run. Raises _Stopped: the plan was interrupted."""
         if self.stopped:
             raise _Stopped
         row = super().get(run)

@@ -67,11 +67,7 @@ class LimitTable:
         return any(len(headings) > 1 for _, headings, _ in self.tables.values())
 
     def only(self, phases: Sequence[str]) -> LimitTable:
-        """Return the table of these phases alone.
-
-        Raises:
-            InputError: there is none of a name.
-        """
+        """Return the table of these phases alone. Raises InputError: there is none of a name."""
         for name in phases:
             if name not in self.tables:
                 remedy = did_you_mean(name, self.tables)

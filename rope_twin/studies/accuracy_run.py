@@ -342,11 +342,7 @@ class Body(ABC):
 
 
 def body_of(scene: Scene) -> Body:
-    """Return the model of a scene.
-
-    Raises:
-        SceneError: it cannot be built, or has no equilibrium.
-    """
+    """Return the model of a scene. Raises SceneError: it cannot be built, or has no equilibrium."""
     body = JoinedBody(scene) if is_joined(scene) else RopeBody(scene)
     return body if model_beside(scene) is None else ShakenBody(scene, body)
 

@@ -155,11 +155,7 @@ class LoneTwin:
     """A twin behind its border on a simulated clock: as in a paced run, but faster."""
 
     def __init__(self, scene: Scene, monitors: Monitors = NO_MONITORS) -> None:
-        """Make the twin of a run.
-
-        Raises:
-            SceneError: the scene cannot be built.
-        """
+        """Make the twin of a run. Raises SceneError: the scene cannot be built."""
         self.scene = scene
         self._twin = Twin(scene, monitors)
         self._inputs = InputQueue(self._twin, Recovery(self._twin))

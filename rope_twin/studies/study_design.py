@@ -203,11 +203,7 @@ class StudyRun:
 
 
 def design_runs(study: Study) -> list[StudyRun]:
-    """Return all runs, always in the same order.
-
-    Raises:
-        InputError: there are too many.
-    """
+    """Return all runs, always in the same order. Raises InputError: there are too many."""
     if study.latin_hypercube is None:
         sizes = [_choices(variable) for variable in study.vary]
         count = math.prod(len(size) for size in sizes)

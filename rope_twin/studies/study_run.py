@@ -122,11 +122,7 @@ WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
 
 
 def check_parquet() -> None:
-    """Check that Parquet files can be written.
-
-    Raises:
-        InputError: pyarrow is not installed.
-    """
+    """Check that Parquet files can be written. Raises InputError: pyarrow is not installed."""
     require("pyarrow", "a study writes its rows with it", "study")
 
 

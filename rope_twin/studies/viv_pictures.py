@@ -206,11 +206,7 @@ def _to_all(run: FrequencyDomainRun, fatigue: Fatigue, values: Any) -> Any:
 
 
 def write_table(path: Path, columns: dict[str, Any]) -> Path:
-    """Write one Parquet file.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Write one Parquet file. Raises InputError: it cannot be written."""
     import pyarrow
     import pyarrow.parquet
 
