@@ -194,16 +194,14 @@ def read_study(path: Path) -> tuple[Study, Scene]:
     return study, load_scene(scene_path if scene_path.suffix in (".yaml", ".yml") else study.scene)
 
 
-@dataclass(frozen=True)
-class StudyRun:
-    """One run of a study."""
+def design_runs(study: Study) -> list[tuple[Value, ...]]:
+    """Return the value of each variable in each run: a number, a name, or a case's name.
 
-    number: int
-    values: tuple[Value, ...]  # of each variable: a number, a name, or a case's name
+    Always in the same order.
 
-
-def design_runs(study: Study) -> list[StudyRun]:
-    """Return all runs, always in the same order. Raises InputError: there are too many."""
+    Raises:
+        InputError: there are too many.
+    """
     if study.latin_hypercube is None:
         sizes = [_choices(variable) for variable in study.vary]
         count = math.prod(len(size) for size in sizes)
@@ -222,7 +220,7 @@ def design_runs(study: Study) -> list[StudyRun]:
             )
             for point in cube.random(cube_wish.runs).tolist()
         )
-    return [StudyRun(number, row) for number, row in enumerate(rows)]
+    return list(rows)
 
 
 def _choices(variable: Variable) -> Sequence[Value]:
@@ -246,41 +244,46 @@ def _drawn(variable: Variable, share: float) -> Value:
 
 
 @dataclass(frozen=True)
-class Made:
-    """Scene of a run, made from that of the study."""
+class StudyRun:
+    """One run of a study, and its scene made from that of the study."""
 
+    number: int
+    values: tuple[Value, ...]  # of each variable
     scene: Scene  # with its names, and with what all ropes of an ensemble must share
     changes: tuple[Change, ...]  # to that
     sea_offset_s: float
 
 
-def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
-    """Return scene and changes of a run, checked to be valid.
+def run_of(study: Study, scene: Scene, number: int, values: tuple[Value, ...]) -> StudyRun:
+    """Return a run with these values, checked to be valid.
 
     Raises:
         InputError: a variable leads nowhere or out of a range; one sentence with its place.
     """
     changes: list[Change] = []
     offset_s = 0.0
-    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
-        if variable.names:
-            with _at(f"{study.path}: vary[{number}]"):
+    varied = list(zip(study.vary, values, strict=True))
+    for k, (variable, value) in enumerate(varied):
+        with _at(f"{study.path}: vary[{k}]"):
+            if variable.names:
                 scene = _named(scene, variable.path, str(value))
-        elif variable.path == SEA_OFFSET_S:
-            with _at(f"{study.path}: vary[{number}]"):
+            elif variable.path == SEA_OFFSET_S:
                 offset_s += _offset_s(scene, float(value))
-        else:
-            changes += variable.changes(value)
+            else:
+                changes += variable.changes(value)
     shared = [change for change in changes if change.path.startswith("time.")]
     run_changes = tuple(change for change in changes if change not in shared)
     try:
         scene = change_scene(scene, shared)
         change_scene(scene, run_changes)
     except RopeTwinError:
-        _judge_each(study, scene, run)
-        with _at(f"{study.path}: run {run.number}"):
+        for k, (variable, value) in enumerate(varied):  # one may be invalid by itself
+            if not variable.names and variable.path != SEA_OFFSET_S:
+                with _at(f"{study.path}: vary[{k}]"):
+                    change_scene(scene, variable.changes(value))
+        with _at(f"{study.path}: run {number}"):
             raise
-    return Made(scene, run_changes, offset_s)
+    return StudyRun(number, values, scene, run_changes, offset_s)
 
 
 def _offset_s(scene: Scene, value: float) -> float:
@@ -295,14 +298,6 @@ def _offset_s(scene: Scene, value: float) -> float:
     if not scene.sea_state.moves:
         raise InputError(SEA_OFFSET_S, "the scene's ship lies still", "leave it out")
     return value
-
-
-def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
-    """Reject the first variable that is invalid by itself, with its place in the file."""
-    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
-        if not variable.names and variable.path != SEA_OFFSET_S:
-            with _at(f"{study.path}: vary[{number}]"):
-                change_scene(scene, variable.changes(value))
 
 
 @contextmanager
@@ -351,15 +346,14 @@ def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
     return {r: count for r, count in counts if count is not None}
 
 
-def run_system(scene: Scene, made: Made, seconds: float, look_s: float, wish: FatigueWish | None
-               ) -> Row:  # fmt: skip
-    """Run a multi-line scene with the changes of a run, and return its results.
+def run_system(run: StudyRun, seconds: float, look_s: float, wish: FatigueWish | None) -> Row:
+    """Make a run of a multi-line scene by its own twin, and return its results.
 
     Raises:
         RopeTwinError: the sea cannot be opened, or the curve does not fit a rope.
     """
-    run_scene = change_scene(scene, made.changes)
-    sea = replace(run_scene.sea_state, start_s=run_scene.sea_state.start_s + made.sea_offset_s)
+    run_scene = change_scene(run.scene, run.changes)
+    sea = replace(run_scene.sea_state, start_s=run_scene.sea_state.start_s + run.sea_offset_s)
     run_scene = replace(run_scene, sea_state=sea)
     counts = new_counts(run_scene, wish) if wish is not None else {}
     checks = Monitors(slack_steps=whole_steps("look_s", look_s, run_scene.time.step_s))

@@ -26,12 +26,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import (
     FatigueWish,
-    Made,
     Row,
     Study,
     StudyRun,
     design_runs,
-    made_of,
+    run_of,
     run_system,
     run_together,
 )
@@ -49,30 +48,23 @@ class Batch:
 
     scene: Scene
     runs: tuple[StudyRun, ...]
-    made: tuple[Made, ...]
     columns: tuple[str, ...]  # names of the variables
     seconds: float
     look_s: float
     fatigue: FatigueWish | None
 
 
-def cut_into_batches(
-    study: Study, runs: Sequence[tuple[StudyRun, Made]], at_once: int = LANES
-) -> list[Batch]:
+def cut_into_batches(study: Study, runs: Sequence[StudyRun], at_once: int = LANES) -> list[Batch]:
     """Group runs of the same scene into batches of limited size."""
-    groups: dict[str, list[tuple[StudyRun, Made]]] = {}
-    for run, member in runs:
-        groups.setdefault(member.scene.digest, []).append((run, member))
+    groups: dict[str, list[StudyRun]] = {}
+    for run in runs:
+        groups.setdefault(run.scene.digest, []).append(run)
     columns = tuple(variable.column for variable in study.vary)
-    batches = []
-    for runs_of_scene in groups.values():
-        for first in range(0, len(runs_of_scene), at_once):
-            runs_here, made = zip(*runs_of_scene[first : first + at_once], strict=True)
-            batches.append(
-                Batch(made[0].scene, runs_here, made, columns, study.seconds, study.look_s,
-                      study.fatigue)
-            )  # fmt: skip
-    return batches
+    return [
+        Batch(group[0].scene, tuple(group[first : first + at_once]), columns, study.seconds,
+              study.look_s, study.fatigue)
+        for group in groups.values() for first in range(0, len(group), at_once)
+    ]  # fmt: skip
 
 
 def run_batch(batch: Batch) -> list[Row]:
@@ -93,10 +85,10 @@ def run_batch(batch: Batch) -> list[Row]:
             # of the scene's convergence study; indicative for a run with other values
             "study_error_rms_pct": or_none(error.rms_pct),
             "study_error_peak_pct": or_none(error.peak_pct),
-            "study_error_words": error.words + (CHANGED if made.changes else ""),
+            "study_error_words": error.words + (CHANGED if run.changes else ""),
             "took_s": took_s,
         }
-        for run, made, result in zip(batch.runs, batch.made, results, strict=True)
+        for run, result in zip(batch.runs, results, strict=True)
     ]
 
 
@@ -104,8 +96,8 @@ def _results(batch: Batch) -> Iterator[Row]:
     """Yield the results of each run, stepped together unless poses move a multi-line scene."""
     seas = Seas(batch.scene, batch.seconds)  # rejects a sea that does not reach
     variations = [
-        seas.variation(made.changes, made.sea_offset_s, "seconds", f"run {run.number}")
-        for run, made in zip(batch.runs, batch.made, strict=True)
+        seas.variation(run.changes, run.sea_offset_s, "seconds", f"run {run.number}")
+        for run in batch.runs
     ]
     posed = any(
         variation.heave is not None and variation.heave.aside is not None
@@ -114,8 +106,8 @@ def _results(batch: Batch) -> Iterator[Row]:
     if not (posed and is_joined(batch.scene)):
         yield from run_together(batch.scene, variations, batch.seconds, batch.look_s, batch.fatigue)
         return
-    for made in batch.made:
-        yield run_system(batch.scene, made, batch.seconds, batch.look_s, batch.fatigue)
+    for run in batch.runs:
+        yield run_system(run, batch.seconds, batch.look_s, batch.fatigue)
 
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
@@ -292,8 +284,8 @@ def run_parameter_study(
     Raises:
         RopeTwinError: a run cannot be made; rows that were finished stay.
     """
-    runs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
-    _check_times(study, {made.scene.time.step_s for _, made in runs})
+    runs = [run_of(study, scene, *numbered) for numbered in enumerate(design_runs(study))]
+    _check_times(study, {run.scene.time.step_s for run in runs})
     depends_on = repr((study.digest, scene.digest, solver_version(scene)))
     stamp = hashlib.sha256(depends_on.encode()).hexdigest()[:16]
     with StudyFolder(into, study, stamp) as folder:
@@ -302,7 +294,7 @@ def run_parameter_study(
         is_alone = is_joined(scene) and why_joined_alone(build_joined(scene).system)
         batches = cut_into_batches(
             study,
-            [(run, made) for run, made in runs if run.number not in done],
+            [run for run in runs if run.number not in done],
             1 if is_alone else at_once,
         )
         count = len(done)

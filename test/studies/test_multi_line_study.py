@@ -17,7 +17,13 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.files import share_dir
 from rope_twin.scene.load import Change, load_scene
 from rope_twin.studies.ensemble import Seas
-from rope_twin.studies.study_design import FatigueWish, Made, new_counts, run_system, run_together
+from rope_twin.studies.study_design import (
+    FatigueWish,
+    StudyRun,
+    new_counts,
+    run_system,
+    run_together,
+)
 from rope_twin.twin.ensemble.ensemble import Variation
 
 Row = dict[str, Any]
@@ -134,13 +140,14 @@ vary:
 def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueWish | None) -> None:
     """To the bit: in lanes, each with its own drag and from elsewhere in the sea."""
     scene = load_scene("bridle_lift")
-    made = [
-        Made(scene, (Change("effects.drag.normal", 1.0 + 0.1 * k),), 3.0 * k) for k in range(LANES)
+    runs = [
+        StudyRun(k, (), scene, (Change("effects.drag.normal", 1.0 + 0.1 * k),), 3.0 * k)
+        for k in range(LANES)
     ]
     seas = Seas(scene, 5.0)
-    own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in made]
+    own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in runs]
     together = run_together(scene, own, 3.0, 0.5, wish)
-    assert together == [run_system(scene, one, 3.0, 0.5, wish) for one in made]
+    assert together == [run_system(one, 3.0, 0.5, wish) for one in runs]
     assert len({row["tension_top_max_n"] for row in together}) == LANES
     assert all(row["steps"] == 300 for row in together)
 
@@ -151,7 +158,7 @@ def test_ropes_over_a_sheave_are_one_material_in_a_row() -> None:
     wish = FatigueWish(curve="six_strand_tension", piece_m=20.0)
     counts = new_counts(scene, wish)
     assert [len(count.middles) for count in counts.values()] == [65, 75, 65]
-    row = run_system(scene, Made(scene, (), 0.0), 0.5, 0.1, wish)
+    row = run_system(StudyRun(0, (), scene, (), 0.0), 0.5, 0.1, wish)
     assert len(row["below_descending.damage"]) == 75
     assert "below_ascending.damage" not in row
     lists = [row[f"{scene.ropes[number].name}.damage"] for number in counts]

@@ -12,18 +12,22 @@ from study_text import DRAWN, GOOD, written
 from rope_twin.errors import RopeTwinError
 from rope_twin.files import share_dir
 from rope_twin.scene.load import change_scene
+from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import Seas
-from rope_twin.studies.study_design import design_runs, made_of, read_study
+from rope_twin.studies.study_design import Study, StudyRun, design_runs, read_study, run_of
 from rope_twin.studies.study_run import cut_into_batches
+
+
+def runs_of(study: Study, scene: Scene) -> list[StudyRun]:
+    return [run_of(study, scene, *numbered) for numbered in enumerate(design_runs(study))]
 
 
 def test_a_grid_is_every_combination(tmp_path: Path) -> None:
     study, scene = read_study(written(tmp_path))
-    runs = design_runs(study)
+    runs = runs_of(study, scene)
     assert [run.number for run in runs] == list(range(12))
     assert len({run.values for run in runs}) == 12
-    made = made_of(study, scene, runs[-1])
-    changed = change_scene(made.scene, made.changes)
+    changed = change_scene(runs[-1].scene, runs[-1].changes)
     assert runs[-1].values == (22000.0, "steel_wire_76mm", "rough")
     assert changed.payloads[0].mass_kg == 22000.0
     assert changed.ropes[0].made_of[0].rope.diameter_m == 0.0762
@@ -35,10 +39,10 @@ def test_a_hypercube_meets_each_part_equally_often(tmp_path: Path) -> None:
     text = DRAWN.replace("values: [18000.0, 20000.0, 22000.0]", "from: 18000.0, to: 22000.0")
     study, _ = read_study(written(tmp_path, text))
     runs = design_runs(study)
-    masses = np.array([run.values[0] for run in runs], float)
+    masses = np.array([values[0] for values in runs], float)
     parts = np.floor((masses - 18000.0) / 4000.0 * 12).astype(int)
     assert sorted(parts) == list(range(12))
-    assert Counter(run.values[1] for run in runs) == {"steel_wire_40mm": 6, "steel_wire_76mm": 6}
+    assert Counter(values[1] for values in runs) == {"steel_wire_40mm": 6, "steel_wire_76mm": 6}
     assert design_runs(study) == runs
     other, _ = read_study(written(tmp_path, text.replace("seed: 3", "seed: 4")))
     assert design_runs(other) != runs
@@ -46,8 +50,7 @@ def test_a_hypercube_meets_each_part_equally_often(tmp_path: Path) -> None:
 
 def test_runs_of_one_scene_share_a_batch(tmp_path: Path) -> None:
     study, scene = read_study(written(tmp_path))
-    pairs = [(run, made_of(study, scene, run)) for run in design_runs(study)]
-    batches = cut_into_batches(study, pairs, 4)
+    batches = cut_into_batches(study, runs_of(study, scene), 4)
     assert [len(batch.runs) for batch in batches] == [4, 2, 4, 2]
     assert sorted(run.number for batch in batches for run in batch.runs) == list(range(12))
     for batch in batches:
@@ -62,7 +65,7 @@ def test_the_ship_rides_on_the_waves_of_its_run(tmp_path: Path) -> None:
         written(tmp_path, text + f"vary:\n  - {{path: {path}, values: [1.0, 2.0]}}\n")
     )
     seas = Seas(scene, 29.0)
-    low, high = (seas.heave(made_of(study, scene, run).changes, 0.0) for run in design_runs(study))
+    low, high = (seas.heave(run.changes, 0.0) for run in runs_of(study, scene))
     assert low is not None
     assert high is not None
     assert (high.stamp_ns == low.stamp_ns).all()
@@ -109,7 +112,7 @@ IMPOSSIBLE = [
 def test_what_cannot_vary(old: str, new: str, place: str, said: str, tmp_path: Path) -> None:
     study, scene = read_study(written(tmp_path, GOOD.replace(old, new, 1)))
     with pytest.raises(RopeTwinError) as refused:
-        [made_of(study, scene, run) for run in design_runs(study)]
+        runs_of(study, scene)
     assert place in str(refused.value)
     assert said in str(refused.value)
 
@@ -122,7 +125,7 @@ def test_no_sea_to_begin_elsewhere_in(scene: str, said: str, tmp_path: Path) -> 
     text = GOOD.replace("shallow_lift", scene).replace("payloads[0].mass_kg", "sea_offset_s")
     study, own = read_study(written(tmp_path, text))
     with pytest.raises(RopeTwinError) as refused:
-        made_of(study, own, design_runs(study)[0])
+        runs_of(study, own)
     assert "vary[0]: sea_offset_s: the s" in str(refused.value)
     assert said in str(refused.value)
 
@@ -130,7 +133,6 @@ def test_no_sea_to_begin_elsewhere_in(scene: str, said: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("path", sorted((share_dir() / "config" / "studies").glob("*.yaml")))
 def test_the_studies_that_come_with_it_are_sound(path: Path) -> None:
     study, scene = read_study(path)
-    runs = design_runs(study)
-    made = [made_of(study, scene, run) for run in runs]
+    runs = runs_of(study, scene)
     assert len(runs) >= 16
-    assert len(cut_into_batches(study, list(zip(runs, made, strict=True)))) >= 2
+    assert len(cut_into_batches(study, runs)) >= 2
