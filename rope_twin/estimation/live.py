@@ -99,16 +99,11 @@ class Learner:
         self._model = LiftModel(scene, self._lift)
         self._base = report.base_values(scene)
         self._bias_n = scene.measured.tension.bias
-        self._estimator: Estimator | None = None
+        self.estimator: Estimator | None = None  # also for tasks of the same worker
         self._tared = False
         self._frozen = ""
         self._stands = ""
         self.newest: Estimate | None = None
-
-    @property
-    def estimator(self) -> Estimator | None:
-        """Estimator, for tasks of the same worker, or None if it has not begun."""
-        return self._estimator
 
     @property
     def trouble(self) -> str:
@@ -120,10 +115,10 @@ class Learner:
         """Return what the learner does, in words."""
         if self.trouble:
             return self.trouble
-        if self._estimator is None:
+        if self.estimator is None:
             return "waiting for the twin"
         if self.newest is None:
-            end_s = self._estimator.block_end_s
+            end_s = self.estimator.block_end_s
             return f"collecting; the first minute is learned from at {end_s:.0f} s"
         return self.newest.words()
 
@@ -140,8 +135,8 @@ class Learner:
         self._prior = self._prior.tared()
         for rope in self._lift.ropes:
             rope.tension.drop_before(np.nextafter(rope.tension.newest_s, np.inf))
-        if self._estimator is not None:
-            self._estimator.tare()
+        if self.estimator is not None:
+            self.estimator.tare()
 
     def take(self, inputs: Input) -> None:
         """Take motion, a reading, or a live state to begin from."""
@@ -161,8 +156,8 @@ class Learner:
 
     def _begin(self, begin: Begin) -> None:
         """Begin from a live state; figures that were learned before are the prior."""
-        belief = None if self._estimator is None else self._estimator.belief
-        results = [] if self._estimator is None else self._estimator.results
+        belief = None if self.estimator is None else self.estimator.belief
+        results = [] if self.estimator is None else self.estimator.results
         state = self._model.begin_live(begin.live)
         self._lift.drop_before(begin.live.time_ns * 1e-9 - 1.0)
         estimator = Estimator(self._model, self._prior, state, begin.live.time_ns * 1e-9)
@@ -172,11 +167,11 @@ class Learner:
                 belief.mean.copy(),
                 results,
             )
-        self._estimator, self._stands = estimator, ""
+        self.estimator, self._stands = estimator, ""
 
     def work(self) -> bool:
         """Step the estimator on; return whether it did something."""
-        estimator = self._estimator
+        estimator = self.estimator
         if estimator is None:
             return False
         if self.trouble:  # it begins again from a live state, not from the series

@@ -13,7 +13,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -416,9 +416,8 @@ def order_rows(forecasts: LiveForecast, limits: Limits, seabed_m: float | None) 
                 change = compare(forecast, forecasts.orders[0], risk.span_s, name)
                 peaks = zip(band_columns("peak_change_n"), change.peak_n, strict=True)
                 rows.append(
-                    {"name": forecast.order, "span_s": risk.span_s, "tension": risk.tension,
-                     "slack": risk.slack, "contact": risk.contact, "landing": risk.landing,
-                     "rope": rope.number, **dict(peaks), "lower": change.lower}
+                    {"name": forecast.order, **asdict(risk), "rope": rope.number, **dict(peaks),
+                     "lower": change.lower}
                 )  # fmt: skip
     return rows
 
@@ -454,16 +453,14 @@ def forecast_rows(forecasts: LiveForecast, limits: Limits) -> dict[str, list[Row
         for k, lead in enumerate(forecast.lead_s)
     ]  # fmt: skip
     risk_rows: list[Row] = [
-        {"span_s": risk.span_s, "tension": risk.tension, "slack": risk.slack,
-         "contact": risk.contact, "landing": risk.landing, "tension_limit_n": limits.tension_n,
+        {**asdict(risk), "tension_limit_n": limits.tension_n,
          "contact_limit_m_per_s": limits.contact_m_per_s, "horizon_s": forecast.horizon_s,
          "coverage": forecasts.coverage, "judged": forecasts.judged,
          "factor": float(forecast.factor.mean()), "age_s": forecasts.age_s}
         for risk in forecasts.risks
     ]  # fmt: skip
     quiet: list[Row] = [
-        {"begin_s": window.begin_s, "length_s": window.length_s, "probability": window.probability,
-         "speed_limit_m_per_s": limits.quiet_m_per_s, "age_s": forecasts.age_s}
+        {**asdict(window), "speed_limit_m_per_s": limits.quiet_m_per_s, "age_s": forecasts.age_s}
         for window in forecasts.quiet
     ]  # fmt: skip
     tables = {TENSION_TOPIC: tension, RISK_TOPIC: risk_rows, QUIET_TOPIC: quiet}

@@ -360,11 +360,9 @@ class RopeBody(Body):
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
     def begin(self) -> None:
-        """Reset to static equilibrium."""
         self.ropes = (copy.deepcopy(self._start),)
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """Return the number of steps done, and the top tension after each [N]."""
         tension = np.zeros((steps, rows.PULL_COLUMNS))
         return advance(self.ropes[0], motion, tension, time, steps), tension[:, rows.PULL]
 
@@ -389,12 +387,10 @@ class JoinedBody(Body):
         self.memory_mb = _memory_mb((stack, system.joints, system.sheaves))
 
     def begin(self) -> None:
-        """Reset to static equilibrium."""
         for table, start in zip(self._tables, self._start, strict=True):
             table[...] = start
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """Return the number of steps done, and the first rope's top tension after each [N]."""
         tension = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
         return advance_joined(self._system, motion, tension, time, steps), tension[0, :, rows.PULL]
 
@@ -420,12 +416,10 @@ class ShakenBody(Body):
         self._shake()
 
     def begin(self) -> None:
-        """Reset to static equilibrium, without vibration."""
         self._body.begin()
         self._shake()
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """Return the number of steps done, and the top tension after each [N]."""
         tension, done = np.zeros(steps), 0
         while done < steps:
             count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
