@@ -134,7 +134,7 @@ class AlertList:
         self.now_ns = 0
 
     def update(self, situations: Iterable[Situation], now_ns: int) -> list[Alert]:
-        """Take the situations of this time; return the alerts that have changed."""
+        """Take the situations of this time; return the alerts that have changed but for figures."""
         self.now_ns = now_ns
         before = dict(self._alerts)
         present = {(situation.identifier, situation.where): situation for situation in situations}
@@ -146,14 +146,16 @@ class AlertList:
         for key, alert in self._alerts.items():
             self._alerts[key] = self._aged(alert)
         self._mark_first_out()
-        return [one for key, one in self._alerts.items() if _differs(before.get(key), one)]
+        return [
+            one for key, one in self._alerts.items()
+            if key not in before or replace(before[key], text=one.text) != one
+        ]  # fmt: skip
 
     def _raised(self, key: tuple[int, str], situation: Situation) -> Alert:
         """Return the alert of a present situation."""
         alert = self._alerts.get(key)
-        first = (
-            State.ACKNOWLEDGED if situation.priority is Priority.CAUTION else State.UNACKNOWLEDGED
-        )
+        calm = situation.priority is Priority.CAUTION
+        first = State.ACKNOWLEDGED if calm else State.UNACKNOWLEDGED
         if alert is None:
             instances = self._instances.setdefault(situation.identifier, [])
             instances.append(situation.where)
@@ -163,7 +165,7 @@ class AlertList:
             )  # fmt: skip
         if not alert.active:
             priority = situation.priority
-            if alert.waits and priority is Priority.CAUTION:  # as below
+            if alert.waits and calm:  # as below
                 first, priority = State.UNACKNOWLEDGED, alert.priority
             alert = _revised(alert, first, self.now_ns)
             return replace(
@@ -204,14 +206,11 @@ class AlertList:
 
         The mark stays with it while others of the same cause follow, until nothing waits.
         """
-        waiting = [
-            key
-            for key, alert in self._alerts.items()
-            if alert.waits and not alert.shelved(self.now_ns)
-        ]
-        marked = next((key for key in waiting if self._alerts[key].first_out), None)
+        waiting = {key: alert for key, alert in self._alerts.items()
+                   if alert.waits and not alert.shelved(self.now_ns)}  # fmt: skip
+        marked = next((key for key, alert in waiting.items() if alert.first_out), None)
         if marked is None and waiting:
-            marked = min(waiting, key=lambda key: self._alerts[key].since_ns)
+            marked = min(waiting, key=lambda key: waiting[key].since_ns)
         for key, alert in self._alerts.items():
             if alert.first_out is not (key == marked):
                 self._alerts[key] = replace(alert, first_out=key == marked)
@@ -288,11 +287,6 @@ def _revised(alert: Alert, state: State, now_ns: int) -> Alert:
     """Return an alert with a new state, as its next revision."""
     revision = alert.revision % REVISIONS + 1
     return replace(alert, state=state, changed_ns=now_ns, revision=revision)
-
-
-def _differs(before: Alert | None, after: Alert) -> bool:
-    """Return whether an alert has changed in more than the figures of its text."""
-    return before is None or replace(before, text=after.text) != after
 
 
 def _group(alert: Alert) -> int:

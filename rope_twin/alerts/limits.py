@@ -98,9 +98,8 @@ class CrewLimits:
     ) -> None:
         """Set no limit.
 
-        Args:
-            of_scene: the scene's own, None where it has none.
-            impossible: those that the scene cannot have, and what it lacks.
+        of_scene: the scene's own, None where it has none; impossible: those that the scene cannot
+        have, and what it lacks.
         """
         self._of_scene, self._impossible = of_scene, impossible or {}
         self._set: dict[str, float] = {}
@@ -161,19 +160,17 @@ class CrewLimits:
 
     def stricter(self, name: str) -> float | None:
         """Return the stricter of a limit of the scene and the crew's; None: there is neither."""
-        limits = [
-            limit for limit in (self._of_scene.get(name), self._set.get(name)) if limit is not None
-        ]
+        both = self._of_scene.get(name), self._set.get(name)
+        limits = [limit for limit in both if limit is not None]
         return (max if CREW_LIMITS[name].at_least else min)(limits, default=None)
 
     def row(self) -> Status:
         """Return the row of the diagnostics; values: the limits in SI units, by name."""
-        descriptions = [
+        limits = (
             f"{name} {_of(value, CREW_LIMITS[name].unit)}" for name, value in self._set.items()
-        ]
-        return crew_limits_row(
-            self._set, ", ".join(descriptions) or "none beside those of the scene"
         )
+        words = ", ".join(limits) or "none beside those of the scene"
+        return crew_limits_row(self._set, words)
 
 
 class Store(NamedTuple):
@@ -207,7 +204,13 @@ class SceneFigures:
         self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
         self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
         self.crew = CrewLimits(scene_limits(scene), impossible_limits(scene))
-        self.stores = dict(_stores(scene))
+        self.stores: dict[int, Store] = {}  # rope on each drum by the number of its rope
+        for number, line in enumerate(scene.ropes):
+            winch = winch_of(scene, line)
+            if winch is not None and winch.drum is not None:
+                diameter_m = line.made_of[0].rope.diameter_m
+                store = Store(line.from_, winch.drum, diameter_m, winch.most_line_out_m)
+                self.stores[number] = store
         self._lift: LiftFigures | None = None
         if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
             self._lift = lift_figures(scene)
@@ -231,10 +234,9 @@ class LimitWatch:
         tops = {line.name: line.tension_top_n for line in shot.ropes[1:]}
         max_n, max_utilisation = crew.get("tension_n"), crew.get("utilisation")
         for number, rope in enumerate(shot.strength):
-            allowed = figures.allowed_n.get(rope.name, rope.breaking_load_n)
-            allowed = min(
-                allowed, max_n or math.inf, (max_utilisation or math.inf) * rope.breaking_load_n
-            )
+            used_up = (max_utilisation or math.inf) * rope.breaking_load_n
+            own = figures.allowed_n.get(rope.name, rope.breaking_load_n)
+            allowed = min(own, max_n or math.inf, used_up)
             now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
             is_limited = figures.limited or max_n is not None or max_utilisation is not None
             near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
@@ -262,10 +264,8 @@ class LimitWatch:
 
     def clearance(self, shot: Snapshot) -> Iterator[Measure]:
         """Find the height of the payload above the bed, and the distance of two lines."""
-        height, min_m = (
-            self.crew.stricter("bed_clearance_m"),
-            self.crew.stricter("line_clearance_m"),
-        )
+        height = self.crew.stricter("bed_clearance_m")
+        min_m = self.crew.stricter("line_clearance_m")
         if height is not None and shot.seabed is not None:
             now = shot.seabed.payload_height_m
             text = f"payload {now:.1f} m above the bed, limit {height:g} m"
@@ -293,9 +293,7 @@ class LimitWatch:
             if in_force[limit] != self._broken[limit, where].allowed:
                 del self._broken[limit, where]
         if least_n is not None:
-            names = [rope.name for rope in shot.ropes] or [
-                strength.name for strength in shot.strength
-            ]
+            names = [rope.name for rope in shot.ropes or shot.strength]
             for name, low_n in zip(names, lowest_n(shot), strict=False):
                 if low_n < least_n:
                     self._break(shot.time_s, "min_tension_n", name, (low_n, least_n))
@@ -322,18 +320,8 @@ class LimitWatch:
             first_s = previous.first_s
             if (previous.worst - value) * (value - allowed) >= 0.0:  # it was as bad or worse before
                 worst, worst_s = previous.worst, previous.worst_s
-        self._broken[limit, where] = LimitBreach(
-            limit, where, allowed, first_s, time_s, worst, worst_s
-        )
-
-
-def _stores(scene: Scene) -> Iterator[tuple[int, Store]]:
-    """Yield the rope on each drum by the number of its rope."""
-    for number, line in enumerate(scene.ropes):
-        winch = winch_of(scene, line)
-        if winch is not None and winch.drum is not None:
-            diameter_m = line.made_of[0].rope.diameter_m
-            yield number, Store(line.from_, winch.drum, diameter_m, winch.most_line_out_m)
+        breach = LimitBreach(limit, where, allowed, first_s, time_s, worst, worst_s)
+        self._broken[limit, where] = breach
 
 
 def _nearness(value: float, least: float) -> float:

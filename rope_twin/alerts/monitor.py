@@ -66,9 +66,8 @@ class AlertRates:
 def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertRates:
     """Count the activations in a series of published lists.
 
-    Args:
-        lists: twin time [ns] and alerts of each message, in their order.
-        end_ns: twin time of the end of the recording; it began at 0.
+    lists: twin time [ns] and alerts of each message, in their order; end_ns: twin time of the end
+    of the recording, which began at 0.
     """
     begun: dict[tuple[str, int], Coming] = {}  # by key and time of activation
     cautions: set[tuple[str, int]] = set()
@@ -90,13 +89,16 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
             highest = max(recorded.priority, alert.priority)
             begun[at] = Coming(alert.key, alert.name, highest, alert.since_ns, recorded.text, after)
     comings = tuple(sorted(begun.values(), key=lambda one: (one.at_ns, one.key)))
+    times: dict[str, list[int]] = {}
+    for coming in comings:
+        times.setdefault(coming.key, []).append(coming.at_ns)
     return AlertRates(
         duration_s=end_ns / SECOND,
         comings=comings,
         cautions=len(cautions),
         most_in_window=_most([coming.at_ns for coming in comings], WINDOW_NS),
         standing=tuple(standing),
-        chattering=_chattering(comings),
+        chattering=tuple(key for key, ns in times.items() if _most(ns, CHATTER_NS) >= CHATTER),
         by_name=dict(Counter(coming.name for coming in comings).most_common()),
     )
 
@@ -109,14 +111,6 @@ def _most(times_ns: list[int], window_ns: int) -> int:
             first += 1
         largest = max(largest, last - first + 1)
     return largest
-
-
-def _chattering(comings: tuple[Coming, ...]) -> tuple[str, ...]:
-    """Return the keys of alerts that come again and again."""
-    times: dict[str, list[int]] = {}
-    for coming in comings:
-        times.setdefault(coming.key, []).append(coming.at_ns)
-    return tuple(key for key, onsets in times.items() if _most(onsets, CHATTER_NS) >= CHATTER)
 
 
 SHELVE, UNSHELVE, LIMIT = "shelve", "unshelve", "limit"

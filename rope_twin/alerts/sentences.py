@@ -47,36 +47,29 @@ def clock(time_ns: int) -> str:
 def alf(alert: Alert, utc_ns: int, sequence: int) -> list[bytes]:
     """Return the sentences of one alert: title, and description where it fits.
 
-    Args:
-        alert: with its state.
-        utc_ns: time of its newest change.
-        sequence: number of the group, 0 to 9.
+    utc_ns: time of its newest change; sequence: number of the group, 0 to 9.
     """
     number = f"{MAKER},{alert.identifier},{alert.instance},{alert.revision},{alert.escalation}"
     state = f"{alert.category},{alert.priority.letter},{alert.state.value}"
     title = f"{sequence},{clock(utc_ns)},{state},{number},{_escaped(alert.name, TITLE_MOST)}"
-    fields = f"{sequence},,,,,{number},"
-    room = SENTENCE_MOST - len(nmea(f"{TALKER}ALF,2,2,{fields}"))
-    text = _escaped(alert.text, room)
+    second = f"{TALKER}ALF,2,2,{sequence},,,,,{number},"
+    text = _escaped(alert.text, SENTENCE_MOST - len(nmea(second)))
     if not text:
         return [nmea(f"{TALKER}ALF,1,1,{title}")]
-    return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(f"{TALKER}ALF,2,2,{fields}{text}")]
+    return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(second + text)]
 
 
 def alc(alerts: Sequence[Alert], sequence: int) -> Iterator[bytes]:
     """Return the cyclic list of all active alerts, to be sent every 30 s or so.
 
-    Args:
-        alerts: those that are not normal.
-        sequence: number of the group, 0 to 99.
+    sequence: number of the group, 0 to 99.
     """
     shown = [alert for alert in alerts if alert.state is not State.NORMAL]
     groups = [shown[k : k + _ALC_ENTRIES] for k in range(0, len(shown), _ALC_ENTRIES)] or [[]]
     for number, group in enumerate(groups, start=1):
-        entries = "".join(
-            f",{MAKER},{one.identifier},{one.instance},{one.revision}" for one in group
-        )
-        body = f"{TALKER}ALC,{len(groups):02d},{number:02d},{sequence:02d},{len(group)}{entries}"
+        body = f"{TALKER}ALC,{len(groups):02d},{number:02d},{sequence:02d},{len(group)}"
+        for one in group:
+            body += f",{MAKER},{one.identifier},{one.instance},{one.revision}"
         yield nmea(body)
 
 
@@ -106,9 +99,8 @@ def read_acn(line: bytes) -> AlertCommand | None:
     if len(fields) != 7 or fields[6] != "C" or fields[5] not in (*COMMANDS, REQUEST):
         raise InputError("ACN sentence", f"'{text[:SENTENCE_MOST]}'", remedy)
     if not (fields[3].isdecimal() and fields[4].isdecimal()):
-        raise InputError(
-            "ACN sentence", f"identifier '{fields[3]}', instance '{fields[4]}'", remedy
-        )
+        problem = f"identifier '{fields[3]}', instance '{fields[4]}'"
+        raise InputError("ACN sentence", problem, remedy)
     return AlertCommand(int(fields[3]), int(fields[4]), fields[5])
 
 

@@ -116,23 +116,20 @@ class FeedSettings:
         form = FORMATS.get(self.format)
         if form is None:
             return f"format '{self.format}' is unknown; {did_you_mean(self.format, FORMATS)}"
-        choices: list[tuple[str, str, tuple[str, ...]]] = [
-            ("stamp", self.stamp, (ARRIVAL, INSTRUMENT))
-        ]
+        choices: dict[str, tuple[str, ...]] = {"stamp": (ARRIVAL, INSTRUMENT)}
         if form.kind == LINE:
-            if self.format != "rcwd":
-                choices.append(("tension_of", self.tension_of, (LOAD_PIN, MOTOR)))
+            if "tension_of" in form.takes:
+                choices["tension_of"] = (LOAD_PIN, MOTOR)
             if self.fit_samples != NO_FIT:
                 return "fit_samples is of motion sensors; remove it"
         else:
-            choices.append(("heave_of", self.heave_of, (CRANE_TIP, REFERENCE)))
+            choices["heave_of"] = (CRANE_TIP, REFERENCE)
             if self.fit_samples % 2 == 0:
                 return f"fit_samples is {self.fit_samples}; give an odd number"
         if self.parity:
-            choices.append(("parity", self.parity, ("none", "even", "odd")))
-        choices += [(key, getattr(self, key), allowed) for key, allowed in form.keys.items()]
-        for key, value, allowed in choices:
-            if value not in allowed:
+            choices["parity"] = ("none", "even", "odd")
+        for key, allowed in (choices | {**form.keys}).items():
+            if (value := getattr(self, key)) not in allowed:
                 problem = f"{key} is '{value}'" if value else f"{key} is missing"
                 return f"{problem}; give {' or '.join(allowed)}"
         if self.stamp == INSTRUMENT and not form.has_time:
@@ -156,21 +153,12 @@ class FeedSettings:
 
     def _idle_key(self) -> str | None:
         """Return the complaint about a key that this format does not take, or None."""
-        form, used_keys = FORMATS[self.format], set(FORMATS[self.format].keys)
-        if form.kind == MOTION:
-            used_keys |= {"heave_of", *(["rest_heading_deg"] if self.heave_of == REFERENCE else [])}
-        elif self.format != "wir":
-            used_keys.add("channel")
-        if form.kind == LINE and self.format != "rcwd":
-            used_keys.add("tension_of")
-        if self.format == "columns":
-            used_keys |= {"start", "columns"}
-        if self.format in MAPPED:
-            used_keys = used_keys - {"channel"} | {MAPPED[self.format]}
-        used_keys |= {OPCUA: {"stale_after_s"}, MODBUS: {"parity"}}.get(self.format, set())
-        for key_name in _SPECIAL:
-            if getattr(self, key_name) not in ("", None, {}) and key_name not in used_keys:
-                return f"{key_name} has no effect with {self.format}; remove it"
+        used = {*FORMATS[self.format].keys, *FORMATS[self.format].takes}
+        if self.heave_of != REFERENCE:
+            used.discard("rest_heading_deg")
+        for key in _SPECIAL:
+            if getattr(self, key) not in ("", None, {}) and key not in used:
+                return f"{key} has no effect with {self.format}; remove it"
         return None
 
     def _columns_fault(self) -> str | None:
@@ -241,6 +229,7 @@ class Format(NamedTuple):
     signs: tuple[str, ...]  # quantities whose sign they must state
     keys: Mapping[str, tuple[str, ...]] = {}  # further keys that they must give, and their values
     has_time: bool = False
+    takes: tuple[str, ...] = ("heave_of", "rest_heading_deg")  # of _SPECIAL; here: motion sensors'
 
 
 def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]:
@@ -252,10 +241,6 @@ def _measured(names: tuple[str, ...], settings: FeedSettings) -> tuple[str, ...]
     return tuple(name for name in names if name in quantities)
 
 
-def _sentences(settings: FeedSettings, usual: str) -> tuple[str, ...]:
-    return tuple((settings.sentences or usual).split())
-
-
 _LINE_SIGNS = ("speed", "payout")
 _MOTION_SIGNS = ("heave", "roll", "pitch")
 OCTANS_SENTENCES = ("PHTRO PHLIN", "PHTRO PHLIN PHSPD", "PHLIN PHSPD", "PHLIN")
@@ -263,30 +248,31 @@ FORMATS: dict[str, Format] = {
     "lci90": Format(
         LINE, "MTNW LCI-90 and LCI-90i: RD, with or without time and name",
         lambda s: telegrams.lci90(s.channel), _QUANTITIES, _LINE_SIGNS, has_time=True,
+        takes=("tension_of", "channel"),
     ),
     "wir": Format(
         LINE, "UNOLS wire string: $WIR", lambda s: telegrams.wir(s.checksum),
         _QUANTITIES, _LINE_SIGNS, {"checksum": ("sum", "none")}, has_time=True,
+        takes=("tension_of",),
     ),
     "rcwd": Format(
         LINE, "Rapp: @RCWD", lambda s: telegrams.rcwd(s.length_at, s.channel),
-        _QUANTITIES, _LINE_SIGNS, {"length_at": ("block", "motor")},
+        _QUANTITIES, _LINE_SIGNS, {"length_at": ("block", "motor")}, takes=("channel",),
     ),
     "columns": Format(
         LINE, "any line of separated fields, such as $R30C of MacArtney's Mermac",
-        lambda s: telegrams.columns(s.start, s.columns, s.checksum, channel=s.channel),
+        lambda s: telegrams.columns(s.start, s.columns, s.checksum, s.channel),
         _QUANTITIES, _LINE_SIGNS, {"checksum": telegrams.SUM_KINDS},
+        takes=("tension_of", "channel", "start", "columns"),
     ),
     MODBUS: Format(
         LINE, "Modbus TCP or RTU by a map of registers",
-        lambda s: telegrams.columns(
-            START, {name: k for k, name in enumerate(s.registers, 1)}, "xor"
-        ),
-        _QUANTITIES, _LINE_SIGNS,
+        lambda s: telegrams.columns(START, {n: k for k, n in enumerate(s.registers, 1)}, "xor"),
+        _QUANTITIES, _LINE_SIGNS, takes=("tension_of", "registers", "parity"),
     ),
     OPCUA: Format(
         LINE, "OPC UA by a map of nodes", lambda s: telegrams.polled(OPCUA_START, (*s.nodes,)),
-        _QUANTITIES, _LINE_SIGNS,
+        _QUANTITIES, _LINE_SIGNS, takes=("tension_of", "nodes", "stale_after_s"),
     ),
     "psxn": Format(
         MOTION, "Kongsberg Seapath: $PSXN,20, 23 and 24",
@@ -310,7 +296,7 @@ FORMATS: dict[str, Format] = {
     ),
     "octans": Format(
         MOTION, "iXblue Octans and Phins: $PHTRO, $PHLIN, $PHSPD, $PHINF",
-        lambda s: telegrams.octans(_sentences(s, OCTANS_SENTENCES[0])), (), ("heave",),
+        lambda s: telegrams.octans(s.sentences or OCTANS_SENTENCES[0]), (), ("heave",),
         {"sentences": ("", *OCTANS_SENTENCES)},
     ),
     "phtrh": Format(

@@ -129,11 +129,7 @@ class OpcUaSource(Source):
     """Reads the nodes of one server at a rate, and hands over a line for each read."""
 
     def __init__(self, address: Address, take: Take, settings: FeedSettings) -> None:
-        """Prepare the reads.
-
-        Raises:
-            InputError: asyncua is not installed.
-        """
+        """Prepare the reads. Raises InputError: asyncua is not installed."""
         super().__init__(address, take)
         require("asyncua", "asyncua is missing", "opcua", "source opc.tcp")
         import asyncua

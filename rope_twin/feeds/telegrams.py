@@ -374,12 +374,13 @@ def em3000(data: bytes) -> MotionReading:
     )
 
 
-def octans(sentences: tuple[str, ...]) -> Parser:
-    """Return the parser of Octans and Phins; the last of `sentences` completes a reading.
+def octans(names: str) -> Parser:
+    """Return the parser of Octans and Phins; the last of the sentences named completes a reading.
 
     Each of them must have come since the last reading, in this order. `$--HDT` and `$PHINF` are
     used where they come.
     """
+    sentences = names.split()
     state: dict[str, list[float]] = {}
     status = {"bits": 0}
 

@@ -126,13 +126,24 @@ class Source(ABC):
     def _read(self) -> None:
         """Read until the connection ends or a stop is requested. Raises OSError."""
 
+    def _receive(self, link: socket.socket, are_whole: bool) -> None:
+        """Read from an open link; are_whole: datagrams, else a stream. Raises OSError."""
+        self.fault = ""
+        link.settimeout(_POLL_S)
+        while not self._stop.is_set():
+            try:
+                data = link.recv(_BYTES)
+            except TimeoutError as error:
+                if error.errno is not None and not are_whole:  # of the link, not of the poll
+                    raise
+                continue
+            if not data and not are_whole:
+                raise OSError(None, "the server has closed the connection")
+            self._take(data, time.time_ns(), are_whole)
+
 
 def hand_over(pieces: queue.Queue[Any], piece: Any, source: Source) -> bool:
-    """Put a piece into a queue; a file waits for room, what is live does not.
-
-    Returns:
-        Whether it is in the queue.
-    """
+    """Put a piece into a queue; return whether it is there. Only a file waits for room."""
     while not source.closing:
         try:
             pieces.put(piece, timeout=_POLL_S if isinstance(source, FileSource) else 0.0)
@@ -148,23 +159,14 @@ class UdpSource(Source):
 
     def _read(self) -> None:
         with _bound(self._address) as link:
-            self.fault = ""
-            link.settimeout(_POLL_S)
-            while not self._stop.is_set():
-                try:
-                    data = link.recv(_BYTES)
-                except TimeoutError:
-                    continue
-                self._take(data, time.time_ns(), True)
+            self._receive(link, are_whole=True)
 
 
 def _bound(address: Address) -> socket.socket:
     host = address.name or "0.0.0.0"
     link = socket.socket(_family(host), socket.SOCK_DGRAM)
     try:
-        if is_multicast(
-            host
-        ):  # other programs may be members too; datagrams to a host have one reader
+        if is_multicast(host):  # other programs may be members; datagrams to a host have one reader
             link.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         link.bind((host, address.number))
         if is_multicast(host):
@@ -189,18 +191,7 @@ class TcpSource(Source):
 
     def _read(self) -> None:
         with connected(self._address) as link:
-            self.fault = ""
-            link.settimeout(_POLL_S)
-            while not self._stop.is_set():
-                try:
-                    data = link.recv(_BYTES)
-                except TimeoutError as error:
-                    if error.errno is not None:  # of the link, not of the poll
-                        raise
-                    continue
-                if not data:
-                    raise OSError(None, "the server has closed the connection")
-                self._take(data, time.time_ns(), False)
+            self._receive(link, are_whole=False)
 
 
 def connected(address: Address) -> socket.socket:
@@ -247,26 +238,22 @@ class FileSource(Source):
     """
 
     def __init__(
-        self,
-        path: Path,
-        take: Take,
-        speed: float,
-        start_ns: int | None,
-        rate_hz: float = 0.0,
+        self, path: Path, take: Take, speed: float, start_ns: int | None, rate_hz: float = 0.0,
         binary: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(Address(FILE, str(path)), take)
         self._path, self._speed, self._start_ns = path, speed, start_ns
         self._period_ns = round(_SECOND_NS / rate_hz) if rate_hz else 0
         self._binary = binary
+        where, problem = f"source '{path}'", ""
         if not path.is_file():
-            problem, remedy = "there is no such file", f"give {ADDRESSES}"
-            raise InputError(f"source '{path}'", problem, remedy)
-        if binary and not rate_hz:
+            raise InputError(where, "there is no such file", f"give {ADDRESSES}")
+        if not rate_hz and binary:
             problem = "records of this format have no time"
-            raise InputError(f"source '{path}'", problem, "set replay_rate_hz")
-        if not rate_hz and not _has_time(path):
-            raise InputError(f"source '{path}'", "no line of it has a time", "set replay_rate_hz")
+        elif not rate_hz and not _has_time(path):
+            problem = "no line of it has a time"
+        if problem:
+            raise InputError(where, problem, "set replay_rate_hz")
 
     def _read(self) -> None:
         try:
@@ -314,11 +301,7 @@ class FileSource(Source):
 
 
 def _has_time(path: Path) -> bool:
-    """Return whether a line of a file has a time.
-
-    Raises:
-        InputError: it cannot be read.
-    """
+    """Return whether a line of a file has a time. Raises InputError: it cannot be read."""
     try:
         with path.open("rb") as file:
             lines = iter(lambda: file.readline(4096), b"")
@@ -412,9 +395,8 @@ class SerialSink(Sink):
             self._line = open_serial(address)
             self._line.write_timeout = _POLL_S
         except OSError as error:
-            raise InputError(
-                str(address), error.strerror or str(error), "name a serial device"
-            ) from error
+            problem = error.strerror or str(error)
+            raise InputError(str(address), problem, "name a serial device") from error
 
     def send(self, data: bytes) -> None:
         """Write a line; dropped while nobody reads."""
@@ -436,9 +418,8 @@ class TcpServer(Sink):
         try:
             self._server = socket.create_server(end, family=_family(end[0]))
         except OSError as error:
-            raise InputError(
-                str(address), error.strerror or str(error), "name a free port"
-            ) from error
+            problem = error.strerror or str(error)
+            raise InputError(str(address), problem, "name a free port") from error
         self._server.settimeout(_POLL_S)
         self.port: int = self._server.getsockname()[1]
         self._readers: list[socket.socket] = []
@@ -507,18 +488,12 @@ class FileSink(Sink):
 
 
 def open_sink(words: str) -> Sink:
-    """Return the way out of an address.
-
-    Raises:
-        InputError: the address cannot be used.
-    """
+    """Return the way out of an address. Raises InputError: the address cannot be used."""
     address = read_address(words)
-    if address.kind == UDP:
-        return UdpSink(address)
-    if address.kind == TCP_SERVER:
-        return TcpServer(address)
-    if address.kind == SERIAL:
-        return SerialSink(address)
-    if address.kind == FILE:
-        return FileSink(Path(address.name))
+    sinks: dict[str, Callable[[Address], Sink]] = {
+        UDP: UdpSink, TCP_SERVER: TcpServer, SERIAL: SerialSink,
+        FILE: lambda address: FileSink(Path(address.name)),
+    }  # fmt: skip
+    if address.kind in sinks:
+        return sinks[address.kind](address)
     raise InputError(words, "lines are not sent to a server", "give tcp-server://HOST:PORT")

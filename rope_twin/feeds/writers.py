@@ -64,6 +64,8 @@ class _LineWriter:
         own_tension = sample.motor_tension_n if settings.tension_of == MOTOR else sample.tension_n
         tension = of("tension", own_tension)
         speed, payout = of("speed", sample.speed_m_per_s), of("payout", sample.payout_m)
+        motor = of("tension", sample.motor_tension_n)
+        known = {"tension": tension, "speed": speed, "payout": payout, "motor_tension": motor}
         moment = clock_of(sample.stamp_ns)
         values = [_eight(tension), _eight(speed), _eight(payout)]
         if settings.format == "lci90":
@@ -74,27 +76,17 @@ class _LineWriter:
             clock = f"{moment:%Y-%m-%d},{moment:%H:%M:%S}.{moment.microsecond // 1000:03d}"
             body = ",".join(["$WIR", clock, *values, "00000000", "00000000", ""])
             return f"{body}{sum_of(body)}\r\n".encode("ascii")
-        if settings.format in (MODBUS, OPCUA):
-            motor = of("tension", sample.motor_tension_n)
-            known = {"tension": tension, "speed": speed, "payout": payout, "motor_tension": motor}
-            if settings.format == OPCUA:
-                return line_of([known[name] for name in settings.nodes], OPCUA_START)
+        if settings.format == OPCUA:
+            return line_of([known[name] for name in settings.nodes], OPCUA_START)
+        if settings.format == MODBUS:
             return line_of([known[name] for name in settings.registers])
         if settings.format == "rcwd":
-            motor = of("tension", sample.motor_tension_n)
-            body = (
-                f"RCWD,{settings.channel or '1'},1,{payout:.2f},{motor:.3f},{speed:.2f},0,"
-                f"{payout:.2f},{tension:.6f}"
-            )
-            return nmea(body, "@")
-        return self._columns(tension, speed, payout, of("tension", sample.motor_tension_n))
-
-    def _columns(self, tension: float, speed: float, payout: float, motor: float) -> bytes:
-        settings = self._settings
+            length = f"{payout:.2f}"
+            at_motor = f"RCWD,{settings.channel or '1'},1,{length},{motor:.3f},{speed:.2f},0"
+            return nmea(f"{at_motor},{length},{tension:.6f}", "@")
         fields = [settings.start, *["0"] * max(settings.columns.values())]
-        values = {"tension": tension, "speed": speed, "payout": payout, "motor_tension": motor}
         for name, place in settings.columns.items():
-            fields[place] = f"{values[name]:.3f}" if name in values else settings.channel or "1"
+            fields[place] = f"{known[name]:.3f}" if name in known else settings.channel or "1"
         body = ",".join(fields)
         if settings.checksum == "xor":
             return nmea(body[1:], body[0])

@@ -89,11 +89,7 @@ def _read(path: Path, conventions: RaoConventions, _time_ns: int, _size: int) ->
 
 
 def read_csv(path: Path, conventions: RaoConventions) -> Responses:
-    """Read a table of COLUMNS.
-
-    Raises:
-        InputError: the table is invalid.
-    """
+    """Read a table of COLUMNS. Raises InputError: the table is invalid."""
     where, names = str(path), (*AMPLITUDES, *PHASES)
     needed = () if conventions.origin_m is None else ("origin_m",)
     conventions.require(where, needed, "a CSV has fixed conventions but for its `origin_m`")

@@ -227,11 +227,7 @@ def random_shares(seed: int, count: int) -> Vector:
 
 
 def random_phases(seed: int, count: int) -> Vector:
-    """Return uniform random phases [rad], (count,).
-
-    Raises:
-        InputError: a negative seed.
-    """
+    """Return uniform random phases [rad], (count,). Raises InputError: a negative seed."""
     return 2.0 * np.pi * random_shares(seed, count)
 
 

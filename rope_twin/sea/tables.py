@@ -128,15 +128,12 @@ def _numbers(where: str, line: str, count: int) -> list[float]:
     cells = next(csv.reader([line]))
     if len(cells) != count:
         raise InputError(where, f"{len(cells)} values", f"the header names {count}")
-    values = [_number(cell) for cell in cells]
-    for cell, value in zip(cells, values, strict=True):
-        if not isfinite(value):
+    values = []
+    for cell in cells:
+        try:
+            values.append(float(cell))
+        except ValueError:
+            values.append(nan)
+        if not isfinite(values[-1]):
             raise InputError(where, f"'{cell.strip()}'", "give a finite number")
     return values
-
-
-def _number(cell: str) -> float:
-    try:
-        return float(cell)
-    except ValueError:
-        return nan
