@@ -142,7 +142,10 @@ def _draw_learned(bag: str, results: Any, base: dict[str, float], picture: Path)
     from rope_twin.estimation.figures import ROPE_FIGURES
     from rope_twin.studies.picture import Line, Panel, draw_panels
 
-    times, means, sds = report.history(results)
+    times = np.array([result.end_s for result in results])
+    means, sds = (
+        np.array([getattr(result.posterior, name) for result in results]) for name in ("mean", "sd")
+    )
     panels = []
     for k, name in enumerate(ROPE_FIGURES):
         if not base[name]:

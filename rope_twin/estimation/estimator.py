@@ -60,16 +60,11 @@ from rope_twin.twin.ensemble.fleet import FleetState
 
 @dataclass(frozen=True)
 class Innovation:
-    """Residual of the last block before it is assimilated, with what explains it to first order.
-
-    It is the input of fault tests: a single cause has the signature of its column.
-    """
+    """Residual of the last block before it is assimilated, with what explains it to first order."""
 
     time_s: Floats  # (k,) middles of the intervals of the means
     residual_n: Floats  # (pins·k,) measured less predicted; NaN: missing
-    covariance: Floats  # S = R + J·P·Jᵀ of all samples, not tempered
     columns: Mapping[str, Floats]  # (pins·k,) J of each figure and sensor parameter
-    prior_sd: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -323,10 +318,13 @@ class Estimator:
             rounding_n = np.array([one.rounding_n(begin_s, end_s) for one in lift.ropes])
             bands = BANDS + (SHARE_BANDS if pins > 1 else 0)
             self.noise = ResidualNoise(np.hypot(pin_n, rounding_n), bands)
-        self._take_counts(len(measured) // pins)
+        count = len(measured) // pins
+        self._take_counts(count)
         joint = self._memory.with_errors(self.belief)
         first = self._linearise(prediction, measured, joint.mean[figures:])
-        self.innovation = self._innovation(first, joint)
+        middles_s: Floats = np.asarray(begin_s + MEAN_S * (np.arange(count) + 0.5), float)
+        columns = dict(zip(self.prior.names, first.jacobian.T, strict=False))
+        self.innovation = Innovation(middles_s, first.residual, columns)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
         at_limit = self.prior.at_limit(self.theta)
         if self.share(used) >= LEAST_USED or first.slack is not None:
@@ -533,18 +531,6 @@ class Estimator:
             if lower < misfit(linear.theta, joint, whiten(before)):
                 return new
         return None
-
-    def _innovation(self, linear: _Linearisation, joint: Gaussian) -> Innovation:
-        """Return the residual before learning, with its covariance and signatures."""
-        count = len(linear.residual) // len(self.model.pins)
-        J, middles = linear.jacobian, MEAN_S * (np.arange(count) + 0.5)
-        return Innovation(
-            time_s=np.asarray(self.block_begin_s + middles, float),
-            residual_n=linear.residual,
-            covariance=linear.covariance + J @ joint.covariance @ J.T,
-            columns={name: J[:, k] for k, name in enumerate(self.prior.names)},
-            prior_sd=dict(zip(self.prior.names, self.prior.sd.tolist(), strict=True)),
-        )
 
 
 def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> Estimator:

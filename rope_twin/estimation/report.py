@@ -466,12 +466,3 @@ def as_json(
         "parameters": list(names_of(winches)),
         "blocks": blocks,
     }
-
-
-def history(results: Sequence[BlockResult]) -> tuple[Floats, Floats, Floats]:
-    """Return end times [s] (blocks,), and mean and sd of θ after each block (blocks, figures)."""
-    return (
-        np.array([result.end_s for result in results]),
-        np.array([result.posterior.mean for result in results]),
-        np.array([result.posterior.sd for result in results]),
-    )

@@ -121,7 +121,6 @@ class LineState:
     out_m: float
     speed_m_per_s: float  # commanded: without the compensation, positive = pay out
     compensated: bool = False  # whether active heave compensation is on
-    stroke_m: float = 0.0  # of the compensation, from mid-stroke
     to_contact_m: float | None = None  # line to pay out until the payload lands; None: no seabed
 
 

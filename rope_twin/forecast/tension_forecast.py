@@ -159,7 +159,6 @@ class Observations:
     waves: MeasuredWaves | None = None
     response: Response | None = None  # heave per elevation, with `waves`
     compensated: bool = False  # active heave compensation is on
-    command_m_per_s: float | None = None  # line speed commanded; None: by the line itself
     to_contact_m: float | None = None  # line until the payload lands
     lines_m: Lines = field(default_factory=dict)  # (n,) of other winches; one not named holds
 
@@ -394,7 +393,7 @@ class TensionForecaster:
 
     def line_state(self, observed: Observations) -> LineState:
         """Return the main winch's line at the origin; its speed without the compensation's."""
-        return line_state(observed, observed.line_out_m, self.scene.winch, observed.command_m_per_s)
+        return line_state(observed, observed.line_out_m, self.scene.winch)
 
     def _line_states(
         self, observed: Observations, start: FleetState | LiveState
@@ -564,28 +563,17 @@ class TensionForecaster:
         )  # fmt: skip
 
 
-def line_state(
-    observed: Observations,
-    line_m: Floats,
-    winch: Winch | None,
-    command_m_per_s: float | None = None,
-) -> LineState:
+def line_state(observed: Observations, line_m: Floats, winch: Winch | None) -> LineState:
     """Return a winch's line at the origin; its speed without the compensation.
 
-    line_m: measured, as in `observed`; command_m_per_s: commanded speed, None: by the line itself.
+    line_m: measured, as in `observed`.
     """
-    intervals = round(
-        LINE_SPEED_S / SAMPLE_S
-    )  # least squares over all samples, which averages counter steps
+    intervals = round(LINE_SPEED_S / SAMPLE_S)
+    # least squares over all samples, which averages counter steps
     times = SAMPLE_S * (np.arange(intervals + 1) - 0.5 * intervals)
     speed = float(times @ line_m[-1 - intervals :] / (times @ times))
-    params = winch.heave_compensation if winch else None
-    if command_m_per_s is not None:
-        speed = command_m_per_s
-    elif observed.compensated and params is not None:
+    compensated = bool(observed.compensated and winch and winch.heave_compensation)
+    if compensated:
         intervals = round(20.0 / SAMPLE_S)  # the mean compensation over several waves is zero
         speed = float(line_m[-1] - line_m[-1 - intervals]) / 20.0
-    return LineState(
-        float(line_m[-1]), speed, observed.compensated and params is not None, 0.0,
-        observed.to_contact_m,
-    )  # fmt: skip
+    return LineState(float(line_m[-1]), speed, compensated, observed.to_contact_m)

@@ -228,18 +228,15 @@ def test_all_sensors_may_be_lost_for_minutes() -> None:
 
 
 def test_innovation_of_a_block() -> None:
-    """The residual before learning has the covariance R + J·P·Jᵀ."""
+    """The residual before learning, with the columns that explain it to first order."""
     made = estimator(lift())
     assert made.innovation is None
     made.run(120.0)
     whole = made.innovation
     assert whole is not None
     assert whole.time_s[0] == pytest.approx(60.125)
-    assert set(whole.columns) == set(NAMES) == set(whole.prior_sd)
-    assert np.linalg.eigvalsh(whole.covariance).min() > 0.0
-    e = whole.residual_n
-    nis = e @ np.linalg.solve(whole.covariance, e) / len(e)
-    assert 0.3 < nis < 2.0
+    assert list(whole.columns) == list(NAMES)
+    assert np.isfinite(whole.residual_n).all()
     assert np.allclose(whole.columns[BIAS], 1.0)
 
 

@@ -149,7 +149,7 @@ def test_fault_tests_do_not_see_the_mean() -> None:
     """The innovation has the means of the block, and those in slack are missing."""
     innovation = learned(ROUGH).innovation
     assert innovation is not None
-    assert innovation.covariance.shape == (COUNT_OF_MEANS, COUNT_OF_MEANS)
+    assert innovation.residual_n.shape == (COUNT_OF_MEANS,)
     assert not np.isfinite(innovation.residual_n).any()
 
 
