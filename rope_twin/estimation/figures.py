@@ -26,7 +26,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.errors import InputError, did_you_mean
+from rope_twin.errors import InputError
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.rigging import is_joined, places, winches_by_name
 from rope_twin.scene.schema import Scene
@@ -181,19 +181,6 @@ class Gaussian:
     def correlation(self) -> Floats:
         """Return the correlations, (COUNT, COUNT)."""
         return np.asarray(self.covariance / np.outer(self.sd, self.sd))
-
-    def with_figure(self, name: str, mean: float, sd: float) -> Self:
-        """Return the Gaussian with one figure replaced by an independent one.
-
-        Raises:
-            InputError: there is no such figure, or a number is not finite or not positive.
-        """
-        if name not in INDEX:
-            raise InputError(name, "there is no such figure", did_you_mean(name, NAMES))
-        if not (np.isfinite(mean) and np.isfinite(sd) and sd > 0.0):
-            problem = f"a mean of {mean:g} with a standard deviation of {sd:g} is not possible"
-            raise InputError(name, problem, "give finite numbers, and a positive deviation")
-        return self.with_place(INDEX[name], mean, sd)
 
     def with_place(self, k: int, mean: float, sd: float) -> Self:
         """Return the Gaussian with number k of θ replaced by an independent one."""

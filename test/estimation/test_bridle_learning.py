@@ -63,7 +63,7 @@ def bridle() -> Scene:
 def prior() -> Prior:
     """The prior of a load pin that is tared and calibrated."""
     own = scene_prior(bridle(), tared=True)
-    return replace(own, gaussian=own.gaussian.with_figure(GAIN, 0.0, 0.002))
+    return replace(own, gaussian=own.gaussian.with_place(INDEX[GAIN], 0.0, 0.002))
 
 
 def motion(t: Floats) -> tuple[Floats, Floats, Floats, Floats]:

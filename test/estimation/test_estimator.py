@@ -35,7 +35,7 @@ def prior() -> Prior:
     gaussian = whole.gaussian
     for name, sd in (("tension_gain", 1e-4), (BIAS, 20.0), ("heave_gain", 1e-3),
                      ("heave_delay", 1e-3), ("sheave_friction", 1e-5)):  # fmt: skip
-        gaussian = gaussian.with_figure(name, 0.0, sd)
+        gaussian = gaussian.with_place(INDEX[name], 0.0, sd)
     return Prior(gaussian, NOISE_N, 20.0, whole.learning)
 
 
@@ -71,7 +71,7 @@ def test_weight_and_bias_share_what_the_mean_tension_says() -> None:
     After a tare the zero is known to what a tare leaves.
     """
     k, b = INDEX["submerged_weight"], INDEX[BIAS]
-    gaussian = prior().gaussian.with_figure(BIAS, 0.0, 3000.0)
+    gaussian = prior().gaussian.with_place(INDEX[BIAS], 0.0, 3000.0)
     made = estimator(lift(), Prior(gaussian, NOISE_N, 20.0, prior().learning))
     made.run()
     weight_n = 9.80665 * (8000.0 - 1.5 * 1025.0)

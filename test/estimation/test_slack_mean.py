@@ -105,7 +105,7 @@ def test_other_figures_add_to_the_variance() -> None:
 def learned(waves: float, lost: tuple[float, float] = (0.0, 0.0)) -> Estimator:
     """Return an estimator that has learned from all data, with a pin that is nearly perfect."""
     prior = prior_of(scene().learning, 100e3).tared()
-    gaussian = prior.gaussian.with_figure("tension_gain", 0.0, 1e-4)
+    gaussian = prior.gaussian.with_place(INDEX["tension_gain"], 0.0, 1e-4)
     own = type(prior)(gaussian, NOISE_N, prior.pin_bias_tared_n, prior.learning)
     model = LiftModel(scene(), lift(waves=waves, lost=lost))
     one = Estimator(model, own, model.begin_at_rest(0.0), 0.0)

@@ -65,7 +65,7 @@ def campaign_prior(scene: Scene, tared: bool) -> Prior:
     prior = scene_prior(scene, tared)
     if not tared:
         return prior
-    gaussian = prior.gaussian.with_figure(GAIN, 0.0, 0.01 * CALIBRATED_GAIN_PCT)
+    gaussian = prior.gaussian.with_place(INDEX[GAIN], 0.0, 0.01 * CALIBRATED_GAIN_PCT)
     return replace(prior, gaussian=gaussian)
 
 
