@@ -17,16 +17,7 @@ from mcap.writer import CompressionType, Writer
 
 from rope_twin.errors import BagError, did_you_mean, phrase
 from rope_twin.files import write_whole
-from rope_twin.recording.bag import (
-    CHANNELS_RECORD,
-    OWN_RECORD,
-    ROSBAG_RECORD,
-    BagSummary,
-    ClosableBag,
-    FileSummary,
-    RecordedTopic,
-    describe_topic,
-)
+from rope_twin.recording import bag
 from rope_twin.topics import Topic, recorded_name
 
 WAITING_LIMIT_BYTES = 64 * 2**20
@@ -130,10 +121,10 @@ class _McapFile:
         self._first_ns, self._last_ns = _LARGEST_STAMP_NS, -1
 
     @property
-    def summary(self) -> FileSummary:
-        return FileSummary(self.name, self._counts, self._first_ns, self._last_ns)
+    def summary(self) -> bag.FileSummary:
+        return bag.FileSummary(self.name, self._counts, self._first_ns, self._last_ns)
 
-    def add_topic(self, topic: RecordedTopic) -> None:
+    def add_topic(self, topic: bag.RecordedTopic) -> None:
         key = (topic.type_name, topic.definition)
         if key not in self._schemas:
             self._schemas[key] = self._writer.register_schema(
@@ -148,12 +139,12 @@ class _McapFile:
         self._writer.add_metadata(name, dict(notes))
         self.sink.flush()
 
-    def note_channels(self, topics: Mapping[str, RecordedTopic]) -> None:
+    def note_channels(self, topics: Mapping[str, bag.RecordedTopic]) -> None:
         noted = {
             str(channel): f"{name} {topics[name].type_name}"
             for name, channel in self._channels.items()
         }
-        self.add_metadata(CHANNELS_RECORD, noted)
+        self.add_metadata(bag.CHANNELS_RECORD, noted)
 
     def write(self, name: str, stamp_ns: int, data: bytes, publish_ns: int, sequence: int) -> None:
         self._writer.add_message(self._channels[name], stamp_ns, data, publish_ns, sequence)
@@ -166,15 +157,15 @@ class _McapFile:
     def flush(self) -> None:
         self._writer.flush()
 
-    def finish(self, summary: BagSummary) -> None:
+    def finish(self, summary: bag.BagSummary) -> None:
         """Write the file's end; it is complete once nothing waits in the sink."""
         self._writer.flush()
-        self._writer.add_metadata(ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
+        self._writer.add_metadata(bag.ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
         self._writer.finish()
         self.sink.flush()
 
 
-class BagWriter(ClosableBag):
+class BagWriter(bag.ClosableBag):
     """One bag, from making its directory to its metadata.yaml. Not for several threads at once.
 
     Nothing of it depends on the time of writing: equal calls make equal bytes.
@@ -200,16 +191,16 @@ class BagWriter(ClosableBag):
         """
         self.directory = Path(directory)
         self._chunk_bytes = chunk_bytes
-        described = [describe_topic(topic) for topic in topics]
+        described = [bag.describe_topic(topic) for topic in topics]
         self._make_directory()
         try:
             self._file = self._make_file(0)
         except OSError as error:
             raise self._error(f"its file cannot be made ({error.strerror})") from error
-        self._ended: list[FileSummary] = []
+        self._ended: list[bag.FileSummary] = []
         self._ended_bytes = 0
         self._unsettled: list[FileSink] = []  # of ended files that the disk has not taken whole
-        self._topics: dict[str, RecordedTopic] = {}
+        self._topics: dict[str, bag.RecordedTopic] = {}
         self._channels_noted = False
         self._custom_data: dict[str, str] = {}
         self._closed = False
@@ -246,9 +237,9 @@ class BagWriter(ClosableBag):
     def add_metadata(self, metadata: Mapping[str, str]) -> None:
         """Add notes on the bag."""
         self._custom_data.update(metadata)
-        self._file.add_metadata(OWN_RECORD, metadata)
+        self._file.add_metadata(bag.OWN_RECORD, metadata)
 
-    def add_topic(self, topic: RecordedTopic) -> None:
+    def add_topic(self, topic: bag.RecordedTopic) -> None:
         """Add a topic; the same one twice does nothing.
 
         Raises:
@@ -286,7 +277,7 @@ class BagWriter(ClosableBag):
         except OSError:
             return False
         if self._custom_data:
-            following.add_metadata(OWN_RECORD, self._custom_data)
+            following.add_metadata(bag.OWN_RECORD, self._custom_data)
         for topic in self._topics.values():
             following.add_topic(topic)
         if self._channels_noted:
@@ -383,10 +374,10 @@ class BagWriter(ClosableBag):
         name = f"{self.directory.resolve().name}_{number}.mcap"
         return _McapFile(self.directory / name, self._chunk_bytes)
 
-    def _summary(self, files: Sequence[FileSummary] | None = None) -> BagSummary:
+    def _summary(self, files: Sequence[bag.FileSummary] | None = None) -> bag.BagSummary:
         """Return the content of metadata.yaml for those of the bag's files, by default all."""
         files = [*self._ended, self._file.summary] if files is None else files
-        return BagSummary(files, list(self._topics.values()), self._custom_data)
+        return bag.BagSummary(files, list(self._topics.values()), self._custom_data)
 
     def _make_directory(self) -> None:
         try:
@@ -418,7 +409,7 @@ class RecorderHealth:
     trouble: str  # one sentence, '' if all is well
 
 
-class BagRecorder(ClosableBag):
+class BagRecorder(bag.ClosableBag):
     """Records from any thread; `write` never waits.
 
     The thread is a daemon: close the recorder, or the last moment and metadata.yaml are missing

@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from rope_twin import topics
 from rope_twin.console.control import Desk, Outcome, Token, new_token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
@@ -42,22 +43,12 @@ from rope_twin.ros.qos import listen as subscribe
 from rope_twin.ros.qos import message_type, publish
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.load_chart import read_load_chart
-from rope_twin.topics import (
-    ALERT_COMMAND,
-    BY_NAME,
-    RELEASE,
-    TAKE,
-    WHAT_IF,
-    WINCH_TOPICS,
-    Qos,
-    service_name,
-)
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 TOKEN = "ROPE_TWIN_CONSOLE_TOKEN"  # environment: the token of --control
 _DIAGNOSTICS_DEPTH = 10  # several nodes publish there within one poll
 # topics of which more than the newest message is kept: latched ones, and diagnostics
-_QUEUED = {name for name in SHOWN if BY_NAME[name].qos is Qos.LATCHED} | {DIAGNOSTICS}
+_QUEUED = {name for name in SHOWN if topics.BY_NAME[name].qos is topics.Qos.LATCHED} | {DIAGNOSTICS}
 _RETRY_S, _RETRIES_S = 0.1, 2.0  # between tries of a service that is not there, and in all
 NODE = "console"
 
@@ -79,8 +70,10 @@ class SuiteSource:
         )
         self._subscriptions = []  # name of the topic, handle and type of message
         for name in SHOWN:
-            subscription = subscribe(self._node, BY_NAME[name], _never_called, _depth(name))
-            self._subscriptions.append((name, subscription.handle, message_type(BY_NAME[name])))
+            subscription = subscribe(self._node, topics.BY_NAME[name], _never_called, _depth(name))
+            self._subscriptions.append(
+                (name, subscription.handle, message_type(topics.BY_NAME[name]))
+            )
 
     def poll(self, readings: Readings, now_s: float) -> None:
         """Take what has arrived: of streams the newest message, of diagnostics every one."""
@@ -123,13 +116,13 @@ class WinchCommander:
         self._clients: dict[str, Any] = {}
         self._queued: dict[str, float] = {}  # calls of services not there yet: until when to try
         self._looked_s = -math.inf
-        self._alerts = publish(node, BY_NAME[ALERT_COMMAND])
+        self._alerts = publish(node, topics.BY_NAME[topics.ALERT_COMMAND])
 
     def look(self, winches: Sequence[str]) -> None:
         """Make the clients of the winches, so that they are matched in time; repeat lost calls."""
         for winch in winches:
-            for act in (EMERGENCY_STOP, TAKE, RELEASE):
-                self._client(service_name(winch, act))
+            for act in (EMERGENCY_STOP, topics.TAKE, topics.RELEASE):
+                self._client(topics.service_name(winch, act))
         for name in LEARNING.values():
             self._client(name)
         now_s = time.monotonic()
@@ -146,12 +139,12 @@ class WinchCommander:
 
     def take(self, winch: str) -> None:
         """Make the publishers, and request the seat if the service is there."""
-        for name in WINCH_TOPICS:
+        for name in topics.WINCH_TOPICS:
             if name not in self._publishers:
-                self._publishers[name] = publish(self._node, BY_NAME[name])
+                self._publishers[name] = publish(self._node, topics.BY_NAME[name])
         if winch not in self._winches:
             self._winches.append(winch)
-        self._call(service_name(winch, TAKE))
+        self._call(topics.service_name(winch, topics.TAKE))
 
     def send(self, winch: str, command: WinchCommand) -> None:
         """Publish a command that applies immediately."""
@@ -160,15 +153,15 @@ class WinchCommander:
         stop = command.kind == EMERGENCY_STOP
         # an emergency stop of a page without the seat, or before the twin has found the publisher
         if publisher is None or (stop and not publisher.get_subscription_count()):
-            self._call(service_name(winch, command.kind))
+            self._call(topics.service_name(winch, command.kind))
             return
         publisher.publish(data)
 
     def release(self) -> None:
         """Release the seats and remove the publishers."""
         for winch in self._winches:
-            self._queued.pop(service_name(winch, TAKE), None)
-            self._call(service_name(winch, RELEASE))
+            self._queued.pop(topics.service_name(winch, topics.TAKE), None)
+            self._call(topics.service_name(winch, topics.RELEASE))
         self._winches.clear()
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
@@ -220,7 +213,7 @@ class ConsoleNode(SuiteNode):
         super().__init__(NODE, **node_options)
         self._announce = announce
         self._params = declare(self, ConsoleParams)
-        self._what_if = publish(self, BY_NAME[WHAT_IF])
+        self._what_if = publish(self, topics.BY_NAME[topics.WHAT_IF])
         self._server: Server | None = None
 
     def begin(self) -> None:
@@ -275,7 +268,7 @@ class ConsoleNode(SuiteNode):
 def _depth(name: str) -> int | None:
     if name == DIAGNOSTICS:
         return _DIAGNOSTICS_DEPTH
-    return None if BY_NAME[name].qos is Qos.LATCHED else 1
+    return None if topics.BY_NAME[name].qos is topics.Qos.LATCHED else 1
 
 
 def _never_called(data: bytes) -> None:

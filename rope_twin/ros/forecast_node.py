@@ -12,19 +12,9 @@ import time
 from typing import Any
 
 from rope_twin.errors import InputError
+from rope_twin.forecast import live
 from rope_twin.forecast.admission import Admission
 from rope_twin.forecast.heave_process import MotionError
-from rope_twin.forecast.live import (
-    LARGEST_GAP_S,
-    ForecastWorker,
-    LiveForecast,
-    LiveForecaster,
-    LiveInputs,
-    Series,
-    forecast_rows,
-    order_rows,
-    read_limits,
-)
 from rope_twin.forecast.orders import other_winches, read_orders
 from rope_twin.forecast.recorded_lift import seabed_depth_m
 from rope_twin.forecast.tension_forecast import (
@@ -59,7 +49,7 @@ _SUBSCRIBED = ("ship/heave", "hang_off/odometry", "ropes/length", "ropes/tension
 _DEPTH = 200  # messages that may queue in the middleware
 _DIAGNOSTICS_S = 1.0
 # after which values of the simulation replace measured ones: shorter than a gap that ends a series
-_SILENT_S = 0.5 * LARGEST_GAP_S
+_SILENT_S = 0.5 * live.LARGEST_GAP_S
 _LOST_S = 0.5  # age of the newest heave that the simulation has accepted
 _AHEAD_S = 10.0  # of the simulation; later measurements are of another run
 
@@ -72,16 +62,16 @@ class ForecastNode(SuiteNode):
         self._params = declare(self, ForecastParams)
         self._own_publishers = {name: publish(self, BY_NAME[name]) for name in FORECAST_TOPICS}
         self._diagnostics = publish(self, BY_NAME["diagnostics"])
-        self._inputs = LiveInputs()
+        self._inputs = live.LiveInputs()
         self._measured_s = {"heave": -math.inf, "line": -math.inf, "tension": -math.inf}
-        self.worker: ForecastWorker | None = None
+        self.worker: live.ForecastWorker | None = None
 
     def begin(self) -> None:
         """Read the scene, subscribe and start the worker."""
         params = self._params
         scene = load_scene(params.scene)
         limits = params.tension_limit_n, params.contact_limit_m_per_s
-        self._limits = read_limits(scene, (*limits, params.quiet_m_per_s, params.quiet_s))
+        self._limits = live.read_limits(scene, (*limits, params.quiet_m_per_s, params.quiet_s))
         self._hang_off, self._seabed_m = scene.ship.hang_off_m, seabed_depth_m(scene)
         error = MotionError(coloured_m=ERROR_MARGIN * params.motion_error_m)
         settings = ForecastSettings(
@@ -97,8 +87,10 @@ class ForecastNode(SuiteNode):
         self._admission = Admission(scene)
         self._bias_m, self._bias_n = scene.measured.line_out.bias, scene.measured.tension.bias
         heading = math.radians(params.wave_heading_deg)
-        forecaster = LiveForecaster(scene, self._limits, settings, params.wave_noise_m, heading)
-        self.worker = ForecastWorker(
+        forecaster = live.LiveForecaster(
+            scene, self._limits, settings, params.wave_noise_m, heading
+        )
+        self.worker = live.ForecastWorker(
             forecaster, self._inputs, self._send, self._now_s, params.interval_s
         )
         for name in _SUBSCRIBED:
@@ -114,12 +106,12 @@ class ForecastNode(SuiteNode):
     def _now_s(self) -> float:
         return float(self.get_clock().now().nanoseconds) * 1e-9
 
-    def _send(self, forecasts: LiveForecast) -> None:
+    def _send(self, forecasts: live.LiveForecast) -> None:
         """Publish the tables of a forecast, stamped with its origin (in the worker's thread)."""
         origin_ns = round(forecasts.forecast.origin_s * 1e9)
-        tables = forecast_rows(forecasts, self._limits)
+        tables = live.forecast_rows(forecasts, self._limits)
         if forecasts.orders:
-            tables[WHAT_IF_ORDERS] = order_rows(forecasts, self._limits, self._seabed_m)
+            tables[WHAT_IF_ORDERS] = live.order_rows(forecasts, self._limits, self._seabed_m)
         for name, rows in tables.items():
             self._own_publishers[name].publish(encode_forecast(name, origin_ns, "map", rows))
         for reason in forecasts.refused:
@@ -199,9 +191,11 @@ class ForecastNode(SuiteNode):
                 for series in (inputs.tension_n, inputs.pin_n):
                     series.add(at_s, tension_n - self._bias_n)
 
-    def _line_of(self, winch: str) -> Series:
+    def _line_of(self, winch: str) -> live.Series:
         inputs = self._inputs
-        return inputs.line_out_m if winch == WINCH else inputs.lines_m.setdefault(winch, Series())
+        return (
+            inputs.line_out_m if winch == WINCH else inputs.lines_m.setdefault(winch, live.Series())
+        )
 
     def _is_silent(self, quantity: str, at_s: float) -> bool:
         """Return whether a quantity was not measured recently, or with another clock."""

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 from uuid import uuid4
 
+from rope_twin import topics
 from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.errors import InputError
 from rope_twin.messages import Encoder, Level, Status, encode_text, statuses
@@ -36,28 +37,9 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import (
-    ALARM_TOPIC,
-    ALERTS,
-    ESTIMATE_TOPIC,
-    INPUT_LOG_TOPIC,
-    SESSION_TOPIC,
-    SNAPSHOT_TOPICS,
-    due_topics,
-    slot_of,
-)
+from rope_twin.twin import pacing
 from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.level import OverloadProtection
-from rope_twin.twin.pacing import (
-    CATCH_UP,
-    GrantedClock,
-    Pacer,
-    SnapshotQueue,
-    queue_depth,
-    raise_other_threads,
-    reset_threads,
-    steps_in_slot,
-)
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.state_file import AutoSave, SavingStatus
@@ -132,7 +114,7 @@ class Publisher:
 
     def __init__(
         self,
-        handover: SnapshotQueue,
+        handover: pacing.SnapshotQueue,
         publish: Callable[[str, bytes], None],
         first: Snapshot,
         log: InputLog | None = None,
@@ -149,7 +131,7 @@ class Publisher:
         thread. Entries of `log` and the list of `alerts` are published too.
         """
         rehearsal = Encoder(0)
-        for topic in SNAPSHOT_TOPICS:
+        for topic in topics.SNAPSHOT_TOPICS:
             rehearsal.encode(topic.name, first)
         self._handover = handover
         self._publish = publish
@@ -193,7 +175,7 @@ class Publisher:
         begun = False
         try:
             for name, content in self._log.messages(snapshot) if self._log else ():
-                if name == SESSION_TOPIC:
+                if name == topics.SESSION_TOPIC:
                     begun = True
                     self._publish(name, encode_session(content, self._published()))
                 else:
@@ -201,16 +183,16 @@ class Publisher:
         except Exception as error:
             if not self.error:
                 _log.exception("the inputs cannot be published")
-            self.error = f"topic {INPUT_LOG_TOPIC}: {type(error).__name__}: {error}"
+            self.error = f"topic {topics.INPUT_LOG_TOPIC}: {type(error).__name__}: {error}"
         return begun
 
     def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
         if self._watch is not None:
-            self._attempt(ESTIMATE_TOPIC, partial(self._watch, snapshot))
-        for name in due_topics(*slot_of(snapshot), snapshot):
+            self._attempt(topics.ESTIMATE_TOPIC, partial(self._watch, snapshot))
+        for name in topics.due_topics(*topics.slot_of(snapshot), snapshot):
             self._attempt(name, partial(encoder.encode, name, snapshot))
         if self._alerts is not None:
-            self._attempt(ALERTS, partial(self._judge, self._alerts, snapshot))
+            self._attempt(topics.ALERTS, partial(self._judge, self._alerts, snapshot))
 
     def _judge(self, alerts: AlertMonitor, snapshot: Snapshot) -> bytes | None:
         """Return the alert list if it is to be published."""
@@ -272,17 +254,19 @@ class PacedTwin:
         self._stopped: set[str] = set()  # winches whose emergency stop is in the saved state
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._take_entry)
         self._first = self.twin.snapshot()
-        steps = steps_in_slot(self.twin.step_s)
-        self.granted = GrantedClock(self._motion_reach_ns) if params.lockstep else None
-        self._handover = SnapshotQueue(queue_depth(steps * self.twin.step_s, params.speed))
-        self.pacer = Pacer(
+        steps = pacing.steps_in_slot(self.twin.step_s)
+        self.granted = pacing.GrantedClock(self._motion_reach_ns) if params.lockstep else None
+        self._handover = pacing.SnapshotQueue(
+            pacing.queue_depth(steps * self.twin.step_s, params.speed)
+        )
+        self.pacer = pacing.Pacer(
             self._inputs,
             self._handover,
             steps,
             params.speed,
             clock=self.granted,
             last_step=_steps_to_do(self.twin, params.stop_after_s),
-            catch_up=math.inf if params.lockstep else CATCH_UP,
+            catch_up=math.inf if params.lockstep else pacing.CATCH_UP,
         )
         if self.protection is not None:
             self.pacer.watch(self.protection.judge)
@@ -325,7 +309,7 @@ class PacedTwin:
         self._ros_ahead_ns = ros_now_ns - steady_now_ns
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
         self._inputs.begin()
-        self._publish(SESSION_TOPIC, encode_session(described, self._published()))
+        self._publish(topics.SESSION_TOPIC, encode_session(described, self._published()))
         self.border.seats.resume(at_ns, self.last.winches if at_ns > 0 else ())
         if at_ns > 0:
             self._inputs.invalidate_inputs()
@@ -333,7 +317,7 @@ class PacedTwin:
         self._publisher.start(epoch_ns)
         if self.learning is not None:
             self.learning.start(self.twin)
-        raise_other_threads()
+        pacing.raise_other_threads()
         self._process_at_s = time.process_time()
         self.pacer.start(origin_ns)
         return epoch_ns
@@ -404,7 +388,7 @@ class PacedTwin:
         self.border.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
-        reset_threads()
+        pacing.reset_threads()
 
     def save(self) -> tuple[bool, str]:
         """Save the state at the end of the present cycle; return success and text."""
@@ -458,7 +442,7 @@ class PacedTwin:
         if self.learning is not None:
             yield from self._learned(self.learning)
             for words in self.learning.new_alarms():
-                self._publish(ALARM_TOPIC, encode_text(words))
+                self._publish(topics.ALARM_TOPIC, encode_text(words))
                 yield f"fault alarm: {words}" if words else "the fault alarm was acknowledged"
 
     def _learned(self, learning: LiveLearning) -> Iterator[str]:
@@ -467,7 +451,7 @@ class PacedTwin:
         if estimate is None or epoch_ns is None:
             return
         stamp_ns = epoch_ns + round(estimate.time_s * 1e9)
-        self._publish(ESTIMATE_TOPIC, encode_estimate(stamp_ns, estimate.rows()))
+        self._publish(topics.ESTIMATE_TOPIC, encode_estimate(stamp_ns, estimate.rows()))
         yield f"learned {estimate.words()}"
         if self._params.apply_learned:
             _, words = learning.apply()
@@ -517,7 +501,7 @@ def _protection_of(twin: Twin, params: SimulationParams) -> OverloadProtection |
     protection = OverloadProtection(twin)
     if protection.place[1] == 1:
         return None
-    slot_s = steps_in_slot(twin.step_s) * twin.step_s
+    slot_s = pacing.steps_in_slot(twin.step_s) * twin.step_s
     protection.start_at(protection.measure(slot_s, params.speed))
     return protection
 

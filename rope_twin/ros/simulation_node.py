@@ -30,20 +30,10 @@ from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode
 from rope_twin.messages.diagnostics import MOTION_ROW
 from rope_twin.messages.reports import RECORDER_ROW, read_diagnostics
 from rope_twin.messages.templates import nanoseconds
+from rope_twin.ros import qos
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
-from rope_twin.ros.qos import (
-    Senders,
-    asked_of,
-    listen,
-    message_type,
-    profile,
-    publish,
-    publisher_name,
-    unheard_publishers,
-    unsuited,
-)
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.topics import (
@@ -93,22 +83,24 @@ class SimulationNode(SuiteNode, LifecycleNode):
         self._logged_sources = ""
         self._published = Counter[str]()  # messages by topic
         self._listeners, self._described_s = 0, float("-inf")  # subscribers of the input log
-        self._senders = Senders(self)
+        self._senders = qos.Senders(self)
         self._own_services: list[Any] = []
         self._seat_words = ""  # last published text
         self._looked_s = 0.0  # time of the last check of the commanders
         self._recorder, self._recorded_s = NO_RECORDER, 0.0  # newest row, and when it came
         self.paced: PacedTwin | None = None
         self._own_publishers = {
-            topic.name: publish(self, topic) for topic in TOPICS if topic.publisher == "simulation"
+            topic.name: qos.publish(self, topic)
+            for topic in TOPICS
+            if topic.publisher == "simulation"
         }
         self._inputs = tuple(n for n in INPUTS if n != CUT_TOPIC or self._params.allow_cut)
         for name in (*self._inputs, ALERT_COMMAND, FORECAST_RISK):
             topic = BY_NAME[name]
             self.create_subscription(
-                message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
+                qos.message_type(topic), name, self._taker(name), qos.profile(topic.qos), raw=True
             )
-        listen(self, BY_NAME["diagnostics"], self._take_diagnostics)
+        qos.listen(self, BY_NAME["diagnostics"], self._take_diagnostics)
         if self._params.lockstep:
             best_effort = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
             self.create_subscription(ClockMessage, "/clock", self._grant, best_effort)
@@ -362,7 +354,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
             elif name in MEASURED_TOPICS:
                 paced.border.take_measurement(name, data, publisher, arrival_ns)
             elif name in WINCH_TOPICS:
-                sender = self._senders.name(name, info) or publisher_name(publisher)
+                sender = self._senders.name(name, info) or qos.publisher_name(publisher)
                 paced.border.seats.name_holders(
                     lambda holder: self._senders.node_of(holder, WINCH_TOPICS)
                 )
@@ -430,10 +422,10 @@ class SimulationNode(SuiteNode, LifecycleNode):
         names = [self.resolve_topic_name(name) for name in MOTION_TOPICS]
         hint = (
             f"expected on {' or '.join(names)} in ROS domain {domain}, "
-            f"QoS {asked_of(BY_NAME[MOTION_TOPICS[0]])}"
+            f"QoS {qos.asked_of(BY_NAME[MOTION_TOPICS[0]])}"
         )
         unheard = [words for name in MOTION_TOPICS
-                   for words in unheard_publishers(self, BY_NAME[name])]  # fmt: skip
+                   for words in qos.unheard_publishers(self, BY_NAME[name])]  # fmt: skip
         if unheard:
             hint += f"; {', '.join(unheard)}"
         elif not any(self.count_publishers(name) for name in MOTION_TOPICS):
@@ -445,9 +437,9 @@ class SimulationNode(SuiteNode, LifecycleNode):
         mixed = [name for name in MOTION_TOPICS if self.count_publishers(name) > 1]
         twins = self.count_publishers("ropes/tension_top")
         values = {name: str(self.count_publishers(name)) for name in self._inputs}
-        deaf = [name for name in self._own_publishers if unsuited(self, BY_NAME[name])]
+        deaf = [name for name in self._own_publishers if qos.unsuited(self, BY_NAME[name])]
         unheard = [f"{name}: {words}" for name in INPUTS
-                   for words in unheard_publishers(self, BY_NAME[name])]  # fmt: skip
+                   for words in qos.unheard_publishers(self, BY_NAME[name])]  # fmt: skip
         level = Level.WARN
         if twins > 1:
             message = f"{twins} simulations publish here; give each its own ROS_DOMAIN_ID"

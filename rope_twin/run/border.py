@@ -18,6 +18,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
+from rope_twin import topics
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
 from rope_twin.messages.inputs import (
@@ -31,15 +32,6 @@ from rope_twin.messages.inputs import (
 )
 from rope_twin.messages.reports import SCORE, read_risks
 from rope_twin.run.seat import Command, Seats
-from rope_twin.topics import (
-    CUT_TOPIC,
-    FORECAST_RISK,
-    INPUTS,
-    LOWER_END,
-    MEASURED_DEPTH,
-    MEASURED_TOPICS,
-    MOTION_TOPICS,
-)
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement, Row
@@ -126,9 +118,11 @@ class InputBorder:
         """
         self._twin, self._inputs, self._now_s = twin, inputs, now_s
         self._lock = threading.Lock()
-        self._malformed = {name: Refusals() for name in (*INPUTS, FORECAST_RISK)}
-        self._strangers = {name: Refusals() for name in (*MOTION_TOPICS, *MEASURED_TOPICS)}
-        self._senders = {name: SelectedSender() for name in MOTION_TOPICS}
+        self._malformed = {name: Refusals() for name in (*topics.INPUTS, topics.FORECAST_RISK)}
+        self._strangers = {
+            name: Refusals() for name in (*topics.MOTION_TOPICS, *topics.MEASURED_TOPICS)
+        }
+        self._senders = {name: SelectedSender() for name in topics.MOTION_TOPICS}
         # by topic, winch and number of the quantity in a row
         self._sensors: dict[tuple[str, str, int], SelectedSender] = {}
         self._ignored = 0
@@ -174,7 +168,7 @@ class InputBorder:
 
     def take_lower_end(self, data: bytes) -> None:
         """Accept or reject a lower_end/odometry message."""
-        content = self._read(LOWER_END, lambda: read_lower_end(data))
+        content = self._read(topics.LOWER_END, lambda: read_lower_end(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, position_m, velocity_m_per_s = content
             self._inputs.offer_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
@@ -229,7 +223,7 @@ class InputBorder:
 
     def take_cut(self, data: bytes) -> None:
         """Accept or reject a ropes/cut message."""
-        content = self._read(CUT_TOPIC, lambda: read_cut(data))
+        content = self._read(topics.CUT_TOPIC, lambda: read_cut(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, below_m, rope = content
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
@@ -269,7 +263,7 @@ class InputBorder:
                     self._sensors[key] = SelectedSender(LONGEST_S)
                 if key in self._sensors and not self._sensors[key].admit(sender, now_s):
                     values[k] = None
-                    refused.append(_DEPTH if topic == MEASURED_DEPTH else _QUANTITIES[k])
+                    refused.append(_DEPTH if topic == topics.MEASURED_DEPTH else _QUANTITIES[k])
             if refused:
                 what = " and ".join(refused) + (f" of '{name}'" if name else "")
                 self._refuse_stranger(topic, what, now_s)
@@ -295,7 +289,7 @@ class InputBorder:
 
         Each of its rows has the verification of the last forecasts.
         """
-        rows = self._read(FORECAST_RISK, lambda: read_risks(data)) or []
+        rows = self._read(topics.FORECAST_RISK, lambda: read_risks(data)) or []
         if rows and self._epoch() is not None:
             self._inputs.offer_forecast_score(**{name: rows[0][name] for name in SCORE})
         return rows
@@ -327,7 +321,7 @@ class InputBorder:
             with self._lock:
                 now_s = self._now_s()
                 self._malformed[topic].add(str(error), now_s)
-                if topic not in (CUT_TOPIC, FORECAST_RISK, *MEASURED_TOPICS):
+                if topic not in (topics.CUT_TOPIC, topics.FORECAST_RISK, *topics.MEASURED_TOPICS):
                     self._remark(str(error), now_s)
             return None
 
@@ -398,7 +392,7 @@ def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:
         topic: refusals.note for topic, refusals in strangers.items() if refusals.recent(now_s)
     }
     if notes:
-        level = Level.ERROR if any(topic in MOTION_TOPICS for topic in notes) else Level.WARN
+        level = Level.ERROR if any(topic in topics.MOTION_TOPICS for topic in notes) else Level.WARN
         return Status(SENDERS_ROW, level, " ".join(notes.values()), values)
     return Status(SENDERS_ROW, Level.OK, "one sender of each input", values)
 

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import asdict, replace
 from statistics import median
 
+from rope_twin import topics
 from rope_twin.alerts.monitor import AlertMonitor
 from rope_twin.errors import BagError, SolverError, StateError
 from rope_twin.messages import (
@@ -50,14 +51,6 @@ from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.winch import FOLLOWS_MEASURED
-from rope_twin.topics import (
-    ALERTS,
-    DIAGNOSTICS_PERIOD_NS,
-    SESSION_TOPIC,
-    TOPICS,
-    due_topics,
-    slot_of,
-)
 from rope_twin.twin.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
@@ -103,7 +96,7 @@ class UnpacedRun:
         self._recovery = Recovery(self.twin)
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
-        self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
+        self._bag = None if options.record is None else BagWriter(options.record, topics.TOPICS)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
         self._encoder, self._alerts = Encoder(self.epoch_ns), AlertMonitor(scene)
@@ -123,7 +116,7 @@ class UnpacedRun:
             run = describe_run(scene, setup, 0.0)
             described = describe_session(run, self.twin, self.epoch_ns)
             described |= self._log.begin(self.twin.time_ns)
-            self._record(self.twin.time_ns, SESSION_TOPIC, encode_session(described, {}))
+            self._record(self.twin.time_ns, topics.SESSION_TOPIC, encode_session(described, {}))
 
     @property
     def sea_note(self) -> str:
@@ -146,12 +139,12 @@ class UnpacedRun:
         while self._messages and self._messages[0][0] < snapshot.stamp_ns:
             self._record(*self._messages.popleft())
         if self._bag is not None:
-            for name in due_topics(*slot_of(snapshot), snapshot):
+            for name in topics.due_topics(*topics.slot_of(snapshot), snapshot):
                 self._record(snapshot.stamp_ns, name, self._encoder.encode(name, snapshot))
             if self._alerts.look(snapshot):
                 data = encode_alerts(self.epoch_ns + snapshot.stamp_ns, *self._alerts.listed())
-                self._record(snapshot.stamp_ns, ALERTS, data)
-        if snapshot.stamp_ns - self._reported_ns >= DIAGNOSTICS_PERIOD_NS:
+                self._record(snapshot.stamp_ns, topics.ALERTS, data)
+        if snapshot.stamp_ns - self._reported_ns >= topics.DIAGNOSTICS_PERIOD_NS:
             self._tell(snapshot)
         return snapshot
 
