@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -275,10 +276,7 @@ def _never_called(data: bytes) -> None:
     """Stand for a callback: messages are polled."""
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(ConsoleNode, args)
-
+main = partial(run_node, ConsoleNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -13,6 +13,7 @@ import queue
 import sys
 import time
 from collections import Counter
+from functools import partial
 from typing import Any
 
 from rope_twin.errors import InputError
@@ -359,10 +360,7 @@ def _encode_output(output: MotionOutput) -> tuple[str, bytes]:
     return "ship/odometry", encode_pose(output.stamp_ns, output)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(FeedNode, args)
-
+main = partial(run_node, FeedNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from functools import partial
 from typing import Any
 
 from rope_twin.errors import InputError
@@ -264,10 +265,7 @@ def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]]:
     return mean, spread
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(ForecastNode, args)
-
+main = partial(run_node, ForecastNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

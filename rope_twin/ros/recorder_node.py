@@ -16,6 +16,7 @@ import sys
 import time
 from collections import deque
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -279,10 +280,7 @@ class RecorderNode(SuiteNode):
             self.get_logger().warning(message)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); the exit code is 1 if the bag is incomplete."""
-    return run_node(RecorderNode, args)
-
+main = partial(run_node, RecorderNode)  # console entry; the exit code is 1 if the bag is incomplete
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -7,6 +7,7 @@ With wait_for_epoch false the record starts immediately, stamped with ROS time.
 from __future__ import annotations
 
 import sys
+from functools import partial
 from typing import Any
 
 from rope_twin.messages import encode_elevation
@@ -76,10 +77,7 @@ def _open(params: SeaStateParams) -> Sea | None:
     return open_sea(scene, params.bag, params.topic, start_s, params.loop, params.poses)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(SeaStateNode, args)
-
+main = partial(run_node, SeaStateNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

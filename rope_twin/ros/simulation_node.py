@@ -465,10 +465,7 @@ def _switch(
     return paced.border.switch(winch, on if value else off)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(SimulationNode, args)
-
+main = partial(run_node, SimulationNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

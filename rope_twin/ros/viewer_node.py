@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from collections import deque
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -138,10 +139,7 @@ class ViewerNode(SuiteNode):
         view.flush()
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(ViewerNode, args)
-
+main = partial(run_node, ViewerNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable
+from functools import partial
 from typing import Any
 
 from rope_twin.messages import encode_cut, encode_order
@@ -88,10 +89,7 @@ def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
     return tuple(topic for topic in WINCH_TOPICS if topic in used)
 
 
-def main(args: list[str] | None = None) -> int:
-    """Run the node (console entry); return the exit code."""
-    return run_node(WinchScheduleNode, args)
-
+main = partial(run_node, WinchScheduleNode)  # console entry
 
 if __name__ == "__main__":
     sys.exit(main())
