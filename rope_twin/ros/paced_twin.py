@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -415,7 +415,7 @@ class PacedTwin:
         cpu_usage = None
         if health.granted_s > 0.0:
             used_s = (health.processor_s, self._publisher.processor_s, self._processor_s())
-            cpu_usage = CpuUsage(*(100.0 * cpu_s / health.granted_s for cpu_s in used_s)).figures()
+            cpu_usage = asdict(CpuUsage(*(100.0 * cpu_s / health.granted_s for cpu_s in used_s)))
         trouble = saving.trouble if saving is not None else ""
         newest = None if self.learning is None else self.learning.learner.newest
         return replace(

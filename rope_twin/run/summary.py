@@ -59,10 +59,6 @@ class CpuUsage:
     asked_pct: float | None = None  # budget set by --budget
     calibrated_pct: float | None = None  # measured for that budget before the run
 
-    def figures(self) -> dict[str, float | None]:
-        """Return the fields by name."""
-        return asdict(self)
-
     def words(self) -> str:
         """Return a line of text."""
         budget = "" if self.asked_pct is None else f" (budget: {self.asked_pct:g} %)"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from sample_snapshot import hanging_rope
@@ -137,7 +137,7 @@ def run_rows() -> Iterator[Status]:
 
 
 def summaries() -> dict[str, RunSummary]:
-    share = CpuUsage(1.6, 2.0, 9.0, 10.0).figures()
+    share = asdict(CpuUsage(1.6, 2.0, 9.0, 10.0))
     return {
         "summary": SUMMARY,
         "summary of an overloaded run": replace(
