@@ -253,7 +253,7 @@ def _points(path: Path, rows: Rows) -> Iterator[Point]:
 def _read_lines(path: Path, rows: Rows) -> Iterator[Line]:
     for where, cells, _ in _table(path, rows, _LINE):
         length = _number(where, cells["length_m"], "UnstrLen")
-        segments = _integer(where, cells["segments"])
+        segments = int(_number(where, cells["segments"], "NumSegs"))
         if length <= 0.0 or segments < 1:
             problem = f"a line of {length:g} m in {segments} segments"
             raise InputError(where, problem, "give a length above 0 and a segment or more")

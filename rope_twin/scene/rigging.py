@@ -208,6 +208,10 @@ def _struts(scene: Scene) -> Iterator[Fault]:
 def _what_joints_need(scene: Scene) -> Iterator[Fault]:
     if not is_joined(scene):
         return
+    if not (scene.payloads or scene.joints or scene.sheaves):
+        problem = "several are held at both ends, and no payload or joint is between them"
+        yield "ropes", problem, "add one, or give each rope in a scene of its own"
+        return
     kinds = [type(params) for params in scene.effects]
     if not {PayloadParams, RigidBodyParams}.intersection(kinds):
         remedy = "add `- payload: {}`"

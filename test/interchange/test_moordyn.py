@@ -199,7 +199,7 @@ FairTen1
 def test_a_deck_by_another_hand_is_read(tmp_path: Path) -> None:
     """Other names of columns and sections; what has no equal is listed, each once."""
     path = tmp_path / "legs.txt"
-    path.write_text(TWO_LINES)
+    path.write_text(TWO_LINES.replace("100 20 p", "100 20.0 p"))  # as MoorDyn reads it too
     found = scene_of(read_deck(path), path, MBL_N)
     scene = write_scene(found, tmp_path / "legs.yaml")
     assert [line.name for line in scene.ropes] == ["line_1", "line_2", "line_3"]
@@ -287,6 +287,9 @@ WRONG: dict[str, tuple[Callable[[str], str], str]] = {
     "unknown point": (lambda t: t.replace("1 wire 1 2", "1 wire 1 9"), "there is no point 9"),
     "a rod": (lambda t: t.replace("1 wire 1 2", "1 wire R1A 2"), "'R1A' is not the number of"),
     "a body's point": (lambda t: t.replace("2 Free 0", "2 Body1 0"), "a point of type body1"),
+    "a mooring": (lambda t: t.replace("4 wire 5 6 100 10 -", "4 wire 1 6 500 10 -").replace(
+        "2 Free 0 0 -100", "2 Anchor 0 0 -100").replace("2 leg 2 3 5 5 p\n3 leg 2 4 5 5 p\n", ""),
+                  "held at both ends, and no payload or joint is between them"),
     "superscript": (lambda t: t.replace("1 wire 1 2", "1 wire 1 ²"), "'²' is not the number of"),
     "NUL bytes": (lambda t: t + "\0\0", "not text (byte 0x00 in line 35); give a whole deck"),
     "words": (lambda t: t.replace("100 20 p", "long 20 p"), "UnstrLen is 'long'"),
