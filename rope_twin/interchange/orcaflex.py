@@ -278,7 +278,9 @@ class _Model:
         if row.get("NumberOfSegments") is not None:
             return round(_number(row["NumberOfSegments"], line.where))
         target = row.get("TargetSegmentLength")
-        return 10 if target is None else math.ceil(length / _number(target, line.where) - 1e-9)
+        if target is None:
+            return 10
+        return math.ceil(length / _positive(target, f"{line.where}, TargetSegmentLength") - 1e-9)
 
     def _material(self, line: _Object, row: Mapping[str, Any]) -> Keys:
         """Return the rope and length of a section."""
@@ -288,7 +290,8 @@ class _Model:
             problem = f"there is no line type '{kind}'"
             raise InputError(f"{self._path}, {line.where}", problem, f"known: {known}")
         line_type = self._types[kind]
-        OD, ID = line_type.number("OD"), line_type.number("ID", 0.0)
+        OD = _positive(line_type.get("OD"), f"{line_type.where}, OD")
+        ID = line_type.number("ID", 0.0)
         contents = TE * line.number("ContentsDensity", 0.0) * 0.25 * math.pi * ID**2
         Cd, Ca = line_type.numbers("Cd", (0.0, 0.0, 0.0)), line_type.numbers("Ca", _CA)
         self._used.append(line_type)
@@ -486,3 +489,11 @@ def _number(value: Any, where: str) -> float:
             return number
     text = "not stated" if value is None else f"'{value}'"
     raise InputError(where, f"it is {text}", "give a finite number")
+
+
+def _positive(value: Any, where: str) -> float:
+    """Return a number above 0. Raises InputError."""
+    number = _number(value, where)
+    if number <= 0.0:
+        raise InputError(where, f"it is {number:g}", "give a number above 0")
+    return number

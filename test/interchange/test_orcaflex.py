@@ -171,6 +171,10 @@ WRONG: dict[str, tuple[Callable[[Model], Any], str]] = {
     "unknown type": (lambda m: m["Lines"][1].update({"LineType, Length": [["Rope", 9]]})
                      or m["Lines"][1].pop("LineType, Length, TargetSegmentLength"),
                      "there is no line type 'Rope'; known: Wire, Hose"),
+    "no diameter": (lambda m: m["LineTypes"][0].update(OD=0), "OD: it is 0; give a number above 0"),
+    "no segment": (lambda m: m["Lines"][1].update(
+        {"LineType, Length, TargetSegmentLength": [["Wire", 200, 0]]}),
+                   "TargetSegmentLength: it is 0; give a number above 0"),
     "no stiffness": (lambda m: m["LineTypes"][0].pop("EA"), "EA: it is not stated"),
     "a variable EA": (lambda m: m["LineTypes"][0].update(EA="Stiffness1"), "it is 'Stiffness1'"),
     "an infinite EA": (lambda m: m["LineTypes"][0].update(EA="Infinity"), "it is 'Infinity'"),
