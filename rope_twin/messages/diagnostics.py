@@ -55,10 +55,8 @@ def strength_words(rope: RopeStrength, named: bool) -> str:
     mbl = f"MBL {kilonewtons(rope.breaking_load_n)}"
     words = f"{tension}, utilisation {rope.utilisation:.2f} ({mbl})"
     if rope.utilisation >= 1.0:
-        words = (
-            f"MBL{of_rope} exceeded (utilisation {rope.utilisation:.2f}): rope failure expected; "
-            f"{tension}, {mbl}"
-        )
+        words = f"MBL{of_rope} exceeded (utilisation {rope.utilisation:.2f}): rope failure expected"
+        words += f"; {tension}, {mbl}"
     if rope.dynamic_amplification is not None:
         words += f"; DAF {rope.dynamic_amplification:.2f}"
     return words
