@@ -110,7 +110,8 @@ class CommandSeat:
         """Accept ("") or reject (why) a switch that comes by a service, which has no sender."""
         if kind == EMERGENCY_STOP or not self.holder:
             return ""
-        remedy = f"release it with the service {service_name(self.winch, RELEASE)}"
+        release = service_name(self.winch, RELEASE)
+        remedy = f"command it from there, or stop it there and release the seat by {release}"
         return self._refuse(f"'{kind}' by service", remedy, now_s)
 
     def _refuse(self, command: str, remedy: str, now_s: float) -> str:

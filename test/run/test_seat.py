@@ -268,6 +268,7 @@ def test_a_switch_by_service_is_for_a_free_seat_and_a_stop_for_everybody() -> No
     assert own.permit("emergency_stop", 1.0) == ""
     refusal = own.permit("reset", 1.0)
     assert "'reset' by service rejected: console has the seat" in refusal
+    assert "stop it there and release the seat by winch/release_seat" in refusal, "it sends on"
     assert own.row(1.0).values["refused"] == "1"
     assert own.holder == "console"
 
