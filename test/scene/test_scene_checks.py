@@ -107,7 +107,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "mass_kg: 20000.0", "mass_kg: 10.0\n    displaced_volume_m3: 0.0"
         ),
         "ropes[0]: ",
-        ("floats with 0.72 kN over 500 m", "0.10 kN of payload"),
+        ("floats with 0.72 kN over 500 m", "0.098 kN of payload"),
     ),
     "no weight": (spoilt("  - weight: {}\n", ""), "effects: ", ("`weight` is not listed",)),
     "payload without its effect": (
