@@ -118,6 +118,7 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
     path, problems = find_bag(bag), list[str]()
     names = frozenset(topics or SERIES)
     series: dict[str, dict[int, float]] = {}
+    replaced: dict[str, set[int]] = {}  # stamps of several messages, by topic
     epoch_ns: int | None = None
     files = mcap_files(path)
     if not files:
@@ -134,7 +135,15 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
             continue
         stamp = nanoseconds(message.header.stamp)
         for name_part, value in SERIES[name](message):
-            series.setdefault(f"{name}/{name_part}", {})[stamp] = value
+            column_values = series.setdefault(f"{name}/{name_part}", {})
+            known = column_values.get(stamp, math.nan)
+            if not math.isnan(known) and math.isnan(value):
+                continue
+            if not math.isnan(known) and known != value:
+                replaced.setdefault(name, set()).add(stamp)
+            column_values[stamp] = value
+    problems += [f"{name}: {len(own)} stamps came again with other values, the last are exported"
+                 for name, own in replaced.items()]  # fmt: skip
     if not series:
         remedy = f"it must have one of {', '.join(sorted(names))}"
         raise BagError(f"bag {path}", "no topic with a time series", remedy)

@@ -44,6 +44,17 @@ def test_a_heave_bag_is_its_rows(tmp_path: Path) -> None:
     assert START_NS % 1_000_000_000 == 0
 
 
+def test_stamps_that_come_again_are_reported(tmp_path: Path) -> None:
+    """Two recordings by one clock that was set back: half of them is not in the table."""
+    rows = swell(40)
+    again = [(stamp_ns, z + 1.0, v) for stamp_ns, z, v in rows]
+    table = read_series(write_heave(tmp_path / "sea", rows + again))
+    assert table.columns["ship/heave/z_m"] == pytest.approx([row[1] for row in again])
+    said = "ship/heave: 40 stamps came again with other values, the last are exported"
+    assert table.problems == (said,)
+    assert read_series(write_heave(tmp_path / "same", rows + rows)).problems == ()
+
+
 def test_a_run_keeps_its_mechanics(run: Path) -> None:
     """Top tension is the magnitude of the force on the hang-off; line out does not change."""
     table = read_series(run)
