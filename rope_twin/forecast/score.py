@@ -34,14 +34,14 @@ def crps_members(members: Floats, truth: Floats) -> Floats:
     return np.asarray(np.abs(members - truth).mean(axis=0) - spread)
 
 
-def member_quantiles(members: Floats, axis: int = 0) -> Floats:
-    """Return the quantiles BAND of an ensemble along an axis, (3, ...).
+def member_quantiles(members: Floats) -> Floats:
+    """Return the quantiles BAND over the members, axis 1, (3, ...).
 
     By rank p·(n + 1) (Weibull 1939; type 6 of Hyndman and Fan 1996), with which the band of
     exchangeable members covers its nominal fraction for any n ≥ 19; interpolation between the
     extreme ranks as if they were the ends covers 0.9·(n - 1)/(n + 1).
     """
-    return np.asarray(np.quantile(members, BAND, axis=axis, method="weibull"))
+    return np.asarray(np.quantile(members, BAND, axis=1, method="weibull"))
 
 
 def coverage(lower: Floats, upper: Floats, truth: Floats) -> float:
@@ -146,7 +146,7 @@ def score_lead(lead_s: float, members: Floats, truth: Floats, climate: Floats) -
     if not len(members) or float(np.var(climate)) <= 0.0:
         problem = f"{len(members)} forecasts, {len(climate)} values of climatology"
         raise InputError("score", problem, "give at least one forecast and a quantity that varies")
-    low, high = member_quantiles(members, axis=1)[::2]
+    low, high = member_quantiles(members)[::2]
     forecast_crps = float(crps_members(np.moveaxis(members, 1, 0), truth).mean())
     quantiles = np.quantile(climate, (np.arange(200) + 0.5) / 200)
     climate_crps = float(crps_members(quantiles[:, None], truth.reshape(-1)).mean())

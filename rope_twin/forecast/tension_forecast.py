@@ -185,7 +185,7 @@ class SuspendedRope:
 
     def band(self) -> Floats:
         """Return the 5, 50 and 95 % quantiles, (3, leads)."""
-        return member_quantiles(self.values, axis=1)
+        return member_quantiles(self.values)
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ class TensionForecast:
 
     def band(self, quantity: str = TENSION) -> Floats:
         """Return the 5, 50 and 95 % quantiles of a quantity, (3, leads)."""
-        return member_quantiles(self.values[quantity], axis=1)
+        return member_quantiles(self.values[quantity])
 
     @property
     def hung(self) -> dict[str, SuspendedRope]:
