@@ -191,7 +191,7 @@ def test_ctrl_c_in_a_callback_of_the_compiler_ends_quietly(
         callback()
         raise RuntimeError("no compiled object yet")
 
-    monkeypatch.setattr(cli, "_module", compiled)
+    monkeypatch.setattr(cli, "_command", compiled)
     assert main(["run"]) == 130
     assert capsys.readouterr() == ("", "")
 
