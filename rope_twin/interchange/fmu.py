@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -26,23 +25,17 @@ from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand
 
 AXES = "xyz"  # east, north, up
-MOTIONS = {"tip_{}_m": "displacement", "tip_v{}_m_per_s": "velocity",
-           "tip_a{}_m_per_s2": "acceleration"}  # fmt: skip
-INPUTS = {
-    **{
-        name.format(axis): f"{what} of the hang-off along {axis}"
-        for name, what in MOTIONS.items()
+MOTION = {"{}_{}_m": "displacement", "{}_v{}_m_per_s": "velocity",
+          "{}_a{}_m_per_s2": "acceleration"}  # fmt: skip
+TIP_INPUTS, LOWER_INPUTS = (
+    {
+        name.format(end, axis): f"{what} of {point} along {axis}"
+        for name, what in MOTION.items()
         for axis in AXES
-    },
-    "winch_speed_m_per_s": "commanded speed, positive: pay-out",
-}
-LOWER = {"low_{}_m": "displacement", "low_v{}_m_per_s": "velocity",
-         "low_a{}_m_per_s2": "acceleration"}  # fmt: skip
-LOWER_INPUTS = {
-    name.format(axis): f"{what} of the rope's lower end along {axis}"
-    for name, what in LOWER.items()
-    for axis in AXES
-}
+    }
+    for end, point in (("tip", "the hang-off"), ("low", "the rope's lower end"))
+)
+INPUTS = TIP_INPUTS | {"winch_speed_m_per_s": "commanded speed, positive: pay-out"}
 LOWER_OUTPUTS = {f"low_force_{axis}_n": f"force on what holds the lower end along {axis}"
                  for axis in AXES}  # fmt: skip
 OUTPUTS = {
@@ -120,14 +113,14 @@ class SceneModel:
         if abs(time_s - at_ns * 1e-9) > STEP_TOL:
             problem = f"a step from {time_s:g} s, where the twin is at {at_ns * 1e-9:g} s"
             raise InputError("FMU", problem, "step without gaps, from 0 on")
-        now, ahead = _motion(inputs, MOTIONS, 0.0), _motion(inputs, MOTIONS, step_s)
+        now, ahead = _motion(inputs, "tip", 0.0), _motion(inputs, "tip", step_s)
         if at_ns == 0:
             _raise_refusal(twin.offer_pose(ShipPose(0, *now)))
         _raise_refusal(twin.offer_pose(ShipPose(until_ns, *ahead)))
         line = twin.scene.ropes[0]
         if line.is_led and line.fixed_at_m is not None:
             a, b, c = line.fixed_at_m
-            (x, y, z), rate = _motion(inputs, LOWER, step_s)
+            (x, y, z), rate = _motion(inputs, "low", step_s)
             _raise_refusal(twin.offer_lower_end(until_ns, (a + x, b + y, c + z), rate))
         speed = inputs["winch_speed_m_per_s"]
         if twin.scene.winch is not None and speed != self._speed:
@@ -168,11 +161,9 @@ class SceneModel:
         return True
 
 
-def _motion(
-    inputs: dict[str, float], names: Iterable[str], after_s: float
-) -> tuple[Vector3, Vector3]:
-    """Return displacement [m] and velocity [m/s] this long after the inputs."""
-    p, v, a = ([inputs[name.format(axis)] for axis in AXES] for name in names)
+def _motion(inputs: dict[str, float], end: str, after_s: float) -> tuple[Vector3, Vector3]:
+    """Return displacement [m] and velocity [m/s] of an end this long after the inputs."""
+    p, v, a = ([inputs[name.format(end, axis)] for axis in AXES] for name in MOTION)
     x, y, z = (s + after_s * (u + 0.5 * after_s * w) for s, u, w in zip(p, v, a, strict=True))
     r, s, t = (u + after_s * w for u, w in zip(v, a, strict=True))
     return (x, y, z), (r, s, t)

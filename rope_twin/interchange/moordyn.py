@@ -83,8 +83,8 @@ def deck_of(scene: Scene) -> tuple[Deck, tuple[str, ...]]:
         options += [(repr(bed.stiffness_n_per_m3), "kBot"),
                     (repr(bed.friction), "FrictionCoefficient")]  # fmt: skip
         left_out.append(f"seabed: its damping χ of {bed.damping_s_per_m:g} s/m")
-    content: Any = map(tuple, (writer.types, writer.points, writer.lines, options, profile))
-    return Deck(f"{scene.name}, from rope_twin", *content), tuple(left_out)
+    lists: list[list[Any]] = [writer.types, writer.points, writer.lines, options, profile]
+    return Deck(f"{scene.name}, from rope_twin", *map(tuple, lists)), tuple(left_out)
 
 
 def _left_out(scene: Scene, effects: dict[str, Any]) -> Iterator[str]:
@@ -363,10 +363,8 @@ class _Reader:
         """Yield upper point, lower point and lines from the top down of each rope."""
         spans = [(*span, line) for line in self._deck.lines
                  if (span := self._upper_and_lower(line)) is not None]  # fmt: skip
-        begins, ends = (
-            Counter(upper for upper, *_ in spans),
-            Counter(lower for _, lower, _ in spans),
-        )
+        begins = Counter(upper for upper, _, _ in spans)
+        ends = Counter(lower for _, lower, _ in spans)
         inner = {  # points that only join a line that ends there with one that begins there
             n for n, point in self._points.items()
             if point.kind == FREE and begins[n] == ends[n] == 1 and not self._has_body(point)
