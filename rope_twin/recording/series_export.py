@@ -136,10 +136,10 @@ def read_series(bag: str | Path, topics: Sequence[str] = ()) -> SeriesTable:
         stamp = nanoseconds(message.header.stamp)
         for name_part, value in SERIES[name](message):
             column_values = series.setdefault(f"{name}/{name_part}", {})
-            known = column_values.get(stamp, math.nan)
-            if not math.isnan(known) and math.isnan(value):
+            previous = column_values.get(stamp, math.nan)
+            if not math.isnan(previous) and math.isnan(value):
                 continue
-            if not math.isnan(known) and known != value:
+            if not math.isnan(previous) and previous != value:
                 replaced.setdefault(name, set()).add(stamp)
             column_values[stamp] = value
     problems += [f"{name}: {len(own)} stamps came again with other values, the last are exported"

@@ -172,9 +172,8 @@ def known_error(scene: Scene) -> KnownError:
     rms = max((level.bound(RMS) for level in neighbours), default=math.nan)
     peak = max((level.bound(PEAK) for level in neighbours), default=math.nan)
     if problem or not neighbours:
-        return KnownError(
-            words=f"unknown: {problem or 'this setting is not one of the convergence study'}"
-        )
+        reason = problem or "this setting is not one of the convergence study"
+        return KnownError(words=f"unknown: {reason}")
     if any(math.isnan(level.bound(RMS)) for level in neighbours):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its study)")
     words = f"at most, in the study's run of {study.seconds:g} s"
@@ -191,10 +190,7 @@ def _around(value: float, sizes: list[Any]) -> list[Any]:
     """Return the size equal to the value, else the two on either side; none if outside."""
     if value in sizes:
         return [value]
-    below, above = (
-        [size for size in sizes if size < value],
-        [size for size in sizes if size > value],
-    )
+    below, above = [one for one in sizes if one < value], [one for one in sizes if one > value]
     return [below[-1], above[0]] if below and above else []
 
 

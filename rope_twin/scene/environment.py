@@ -36,11 +36,8 @@ def bed_at(bed: SeabedParams, x: float, y: float) -> float:
     """Return the elevation of the seabed [m]; for soundings as in effects/seabed.py."""
     soundings = bed.soundings
     if soundings is not None:
-        return -float(
-            np.interp(
-                y, soundings.y_m, [np.interp(x, soundings.x_m, row) for row in soundings.depth_m]
-            )
-        )
+        at_x = [np.interp(x, soundings.x_m, row) for row in soundings.depth_m]
+        return -float(np.interp(y, soundings.y_m, at_x))
     assert bed.depth_m is not None, "checked when the scene was read"
     return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
 

@@ -182,25 +182,6 @@ def weight_n_per_m(rope: Rope, water: Environment) -> float:
     return submerged * water.gravity_m_per_s2
 
 
-def bars_of(
-    line: RopeLine, line_out_m: float, load_n: float, water: Environment, tangential: float = 0.0
-) -> list[Bar]:
-    """Return the sections of a rope that hangs straight down with a weight below it.
-
-    tangential: added mass coefficient along the rope.
-
-    Sections that are not paid out have length 0 and the tension of the hang-off.
-    """
-    bars: list[Bar] = []
-    for section, length in zip(line.made_of, line.lengths_m(line_out_m), strict=True):
-        weight = weight_n_per_m(section.rope, water)
-        area = 0.25 * pi * section.rope.hydrodynamic_diameter_m**2
-        moved = tangential * water.water_density_kg_per_m3 * area
-        below = bars[-1].high_n if bars else load_n
-        bars.append(Bar(section.rope, length, weight, below, moved))
-    return bars
-
-
 def end_mass_kg(payload: PayloadFigures | None) -> float:
     """Return the mass at the lower end [kg]: payload with added mass; infinite if fixed."""
     return payload.mass_kg + float(payload.added_mass_kg[2]) if payload else inf
@@ -307,13 +288,20 @@ def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None
 def hanging_bars(
     scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
 ) -> list[Bar]:
-    """Return the sections of the rope hanging in still water at this paid-out length."""
-    water = scene.environment
-    load = 0.0
+    """Return the sections of the rope hanging in still water at this paid-out length.
+
+    Sections that are not paid out have length 0 and the tension of the hang-off.
+    """
+    water, added = scene.environment, scene.listed(AddedMassParams)
+    low_n = 0.0
     if figures is not None:
         submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
-        load = submerged * water.gravity_m_per_s2
-    tangential = sum(
-        effect.tangential for effect in scene.effects if isinstance(effect, AddedMassParams)
-    )
-    return bars_of(line, line_out_m, load, water, tangential)
+        low_n = submerged * water.gravity_m_per_s2
+    bars: list[Bar] = []
+    for section, length in zip(line.made_of, line.lengths_m(line_out_m), strict=True):
+        weight = weight_n_per_m(section.rope, water)
+        area = 0.25 * pi * section.rope.hydrodynamic_diameter_m**2
+        moved = (added.tangential if added else 0.0) * water.water_density_kg_per_m3 * area
+        bars.append(Bar(section.rope, length, weight, low_n, moved))
+        low_n = bars[-1].high_n
+    return bars

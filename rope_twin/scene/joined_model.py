@@ -26,7 +26,7 @@ from rope_twin.effects.payload_contact import PayloadContactParams, placed
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.scene.grid import weight_n_per_m
+from rope_twin.scene.grid import find_payload, weight_n_per_m
 from rope_twin.scene.lift import alone, point_figures
 from rope_twin.scene.rigging import (
     body_payload,
@@ -36,8 +36,9 @@ from rope_twin.scene.rigging import (
     runs_over_sheave,
 )
 from rope_twin.scene.rope_model import build, build_effects, tables_of
-from rope_twin.scene.schema import STEEL_KG_PER_M3, Payload, RopeLine, Scene
+from rope_twin.scene.schema import STEEL_KG_PER_M3, Payload, RopeLine, Scene, Strut
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
+from rope_twin.scene.winch import Tether
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:
@@ -74,45 +75,38 @@ def with_both_stretches(scene: Scene, number: int) -> Scene:
 
 def over_sheaves(scene: Scene) -> list[tuple[int, int]]:
     """Return the numbers of the two ropes that end at each sheave, in the order of the scene."""
-    ends = [
-        [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
-        for sheave in scene.sheaves
-    ]
+    ends = [[r for r, line in enumerate(scene.ropes) if line.to == sheave.name]
+            for sheave in scene.sheaves]  # fmt: skip
     return [(into, out) for into, out in ends]
 
 
 def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
     """Return the sheaves as wheels; a positive flow enters the first rope listed."""
-    wheels = []
-    water = scene.environment
+    wheels, water = [], scene.environment
     for sheave, (into, out) in zip(scene.sheaves, over_sheaves(scene), strict=True):
         sunk = sheave.mass_kg * (1.0 - water.water_density_kg_per_m3 / STEEL_KG_PER_M3)
-        wheels.append(
-            Wheel(
-                point=joint_of[sheave.name],
-                into=into,
-                out=out,
-                mass=sheave.mass_kg,
-                weight=sunk * water.gravity_m_per_s2,
-                inertia=sheave.wheel_inertia_kg,
-                friction=sheave.friction,
-            )
-        )
+        wheels.append(Wheel(
+            point=joint_of[sheave.name], into=into, out=out, mass=sheave.mass_kg,
+            weight=sunk * water.gravity_m_per_s2, inertia=sheave.wheel_inertia_kg,
+            friction=sheave.friction,
+        ))  # fmt: skip
     return wheels
 
 
-def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
-    """Return the tethers of the sheaves as links, (TIE_ROWS, tethers)."""
-    tethered = [sheave for sheave in scene.sheaves if sheave.tether is not None]
-    columns = np.zeros((ties.TIE_ROWS, len(tethered)))
-    for column, sheave in zip(columns.T, tethered, strict=True):
-        tether = sheave.tether
-        assert tether is not None
-        column[ties.FIRST], column[ties.SECOND] = joint_of[sheave.name], ties.ANCHORED
-        column[ties.AT : ties.AT + 3] = tether.at_m
-        column[ties.FORCE], column[ties.LENGTH] = tether.force_n, tether.length_m
-        column[ties.STIFFNESS] = tether.stiffness_n_per_m
-        column[ties.DAMPING] = tether.damping_newton_seconds_per_m
+def links(scene: Scene, joint_of: dict[str, int]) -> Floats:
+    """Return bars, which take compression, and tethers of sheaves, (TIE_ROWS, links)."""
+    held = [(sheave.name, sheave.tether) for sheave in scene.sheaves if sheave.tether is not None]
+    columns = np.zeros((ties.TIE_ROWS, len(scene.struts) + len(held)))
+    both: list[Strut | Tether] = [*scene.struts, *(tether for _, tether in held)]
+    for column, link in zip(columns.T, both, strict=True):
+        column[ties.LENGTH], column[ties.STIFFNESS] = link.length_m, link.stiffness_n_per_m
+        column[ties.DAMPING] = link.damping_newton_seconds_per_m
+    for column, strut in zip(columns.T, scene.struts, strict=False):
+        column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
+        column[ties.LEAST] = -np.inf
+    for column, (name, tether) in zip(columns.T[len(scene.struts) :], held, strict=True):
+        column[ties.FIRST], column[ties.SECOND] = joint_of[name], ties.ANCHORED
+        column[ties.AT : ties.AT + 3], column[ties.FORCE] = tether.at_m, tether.force_n
     return columns
 
 
@@ -162,9 +156,9 @@ def build_joined(scene: Scene) -> BuiltSystem:
     unknown = (np.nan,) * 3
     ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
     lower, upper = (list(some) for some in zip(*ends, strict=True))
-    links = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
+    system = new_system(tuple(ropes), lower, upper, links(scene, joint_of))
     return BuiltSystem(
-        reeve(new_system(tuple(ropes), lower, upper, links), wheels(scene, joint_of)),
+        reeve(system, wheels(scene, joint_of)),
         owners,
         np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
     )
@@ -211,7 +205,7 @@ def _neighbours(scene: Scene, net: NetCurtainParams, name: str) -> list[int]:
 def _own_params(scene: Scene, number: int, figures: PayloadFigures, params: Any) -> Any:
     """Return an effect's parameters for one rope."""
     line = scene.ropes[number]
-    payload = next((candidate for candidate in scene.payloads if candidate.name == line.to), None)
+    payload = find_payload(scene, line)
     carried = None if figures is NOTHING else payload
     if isinstance(params, SplashZoneParams):
         params = (payload.splash_zone if payload else None) or params
@@ -262,15 +256,3 @@ def _meetings(scene: Scene) -> list[str]:
     touching = scene.listed(PayloadContactParams)
     barred |= {body.name for body in touching.bodies} if touching is not None else set()
     return [point.name for point in points if ends.count(point.name) > 1 or point.name in barred]
-
-
-def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
-    """Return the bars as links that take compression, (TIE_ROWS, struts)."""
-    columns = np.zeros((ties.TIE_ROWS, len(scene.struts)))
-    for column, strut in zip(columns.T, scene.struts, strict=True):
-        column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
-        column[ties.LENGTH] = strut.length_m
-        column[ties.STIFFNESS] = strut.stiffness_n_per_m
-        column[ties.DAMPING] = strut.damping_newton_seconds_per_m
-        column[ties.LEAST] = -np.inf
-    return columns

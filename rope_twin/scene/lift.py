@@ -68,9 +68,7 @@ class HungLoad:
 def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
     """Return the suspended load of a single-line scene; in multi-line scenes it is submerged.
 
-    Args:
-        scene: as loaded.
-        figures: of its payload, or None for a fixed end without a load.
+    figures: of its payload, or None for a fixed end without a load.
     """
     if figures is None:
         return HungLoad()
@@ -79,9 +77,7 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
     lift = density * figures.volume_m3 * g
     hook = body.hook_mass_kg * (1.0 - density / STEEL) * g if body else 0.0
     wet = figures.mass_kg * g - lift + hook
-    surfacing = next(
-        (effect for effect in scene.effects if isinstance(effect, SplashZoneParams)), None
-    )
+    surfacing = scene.listed(SplashZoneParams)
     if surfacing is None:
         return HungLoad(wet)
     top = scene.ship.hang_off_m[2] - (_below_hook_m(body) if body else 0.0)

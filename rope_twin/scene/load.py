@@ -280,10 +280,7 @@ def _find_tables(effect: Item, scene_file: Path) -> None:
     """Resolve the paths of an effect's tables (spectra, forces) relative to the scene's file."""
     keys = _mapping(effect)
     also = keys["also"].value if "also" in keys else None
-    systems = [
-        keys,
-        *(_mapping(component) for component in (also if isinstance(also, list) else ())),
-    ]
+    systems = [keys, *map(_mapping, also if isinstance(also, list) else ())]
     named = [(system, "measured", "file") for system in systems] + [(keys, "table", "path")]
     for component, part, key in named:
         section = _mapping(component[part]) if part in component else {}

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rope_twin.errors import InputError, did_you_mean
 
+Cell = TypeVar("Cell")
 FORMAT = 1
 REMAKE = "give a load_chart.json of `rope_twin plan`"
 
@@ -53,11 +54,8 @@ class LoadChart:
             InputError: there is no such phase.
         """
         if phase not in self.phases:
-            raise InputError(
-                f"phase '{phase}'",
-                "the load chart has no such phase",
-                did_you_mean(phase, self.phases),
-            )
+            remedy = did_you_mean(phase, self.phases)
+            raise InputError(f"phase '{phase}'", "the load chart has no such phase", remedy)
         table = self.phases[phase].limiting_hs_m
         rows = _neighbours(self.tp_s, period_s)
         sides = (heading_deg, -heading_deg) if self.symmetric else (heading_deg,)
@@ -121,23 +119,20 @@ def _axis(values: Any) -> tuple[float, ...]:
 
 def _phase(phase: Any, rows: int, columns: int) -> PhaseChart:
     first, last = (float(depth) for depth in phase["depth_m"])
-    heights = _table(phase["limiting_hs_m"], rows, columns)
-    limits = tuple(tuple(0.0 if v is None else float(v) for v in row) for row in heights)
+
+    def table(key: str, read: Callable[[Any], Cell]) -> tuple[tuple[Cell, ...], ...]:
+        if len(phase[key]) != rows or any(len(row) != columns for row in phase[key]):
+            raise ValueError(f"a table has not {rows} rows of {columns}")
+        return tuple(tuple(read(cell) for cell in row) for row in phase[key])
+
+    limits = table("limiting_hs_m", lambda cell: 0.0 if cell is None else float(cell))
     if not all(math.isfinite(v) and v >= 0.0 for row in limits for v in row):
         raise ValueError("a limiting height is negative or not finite")
-    hooks = _table(phase["hook_load_n"], rows, columns)
+    hooks = table("hook_load_n", lambda cell: None if cell is None else float(cell))
     return PhaseChart(
         kind=str(phase["kind"]),
         depth_m=(first, last),
         limiting_hs_m=limits,
-        governing=tuple(
-            tuple(str(v) for v in row) for row in _table(phase["governing"], rows, columns)
-        ),
-        hook_load_n=tuple(tuple(None if v is None else float(v) for v in row) for row in hooks),
+        governing=table("governing", str),
+        hook_load_n=hooks,
     )
-
-
-def _table(table: Any, rows: int, columns: int) -> list[list[Any]]:
-    if len(table) != rows or any(len(row) != columns for row in table):
-        raise ValueError(f"a table has not {rows} rows of {columns}")
-    return [list(row) for row in table]

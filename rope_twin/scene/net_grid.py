@@ -129,14 +129,6 @@ def _meeting_faults(net: FlexibleNet, before: Sequence[FlexibleNet]) -> Iterator
                 break
 
 
-class _Made(NamedTuple):
-    """Ropes and connections of a net, and the pairs of borders with panels between."""
-
-    ropes: list[RopeLine]
-    joints: list[Joint]
-    pairs: list[tuple[str, str]]  # level borders above each other
-
-
 class _Level(NamedTuple):
     """A place at which a rope is divided."""
 
@@ -145,28 +137,29 @@ class _Level(NamedTuple):
 
 
 class _Grid(NamedTuple):
-    """A scene whose nets are being made."""
+    """A scene whose nets are being made, and what was made so far."""
 
     scene: Scene
     tops: dict[str, RopeLine]  # what is left of the ropes above their nets
     levels: dict[str, list[_Level]]  # by rope, from the lowest up
-    made: _Made
+    ropes: list[RopeLine]
+    joints: list[Joint]
+    pairs: list[tuple[str, str]]  # level borders above each other, with panels between
 
 
 def with_nets(scene: Scene) -> Scene:
     """Return the scene with ropes, connections and panels in place of its nets."""
-    grid, all_panels = _Grid(scene, {}, {}, _Made([], [], [])), list[NetCurtainParams]()
+    grid, all_panels = _Grid(scene, {}, {}, [], [], []), list[NetCurtainParams]()
     for net in scene.nets:
         all_panels.append(_panels(net))
         usual = all_panels[-1] == all_panels[0]
         _hang(grid, net, None if usual else all_panels[-1])
-    ropes = (*(grid.tops.get(line.name, line) for line in scene.ropes), *grid.made.ropes)
-    panels = replace(all_panels[0], between=tuple(grid.made.pairs))
+    ropes = (*(grid.tops.get(line.name, line) for line in scene.ropes), *grid.ropes)
+    panels = replace(all_panels[0], between=tuple(grid.pairs))
     order = [effect.params for effect in EFFECTS]
     effects = sorted((*scene.effects, panels), key=lambda params: order.index(type(params)))
-    wound = _shortened(scene)
-    joints = (*scene.joints, *grid.made.joints)
-    return replace(wound, ropes=ropes, joints=joints, effects=tuple(effects), nets=())
+    joints = (*scene.joints, *grid.joints)
+    return replace(_shortened(scene), ropes=ropes, joints=joints, effects=tuple(effects), nets=())
 
 
 def _panels(net: FlexibleNet) -> NetCurtainParams:
@@ -207,32 +200,27 @@ def _heights(net: FlexibleNet) -> list[float]:
 
 def _hang(grid: _Grid, net: FlexibleNet, panels: NetCurtainParams | None) -> None:
     """Add a net to a scene; panels: None if those of the first net."""
-    scene, parts = grid.scene, grid.made
-    lines = {line.name: line for line in scene.ropes}
+    scene, lines = grid.scene, {line.name: line for line in grid.scene.ropes}
     posts = []  # of each upright border: connections from the net's lower edge up
     for number, name in enumerate(net.between):
-        if number > 0:
-            for column in range(1, net.columns):
-                posts.append(_inner(scene, net, f"{net.name}_{number}_{column}", parts))
+        for column in range(1, net.columns if number > 0 else 1):
+            posts.append(_inner(grid, net, f"{net.name}_{number}_{column}"))
         if name not in grid.tops:
             nets = [candidate for candidate in scene.nets if name in candidate.between]
-            grid.tops[name], grid.levels[name] = _divided(lines[name], nets, parts)
-        levels = grid.levels[name]
-        posts.append(
-            [joint for level in _heights(net) for joint in [_joint_at(levels, level)] if joint]
-        )
+            grid.tops[name], grid.levels[name] = _divided(grid, lines[name], nets)
+        joints = (_joint_at(grid.levels[name], level) for level in _heights(net))
+        posts.append([joint for joint in joints if joint])
     for level, (left, right) in enumerate(pairwise(posts)):
         names = [f"{net.name}_level_{row}_{level}" for row in range(net.rows + 1)]
         pairs = list(pairwise(names))
         panels_of_net = None if panels is None else replace(panels, between=tuple(pairs))
-        parts.pairs.extend(pairs)
+        grid.pairs.extend(pairs)
         for row, name in enumerate(names):
             share = 1.0 if 0 < row < net.rows else 0.5
             twines = share * (net.to_m - net.from_m) / net.rows / net.bar_m
             border = _border(scene, net, name, net.width_m / net.columns, twines)
-            parts.ropes.append(
-                replace(border, from_=left[row], to=right[row], panels=panels_of_net)
-            )
+            border = replace(border, from_=left[row], to=right[row])
+            grid.ropes.append(replace(border, panels=panels_of_net))
 
 
 def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
@@ -241,19 +229,17 @@ def _joint_at(levels: Sequence[_Level], height_m: float) -> str:
 
 
 def _divided(
-    line: RopeLine, nets: Sequence[FlexibleNet], parts: _Made
+    grid: _Grid, line: RopeLine, nets: Sequence[FlexibleNet]
 ) -> tuple[RopeLine, list[_Level]]:
     """Divide a rope that holds nets; return its part above, and its levels from the lowest up."""
     levels: list[_Level] = []
     for net in nets:
         for row, level in enumerate(_heights(net)):
             if not _joint_at(levels, level):
-                low_end = level == 0.0 and line.to
-                levels.append(
-                    _Level(level, line.to if low_end else f"{net.name}_{line.name}_{row}")
-                )
+                at_end = line.to if level == 0.0 else ""
+                levels.append(_Level(level, at_end or f"{net.name}_{line.name}_{row}"))
     levels.sort()
-    parts.joints.extend(Joint(name=joint) for _, joint in levels if joint != line.to)
+    grid.joints.extend(Joint(name=joint) for _, joint in levels if joint != line.to)
 
     def part(name: str, length_m: float, from_: str, to: str) -> NetPart:
         return NetPart(
@@ -266,11 +252,11 @@ def _divided(
 
     for row, (low, high) in enumerate(pairwise(levels)):
         length_m = high.height_m - low.height_m
-        parts.ropes.append(part(f"{line.name}_{row}", length_m, high.joint, low.joint))
+        grid.ropes.append(part(f"{line.name}_{row}", length_m, high.joint, low.joint))
     lowest, highest = levels[0], levels[-1]
     if lowest.height_m > 0.0:
         below = part(f"{line.name}_below", lowest.height_m, lowest.joint, line.to)
-        parts.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
+        grid.ropes.append(replace(below, fixed_at_m=line.fixed_at_m))
     left_m = line.length_m - highest.height_m
     above = replace(
         line, length_m=left_m, elements=elements(left_m), to=highest.joint, fixed_at_m=None
@@ -278,14 +264,14 @@ def _divided(
     return above, levels
 
 
-def _inner(scene: Scene, net: FlexibleNet, name: str, parts: _Made) -> list[str]:
+def _inner(grid: _Grid, net: FlexibleNet, name: str) -> list[str]:
     """Add an upright border between two ropes; return its connections."""
     places = [f"{name}_{level}" for level in range(net.rows + 1)]
-    parts.joints.extend(Joint(name=place) for place in places)
+    grid.joints.extend(Joint(name=place) for place in places)
     height, twines = (net.to_m - net.from_m) / net.rows, net.width_m / net.columns / net.bar_m
     for row, (low, high) in enumerate(pairwise(places)):
-        border = _border(scene, net, f"{name}_row_{row}", height, twines)
-        parts.ropes.append(replace(border, from_=high, to=low))
+        border = _border(grid.scene, net, f"{name}_row_{row}", height, twines)
+        grid.ropes.append(replace(border, from_=high, to=low))
     return places
 
 

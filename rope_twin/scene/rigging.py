@@ -182,11 +182,8 @@ def _hanging(scene: Scene) -> Iterator[Fault]:
     reached = set(places(scene))
     links = [(line.from_, line.to) for line in scene.ropes if line.to]
     links += [strut.between for strut in scene.struts]
-    grown = True
-    while grown:
-        neighbours = {n for link in links if reached.intersection(link) for n in link} - reached
-        grown = bool(neighbours)
-        reached |= neighbours
+    while found := {n for link in links if reached.intersection(link) for n in link} - reached:
+        reached |= found
     for number, line in enumerate(scene.ropes):
         if line.from_ not in reached:
             problem = f"'{line.name}' is part of a loop or chain without a hang-off"

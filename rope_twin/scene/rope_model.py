@@ -261,12 +261,8 @@ def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
     """Return the rows RELAXATION to HIGHEST of a fibre rope's section."""
     dynamic, works = stiffness.dynamic, stiffness.working_curve
     assert dynamic is not None, "asked of fibre ropes only"
-    law = [
-        1.0 / dynamic.relaxation_s,
-        dynamic.constant_n,
-        dynamic.per_mean_tension,
-        dynamic.per_tension_amplitude,
-    ]
+    per_tension = dynamic.per_mean_tension, dynamic.per_tension_amplitude
+    law = [1.0 / dynamic.relaxation_s, dynamic.constant_n, *per_tension]
     if works is None:
         return [*law, 0.0, 0.0, 0.0]
     return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
@@ -274,15 +270,11 @@ def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
 
 def tables_of(line: RopeLine) -> Table:
     """Return tension over strain of each section; a straight line where it has no table."""
-    ropes = [section.rope for section in line.made_of]
-    return cubics(
-        [
-            rope.axial_stiffness.table
-            if rope.axial_stiffness
-            else ((0.0, 0.0), (1.0, rope.tangent_n(0.0)))
-            for rope in ropes
-        ]
-    )
+    tables = []
+    for rope in (section.rope for section in line.made_of):
+        table = rope.axial_stiffness and rope.axial_stiffness.table
+        tables.append(table or ((0.0, 0.0), (1.0, rope.tangent_n(0.0))))
+    return cubics(tables)
 
 
 def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
@@ -321,14 +313,11 @@ def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
     s = state.s[: n + 1]
     if line.fixed_at_m is not None:
         low = np.array(line.fixed_at_m)
-        state.nodes[POSITION : POSITION + 3, : n + 1] = low[:, None] + (top - low)[:, None] * (
-            s / s[-1]
-        )
+        straight = low[:, None] + (top - low)[:, None] * (s / s[-1])
+        state.nodes[POSITION : POSITION + 3, : n + 1] = straight
         return
-    strain = np.zeros(n)
-    for section, end in zip(
-        reversed(line.made_of), reversed([0.0, *ends_m(line)[:-1]]), strict=True
-    ):
+    strain, begins = np.zeros(n), [0.0, *ends_m(line)[:-1]]
+    for section, end in zip(line.made_of[::-1], begins[::-1], strict=True):
         for e in np.flatnonzero((s[:-1] >= end - SAME_PLACE) & (strain == 0.0)):
             strain[e] = section.rope.strain_at(0.5 * float(tension[e] + tension[e + 1]))
     depth: Floats = np.concatenate([[0.0], np.cumsum(np.diff(s) * (1.0 + strain))])

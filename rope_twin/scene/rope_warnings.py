@@ -5,7 +5,7 @@ A check never stops or changes anything. Each yields sentences `where: what; rem
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import asin, ceil, degrees, floor, hypot, inf, pi, sqrt
 
 from rope_twin.effects.bending import BendingParams
@@ -16,7 +16,7 @@ from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import phrase
 from rope_twin.quantity import kilonewtons
-from rope_twin.scene.grid import Bar, tension_at_length
+from rope_twin.scene.grid import tension_at_length
 from rope_twin.scene.lift import (
     LiftFigures,
     alone,
@@ -55,10 +55,8 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if scene.winch:
         shortest_m, longest_m = scene.winch.least_line_out_m, scene.winch.most_line_out_m
         if figures.hung.dry_share(shortest_m) > 0.0:
-            lengths["winch.least_line_out_m"] = (
-                shortest_m,
-                f" with {shortest_m:g} m out, above the water,",
-            )
+            when = f" with {shortest_m:g} m out, above the water,"
+            lengths["winch.least_line_out_m"] = (shortest_m, when)
         lengths["winch.most_line_out_m"] = (longest_m, f" with {longest_m:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)
@@ -134,10 +132,7 @@ def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
 
 def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str]:
     """Check one sling, with the hook above the middle of the attachment points."""
-    middle = [
-        sum(sling_of_body.to_m[axis] for sling_of_body in body.slings) / len(body.slings)
-        for axis in (0, 1)
-    ]
+    middle = [sum(one.to_m[axis] for one in body.slings) / len(body.slings) for axis in (0, 1)]
     offset_m = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
     length = sling.length_m
     if offset_m >= length:
@@ -146,9 +141,8 @@ def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str
         return
     angle = degrees(asin(offset_m / length))
     if angle > FLATTEST_DEG:
-        problem = (
-            f"{length:g} m is {angle:.0f}° from the vertical: more than twice its share of the load"
-        )
+        lean = f"{length:g} m is {angle:.0f}° from the vertical"
+        problem = f"{lean}: more than twice its share of the load"
         yield phrase(".length_m", problem, f"give {offset_m / sqrt(0.75):.1f} m or more")
     pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - offset_m**2)
     stretch = pull / sling.stiffness_n_per_m
@@ -198,7 +192,7 @@ def validity_warnings(scene: Scene) -> list[str]:
     Raises:
         SceneError: the payload's properties are incomplete.
     """
-    return _without_accepted(scene, _warnings(scene, OF_VALIDITY))
+    return _without_accepted(scene, _warnings(scene, [check for check in CHECKS if CHECKS[check]]))
 
 
 def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
@@ -217,16 +211,16 @@ def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
     return accepted, idle
 
 
-def _warnings(scene: Scene, checks: tuple[Check, ...] | None = None) -> list[str]:
+def _warnings(scene: Scene, some: Sequence[Check] = ()) -> list[str]:
     """Return all warnings of some checks (default: all)."""
-    checks = CHECKS if checks is None else checks
+    checks = some or [*CHECKS]
     if is_joined(scene):
         return list(_joined(scene, checks))
     figures = lift_figures(scene)
     return [warning for check in checks for warning in check(scene, figures)]
 
 
-def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
+def _joined(scene: Scene, checks: Sequence[Check]) -> Iterator[str]:
     """Check the first rope with the total suspended load, and mesh and properties of the others."""
     if check_load in checks:
         yield from load_together(scene)
@@ -237,20 +231,17 @@ def _joined(scene: Scene, checks: tuple[Check, ...]) -> Iterator[str]:
             warnings = list(check(checked, lift_figures(first)))
             clamps += warnings if check is _bending else []
             yield from warnings
-    for number in range(1, len(scene.ropes)):
-        if isinstance(scene.ropes[number], NetPart):
+    for number, line in enumerate(scene.ropes):
+        if number == 0 or isinstance(line, NetPart):
             continue
         single = alone(scene, number)
         figures = lift_figures(single)
-        for check in filter(
-            checks.__contains__, (_elements, _bend_radius, _rope_figures, _damping)
-        ):
+        for check in (_elements, _bend_radius, _rope_figures, _damping, _bending):
+            if check not in checks or (check is _bending and line.from_ not in places(scene)):
+                continue  # a rope that does not begin at the ship begins at a hinge
             for warning in check(single, figures):
-                yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
-        if _bending in checks and scene.ropes[number].from_ in places(scene):  # else a hinge
-            for warning in _bending(single, figures):
                 words = warning.replace("ropes[0]", f"ropes[{number}]", 1)
-                if words not in clamps:  # one that is of the effect is of all ropes from a winch
+                if check is not _bending or words not in clamps:  # the effect's is of all ropes
                     clamps.append(words)
                     yield words
 
@@ -273,9 +264,8 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line, length = scene.ropes[0], figures.longest_element_m
     if length > LONGEST_ELEMENT_M:
         problem = f"elements of {length:.1f} m are coarse for waves and curvature of the rope"
-        remedy = (
-            f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
-        )
+        fewest = ceil(line.length_m / LONGEST_ELEMENT_M)
+        remedy = f"give at least {fewest} (4 m where slack matters)"
         yield phrase("ropes[0].elements", problem, remedy)
     length = figures.shortest_element_m
     fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
@@ -311,23 +301,18 @@ def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     for number, bar in enumerate(figures.bars):
         path = "ropes[0].rope" if len(figures.bars) == 1 else f"ropes[0].sections[{number}].rope"
-        yield from _one_rope(path, bar)
-
-
-def _one_rope(path: str, bar: Bar) -> Iterator[str]:
-    yield from _coefficients(path, "drag_", bar.rope.drag_normal, bar.rope.drag_tangential)
-    rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
-    low, high = WAVE_SPEEDS_M_PER_S
-    if not low <= speed <= high:
-        problem = (
-            f"axial waves travel at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
-        )
-        yield phrase(path, problem, "check axial_stiffness_n [N] and mass_kg_per_m")
-    density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
-    low, high = ROPE_DENSITIES_KG_PER_M3
-    if not low <= density <= high:
-        problem = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
-        yield phrase(path, problem, "check mass_kg_per_m and hydrodynamic_diameter_m")
+        rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
+        yield from _coefficients(path, "drag_", rope.drag_normal, rope.drag_tangential)
+        low, high = WAVE_SPEEDS_M_PER_S
+        if not low <= speed <= high:
+            usual = "steel wire 3200, polyester 2500, HMPE 8500"
+            problem = f"axial waves travel at {speed:.0f} m/s ({usual})"
+            yield phrase(path, problem, "check axial_stiffness_n [N] and mass_kg_per_m")
+        density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
+        low, high = ROPE_DENSITIES_KG_PER_M3
+        if not low <= density <= high:
+            problem = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
+            yield phrase(path, problem, "check mass_kg_per_m and hydrodynamic_diameter_m")
 
 
 def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -392,12 +377,11 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
         problem = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
         yield phrase("effects", problem, "add `- payload: {}`")
-    if "waves" in listed and "drag" not in listed:
-        problem = "`waves` is listed without `drag`: only the water's acceleration acts on the rope"
-        yield phrase("effects", problem, "add `- drag: {normal: ..., tangential: ...}`")
-    if "current" in listed and "drag" not in listed:
-        problem = "`current` is listed without `drag`: it has no effect on the rope"
-        yield phrase("effects", problem, "add `- drag: {normal: ..., tangential: ...}`")
+    for name, loss in (("waves", "only the water's acceleration acts on the rope"),
+                       ("current", "it has no effect on the rope")):  # fmt: skip
+        if name in listed and "drag" not in listed:
+            problem = f"`{name}` is listed without `drag`: {loss}"
+            yield phrase("effects", problem, "add `- drag: {normal: ..., tangential: ...}`")
 
 
 def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -495,18 +479,15 @@ def _limits(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    yield from _dry_rope(scene, figures)
     ramp = scene.ship.motion_ramp_s
     heave = scene.sea_state.heave
     fastest = 2.0 * pi * heave.amplitude_m / heave.period_s if heave else 0.0
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if 0.0 < sinking < fastest:
-        problem = (
-            f"the hang-off descends at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
-        )
-        yield phrase(
-            "sea_state.heave", problem, "expect a slack rope and snap loads, or less heave"
-        )
+        down = f"the hang-off descends at up to {fastest:.2f} m/s"
+        problem = f"{down}, the payload sinks at {sinking:.2f}"
+        remedy = "expect a slack rope and snap loads, or less heave"
+        yield phrase("sea_state.heave", problem, remedy)
     if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
         problem = f"the ship's motion builds up within {ramp:g} s, which excites the rope"
         yield phrase("ship.motion_ramp_s", problem, "give 8 s or so")
@@ -538,47 +519,33 @@ def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("ship.hang_off_m[2]", problem, remedy)
 
 
-CHECKS: tuple[Check, ...] = (
-    check_load,
-    _fixed_end,
-    _elements,
-    _hull_edges,
-    _bend_radius,
-    _rope_figures,
-    _drag,
-    _payload_floats,
-    _rope_floats,
-    _effects,
-    _bending,
-    _step,
-    _damping,
-    _schedule,
-    check_winch,
-    check_compensator,
-    check_water,
-    check_slamming,
-    check_body,
-    _limits,
-    _ship,
-    check_current,
-    check_depth_profiles,
-    check_vortex_resolution,
-    check_vortex_inputs,
-    check_environment,
-)
-# checks of what the model contains, and of figures that are unlikely
-OF_VALIDITY: tuple[Check, ...] = (
-    _rope_figures,
-    _drag,
-    _payload_floats,
-    _effects,
-    _bending,
-    _damping,
-    check_water,
-    check_body,
-    _dry_rope,
-    check_current,
-    check_depth_profiles,
-    check_vortex_inputs,
-    check_environment,
-)
+# Every check in its order, and whether it is of what the model contains and of unlikely figures.
+CHECKS: dict[Check, bool] = {
+    check_load: False,
+    _fixed_end: False,
+    _elements: False,
+    _hull_edges: False,
+    _bend_radius: False,
+    _rope_figures: True,
+    _drag: True,
+    _payload_floats: True,
+    _rope_floats: False,
+    _effects: True,
+    _bending: True,
+    _step: False,
+    _damping: True,
+    _schedule: False,
+    check_winch: False,
+    check_compensator: False,
+    check_water: True,
+    check_slamming: False,
+    check_body: True,
+    _limits: False,
+    _dry_rope: True,
+    _ship: False,
+    check_current: True,
+    check_depth_profiles: True,
+    check_vortex_resolution: False,
+    check_vortex_inputs: True,
+    check_environment: True,
+}

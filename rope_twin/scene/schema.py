@@ -443,12 +443,9 @@ class Ship:
     """Hang-off (crane tip or overboarding sheave), and build-up of the ship's motion."""
 
     hang_off_m: Triple = quantity(
-        "mean position of the hang-off (crane tip): x, y, z",
-        "m",
-        -1e4,
-        1e4,
+        "mean position of the hang-off (crane tip): x, y, z", "m", -1e4, 1e4,
         default=(0.0, 0.0, 0.0),
-    )
+    )  # fmt: skip
     reference_m: Triple | None = quantity(
         "mean position of the pose's reference point: x, y, z; default: hang-off", "m", -1e4, 1e4,
         default=None,

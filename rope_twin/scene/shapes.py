@@ -163,6 +163,11 @@ def perforation_factor(open_percent: float) -> float:
     return exp((10.0 - open_percent) / 28.0)
 
 
+def _wall_fault(wall_m: float, width_m: float, height_m: float) -> str | None:
+    inside = 2.0 * wall_m < width_m and wall_m < height_m
+    return None if inside else f"a wall of {wall_m:g} m leaves no inside; give less"
+
+
 @dataclass(frozen=True, kw_only=True)
 class SuctionAnchor:
     """A cylinder open at the bottom, with a top plate that may have hatches."""
@@ -174,9 +179,7 @@ class SuctionAnchor:
 
     def check(self) -> str | None:
         """Return a fault if the wall leaves no interior, or None."""
-        if 2.0 * self.wall_m >= self.diameter_m or self.wall_m >= self.height_m:
-            return f"a wall of {self.wall_m:g} m leaves no inside; give less"
-        return None
+        return _wall_fault(self.wall_m, self.diameter_m, self.height_m)
 
     def inside_m3(self) -> float:
         """Return the volume of the enclosed water [m³]."""
@@ -216,9 +219,7 @@ class Skip:
 
     def check(self) -> str | None:
         """Return a fault if the wall leaves no interior, or None."""
-        if 2.0 * self.wall_m >= min(self.length_m, self.width_m) or self.wall_m >= self.height_m:
-            return f"a wall of {self.wall_m:g} m leaves no inside; give less"
-        return None
+        return _wall_fault(self.wall_m, min(self.length_m, self.width_m), self.height_m)
 
     def inside_m3(self) -> float:
         """Return the volume of the enclosed water [m³]."""

@@ -156,7 +156,7 @@ def check_vortex_resolution(scene: Scene, figures: LiftFigures) -> Iterator[str]
 
 def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check for a VIV model without flow or without force."""
-    listed = {type(effect): effect for effect in scene.effects}
+    listed = {type(effect) for effect in scene.effects}
     model, sea = shedding_model(scene), scene.sea_state
     if not model:
         return
@@ -164,22 +164,15 @@ def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if CurrentParams not in listed and WavesParams not in listed and not moved:
         problem = "nothing flows past the rope, so no vortices are shed"
         yield phrase(f"effects {model}", problem, "add `current`")
-    forcing = listed.get(StrouhalForcingParams)
-    if (
-        isinstance(forcing, StrouhalForcingParams)
-        and forcing.drag is None
-        and DragParams not in listed
-    ):
-        problem = "its forces are fractions of `drag`, which is not listed: they are zero"
-        yield phrase(
-            f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
-        )
-    model_params = model_beside(scene)
-    if model_params is not None and model_params.drag is None and DragParams not in listed:
-        problem = "the drag that it amplifies is not listed, so it has no effect on the rope"
-        yield phrase(
-            f"effects {model}", problem, "add `drag`, or give the effect a drag of its own"
-        )
+    for params, problem in (
+        (scene.listed(StrouhalForcingParams),
+         "its forces are fractions of `drag`, which is not listed: they are zero"),
+        (model_beside(scene),
+         "the drag that it amplifies is not listed, so it has no effect on the rope"),
+    ):  # fmt: skip
+        if params is not None and params.drag is None and DragParams not in listed:
+            remedy = "add `drag`, or give the effect a drag of its own"
+            yield phrase(f"effects {model}", problem, remedy)
 
 
 def _rounded(value: float) -> float:

@@ -14,7 +14,7 @@ from rope_twin.effects.depth_profiles import DepthProfilesParams
 from rope_twin.effects.fluid_ramp import FluidRampParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.effects.waves import RegularWave, WavesParams, components_of
+from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.quantity import kilonewtons
 from rope_twin.scene.environment import bed_at, reference_point_m, spectrum_of, vessel_raos
@@ -81,9 +81,8 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
             deepest_m = winch.most_line_out_m - z
             if row.payload_depth_m > deepest_m:
                 problem = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
-                yield phrase(
-                    where, problem, f"give at most {deepest_m:g} m, or raise most_line_out_m"
-                )
+                remedy = f"give at most {deepest_m:g} m, or raise most_line_out_m"
+                yield phrase(where, problem, remedy)
             elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
                 problem = f"a depth of {row.payload_depth_m:g} m is below the seabed"
                 yield phrase(where, problem, f"the seabed is at {-bed_at(bed, x, y):g} m there")
@@ -93,26 +92,21 @@ def _steepness(scene: Scene) -> Iterator[str]:
     waves = scene.listed(WavesParams)
     if waves is None:
         return
+    depth = waves.depth_m
     for where, system in waves.systems.items():
-        if system.regular is not None:
-            yield from _steepness_of(
-                system.regular, f"effects {where}.regular", waves.depth_m, scene
-            )
-
-
-def _steepness_of(
-    wave: RegularWave, where: str, depth: float | None, scene: Scene
-) -> Iterator[str]:
-    height, period = wave.height_m, wave.period_s
-    deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
-    length = deep
-    if depth is not None and deep > 0.0:
-        for _ in range(50):  # L = L₀·tanh(2π·d/L), underrelaxed by one half
-            length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
-    steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
-    if height > steepest:
-        problem = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
-        yield phrase(where, problem, f"give at most {steepest:.1f} m, or longer")
+        if system.regular is None:
+            continue
+        height, period = system.regular.height_m, system.regular.period_s
+        length = deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+        if depth is not None and deep > 0.0:
+            for _ in range(50):  # L = L₀·tanh(2π·d/L), underrelaxed by one half
+                length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
+        steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
+        if height > steepest:
+            wave = f"a wave of {height:g} m in {period:g} s"
+            problem = f"{wave} is {length:.0f} m long and would break"
+            remedy = f"give at most {steepest:.1f} m, or longer"
+            yield phrase(f"effects {where}.regular", problem, remedy)
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
@@ -256,10 +250,8 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _constant_beyond(z: float, velocity: Velocity, side: str, reach: str) -> str:
     named = zip(velocity, ("east", "north", "up"), strict=False)
     value = ", ".join(f"{part:g} {name}" for part, name in named)
-    problem = (
-        f"{side} its row at z = {z:g} m the value there ({value} m/s) is "
-        f"used, as far as the rope's end at z = {reach}"
-    )
+    used = f"{side} its row at z = {z:g} m the value there ({value} m/s) is used"
+    problem = f"{used}, as far as the rope's end at z = {reach}"
     return phrase("effects current.profile", problem, "add a row there")
 
 
@@ -292,10 +284,8 @@ def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         rows = getattr(params, name)
         if len(rows) > 1 and rows[-1][0] > bottom:
             z, value = rows[-1]
-            problem = (
-                f"below its row at z = {z:g} m the value there ({value:g}) is used, as far as "
-            )
-            problem += f"the rope's end at z = {bottom:g} m"
+            used = f"below its row at z = {z:g} m the value there ({value:g}) is used"
+            problem = f"{used}, as far as the rope's end at z = {bottom:g} m"
             yield phrase(f"effects depth_profiles.{name}", problem, "add a row there")
     for (above, light), (below, heavy) in pairwise(params.density_kg_per_m3):
         if heavy < light:
@@ -313,10 +303,8 @@ def is_air(scene: Scene) -> bool:
 
 def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check the water's density and gravity."""
-    density, gravity = (
-        scene.environment.water_density_kg_per_m3,
-        scene.environment.gravity_m_per_s2,
-    )
+    water = scene.environment
+    density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     if not 990.0 <= density <= 1060.0 and not is_air(scene):
         problem = f"{density:g} kg/m³ is neither fresh water nor seawater"
         yield phrase("environment.water_density_kg_per_m3", problem, "seawater has 1025")
