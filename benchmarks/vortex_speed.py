@@ -179,7 +179,7 @@ def _of_scene(name: str, pieces: int) -> list[PaceRow]:
         twin = Twin(timed_scene)
         places, modes = scene.ropes[0].elements + 1, 0
         if twin.viv_drag is not None:
-            places, modes = twin.viv_drag.tracker.size
+            places, modes = twin.viv_drag.trackers[0].size
         usual, fastest = _paces(_advance_of(twin), pieces)
         rows.append(PaceRow(name, "twin", label, twin.step_s, places, modes, usual, fastest))
     return rows

@@ -102,7 +102,7 @@ def _across(twin: Twin, line: _Line, shares: Vector) -> Vector:
         nodes = line.elements[WAVES] + 1
         lateral = twin.rope.state.nodes[1, :nodes]
         return np.interp(shares, np.linspace(0.0, 1.0, nodes), lateral)
-    return twin.viv_drag.tracker.moved(twin.rope, shares * s[line.elements[MODES]])
+    return twin.viv_drag.trackers[0].moved(twin.rope, shares * s[line.elements[MODES]])
 
 
 def rms_of(motion: Vector) -> float:

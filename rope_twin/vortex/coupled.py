@@ -109,14 +109,11 @@ class CoupledModel:
         modes = search.found()
         search_ms = 1e3 * (time.perf_counter() - started)
         node_count = len(self._response.span.s)
-        search_text = (
-            f"found again every {self._every_s:g} s in {search_ms:.0f} ms, {part_count} parts"
-        )
+        every = f"every {self._every_s:g} s"
+        search_text = f"found again {every} in {search_ms:.0f} ms, {part_count} parts"
         if not len(modes.frequency):
-            return (
-                f"vibration {self.model}: the current excites no mode on {node_count} places; "
-                f"modes are {search_text}."
-            )
+            idle = f"the current excites no mode on {node_count} places"
+            return f"vibration {self.model}: {idle}; modes are {search_text}."
         return (
             f"vibration {self.model}: {len(modes.frequency)} modes up to "
             f"{modes.frequency.max():.3g} Hz on {node_count} places, {search_text}, steps of "
@@ -152,9 +149,7 @@ class CoupledModel:
         It continues in the old modes until the new ones are found; their search starts immediately.
         """
         fractions = 1.0 - remaining * (1.0 - FRACTIONS)
-        self._flow = np.stack(
-            [np.interp(fractions, FRACTIONS, component) for component in self._flow]
-        )
+        self._flow = _at_fractions(self._flow, fractions)
         self._searched = self._search = None
         self._since_s = self._every_s
 
@@ -162,7 +157,7 @@ class CoupledModel:
         """Return the VIV response at the nodes of the rope."""
         return RopeVibration(
             model=self.model,
-            cross_flow=self.amplitudes(rope)[::-1].copy(),
+            cross_flow=self._at_nodes(rope, self.at_model_nodes()[1])[::-1].copy(),
             cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
             in_line=None,
             in_line_hz=None,
@@ -171,10 +166,6 @@ class CoupledModel:
             solves=self.solves,
             note=self.note,
         )
-
-    def amplitudes(self, rope: Rope) -> Floats:
-        """Return the amplitude at the nodes of the rope, from the lower end up [d]."""
-        return self._at_nodes(rope, self.at_model_nodes()[1])
 
     def at_model_nodes(self) -> tuple[Floats, Floats, Floats]:
         """Return the response at the nodes of its own line model.
@@ -211,8 +202,7 @@ class CoupledModel:
         curve[1:-1] = (y[2:] - 2.0 * y[1:-1] + y[:-2]) / (h * h)
         on_model = self._places(rope, middles)
         nodes = rope.state.nodes[_PLACE, : n + 1]
-        fractions = np.linspace(0.0, 1.0, n + 1)
-        flow = np.stack([np.interp(fractions, FRACTIONS, component) for component in self._flow])
+        flow = _at_fractions(self._flow, np.linspace(0.0, 1.0, n + 1))
         across = turned(flow_directions(nodes, flow)[0], tangents(nodes))
         direction = np.stack([np.interp(middles, s, component) for component in across])
         return np.asarray(direction * np.interp(on_model, span.s, curve, 0.0, 0.0))
@@ -247,6 +237,11 @@ class CoupledModel:
             self.note = f"the modes are those from before: {error}"
 
 
+def _at_fractions(flow: Floats, fractions: Floats) -> Floats:
+    """Return the flow, (3, FRACTIONS), at other fractions of the length, (3, n)."""
+    return np.stack([np.interp(fractions, FRACTIONS, component) for component in flow])
+
+
 def modal_model(
     rope: Rope, shedding: Shedding, name: str = "modes", every_s: float = EVERY_S
 ) -> CoupledModel:
@@ -255,11 +250,8 @@ def modal_model(
     Raises:
         InputError: the rope is slack somewhere.
     """
-
-    def span_of(rope: Rope, response: ModalResponse) -> Span:
-        return line_model(rope)
-
-    return CoupledModel(name, rope, span_of, ModalResponse(line_model(rope), shedding), every_s)
+    response = ModalResponse(line_model(rope), shedding)
+    return CoupledModel(name, rope, lambda rope, _: line_model(rope), response, every_s)
 
 
 def force_decomposition_model(
@@ -319,11 +311,6 @@ class VivDragAmplification:
         self.trackers: tuple[CoupledModel, ...] = tuple(_tracker(settings, rope) for rope in ropes)
         self.amplify(ropes)  # compile now, not at the first sampling
         self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
-
-    @property
-    def tracker(self) -> CoupledModel:
-        """Response of the first rope."""
-        return self.trackers[0]
 
     @property
     def notice(self) -> str:
@@ -478,12 +465,9 @@ def decomposed_of(params: DecomposedForceParams, density: float) -> Decomposed:
         return model
     table = params.table.figures()
     return replace(
-        model,
-        table=table.forces,
-        band=table.band,
-        centre=table.centre,
+        model, table=table.forces, band=table.band, centre=table.centre,
         first_amplitude=table.amplitude,
-    )
+    )  # fmt: skip
 
 
 def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:

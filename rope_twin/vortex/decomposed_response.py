@@ -286,15 +286,21 @@ class DecomposedResponse:
         self._bands = np.ascontiguousarray(_bands(span)[:, self._first : -1])
 
     def _at_nodes(self) -> Nodes:
-        """Return the load coefficients of the free nodes."""
+        """Return the load coefficients of the free nodes.
+
+        A node's initial frequency is that of its excitation, else the strongest mode's.
+        """
         span, density = self.span, self.model.density
+        driven, found = self.excitation.driven, self.excitation
+        whole = np.ones((1, len(found.power)))
+        main = float(share_out(found.power, whole, TIE)[0] @ found.frequency)
         all_nodes = Nodes(
             push=0.5 * density * span.diameter * span.speed**2 * span.node_length,
             water=displaced(span, density),
             dry=span.node_mass,
             diameter=span.diameter,
             speed=np.maximum(span.speed, 1e-6),
-            omega=2.0 * pi * self._first_guess(),
+            omega=2.0 * pi * np.where(driven > 0.0, driven, main or 1.0),
         )
         return Nodes(*(np.ascontiguousarray(values[self._first : -1]) for values in all_nodes))
 
@@ -319,13 +325,6 @@ class DecomposedResponse:
         whole = np.zeros(len(self.span.s))
         whole[self._first : -1] = free
         return whole
-
-    def _first_guess(self) -> Floats:
-        """Return the initial frequency of each node: its excitation, else the strongest mode's."""
-        driven, found = self.excitation.driven, self.excitation
-        whole = np.ones((1, len(found.power)))
-        main = float(share_out(found.power, whole, TIE)[0] @ found.frequency)
-        return np.where(driven > 0.0, driven, main or 1.0)
 
     @property
     def motion(self) -> Floats:

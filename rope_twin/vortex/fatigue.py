@@ -265,8 +265,9 @@ class RainflowCount:
             depth = count[series]
             first_point, mid_point, last_point = (open_points[series, depth - k] for k in (3, 2, 1))
             is_closed = np.abs(last_point - mid_point) >= np.abs(mid_point - first_point)
-            series, depth, first_point, mid_point, last_point = (
-                values[is_closed] for values in (series, depth, first_point, mid_point, last_point)
+            series, depth = series[is_closed], depth[is_closed]
+            first_point, mid_point, last_point = (
+                point[is_closed] for point in (first_point, mid_point, last_point)
             )
             is_first = depth == 3
             self._close(series, first_point, mid_point, np.where(is_first, 0.5, 1.0), cost)

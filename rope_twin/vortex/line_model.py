@@ -167,7 +167,7 @@ def shedding_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
 def _speed_across(velocity: Floats, tangent: Floats) -> Floats:
     """Return the magnitude of velocities normal to unit vectors along the rope, (3, nodes) each."""
     across = velocity - (velocity * tangent).sum(axis=0) * tangent
-    return np.sqrt((across * across).sum(axis=0))
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))
 
 
 def sampling_steps(hz: float, step_s: float, cycle: int) -> int:

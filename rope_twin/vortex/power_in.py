@@ -152,7 +152,10 @@ class ExcitationSearch:
             np.concatenate(columns, axis=-1) for columns in zip(*groups, strict=True)
         )
         if self._model.lock_in == "nearest":
-            zones = _nearest(self.span, frequency, band, self._model.centre)
+            order = np.argsort(frequency, kind="stable")  # added mass may change their order
+            zones = np.empty_like(band)
+            shedding = self._model.centre * self.span.speed / self.span.diameter
+            zones[:, order] = nearest_zones(frequency[order], shedding, band[:, order], band)
         else:
             zones = _share_out(power, band, self._model.candidate)
         return Excitation(modes, frequency, added, power, zones)
@@ -248,12 +251,3 @@ def _share_out(power: Floats, band: Floats, threshold: float) -> Floats:
         return np.zeros_like(band)
     excess = (power / (threshold * power.max()) - 1.0) / TIE
     return share_out(power, band * np.clip(excess, 0.0, 1.0), TIE)
-
-
-def _nearest(span: Span, frequency: Floats, band: Floats, centre: float) -> Floats:
-    """Assign each place to the mode nearest to its shedding frequency, within that mode's band."""
-    order = np.argsort(frequency, kind="stable")  # added mass may change their order
-    zones = np.empty_like(band)
-    shedding = centre * span.speed / span.diameter
-    zones[:, order] = nearest_zones(frequency[order], shedding, band[:, order], band)
-    return zones

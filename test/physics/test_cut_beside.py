@@ -56,7 +56,7 @@ def test_modal_viv_after_a_cut_uses_the_remaining_rope(name: str) -> None:
     assert not now.note
     span = line_model(twin.rope)
     assert span.end_mass == 0.0, "nothing hangs on it"
-    response = twin.viv_drag.tracker._response
+    response = twin.viv_drag.trackers[0]._response
     own = response.span
     assert own.s[-1] - own.s[0] == pytest.approx(300.0, rel=2e-3)
     assert own.tension[0] < 0.02 * own.tension[-1], "down to its free end"

@@ -56,7 +56,7 @@ def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
     at the ends of the rope they are mirrored.
     """
     assert twin.viv_drag is not None
-    s, amplitude, half_wave = twin.viv_drag.tracker.at_model_nodes()
+    s, amplitude, half_wave = twin.viv_drag.trackers[0].at_model_nodes()
     steps = np.diff(shot.node_position_m[::-1], axis=0)
     below = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=1)))])
     below -= below[-1]
@@ -122,7 +122,7 @@ def test_nodal_drag_amplification_integrates_between_nodes() -> None:
     reported = shaking(shot).drag_amplification[::-1]
     steps = np.sqrt((np.diff(shot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
     shares = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    s, amplitude, _ = twin.viv_drag.tracker.at_model_nodes()
+    s, amplitude, _ = twin.viv_drag.trackers[0].at_model_nodes()
     all_along = 1.0 + 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
     assert len(s) > 15 * len(reported)
     integral = 0.5 * ((all_along[1:] + all_along[:-1]) * np.diff(s)).sum()
@@ -193,7 +193,7 @@ def test_mode_search_cost_is_spread_evenly(model: Any, every_s: float) -> None:
     rig = replace(CABLE, diameter=0.032, current=((0.0, (1.2, 0.0)),))
     twin = Twin(shaken(replace(model, modes_every_s=every_s), rig.scene()))
     assert twin.viv_drag is not None
-    tracker, left = twin.viv_drag.tracker, []
+    tracker, left = twin.viv_drag.trackers[0], []
     for _ in range(round(3.0 / twin.step_s)):
         twin.advance(1)
         search = tracker._search

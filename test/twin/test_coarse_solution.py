@@ -103,7 +103,7 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     own, other = twin.viv_drag, coarse_of(twin).viv_drag
     assert own is not None
     assert other is not None
-    assert own.tracker.solves == other.tracker.solves == 8
+    assert own.trackers[0].solves == other.trackers[0].solves == 8
     assert other.every == SAMPLING_RATIO * own.every
     assert 1.2 < other.drag_amplification(coarse_of(twin).ropes[0], 0).max() < 2.0
 
