@@ -72,6 +72,7 @@ class InputNode(SuiteNode, ABC):
         self._simulation = ""  # name of the node whose epoch is followed
         self._epochs: dict[bytes, tuple[int, dict[str, Any]]] = {}  # pending, by publisher
         self._warned: set[str] = set()
+        self._awaits_clock = False  # to begin with the first message on /clock
 
     def close(self) -> None:
         """Stop publishing."""
@@ -86,7 +87,7 @@ class InputNode(SuiteNode, ABC):
     ) -> None:
         """Make the publishers and the timer that publishes due samples, beginning at `first_ns`.
 
-        The node then calls `await_epoch` or, to begin immediately, `follow_epoch`.
+        The node then calls `await_epoch` or, to begin immediately, `follow_now`.
         """
         for name in topics:
             self._own_publishers[name] = publish(self, BY_NAME[name])
@@ -104,6 +105,13 @@ class InputNode(SuiteNode, ABC):
         if self._due_clock is not None:
             now_ns = self.get_clock().now().nanoseconds
             self._due_clock.follow(epoch_ns, now_ns, time.monotonic_ns())
+
+    def follow_now(self) -> None:
+        """Publish for a simulation whose t = 0 is now; with use_sim_time, at the first /clock."""
+        now_ns = self.get_clock().now().nanoseconds
+        self._awaits_clock = now_ns == 0
+        if not self._awaits_clock:
+            self.follow_epoch(now_ns)
 
     def publishes(self, name: str) -> bool:
         """Return whether this node has a publisher of a topic."""
@@ -149,6 +157,8 @@ class InputNode(SuiteNode, ABC):
     def _publish_due(self) -> None:
         if self._epochs:
             self._check_epochs()
+        if self._awaits_clock:
+            self.follow_now()
         if self._due_clock is None or self._due_clock.epoch_ns is None:
             return
         from_ns, to_ns = self._due_clock.due(time.monotonic_ns())

@@ -48,7 +48,7 @@ class SeaStateNode(InputNode):
         if self._params.wait_for_epoch:
             self.await_epoch(self._params.simulation_node)
         else:
-            self.follow_epoch(self.get_clock().now().nanoseconds)
+            self.follow_now()
 
     def publish_interval(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish the samples of an interval of simulation time."""

@@ -185,6 +185,28 @@ def test_without_an_epoch_to_wait_for_it_starts_now(bench: Bench) -> None:
     assert before_ns - S // 10 <= stamps[0] < stamps[-1] < time.time_ns() + S // 100
 
 
+def test_by_simulated_time_it_starts_with_the_clock(bench: Bench) -> None:
+    """Before the first message on /clock time is 0, which no stamp is made of."""
+    from rosgraph_msgs.msg import Clock
+
+    heave = bench.listen("ship/heave")
+    node = sea_state(bench, wait_for_epoch=False, lead_s=0.0, use_sim_time=True)
+    node.begin()
+    clock = bench.own.create_publisher(Clock, "/clock", 10)
+    message = Clock()
+    message.clock.sec = 500
+    begun_s = time.monotonic()
+
+    def begun() -> bool:
+        if time.monotonic() > begun_s + 0.3:
+            clock.publish(message)
+        return len(heave) >= 5
+
+    bench.until(begun, "heave comes")
+    assert stamp_ns(heave[0]) == pytest.approx(500 * S, abs=S)
+    bench.own.destroy_publisher(clock)
+
+
 def test_a_record_that_does_not_loop_ends_and_the_node_lives(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
     node = sea_state(bench, sea_offset_s=1199.0, loop=False)
