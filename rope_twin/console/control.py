@@ -315,6 +315,10 @@ class Desk:
             raise Refusal("command", f"'{kind}'", did_you_mean(str(kind), known))
         if kind != EMERGENCY_STOP:
             self._check_seat(page, "command")
+        if kind == "reset" and (mode := self._mode(winch)) and not self._is_stopped(winch):
+            # it would end the stop of another page that is on its way
+            raise Refusal("command", f"reset, but no emergency stop is in force ({mode})",
+                          "reset once the page shows the stop")  # fmt: skip
         if kind not in CONTROL_MODES:
             return winch, WinchCommand(kind, 0.0)
         if not is_finite(value):
@@ -390,7 +394,7 @@ class Desk:
             return
         self._repeated_s = now_s
         for winch, set_point in self._set_points.items():
-            if self._mode(winch).startswith(f"{winch}: emergency stop"):
+            if self._is_stopped(winch):
                 set_point.stop()
             self._commander.send(winch, set_point.command)
 
@@ -401,6 +405,10 @@ class Desk:
     def _mode(self, winch: str) -> str:
         """Return the twin's words on the mode of a winch; "": not known."""
         return of_winch(str(self._pages.readings.values.get("winch_mode", "")), winch)
+
+    def _is_stopped(self, winch: str) -> bool:
+        """Return whether the twin reports an emergency stop of a winch."""
+        return self._mode(winch).startswith(f"{winch}: emergency stop")
 
     # -- feedback --------------------------------------------------------------------------------
 
@@ -425,9 +433,9 @@ class Desk:
             if in_effect and set_point is not None and set_point.command == command:
                 set_point.in_force = command
         elif command.kind == EMERGENCY_STOP:
-            in_effect = mode.startswith(f"{winch}: emergency stop")
+            in_effect = self._is_stopped(winch)
         elif command.kind == "reset":
-            in_effect = bool(mode) and not mode.startswith(f"{winch}: emergency stop")
+            in_effect = bool(mode) and not self._is_stopped(winch)
         elif command.kind in ("set_brake", "release_brake"):
             holds = row.get("brake_holds")
             in_effect = holds is not None and bool(holds) == (command.kind == "set_brake")

@@ -228,6 +228,22 @@ def test_an_emergency_stop_needs_no_seat() -> None:
     assert "emergency stop" in replies(page)[-1]["words"]
 
 
+def test_a_reset_does_not_end_an_emergency_stop_that_is_not_shown_yet() -> None:
+    """One page stops while the one with the seat resets: the stop stays."""
+    rig = ConsoleRig()
+    page, other = rig.page(True), rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    reset = {"do": "command", "kind": "reset", "winch": "winch", "id": 2}
+    rig.desk.take(other, {"do": "command", "kind": "emergency_stop", "winch": "winch", "id": 1})
+    rig.desk.take(page, reset)
+    assert "no emergency stop is in force" in replies(page)[-1]["words"]
+    rig.source.mode = "winch: emergency stop"
+    rig.tick()
+    rig.desk.take(page, reset)
+    assert [command.kind for _, command in rig.commander.sent] == ["emergency_stop", "reset"]
+
+
 def test_a_page_that_is_lost_gives_up_the_seat() -> None:
     rig = ConsoleRig()
     page, other = rig.page(True), rig.page(True)
