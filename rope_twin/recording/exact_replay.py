@@ -121,6 +121,8 @@ def verify(bag: Path) -> Verification:
             verification.fault = phrase(f"bag {bag}", replay.gap, "what came before is verified")
     if verification.unverified and not verification.fault:
         verification.notes.append("its beginning or its end has no inputs in the bag: not compared")
+    if verification.difference is not None and not any(one.entries for one in content.sessions):
+        verification.notes.append("no twin/inputs in the bag: the run is repeated without inputs")
     if not verification.total and not verification.fault and verification.difference is None:
         verification.fault = phrase(
             f"bag {bag}", "no message of it can be compared", "record a run"

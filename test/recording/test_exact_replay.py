@@ -196,6 +196,17 @@ def test_a_gap_in_the_log_ends_what_can_be_verified(bag: Path, tmp_path: Path) -
     assert found.unverified > 100
 
 
+def test_a_difference_without_any_inputs_names_what_the_bag_lacks(
+    bag: Path, tmp_path: Path
+) -> None:
+    def change(one: Recorded) -> bytes | None:
+        return None if one.topic == INPUT_LOG_TOPIC else one.data
+
+    found = verify(rewritten(bag, tmp_path / "other", change))
+    assert found.difference is not None
+    assert "no twin/inputs in the bag: the run is repeated without inputs" in found.notes
+
+
 def test_a_bag_that_was_cut_off_is_verified_as_far_as_it_goes(tmp_path: Path) -> None:
     whole = record(tmp_path / "whole", 12.0)
     (file,) = whole.glob("*.mcap")
