@@ -66,9 +66,7 @@ class Register:
 def requests(registers: Mapping[str, Register]) -> list[tuple[str, int, int]]:
     """Return table, first address and count of the requests for all registers, as few as can be."""
     blocks: list[tuple[str, int, int]] = []
-    for register in sorted(
-        registers.values(), key=lambda register: (register.table, register.address, register.end)
-    ):
+    for register in sorted(registers.values(), key=lambda one: (one.table, one.address, one.end)):
         if blocks:
             table, first, count = blocks[-1]
             if register.table == table and register.end - first <= MOST_REGISTERS:

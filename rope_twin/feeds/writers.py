@@ -43,9 +43,8 @@ class _Scale:
         """Return a value in SI as the telegram has it; 0 for one that is not known."""
         if math.isnan(value):
             return 0.0
-        return (
-            value * self._sign.get(name, usual) / self._factor.get(name, 1.0) + 0.0
-        )  # no minus zero
+        sign, factor = self._sign.get(name, usual), self._factor.get(name, 1.0)
+        return value * sign / factor + 0.0  # no minus zero
 
 
 def _eight(value: float) -> str:

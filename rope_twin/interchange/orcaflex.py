@@ -298,9 +298,8 @@ class _Model:
         for name, triple in (("Cd", Cd), ("Ca", Ca)):
             if triple[0] != triple[1]:
                 self._left_out.append(f"{line_type.where}: {name} along y, that along x is used")
-        normal, axial = (
-            line_type.number(f"{way}DragLiftDiameter", OD) / OD for way in ("Normal", "Axial")
-        )
+        normal = line_type.number("NormalDragLiftDiameter", OD) / OD
+        axial = line_type.number("AxialDragLiftDiameter", OD) / OD
         if line_type.get("SeabedLateralFrictionCoefficient") is not None:
             self._frictions.append(line_type.number("SeabedLateralFrictionCoefficient"))
         EA_n = KN * line_type.number("EA")
@@ -339,9 +338,7 @@ class _Model:
 
         The largest drag coefficients are the scene's, since those of ropes are relative to them.
         """
-        materials = [
-            material["rope"] for rope in ropes for material in rope.get("sections", [rope])
-        ]
+        materials = [part["rope"] for rope in ropes for part in rope.get("sections", [rope])]
         normal, tangential = (max(material[key] for material in materials) for key in _DRAG)
         for material in materials:
             for key, usual in zip(_DRAG, (normal, tangential), strict=True):
@@ -428,10 +425,8 @@ class _Model:
             ratio = 0.6673 + 0.05037 * gamma - 0.006230 * gamma**2 + 0.0003341 * gamma**3
             period = train.number("WaveTz") / ratio
         else:
-            remedy = "add WaveTp, or WaveTz and WaveGamma"
-            raise InputError(
-                f"{self._path}, {train.where}", "its peak period is not stated", remedy
-            )
+            where, remedy = f"{self._path}, {train.where}", "add WaveTp, or WaveTz and WaveGamma"
+            raise InputError(where, "its peak period is not stated", remedy)
         sea = {"significant_height_m": train.number("WaveHs"), "peak_period_s": period}
         sea |= {} if gamma is None else {"gamma": gamma}
         self._left_out.append(f"{train.where}: its random phases, they are those of seed {SEED}")

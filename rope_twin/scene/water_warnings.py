@@ -37,14 +37,9 @@ SAGGING_UP = 10.0  # length over depth of the anchor up to which a mooring is ta
 def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check ropes, winches and waves."""
     yield from _ends(scene, moored_up(scene, figures))
-    yield from _depth_orders(scene)
-    yield from _steepness(scene)
-    yield from _sea_steepness(scene)
-    yield from _another_sea(scene)
-    yield from _reach_of_responses(scene)
-    yield from _depth_of_waves(scene)
-    yield from _arm(scene)
-    yield from _never_whole(scene)
+    for check in (_depth_orders, _steepness, _sea_steepness, _another_sea, _reach_of_responses,
+                  _depth_of_waves, _arm, _never_whole):  # fmt: skip
+        yield from check(scene)
 
 
 def moored_up(scene: Scene, figures: LiftFigures) -> bool:
