@@ -6,11 +6,11 @@ from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
-from rope_twin.messages.status import lowest_words
 from sample_snapshot import QUALITY, hanging_rope
 
 from rope_twin import messages
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
+from rope_twin.messages.reports import lowest_words
 from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
