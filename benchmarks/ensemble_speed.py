@@ -29,7 +29,7 @@ from validation.case import Listener, announced
 
 SCENE = "smooth_2km"
 WARM_S = 10.0  # until the ship's motion has faded in; not measured
-SINGLE_LEAST = 20_000  # steps of the rope alone in a repetition: its share of the time is small
+MIN_SINGLE = 20_000  # steps of the rope alone in a repetition: its share of the time is small
 CHECKED = 3  # members that are run again as twins
 SEED = 1
 
@@ -103,7 +103,7 @@ def ensemble_rows(
 def _measure(scene: Scene, case: Case) -> EnsembleRow:
     """Time repetitions of the ensemble and of a single rope, in turns."""
     length_s = WARM_S + 2.0 * case.repetitions * case.seconds
-    single_s = max(1, round(SINGLE_LEAST * scene.time.step_s / case.seconds)) * case.seconds
+    single_s = max(1, round(MIN_SINGLE * scene.time.step_s / case.seconds)) * case.seconds
     plan = _plan(scene, case.members)
     members = variations(scene, plan, length_s)
     (variation,) = variations(scene, _plan(scene, 1), WARM_S + case.repetitions * single_s)

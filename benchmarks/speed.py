@@ -19,8 +19,8 @@ from validation.case import Listener
 Case = tuple[str, int, float]  # scene, nodes, step [s]
 
 FIT_FROM = 100  # nodes; below, what a step costs besides its nodes shows
-PIECES_MOST, PIECE_NODE_STEPS = 100, 50_000  # a piece takes some 4 ms at least
-SHORTEST_S, MOST_REPETITIONS = 2.0, 9
+MAX_PIECES, PIECE_NODE_STEPS = 100, 50_000  # a piece takes some 4 ms at least
+SHORTEST_S, MAX_REPETITIONS = 2.0, 9
 
 
 @dataclass(frozen=True)
@@ -170,10 +170,10 @@ def _row(case: Case, reference: Reference, plan: Plan, stepwise: bool) -> Row:
     scene, nodes, step_s = case
     trial = Trial(variant(load_scene(scene), nodes, step_s), plan.seconds)
     longest_s = _longest_step(trial) if stepwise else None
-    pieces = max(1, min(PIECES_MOST, trial.steps * nodes // PIECE_NODE_STEPS))
+    pieces = max(1, min(MAX_PIECES, trial.steps * nodes // PIECE_NODE_STEPS))
     runs = [first := trial.run(math.ceil(trial.steps / pieces))]
     while len(runs) < plan.repetitions or (
-        sum(run.took_s.sum() for run in runs) < SHORTEST_S and len(runs) < MOST_REPETITIONS
+        sum(run.took_s.sum() for run in runs) < SHORTEST_S and len(runs) < MAX_REPETITIONS
     ):
         runs.append(trial.run(math.ceil(trial.steps / pieces)))
     took = np.array([run.took_s for run in runs])

@@ -23,7 +23,7 @@ from rope_twin.errors import InputError
 SECOND = 1_000_000_000
 SILENCE_NS = 30 * SECOND  # MSC.302(87), 7.3: then the sound starts again
 REPEAT_NS = 60 * SECOND  # an unacknowledged warning is announced again; upper bound 5 min
-SHELVED_MOST_NS = 8 * 3600 * SECOND  # a shift
+MAX_SHELVED_NS = 8 * 3600 * SECOND  # a shift
 STANDING_NS = 24 * 3600 * SECOND  # EEMUA 191: active for so long, it tells nothing any more
 REVISIONS, ESCALATIONS = 99, 9  # largest numbers of these fields in an alert sentence
 EVERY = "all"  # in place of an identifier
@@ -265,7 +265,7 @@ class AlertList:
         Raises:
             InputError: there is no such alert, or the time is not possible.
         """
-        max_s = SHELVED_MOST_NS // SECOND
+        max_s = MAX_SHELVED_NS // SECOND
         if not 0.0 <= seconds <= max_s:
             remedy = f"give 0 to {max_s} s; 0 lists it again"
             raise InputError(f"alert {key}", f"shelving for {seconds:g} s", remedy)

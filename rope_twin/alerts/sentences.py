@@ -16,7 +16,7 @@ from rope_twin.feeds.readings import nmea, xor_of
 
 TALKER = "II"  # integrated instrumentation
 MAKER = "RPT"
-TITLE_MOST, SENTENCE_MOST = 16, 82  # characters; the latter with $ and line end
+MAX_TITLE, MAX_SENTENCE = 16, 82  # characters; the latter with $ and line end
 ACKNOWLEDGE, REQUEST, TRANSFER, SILENCE = "A", "Q", "O", "S"
 COMMANDS = {ACKNOWLEDGE: "acknowledge", TRANSFER: "transfer", SILENCE: "silence"}
 _RESERVED = "^,*!$\\~\r\n"  # ^ first: it escapes the others
@@ -51,9 +51,9 @@ def alf(alert: Alert, utc_ns: int, sequence: int) -> list[bytes]:
     """
     number = f"{MAKER},{alert.identifier},{alert.instance},{alert.revision},{alert.escalation}"
     state = f"{alert.category},{alert.priority.letter},{alert.state.value}"
-    title = f"{sequence},{clock(utc_ns)},{state},{number},{_escaped(alert.name, TITLE_MOST)}"
+    title = f"{sequence},{clock(utc_ns)},{state},{number},{_escaped(alert.name, MAX_TITLE)}"
     second = f"{TALKER}ALF,2,2,{sequence},,,,,{number},"
-    text = _escaped(alert.text, SENTENCE_MOST - len(nmea(second)))
+    text = _escaped(alert.text, MAX_SENTENCE - len(nmea(second)))
     if not text:
         return [nmea(f"{TALKER}ALF,1,1,{title}")]
     return [nmea(f"{TALKER}ALF,2,1,{title}"), nmea(second + text)]
@@ -97,7 +97,7 @@ def read_acn(line: bytes) -> AlertCommand | None:
     if len(fields) > 2 and fields[2] != MAKER:
         return None
     if len(fields) != 7 or fields[6] != "C" or fields[5] not in (*COMMANDS, REQUEST):
-        raise InputError("ACN sentence", f"'{text[:SENTENCE_MOST]}'", remedy)
+        raise InputError("ACN sentence", f"'{text[:MAX_SENTENCE]}'", remedy)
     if not (fields[3].isdecimal() and fields[4].isdecimal()):
         problem = f"identifier '{fields[3]}', instance '{fields[4]}'"
         raise InputError("ACN sentence", problem, remedy)

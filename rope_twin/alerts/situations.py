@@ -42,7 +42,7 @@ LIMIT_WINDOW_NS = 60 * SECOND
 POOR_INDEX, DOUBTFUL_INDEX = 0.7, 0.5  # of a quality index
 RESIDUAL_HEAVE, HEAVING_M_PER_S = 0.3, 0.05  # of the heave rate (RMS), and the least that counts
 HEAVE_EVERY_NS, HEAVE_SAMPLES = SECOND // 2, 120  # a minute
-LEAST_TURNS = 3.0  # on a drum, as codes of cranes ask
+MIN_TURNS = 3.0  # on a drum, as codes of cranes ask
 LAYER_NEAR_M = 5.0  # of line until a rope leaves the drum from another layer
 WAVES_S = 30.0  # two of the longest waves: what each crest exceeds is one situation
 RISK_SPAN_S = 30.0  # within which a crew can still stop, haul or lower through
@@ -121,7 +121,7 @@ def _drum(at: Moment) -> Iterator[Measure]:
             continue
         turns_left, change_m = store.turns(line_out_m), store.to_layer_m(line_out_m)
         text = f"'{store.winch}': {turns_left:.1f} turns left on the drum"
-        yield Measure(store.winch, LEAST_TURNS / max(turns_left, 1e-9), ((1.0, ALARM),), text)
+        yield Measure(store.winch, MIN_TURNS / max(turns_left, 1e-9), ((1.0, ALARM),), text)
         text = f"'{store.winch}': change of layer within {change_m:.1f} m of line"
         near = LAYER_NEAR_M / max(change_m, 1e-9)
         yield Measure(f"{store.winch} layer", near, ((1.0, CAUTION),), text)

@@ -443,7 +443,7 @@ def _ranks(variable: Variable, rows: Sequence[Row]) -> str:
 
 
 ACROSS = 4  # panels beside each other
-PANELS_MOST = 32
+MAX_PANELS = 32
 HIGH, LOW = "#d55e00", "#0072b2"
 DAMAGE = re.compile(r"(.*\.)?damage")  # columns of damage along a rope
 
@@ -456,7 +456,7 @@ def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
     """
     check_picture(path)
     good = whole_runs(rows)
-    shown = study.vary[:PANELS_MOST]
+    shown = study.vary[:MAX_PANELS]
     damaged = [column for column in (good[0] if good else ()) if DAMAGE.fullmatch(column)]
     panels = len(shown) + len(damaged)
     columns = min(ACROSS, panels)

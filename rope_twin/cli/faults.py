@@ -33,7 +33,7 @@ EXAMPLES = (
     "faults ahc_lift --single --json",
     "faults deep_lift --sound 10",
 )
-MOST_HOURS = 1000.0
+MAX_HOURS = 1000.0
 MORE = """Runs a scene once with sound inputs and once with each fault of each input, and compares
 the top tension."""
 
@@ -97,9 +97,9 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_sound(scene: Scene, hours: float, as_json: bool) -> int:
     """Run without a fault, and print each drop of the quality index."""
-    if not 0.0 < hours <= MOST_HOURS:
+    if not 0.0 < hours <= MAX_HOURS:
         problem = f"{hours:g} h is no duration of a run"
-        raise InputError("--sound", problem, f"give more than 0 and at most {MOST_HOURS:g}")
+        raise InputError("--sound", problem, f"give more than 0 and at most {MAX_HOURS:g}")
     progress = FigureProgress()
 
     def report(now_s: float) -> None:

@@ -353,7 +353,7 @@ def _show_viv(sums: dict[str, Any]) -> None:
 
 
 LINES_HEAD = ("line", "sea", "mean kN", "min kN", "max kN", "max over calm mean", "jump %")
-SECONDS, LEAST_S, MOST_S = 120.0, 10, 7200
+SECONDS, MIN_S, MAX_S = 120.0, 10, 7200
 SEA_SEED = 1
 
 
@@ -381,8 +381,8 @@ def _add_lines(parser: argparse.ArgumentParser) -> None:
 
 def _run_lines(args: argparse.Namespace) -> int:
     """Run both and print the results. Raises RopeTwinError."""
-    if not LEAST_S <= args.duration <= MOST_S or args.duration % 1.0:
-        remedy = f"give a whole number of seconds from {LEAST_S} to {MOST_S}"
+    if not MIN_S <= args.duration <= MAX_S or args.duration % 1.0:
+        remedy = f"give a whole number of seconds from {MIN_S} to {MAX_S}"
         raise InputError("--duration", f"{args.duration:g} s is not possible", remedy)
     seconds = int(args.duration)
     if args.out is not None:

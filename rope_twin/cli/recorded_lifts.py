@@ -38,7 +38,7 @@ code is 3. Nothing is learned while the payload is in the splash zone or near th
 several ropes from the ship is learned from the load pins of their winches, which winch/measured
 names by hang-off or rope. A load that begins on a deck cannot be learned yet, nor a rigid body on
 several ropes."""
-LEARN_LEAST_S = 120.0
+MIN_LEARN_S = 120.0
 
 
 def _add_learn(parser: argparse.ArgumentParser) -> None:
@@ -90,7 +90,7 @@ def _run_learn(args: argparse.Namespace) -> int:
         )
     if not estimator.results:
         fault = f"{max(min(known_s, until_s) - recorded.lift.begin_s, 0.0):.0f} s of data"
-        remedy = f"give at least {LEARN_LEAST_S:g} s with tension, heave and line out"
+        remedy = f"give at least {MIN_LEARN_S:g} s with tension, heave and line out"
         raise InputError(f"bag {args.bag}", fault, remedy)
     if remark := report.disagreement(estimator):
         raise InputError(f"bag {args.bag}", remark, "check its unit (N), its sign and the scene")
@@ -177,7 +177,7 @@ possible heave. Beyond the horizon that is printed the band is what this sea doe
 any time. ORDER is hold, stop, lower:SPEED, haul:SPEED, land:SPEED, compensation:on or
 compensation:off, for all winches or, as in stop@WINCH, for one of them; all are compared on the
 same heave, and nothing is commanded."""
-MEMBERS_MOST = 960  # that of the node's parameter `members`
+MAX_MEMBERS = 960  # that of the node's parameter `members`
 SHOWN_S = (2.0, 5.0, 10.0, 20.0, 30.0, 60.0)
 FORCE_HELP = "tension limit (default: that of the scene, by tension or utilisation)"
 
@@ -253,8 +253,8 @@ def _check_ahead(args: argparse.Namespace) -> None:
 
     if args.limit is not None and args.limit <= 0.0:
         raise InputError("--limit", f"it is {args.limit:g} N", "give more than 0")
-    if args.members > MEMBERS_MOST:
-        remedy = f"give at most {MEMBERS_MOST}"
+    if args.members > MAX_MEMBERS:
+        remedy = f"give at most {MAX_MEMBERS}"
         raise InputError("--members", f"{args.members} ropes are too many", remedy)
     longest_s = AHEAD_S - max(WINDOW_STARTS_S)
     if not 0.0 < args.quiet_time <= longest_s:

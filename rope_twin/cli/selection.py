@@ -195,7 +195,7 @@ def _next(setting: Setting, pct: float, most_elements: int) -> tuple[Setting, fl
     return Setting(elements, step_s), pct * work
 
 
-MOST_ELEMENTS = 20_000  # of a rope of a scene
+MAX_ELEMENTS = 20_000  # of a rope of a scene
 _LIKE = {"%": "1%", "m": "0.05m"}
 
 
@@ -349,7 +349,7 @@ def _select(
     """Select the most accurate setting that fits, refined until the budget is used."""
     costs = measure_shares(scene, levels, options.speed)
     scene_counts = [line.elements for line in scene.ropes]
-    most_elements = MOST_ELEMENTS * scene_counts[0] // max(scene_counts)
+    most_elements = MAX_ELEMENTS * scene_counts[0] // max(scene_counts)
     least_pct = min(costs)
     while (level := most_accurate(levels, quantity.name, costs, budget)) is not None:
         start = level.setting

@@ -17,7 +17,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeGuard
 
-from rope_twin.alerts.alert_list import SECOND, SHELVED_MOST_NS
+from rope_twin.alerts.alert_list import MAX_SHELVED_NS, SECOND
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import of_winch
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
@@ -38,7 +38,7 @@ REPEAT_S = 0.1  # a set-point is repeated so often, as the twin expects of a com
 FEEDBACK_S = 2.5  # how long the twin's answer to a command is awaited
 ENTRIES, ENTRIES_WITHIN_S = 20, 10.0  # markers and casts that all pages may add
 ALERT_ACTIONS = "acknowledge", "silence", "transfer", "shelve", "unshelve"
-SHELVED_MOST_S = SHELVED_MOST_NS / SECOND
+MAX_SHELVED_S = MAX_SHELVED_NS / SECOND
 TRIES, TRIES_IN_ALL, TRIES_WITHIN_S = 5, 20, 60.0  # wrong tokens of an address, and of all
 
 
@@ -297,8 +297,8 @@ class Desk:
             raise Refusal("alert", f"'{name}' is not in the list", "it may have ended")
         seconds = content.get("seconds")
         if action == "shelve":
-            if name == "all" or not is_finite(seconds) or not 0.0 < seconds <= SHELVED_MOST_S:
-                remedy = f"give one alert and 1 to {SHELVED_MOST_S:g} s"
+            if name == "all" or not is_finite(seconds) or not 0.0 < seconds <= MAX_SHELVED_S:
+                remedy = f"give one alert and 1 to {MAX_SHELVED_S:g} s"
                 raise Refusal("shelve", f"{name} {seconds!r}", remedy)
             name = f"{name} {seconds:g}"
         self._commander.command_alerts(f"{action} {name}")

@@ -37,7 +37,7 @@ from rope_twin.scene.winch import LAYER_RISE, SWITCHES
 from rope_twin.topics import ACKNOWLEDGE_ALARM, APPLY_ESTIMATE, SESSION_TOPIC, TARE_ESTIMATE
 from rope_twin.twin.run_record import LoadRules
 
-MOST_MARKERS, MOST_CASTS = 1000, 500
+MAX_MARKERS, MAX_CASTS = 1000, 500
 LONGEST_TEXT = 200
 SHOWN_MARKERS = 50  # the newest ones, on the pages
 LEARNING = {"tare": TARE_ESTIMATE, "apply": APPLY_ESTIMATE, "acknowledge": ACKNOWLEDGE_ALARM}
@@ -159,8 +159,8 @@ class Log:
         self.casts.append(Cast(len(self.casts) + 1, now_s, now_s))
 
     def _new_cast(self, page: Page, content: Mapping[str, Any]) -> str:
-        if len(self.casts) >= MOST_CASTS:
-            return phrase("cast", f"there are {MOST_CASTS}", "start the console again")
+        if len(self.casts) >= MAX_CASTS:
+            return phrase("cast", f"there are {MAX_CASTS}", "start the console again")
         self._begin()
         return ""
 
@@ -169,8 +169,8 @@ class Log:
         if not isinstance(text, str) or not text.strip() or len(text) > LONGEST_TEXT:
             remedy = f"give 1 to {LONGEST_TEXT} characters"
             return phrase("marker", "no text, or too long", remedy)
-        if len(self.markers) >= MOST_MARKERS:
-            return phrase("marker", f"there are {MOST_MARKERS}", "start the console again")
+        if len(self.markers) >= MAX_MARKERS:
+            return phrase("marker", f"there are {MAX_MARKERS}", "start the console again")
         label = " ".join(text.split())
         self.markers.append(Marker(self.now_s(), self.pages.readings.time_s, label, page.name))
         return ""

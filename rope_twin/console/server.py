@@ -33,8 +33,8 @@ from rope_twin.console.requests import Log
 from rope_twin.errors import InputError
 
 LOOPBACK, PORT = "127.0.0.1", 8420
-MOST_PAGES = 60
-MOST_MESSAGE_BYTES = 4096  # of a message from a page
+MAX_PAGES = 60
+MAX_MESSAGE_BYTES = 4096  # of a message from a page
 PING_S, PONG_S = 1.0, 2.0  # between pings, and until a page without an answer is lost
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'none'; "
@@ -194,8 +194,8 @@ def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) 
 
     async def connect(websocket: Any) -> None:
         await websocket.accept()
-        if len(pages.pages) >= MOST_PAGES:
-            await websocket.close(_TRY_LATER, f"{MOST_PAGES} pages are open already")
+        if len(pages.pages) >= MAX_PAGES:
+            await websocket.close(_TRY_LATER, f"{MAX_PAGES} pages are open already")
             return
         address = websocket.client.host if websocket.client else "unknown"
         page = pages.connect(address)
@@ -245,7 +245,7 @@ def _content(text: str) -> dict[str, Any] | None:
 
     JSON can spell half a character, which no frame can carry: all pages would fall silent with it.
     """
-    if len(text) > MOST_MESSAGE_BYTES:
+    if len(text) > MAX_MESSAGE_BYTES:
         return None
     try:
         content = json.loads(text)
@@ -277,7 +277,7 @@ class Server:
         self._pages = pages
         config = uvicorn.Config(
             app, log_level="warning", access_log=False, ws="websockets-sansio", lifespan="on",
-            ws_max_size=MOST_MESSAGE_BYTES * 4, ws_per_message_deflate=False,
+            ws_max_size=MAX_MESSAGE_BYTES * 4, ws_per_message_deflate=False,
             ws_ping_interval=PING_S, ws_ping_timeout=PONG_S, timeout_graceful_shutdown=1,
             server_header=False,
         )  # fmt: skip

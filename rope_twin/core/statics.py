@@ -70,7 +70,7 @@ from rope_twin.core.still_rope import (
 ROUNDS = 60  # iterations of each method; typically 1 to 4 under weight, up to 9 in strong currents
 MIN_REFRESHES = 2  # first iterations, which always update the axial tangent
 BALANCE_TOL = 1e-11  # of the largest tension: final residual; round-off is 1e-14
-RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
+RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_MIN, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS = 5  # alternating relaxation and Newton's method
 
 
@@ -201,7 +201,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             still.rest_at(before)
             step *= SHRINK
-            if step < STEP_LEAST:
+            if step < STEP_MIN:
                 break
             continue
         position = still.place.copy()

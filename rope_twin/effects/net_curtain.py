@@ -44,7 +44,7 @@ from rope_twin.core.loads.balance import add_to_node
 from rope_twin.core.loads.hooks import Load, kernel, scales_with_ramp
 from rope_twin.core.loads.memory import count_initialised, declare_internal_variables, new_memory
 from rope_twin.core.loads.panel import (
-    SOLIDITY_MOST,
+    MAX_SOLIDITY,
     mesh_fault,
     meshed_solidity,
     panel_coefficients,
@@ -92,7 +92,7 @@ class NetCurtainParams(SparingRepr):
     bar_m: float = quantity("half-mesh (bar) length, knot to knot", "m", 1e-3, 2.0)
     solidity: float | None = quantity(
         "solidity ratio: twine area over panel area; default: from twine_m and bar_m", "", 0.005,
-        SOLIDITY_MOST, default=None,
+        MAX_SOLIDITY, default=None,
     )  # fmt: skip
     twine_kg_per_m3: float = quantity(
         "density of the twine: polyamide 1140, polyethylene 950, polyester 1380", "kg/m³", 500.0,

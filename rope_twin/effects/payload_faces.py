@@ -30,7 +30,7 @@ from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.balance import add_to_node, end_relative
 from rope_twin.core.loads.hooks import FAIRINGS, Load, differs_by_rope, kernel, scales_with_ramp
 from rope_twin.core.loads.panel import (
-    SOLIDITY_MOST,
+    MAX_SOLIDITY,
     mesh_fault,
     meshed_solidity,
     panel_coefficients,
@@ -49,7 +49,7 @@ class NetPanels:
     width_m: float = quantity("width of a panel", "m", 0.1, 1000.0)
     height_m: float = quantity("height of a panel", "m", 0.1, 1000.0)
     solidity: float | None = quantity(
-        "solidity ratio: twine area over panel area", "", 0.005, SOLIDITY_MOST, default=None
+        "solidity ratio: twine area over panel area", "", 0.005, MAX_SOLIDITY, default=None
     )
     twine_m: float | None = quantity("diameter of the twine", "m", 1e-4, 0.05, default=None)
     bar_m: float | None = quantity("half-mesh (bar) length, knot to knot", "m", 1e-3, 2.0,

@@ -31,7 +31,7 @@ from rope_twin.estimation.causes import (
     name_causes,
     signatures_of,
 )
-from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, LEAST_USED, SPARE_HEAVE_S, Estimator
+from rope_twin.estimation.estimator import BLOCK_S, BURN_IN_S, MIN_USED, SPARE_HEAVE_S, Estimator
 from rope_twin.estimation.fault_tests import (
     FaultTests,
     LostPayload,
@@ -260,7 +260,7 @@ class FaultWatch:
                 )
         offset = unlearned_n.reshape(len(self._model.pins), -1).sum(axis=0)
         offset = offset[np.isfinite(offset)]
-        if len(offset) < LEAST_USED * len(innovation.time_s):
+        if len(offset) < MIN_USED * len(innovation.time_s):
             return
         drift = self._drift.take(float(offset.mean()))
         if drift is not None and self.alarm is None:

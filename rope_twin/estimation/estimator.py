@@ -114,13 +114,13 @@ class _SearchResult:
 
 
 BLOCK_S, BURN_IN_S = 60.0, 60.0
-MOST_ITERATIONS, MOST_HALVINGS = 20, 3
-MOST_STEP_SDS = 1.5  # a figure moves at most so many prior standard deviations in one step
+MAX_ITERATIONS, MAX_HALVINGS = 20, 3
+MAX_STEP_SDS = 1.5  # a figure moves at most so many prior standard deviations in one step
 ENOUGH = 0.05  # gain of a step in -ln of the posterior density that is no worth another one
 DRIFT = 0.02  # growth of each standard deviation over √(1 min), in prior standard deviations
 POOR_NIS = 3.0  # of figures that do not explain a block; of truths that were found it is 0.8 to 1.9
 PERIOD_STARTS_SDS = -1.5, -1.0, -0.5, 0.5, 1.0, 1.5  # of ln(stiffness/mass), in standard deviations
-LEAST_USED = 0.2  # share of a block's means to learn from it; at 1 Hz a quarter is there
+MIN_USED = 0.2  # share of a block's means to learn from it; at 1 Hz a quarter is there
 SPECTRUM_S = 240.0  # of heave for the linearised drag
 SPECTRUM_INTERVAL_S = 0.05
 BEFORE_S = 30.0  # of heave before the burn-in, from which it is estimated too
@@ -129,8 +129,8 @@ SPARE_HEAVE_S = 0.25  # beyond the delay, so that its lane has heave at the end 
 SAME_LENGTH_M = 0.01  # a measured line out that is the scene's
 SEGMENT_STEPS = 300  # of the members at a time, whole means
 RINGING_S = 40.0  # before a block, in which an error of the line still rings in it
-MOST_KNOTS = 200  # a line that is hardly ever steady has errors that are noise
-LEAST_ERROR = 0.3  # of the white noise that errors of the line must be, or they are left out
+MAX_KNOTS = 200  # a line that is hardly ever steady has errors that are noise
+MIN_ERROR = 0.3  # of the white noise that errors of the line must be, or they are left out
 
 
 @dataclass(frozen=True)
@@ -292,12 +292,12 @@ class Estimator:
         passages = self.model.lift.passages(begin_s, self.block_end_s) if alone else []
         errors = CounterErrors.of(passages)
         self._errors, self._places = None, np.empty(0, np.int64)
-        if 0 < len(errors.keys) <= MOST_KNOTS:
+        if 0 < len(errors.keys) <= MAX_KNOTS:
             psd = self._measured_psd(self.block_end_s)
             impedance = self._impedance(self.theta, self.block_end_s, psd)
             columns = errors.columns(impedance[0], self.block_begin_s, count)
             size = np.linalg.norm(columns, axis=0)
-            if (size * errors.sd_m).max() > LEAST_ERROR * self.noise.white_n[0]:
+            if (size * errors.sd_m).max() > MIN_ERROR * self.noise.white_n[0]:
                 self._errors = errors
         if self._errors is None:
             self._memory = ErrorMemory(len(self.prior.names))
@@ -327,7 +327,7 @@ class Estimator:
         self.innovation = Innovation(middles_s, first.residual, columns)
         posterior, used, nis = joint, np.isfinite(first.residual), np.nan
         at_limit = self.prior.at_limit(self.theta)
-        if self.share(used) >= LEAST_USED or first.slack is not None:
+        if self.share(used) >= MIN_USED or first.slack is not None:
             posterior, used, nis, at_limit = self._learn(first, joint, measured, prediction.motion)
         self._memory.learn(posterior)
         of_figures = slice(figures)
@@ -400,7 +400,7 @@ class Estimator:
         """
         assert self.noise is not None
         fit = self._fit(first, joint, measured, motion)
-        is_enough = self.share(np.isfinite(first.residual)) >= LEAST_USED
+        is_enough = self.share(np.isfinite(first.residual)) >= MIN_USED
         was_explained = any(result.nis < POOR_NIS for result in self.results)
         if is_enough and not fit.explains and not was_explained:
             start = self._best_period(first, joint, measured, motion)
@@ -428,25 +428,25 @@ class Estimator:
         """Search the posterior mean of θ and the errors of the line counter from one start.
 
         Steps are taken from new linearisations until one promises no more than ENOUGH. One that
-        makes the posterior density smaller is halved. Where the gate leaves less than LEAST_USED,
+        makes the posterior density smaller is halved. Where the gate leaves less than MIN_USED,
         nothing is learned but from the mean over slack.
         """
         figures = len(self.prior.names)
         free = np.full(len(joint.mean) - figures, np.inf)  # errors of the line have no limits
         count = len(measured)
-        for iteration in range(MOST_ITERATIONS):
+        for iteration in range(MAX_ITERATIONS):
             residual, jacobian, covariance = linear.compared(linear.slack, joint)
             offset = np.zeros(len(residual))
             if iteration == 0 and np.isfinite(linear.residual).any():
                 offset[:count] = np.nanmedian(linear.residual)
             used = gate(residual - offset, covariance, jacobian, joint)
             share = used[:count].copy()
-            if self.share(share) < LEAST_USED:
+            if self.share(share) < MIN_USED:
                 used[:count] = False
             if not used.any():
                 return _SearchResult(linear, share, None, np.nan, residual[:count])
             whiten = Whitening(covariance, used)
-            reach, theta = MOST_STEP_SDS * self.prior.sd, linear.theta[:figures]
+            reach, theta = MAX_STEP_SDS * self.prior.sd, linear.theta[:figures]
             step = gauss_newton_step(
                 linear.theta, joint, residual, jacobian, whiten, robust=iteration > 0,
                 least=np.append(self.prior.within(theta - reach), -free),
@@ -496,10 +496,10 @@ class Estimator:
     def _best(self, candidates: Sequence[_Linearisation], joint: Gaussian) -> int:
         """Return which has the highest posterior density, by the means that all of them have.
 
-        The first one where these are less than LEAST_USED.
+        The first one where these are less than MIN_USED.
         """
         common = np.asarray(np.isfinite([one.residual for one in candidates]).all(axis=0), float)
-        if self.share(common) < LEAST_USED:
+        if self.share(common) < MIN_USED:
             return 0
         whiten = Whitening(candidates[0].covariance, common)
         return int(
@@ -516,7 +516,7 @@ class Estimator:
         """
         count, figures = len(measured), len(self.prior.names)
         before, _, covariance = linear.compared(linear.slack, joint)
-        for halved in range(1 + MOST_HALVINGS):
+        for halved in range(1 + MAX_HALVINGS):
             theta = linear.theta + 0.5**halved * change
             prediction = self.model.predict(
                 theta[:figures], self.state, self.state_s, self.block_end_s, motion
@@ -524,7 +524,7 @@ class Estimator:
             new = self._linearise(prediction, measured, theta[figures:])
             after, _, _ = new.compared(linear.slack, joint)
             both = used & np.isfinite(after)  # neither is slack
-            if used[:count].any() and self.share(both[:count]) < LEAST_USED:
+            if used[:count].any() and self.share(both[:count]) < MIN_USED:
                 continue
             whiten = Whitening(covariance, both)
             lower = misfit(new.theta, joint, whiten(after))

@@ -39,12 +39,12 @@ from rope_twin.core.state import Floats, Ints
 from rope_twin.errors import InputError
 
 REPEATED_S = 1.0
-LEAST_REPEATS = 5  # samples: a slow sensor has not repeated after two
+MIN_REPEATS = 5  # samples: a slow sensor has not repeated after two
 ORDINARY_S = 600.0  # repeats of the last ten minutes are ordinary
 ORDINARY_FACTOR = 2.0
 STARTING_S, STARTING_LIMIT_S = 60.0, 5.0  # until ordinary repeats are known
 LOST_S = 2.0
-LEAST_MEANS = 8  # of the mean
+MIN_MEANS = 8  # of the mean
 MOVED = 3.0  # resolutions of the encoder
 COARSE_M = 0.01  # resolution that an encoder has at least
 SPEED_S = 0.5  # over which the speed before a repeat is taken
@@ -68,7 +68,7 @@ class RepeatedSample:
         if value == self._value:
             self._count += 1
         else:
-            if self._count >= LEAST_REPEATS:
+            if self._count >= MIN_REPEATS:
                 self._end(self._now_s)
             self._changed |= not math.isnan(self._value)
             self._value, self._since_s, self._count = value, time_s, 1
@@ -103,7 +103,7 @@ class RepeatedSample:
     @property
     def stuck(self) -> bool:
         """Return whether the sensor repeats its value for too long, after it had another one."""
-        if not self._changed or self._count < LEAST_REPEATS:
+        if not self._changed or self._count < MIN_REPEATS:
             return False
         return self.length_s >= self.limit_s - 1e-9
 
@@ -174,7 +174,7 @@ class LostPayload:
         while self._samples and self._samples[0][0] <= time_s - LOST_S:
             self._samples.popleft()
         n = len(self._samples)
-        if n < LEAST_MEANS:
+        if n < MIN_MEANS:
             return None
         measured = sum(sample[1] for sample in self._samples) / n
         predicted = sum(sample[2] for sample in self._samples) / n
@@ -197,8 +197,8 @@ class LostPayload:
 
 
 ONSET_SAMPLES = 4  # between two onsets: 1 s
-LEAST_SAMPLES = 4  # of a signature before its ratio counts
-LEAST_POWER = 1e-3  # of a whitened signature of unit size: nothing is seen of it yet
+MIN_SAMPLES = 4  # of a signature before its ratio counts
+MIN_POWER = 1e-3  # of a whitened signature of unit size: nothing is seen of it yet
 NIS_SPANS = 8, 16, 32, 80, 240  # samples: 2, 4, 8, 20 and 60 s
 
 
@@ -369,9 +369,9 @@ class FaultTests:
 
     def ratios(self) -> Floats:
         """Return ℓ of each onset and cause, (onsets, causes); 0: too little was seen."""
-        ready = self._power > LEAST_POWER
+        ready = self._power > MIN_POWER
         samples = self.count - np.searchsorted(self._place[: self.count], self._onset)
-        ready &= (samples >= LEAST_SAMPLES * self._measured_pins)[:, None]
+        ready &= (samples >= MIN_SAMPLES * self._measured_pins)[:, None]
         ratio = np.zeros_like(self._power)
         np.divide(self._product**2, self._power, out=ratio, where=ready)
         return ratio

@@ -147,7 +147,7 @@ LINE_STEPS: Mapping[str, float] = {LINE_OFFSET: 0.02, LINE_SLIP: 0.0005}  # lane
 HEAVE_SHIFTS: Mapping[str, float] = dict(zip(HEAVE_ERRORS, (0.4, -0.4), strict=True))
 RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
 HEAVE_ERROR_SD = 0.5  # of those logarithms
-MOST_SDS = 4.0  # a figure stays within so many prior standard deviations
+MAX_SDS = 4.0  # a figure stays within so many prior standard deviations
 
 
 def of_winch(winch: str, name: str) -> str:
@@ -243,18 +243,18 @@ class Prior:
         return belief
 
     def within(self, theta: Floats) -> Floats:
-        """Return θ held within MOST_SDS of the prior and within what is possible.
+        """Return θ held within MAX_SDS of the prior and within what is possible.
 
         Friction is not negative. A figure at a limit is reported by `at_limit`.
         """
-        reach = MOST_SDS * self.sd
+        reach = MAX_SDS * self.sd
         limited = np.clip(theta, self.mean - reach, self.mean + reach)
         limited[self.frictions] = np.maximum(limited[self.frictions], 0.0)
         return limited
 
     def at_limit(self, theta: Floats) -> tuple[str, ...]:
         """Return the names of figures at the limits of `within`."""
-        reach = MOST_SDS * self.sd * (1.0 - 1e-9)
+        reach = MAX_SDS * self.sd * (1.0 - 1e-9)
         far = np.abs(theta - self.mean) >= reach
         k = self.frictions
         far[k] |= (theta[k] <= 0.0) & (self.mean[k] > 0.0)

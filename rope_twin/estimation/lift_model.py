@@ -115,9 +115,9 @@ class LoadPin:
         return np.asarray((1.0 + gain) * tension_n * (1.0 - friction * friction_state) + bias)
 
 
-FEWEST_ELEMENTS, MOST_ELEMENTS = 6, 20
-LONGEST_STEP_S, MOST_HALVINGS = 0.05, 2
-MOST_PHASE_RAD = 0.1  # of the first axial mode in a step
+FEWEST_ELEMENTS, MAX_ELEMENTS = 6, 20
+LONGEST_STEP_S, MAX_HALVINGS = 0.05, 2
+MAX_PHASE_RAD = 0.1  # of the first axial mode in a step
 FEWEST_ABOVE_BODY = 12  # its rocking moves the rope aside, in waves that are shorter
 WAVE_SHARE = 0.2  # of the way of an axial wave in the longest step: an element has it at least
 SLACK_BELOW_N = 1.0  # an element that carries less hangs loose
@@ -179,7 +179,7 @@ def elements_of(bar: Bar) -> int:
     step needs no more of them: it is for the first mode, which even the fewest resolve.
     """
     way_m = LONGEST_STEP_S * float(np.sqrt(bar.EA_n / bar.mass_kg_per_m).max())
-    return int(np.clip(bar.length_m.sum() / (WAVE_SHARE * way_m), FEWEST_ELEMENTS, MOST_ELEMENTS))
+    return int(np.clip(bar.length_m.sum() / (WAVE_SHARE * way_m), FEWEST_ELEMENTS, MAX_ELEMENTS))
 
 
 def step_of(bars: Sequence[Bar]) -> float:
@@ -187,12 +187,12 @@ def step_of(bars: Sequence[Bar]) -> float:
 
     TR-BDF2 with γ = 2 - √2 has the truncation error 0.0404·(ω·Δt)³ in a step (Hosea and Shampine
     1996), by which an axial mode lags: a rope that rings is taken for one whose stiffness over mass
-    is 0.081·(ω·Δt)² larger. At MOST_PHASE_RAD that is 0.08 %, where ten minutes leave a standard
+    is 0.081·(ω·Δt)² larger. At MAX_PHASE_RAD that is 0.08 %, where ten minutes leave a standard
     deviation of 0.18 % of this ratio (`shallow_lift`), and 0.6 % of mass and stiffness. A step that
     is shorter still would serve periods that the smoothing of the line out takes away.
     """
     phase = 2.0 * np.pi * LONGEST_STEP_S / first_axial_period_s(bars)
-    halvings = np.clip(np.ceil(np.log2(phase / MOST_PHASE_RAD)), 0, MOST_HALVINGS)
+    halvings = np.clip(np.ceil(np.log2(phase / MAX_PHASE_RAD)), 0, MAX_HALVINGS)
     return LONGEST_STEP_S / float(2**halvings)
 
 

@@ -27,7 +27,7 @@ import numpy as np
 from rope_twin.errors import InputError, RopeTwinError, SolverError
 from rope_twin.estimation import report
 from rope_twin.estimation.alarms import Alarm, FaultWatch
-from rope_twin.estimation.estimator import BURN_IN_S, LEAST_USED, SPECTRUM_S, Estimator
+from rope_twin.estimation.estimator import BURN_IN_S, MIN_USED, SPECTRUM_S, Estimator
 from rope_twin.estimation.figures import (
     ROPE_FIGURES,
     check_learnable,
@@ -198,7 +198,7 @@ class Learner:
         known = [name for name in ROPE_FIGURES if self._base[name] and name != "current"]
         self.newest = Estimate(
             time_s=last.end_s,
-            minutes=sum(result.used >= LEAST_USED for result in estimator.results),
+            minutes=sum(result.used >= MIN_USED for result in estimator.results),
             tared=self._tared,
             figures=report.estimates(
                 self._base, estimator.prior, last.posterior, advice, last.at_limit

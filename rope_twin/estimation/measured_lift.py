@@ -27,7 +27,7 @@ NEAR_S = 1.25  # that they span at most: at 6.4 Hz and more
 STOP_SHARE = 0.03  # of the values at the extreme: the sensor may be at the end of its range ...
 STOP_RATIO = 4.0  # ... with so many times those next to it; the counts of a sine have 2.4 times ...
 STOP_GAP = 0.2  # ... so near, in standard deviations: coarser counts say nothing of it
-LEAST_GOOD = 0.6  # share of a mean's samples that must be good
+MIN_GOOD = 0.6  # share of a mean's samples that must be good
 SMOOTHED_SAMPLES, SMOOTHED_ORDER = 15, 5
 # of an axial period of 1.3 s a cubic would leave 97 %, a quintic leaves 99.9 %
 _SMOOTHING = savgol_coeffs(SMOOTHED_SAMPLES, SMOOTHED_ORDER)
@@ -36,7 +36,7 @@ SAME_COUNT_M = 1e-6  # counts that differ by less are equal
 EDGE_S = 0.25  # of standing counts beside a change, which say less than the change
 LINE_HZ = 20.0  # grid of the line out
 STRAIGHT_SAMPLES = 41  # of a steady line, on that grid
-STRAIGHT_MOST, STRAIGHT_RMS = 0.75, 0.4  # resolutions; rounding explains 1/2 and 1/√12
+MAX_STRAIGHT, STRAIGHT_RMS = 0.75, 0.4  # resolutions; rounding explains 1/2 and 1/√12
 HEAVE_HOLE_S, LINE_HOLE_S = 1.0, 2.0  # longer gaps are holes
 LATE_S = 5.0  # of the tension, behind heave and line out
 FORGETTING_S = 30.0  # after a hole of heave or line out
@@ -133,7 +133,7 @@ def interval_means(
     """Return the means over intervals (k, k + 1]·MEAN_S from begin, (count,), NaN: missing.
 
     Second result: number of samples in each mean, (count,). Data are missing where fewer than
-    LEAST_GOOD of the samples that the median interval has are finite.
+    MIN_GOOD of the samples that the median interval has are finite.
     """
     bins = _intervals(time_s, begin_s)
     inside = (bins >= 0) & (bins < count)
@@ -141,7 +141,7 @@ def interval_means(
     number = np.bincount(bins[good], minlength=count).astype(float)
     total = np.bincount(bins[good], weights=values[good], minlength=count)
     spacing = float(np.median(np.diff(time_s))) if len(time_s) > 1 else MEAN_S
-    enough = max(1.0, LEAST_GOOD * MEAN_S / spacing - 1e-6)
+    enough = max(1.0, MIN_GOOD * MEAN_S / spacing - 1e-6)
     return np.where(number >= enough, total / np.maximum(number, 1.0), np.nan), number
 
 
@@ -186,7 +186,7 @@ def straightened(positions: Floats, resolution_m: float) -> tuple[Floats, Bools]
 
     The rounding of a counter is no noise while a line runs steadily: it is a slow saw tooth, which
     no short mean removes and which shakes the rope at its own period. Stretches are set to a
-    straight line of least squares where rounding explains what lies beside it: STRAIGHT_MOST
+    straight line of least squares where rounding explains what lies beside it: MAX_STRAIGHT
     resolutions over STRAIGHT_SAMPLES, STRAIGHT_RMS of the whole stretch.
     """
     half = STRAIGHT_SAMPLES // 2
@@ -197,7 +197,7 @@ def straightened(positions: Floats, resolution_m: float) -> tuple[Floats, Bools]
     offset = np.arange(STRAIGHT_SAMPLES) - float(half)
     middle, slope = windows.mean(axis=1), windows @ offset / (offset @ offset)
     deviation = np.abs(windows - middle[:, None] - slope[:, None] * offset).max(axis=1)
-    steady = np.concatenate([[False], deviation <= STRAIGHT_MOST * resolution_m, [False]])
+    steady = np.concatenate([[False], deviation <= MAX_STRAIGHT * resolution_m, [False]])
     borders = np.flatnonzero(np.diff(steady.astype(int))) + half
     straight_m = positions.copy()
     for begin, end in borders.reshape(-1, 2):

@@ -47,9 +47,9 @@ from rope_twin.scene.schema import Scene
 Complexes = NDArray[np.complex128]
 PIECES = 8  # of the rope, each with its own linearised drag
 BORGMAN = np.sqrt(8.0 / np.pi)
-LEAST_SIGMA = 1e-9  # m/s
+MIN_SIGMA = 1e-9  # m/s
 STANDING: Floats = np.zeros(1)  # speeds of a line that does not move
-TOLERANCE, MOST_ITERATIONS = 1e-4, 40
+TOLERANCE, MAX_ITERATIONS = 1e-4, 40
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def linear_drag(sigma: Floats, speeds: Floats) -> Floats:
 
     sigma: standard deviation of v, (k,) [m/s].
     """
-    sigma = np.maximum(sigma, LEAST_SIGMA)[:, None]
+    sigma = np.maximum(sigma, MIN_SIGMA)[:, None]
     ratio = np.abs(speeds) / (np.sqrt(2.0) * sigma)
     mean = BORGMAN * sigma * np.exp(-(ratio**2)) + 2.0 * np.abs(speeds) * erf(ratio)
     return np.asarray(mean.mean(axis=1))
@@ -177,7 +177,7 @@ def top_impedance(
     if heave_psd is None:
         return _response(bar.lower_mass_kg, w, cut, EA, C, mu, d_end, d)[0]
     df = float(frequency_hz[1] - frequency_hz[0])
-    for _ in range(MOST_ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         impedance, motion = _response(bar.lower_mass_kg, w, cut, EA, C, mu, d_end, d)
         sigma = np.sqrt((np.abs(motion) ** 2 * w**2 * heave_psd).sum(axis=1) * df)
         per_beta = linear_drag(np.append(0.5 * (sigma[1:] + sigma[:-1]), sigma[0]), speeds)
@@ -222,7 +222,7 @@ KEPT_BLOCKS = 5  # whose residuals decide on α and σ
 LEVELS = 0.3, 0.5, 0.75, 1.0, 1.4, 2.0, 3.0  # α_j that are tried
 WHITES = 0.9, 1.0, 1.2, 1.6, 2.5  # σ that are tried, over the nominal one
 LEVEL_SD, WHITE_SD = 0.5, 0.2  # of the log-normal priors
-MOST_SQUARE = 16.0  # of a whitened residual in the likelihood: outliers do not decide
+MAX_SQUARE = 16.0  # of a whitened residual in the likelihood: outliers do not decide
 
 
 def heave_spectrum(heave_m: Floats, interval_s: float) -> Floats:
@@ -444,6 +444,6 @@ class ResidualNoise:
         for places, columns in groups:
             factor = cholesky(R[np.ix_(places, places)], lower=True)
             squares = solve_triangular(factor, columns, lower=True) ** 2
-            score -= 0.5 * np.minimum(squares, MOST_SQUARE).sum()
+            score -= 0.5 * np.minimum(squares, MAX_SQUARE).sum()
             score -= columns.shape[1] * np.log(np.diag(factor)).sum()
         return float(score)

@@ -36,7 +36,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of
 
-LEAST_SAMPLES = 100
+MIN_SAMPLES = 100
 Content = TypeVar("Content")
 
 
@@ -129,7 +129,7 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
         ),
         ("heave", winch, lift.heave, f"{HEAVE} or {HANG_OFF}"),
     ):
-        if len(series.table) < LEAST_SAMPLES:
+        if len(series.table) < MIN_SAMPLES:
             problem = f"{len(series.table)} samples of {name}"
             suffix = f" of winch '{owner}'" if owner else ""
             raise BagError(f"bag {bag.path}{suffix}", problem, f"record {topics}")

@@ -23,7 +23,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.estimation.estimator import (
     BLOCK_S,
     BURN_IN_S,
-    LEAST_USED,
+    MIN_USED,
     POOR_NIS,
     BlockResult,
     Estimator,
@@ -155,8 +155,8 @@ NORMAL_90 = 1.6448536269514722  # half width of a 90 % interval in standard devi
 LEARNED, WEAK, NOT_OBSERVABLE = "learned", "weak", "not observable"
 AT_LIMIT = "at limit"  # of the prior: no figure of this lift, however small its interval
 LEARNED_BELOW, WEAK_BELOW = 0.5, 0.9  # posterior over prior standard deviation
-LEAST_CORRELATION = 0.5  # that is reported
-LEAST_GAIN = 0.15  # an action is proposed if it narrows a figure by this share
+MIN_CORRELATION = 0.5  # that is reported
+MIN_GAIN = 0.15  # an action is proposed if it narrows a figure by this share
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ def disagreement(estimator: Estimator) -> str:
     "": something was learned, or there was too little taut rope to compare.
     """
     last = estimator.innovation
-    if last is None or estimator.share(np.isfinite(last.residual_n)) < LEAST_USED:
+    if last is None or estimator.share(np.isfinite(last.residual_n)) < MIN_USED:
         return ""
     if (estimator.results[-1].posterior.sd < estimator.prior.sd * (1.0 - 1e-6)).any():
         return ""
@@ -246,7 +246,7 @@ def estimates(
         state = LEARNED if ratio < LEARNED_BELOW else WEAK if ratio < WEAK_BELOW else NOT_OBSERVABLE
         state = AT_LIMIT if name in at_limit else state
         correlated = int(np.abs(correlation[k]).argmax())
-        tied = abs(correlation[k, correlated]) >= LEAST_CORRELATION
+        tied = abs(correlation[k, correlated]) >= MIN_CORRELATION
         figures.append(
             FigureEstimate(
                 name=name,
@@ -313,7 +313,7 @@ def best_actions(
             ((words, float(belief.sd[k])) for words, belief in actions),
             key=lambda pair: pair[1], default=("", float(sd)),
         )  # fmt: skip
-        if after < (1.0 - LEAST_GAIN) * sd:
+        if after < (1.0 - MIN_GAIN) * sd:
             advice[name] = f"{words}: {_spread(name, sd)} to {_spread(name, after)}"
     return advice
 
@@ -425,9 +425,9 @@ def left_out_words(last: BlockResult) -> list[str]:
     if last.stopped > 0.0:
         where = "the load pin at an end of its range"
         remarks.append(f"{last.stopped:.0%} of the last minute left out: {where}")
-    if last.used < LEAST_USED and not remarks:
-        compared = f"{last.used:.0%} of the last minute compared, {LEAST_USED:.0%} are needed"
-        rate = f"tension comes below {LEAST_USED / MEAN_S:g} Hz"
+    if last.used < MIN_USED and not remarks:
+        compared = f"{last.used:.0%} of the last minute compared, {MIN_USED:.0%} are needed"
+        rate = f"tension comes below {MIN_USED / MEAN_S:g} Hz"
         remarks.append(f"{compared}: a sensor is missing, {rate}, or the rope is slack")
     if last.nis >= POOR_NIS:
         times = f"{np.sqrt(last.nis):.2g} times what sensors and heave explain"

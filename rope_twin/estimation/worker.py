@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 from rope_twin.twin.ensemble.live_state import LiveState
 
 POLL_S = 0.2  # between two looks at the queue
-MOST_WAITING = 100_000  # inputs; older ones are dropped if the worker stands
+MAX_WAITING = 100_000  # inputs; older ones are dropped if the worker stands
 
 _log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class Worker:
     def __init__(self, *tasks: Task) -> None:
         """Take the tasks; the thread does not run yet."""
         self._tasks = tasks
-        self._waiting: deque[Input] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Input] = deque(maxlen=MAX_WAITING)
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self._failed: dict[int, str] = {}

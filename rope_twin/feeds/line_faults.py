@@ -25,7 +25,7 @@ from rope_twin.feeds.transports import FILE, FileSink, Sink, Take, UdpSink, read
 from rope_twin.quantity import read_quantity
 
 LOST, DOUBLED, CUT, GARBLED, DELAYED = FAULTS = "lost", "doubled", "cut", "garbled", "delayed"
-MOST_DELAY_S = 60.0
+MAX_DELAY_S = 60.0
 _SECOND_NS = 1_000_000_000
 FORM = "lost:SHARE,doubled:SHARE,cut:SHARE,garbled:SHARE,delayed:[SHARE:]TIME,seed:NUMBER"
 
@@ -88,9 +88,9 @@ def _share(where: str, words: str) -> float:
 def _delay_s(where: str, words: str) -> float:
     with contextlib.suppress(ValueError):
         delay_s = read_quantity(words, "s")
-        if 0.0 < delay_s <= MOST_DELAY_S:
+        if 0.0 < delay_s <= MAX_DELAY_S:
             return delay_s
-    remedy = f"give a time above 0, at most {MOST_DELAY_S:g} s, such as 0.2s"
+    remedy = f"give a time above 0, at most {MAX_DELAY_S:g} s, such as 0.2s"
     raise InputError(where, f"delay '{words}'", remedy)
 
 

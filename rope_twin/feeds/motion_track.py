@@ -37,7 +37,7 @@ Numbers = tuple[float, ...]
 INTERVALS = 20  # whose median is the usual interval
 SHORT_INTERVAL = 0.2  # of the usual one
 LONG_INTERVAL = 1.5  # of it: one sample was lost or held up, as the next one shows
-LEAST_INTERVAL_NS = 2_000_000
+MIN_INTERVAL_NS = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,7 @@ class MotionTrack:
         usual_ns, late = self._usual_ns(), False
         if self._last:
             interval_ns = sample[0] - self._last[-1][0]
-            late = 0 < interval_ns < max(LEAST_INTERVAL_NS, SHORT_INTERVAL * usual_ns)
+            late = 0 < interval_ns < max(MIN_INTERVAL_NS, SHORT_INTERVAL * usual_ns)
             if late:
                 del self._last[-1]
                 self.replaced += 1

@@ -25,7 +25,7 @@ START, OPCUA_START = "$MODBUS", "$OPCUA"
 TYPES = {"int16": 1, "uint16": 1, "int32": 2, "uint32": 2, "int64": 4, "uint64": 4,
          "float32": 2, "float64": 4}  # fmt: skip
 TABLES = "holding", "input"
-MOST_REGISTERS = 125  # in one request
+MAX_REGISTERS = 125  # in one request
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +69,7 @@ def requests(registers: Mapping[str, Register]) -> list[tuple[str, int, int]]:
     for register in sorted(registers.values(), key=lambda one: (one.table, one.address, one.end)):
         if blocks:
             table, first, count = blocks[-1]
-            if register.table == table and register.end - first <= MOST_REGISTERS:
+            if register.table == table and register.end - first <= MAX_REGISTERS:
                 blocks[-1] = table, first, max(count, register.end - first)
                 continue
         blocks.append((register.table, register.address, register.end - register.address))

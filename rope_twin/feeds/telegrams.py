@@ -71,7 +71,7 @@ _SUM = re.compile(r"\d{1,5}")
 _FLAGS = re.compile(r"[01]{8}")
 _BLANK = re.compile(r"[\s*#?=_.-]*")  # a value that the instrument does not have
 _QUANTITIES = "tension", "speed", "payout"
-_MOST_STARTS = 4  # in one line: of telegrams that were cut
+_MAX_STARTS = 4  # in one line: of telegrams that were cut
 SUM_KINDS = ("xor", "sum", "none")
 
 
@@ -97,7 +97,7 @@ def lci90(channel: str = "") -> Parser:
 
     def parse(line: bytes) -> Reading | None:
         text = clean(line)
-        starts = list(_RD.finditer(text))[-_MOST_STARTS:]
+        starts = list(_RD.finditer(text))[-_MAX_STARTS:]
         refused: Refusal | None = None
         for start in reversed(starts):
             try:

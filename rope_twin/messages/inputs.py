@@ -184,14 +184,14 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
             remedy = "give one for each name, NaN where nothing is measured, or none"
             raise InputError(topic, problem, remedy)
         columns.append([or_none(float(value)) for value in values] or [None] * len(names))
-    if len(names) > MOST_WINCHES or len(set(names)) < len(names):
+    if len(names) > MAX_WINCHES or len(set(names)) < len(names):
         problem = f"{len(names)} names"
-        raise InputError(topic, problem, f"give each winch once, {MOST_WINCHES} at most")
+        raise InputError(topic, problem, f"give each winch once, {MAX_WINCHES} at most")
     source = MOTOR if topic == MOTOR_TENSION else WINCH_SENSORS
     return Measurement(source, stamp_ns, tuple(zip(names, *columns, strict=True)))
 
 
-MOST_WINCHES = 100  # in one message
+MAX_WINCHES = 100  # in one message
 
 
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:

@@ -39,7 +39,7 @@ PAYLOAD_RGB = (0.95, 0.60, 0.20)
 HANG_OFF_RGB = (0.90, 0.90, 0.90)
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
 _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
-_LEAST_LINE_M = 100.0
+_MIN_LINE_M = 100.0
 
 
 def stamp(time_ns: int, path: str = "header.stamp") -> dict[str, int]:
@@ -316,7 +316,7 @@ class RopeMarkers:
         peak_n = float(tension.max())
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
-        line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
+        line_m = max(snapshot.line_out_m, _MIN_LINE_M)
         values = {
             "markers.0.points": ends,
             "markers.0.colors": np.repeat(tension_colours(tension, self._scale_n), 2, axis=0),

@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
 from rope_twin.planning.phases import Leg
-from rope_twin.planning.plan_file import LEGS_MOST, SEEDS_MOST, Plan
+from rope_twin.planning.plan_file import MAX_LEGS, MAX_SEEDS, Plan
 from rope_twin.planning.plan_reader import spreading_of
 from rope_twin.planning.runs import ERROR, STATISTICS, Row, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState, Ship
@@ -32,7 +32,7 @@ ERROR_RUNS = 100  # refinements from here on are those of the runs that give an 
 
 def runs_of_cell(plan: Plan) -> int:
     """Return the number of run numbers of a cell."""
-    return len(plan.sea.hs_m.values) * LEGS_MOST * SEEDS_MOST
+    return len(plan.sea.hs_m.values) * MAX_LEGS * MAX_SEEDS
 
 
 class RowStore:
@@ -186,7 +186,7 @@ class Cell:
         cell = (phase * periods + period) * headings + heading
         times = self.refinements + (ERROR_RUNS if purpose == ERROR else 0)
         cell += times * len(plan.grid)
-        return cell * runs_of_cell(plan) + (height * LEGS_MOST + leg) * SEEDS_MOST + seed
+        return cell * runs_of_cell(plan) + (height * MAX_LEGS + leg) * MAX_SEEDS + seed
 
     def rows(self, height: int, seeds: int) -> list[Row]:
         """Return the rows of the first seeds at a height; run those that are missing.

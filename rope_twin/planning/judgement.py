@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-LEAST_SEEDS = 3  # fewer determine no scale worth the name
+MIN_SEEDS = 3  # fewer determine no scale worth the name
 REPETITIONS = 4000  # bootstrap samples
 NEWTON, CONVERGED = 60, 1e-12
 SAME = 1e-12  # relative spread of values that count as equal
@@ -126,9 +126,9 @@ def characteristic_maximum(
             out of range.
     """
     sample = np.asarray(maxima, dtype=float)
-    if sample.ndim != 1 or len(sample) < LEAST_SEEDS:
+    if sample.ndim != 1 or len(sample) < MIN_SEEDS:
         problem = f"{sample.size} maxima"
-        raise InputError("extremes", problem, f"give at least {LEAST_SEEDS}, one of each seed")
+        raise InputError("extremes", problem, f"give at least {MIN_SEEDS}, one of each seed")
     if not np.isfinite(sample).all():
         raise InputError("extremes", "a maximum is not finite", "leave its seed out")
     if not (0.0 < percentile < 100.0 and 0.0 < confidence < 1.0):
@@ -175,7 +175,7 @@ QUANTITIES = {
 }
 
 
-LEAST_SPEED = 1e-3  # of a limit that is a speed of 0 [m/s]
+MIN_SPEED = 1e-3  # of a limit that is a speed of 0 [m/s]
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
         limit = criteria.landing_speed_m_per_s
         limits.append(Limit("landing_speed_m_per_s", "landing_speed", limit, "landing speed"))
     if criteria.re_hit_m_per_s is not None and legs[0].deck_m is not None:
-        limit = max(criteria.re_hit_m_per_s, LEAST_SPEED)
+        limit = max(criteria.re_hit_m_per_s, MIN_SPEED)
         limits.append(Limit("re_hit_m_per_s", "re_hit", limit, "re-hit"))
     if criteria.offset_m is not None:
         limits.append(Limit("offset_m", "offset", criteria.offset_m, "offset"))
@@ -334,7 +334,7 @@ def judge(
     samples = samples_of([row for row in rows if not row["failure"]], weight_n)
     method, values = plan.method, {}
     for name, sample in samples.items():
-        if len(sample) >= LEAST_SEEDS:
+        if len(sample) >= MIN_SEEDS:
             values[name] = characteristic_maximum(sample, method.percentile, method.confidence)
     uses = {
         limit.key: values[limit.quantity].scaled(1.0 / limit.most)

@@ -28,7 +28,7 @@ from rope_twin.studies.picture import Line, Panel
 PERCENTILES = (50.0, 90.0)
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 SECONDS_PER_HOUR = 3600.0
-HEADING_MOST_DEG = 360.0  # either way, as for headings in scenes and plans
+MAX_HEADING_DEG = 360.0  # either way, as for headings in scenes and plans
 SHORTEST_S = 60.0  # of a planned period: less is hours without their unit
 WHOLE = 1e-9  # relative: a period that is so near to whole steps is that many
 
@@ -59,8 +59,8 @@ class Operation:
             problem = "the heading is given over ground and relative to the waves"
             raise InputError("heading", problem, "keep one of them")
         for angle in (self.bow_deg, self.relative_deg):
-            if angle is not None and not abs(angle) <= HEADING_MOST_DEG:
-                remedy = f"give degrees within ±{HEADING_MOST_DEG:g}"
+            if angle is not None and not abs(angle) <= MAX_HEADING_DEG:
+                remedy = f"give degrees within ±{MAX_HEADING_DEG:g}"
                 raise InputError("heading", f"it is {angle:g}°", remedy)
 
     @property

@@ -33,7 +33,7 @@ DEPTHS, SHALLOW = 12, 0.05  # along the curve of resonance; its beginning over t
 STYLES = ("-", "--", ":", "-.")
 WIDE = 7.0  # inches, over a page
 NAME_WIDTH = 10  # letters of a line under a phase
-MOST_MARKED = 9  # peak periods that all have a mark
+MAX_MARKED = 9  # peak periods that all have a mark
 
 
 def _axes(height: float, across: int = 1, **more: Any) -> tuple[Any, Any]:
@@ -227,7 +227,7 @@ def contour_figure(result: PlanResult) -> Any:
         tp, heading = np.meshgrid(sea.tp_s, headings)
         axes.plot(tp.ravel(), heading.ravel(), ".", color="#1c2630", markersize=3)
         axes.set_yticks(headings)
-        if len(sea.tp_s) <= MOST_MARKED:
+        if len(sea.tp_s) <= MAX_MARKED:
             axes.set_xticks(sea.tp_s, [f"{period_s:g}" for period_s in sea.tp_s], fontsize=8)
         axes.set_title(work.title, fontsize=10)
         axes.set_xlabel("Tp [s]")

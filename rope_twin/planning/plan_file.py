@@ -23,9 +23,9 @@ from rope_twin.sea.spectrum import breaking_fault
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
 
-CELLS_MOST = 5_000
-LEGS_MOST, SEEDS_MOST = 50, 10_000
-HEIGHTS_MOST = 200
+MAX_CELLS = 5_000
+MAX_LEGS, MAX_SEEDS = 50, 10_000
+MAX_HEIGHTS = 200
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,8 +107,8 @@ class Heights:
         if self.from_ > self.to:
             return f"from {self.from_:g} m is above to {self.to:g} m; give the lower one as `from`"
         count = len(self.values)
-        if count > HEIGHTS_MOST:
-            return f"{count} heights; give at most {HEIGHTS_MOST}, with a larger `step`"
+        if count > MAX_HEIGHTS:
+            return f"{count} heights; give at most {MAX_HEIGHTS}, with a larger `step`"
         return None
 
 
@@ -158,7 +158,7 @@ class Lowering:
     speed_m_per_s: float = quantity("speed of the winch", "m/s", 0.01, 5.0)
     legs: int | None = quantity(
         "legs with a mesh and a sea of their own; default: each ends at 1.5 times its depth", "",
-        1, LEGS_MOST, default=None,
+        1, MAX_LEGS, default=None,
     )  # fmt: skip
 
     def check(self) -> str | None:
@@ -343,7 +343,7 @@ class Seeds:
     """Number of seeds of a cell: it grows in steps of `start` until the interval is narrow."""
 
     start: int = quantity("seeds to begin with, and to add at a time", "", 3, 1000, default=8)
-    most: int = quantity("most seeds of a cell", "", 3, SEEDS_MOST, default=64)
+    most: int = quantity("most seeds of a cell", "", 3, MAX_SEEDS, default=64)
 
     def check(self) -> str | None:
         """Return a fault of the numbers, or None."""
@@ -461,6 +461,6 @@ class Plan:
         if double := next((key for key in keys if keys.count(key) > 1), ""):
             return f"uncertainties has '{double}' twice; keep one of them"
         cells = len(self.grid)
-        if cells > CELLS_MOST:
-            return f"{cells} cells of phase, Tp and heading; give at most {CELLS_MOST}"
+        if cells > MAX_CELLS:
+            return f"{cells} cells of phase, Tp and heading; give at most {MAX_CELLS}"
         return None

@@ -36,7 +36,7 @@ from rope_twin.twin.motion.hang_off import arm_from_bow
 HEAD_SEAS = 180.0
 SCENE_CURRENT = "scene.effects.current"
 CERTAIN = ("method", "uncertainties", "sea.hs_m")  # how a plan is worked out, no data of the lift
-MOST_AIR_KG_PER_M3 = 10.0  # density of what counts as air
+MAX_AIR_KG_PER_M3 = 10.0  # density of what counts as air
 
 
 def read_plan(name_or_path: str | Path) -> tuple[Plan, Scene]:
@@ -233,7 +233,7 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
 
 
 def _is_in_air(scene: Scene) -> bool:
-    return scene.environment.water_density_kg_per_m3 < MOST_AIR_KG_PER_M3
+    return scene.environment.water_density_kg_per_m3 < MAX_AIR_KG_PER_M3
 
 
 def _lift_off_faults(plan: Plan, lift_off: LiftOff, scene: Scene) -> Iterator[Fault]:

@@ -22,7 +22,7 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.cells import Cell, CellLimit, PhaseWork, RowStore, runs_of_cell
 from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
-from rope_twin.planning.plan_file import LEGS_MOST, Plan
+from rope_twin.planning.plan_file import MAX_LEGS, Plan
 from rope_twin.planning.plan_reader import read_plan, spreading_of, tip_of, with_error
 from rope_twin.planning.runs import SETTING, STATISTICS, Row, run_row, run_seeds, sea_seed
 from rope_twin.planning.seas import SeaState, Ship
@@ -48,7 +48,7 @@ SETTINGS = tuple(
 TRIAL_S = 120.0  # of the window
 TRIAL_SEEDS = 4  # as many as step together
 SECOND_ORDER = 4.0 / 3.0
-REFINEMENTS_MOST = 3  # of a cell
+MAX_REFINEMENTS = 3  # of a cell
 CONVERGES = 0.7  # of the error before: what remains above that falls with nothing
 
 
@@ -109,7 +109,7 @@ class Trials:
 
     def rows(self, setting: Setting) -> list[Row] | None:
         """Return the rows of all seeds; None if the scene does not run at the setting."""
-        trial = (self._phase * LEGS_MOST + self._leg.number) * len(TRIED) + TRIED.index(setting)
+        trial = (self._phase * MAX_LEGS + self._leg.number) * len(TRIED) + TRIED.index(setting)
         numbers = [-1 - trial * TRIAL_SEEDS - k for k in range(TRIAL_SEEDS)]
         rows = [row for row in map(self._store.get, numbers) if row is not None]
         if len(rows) < TRIAL_SEEDS and setting not in self._failed:
@@ -194,7 +194,7 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
     """Return the search with the governing leg as fine as its error asks for; None: leave it."""
     method, judged = search.plan.method, limit.judged
     fixed = method.elements is not None or judged is None or math.isnan(limit.error)
-    if fixed or limit.error <= method.error_within or limit.refinements >= REFINEMENTS_MOST:
+    if fixed or limit.error <= method.error_within or limit.refinements >= MAX_REFINEMENTS:
         return None
     assert judged is not None
     leg = judged.governing_leg

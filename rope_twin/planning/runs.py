@@ -292,7 +292,7 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
     return replace(scene, effects=effects)
 
 
-AT_LEAST, AT_DEPTH, AT_SINKING, AT_LOWEST = (
+AT_MIN_TENSION, AT_DEPTH, AT_SINKING, AT_LOWEST = (
     1 + k for k in (MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION)
 )
 
@@ -371,10 +371,10 @@ class SteppedExtremes:
             selected = steps[afloat]
             extremes.take_least(
                 len(selected),
-                int((selected[:, AT_LEAST] <= 0.0).sum()),
+                int((selected[:, AT_MIN_TENSION] <= 0.0).sum()),
                 top_n=float(selected[:, TOP].min()),
                 payload_n=float(selected[:, AT_LOWEST].min()),
-                anywhere_n=float(selected[:, AT_LEAST].min()),
+                anywhere_n=float(selected[:, AT_MIN_TENSION].min()),
             )
 
     def _before_touchdown(self, steps: Vector) -> Any:

@@ -26,11 +26,11 @@ from rope_twin.quantity import quantity, text
 from rope_twin.scene.schema import Triple
 from rope_twin.sea.tables import Vector
 
-SLINGS_MOST = 6  # 2^6 combinations of length errors at four centres of gravity
+MAX_SLINGS = 6  # 2^6 combinations of length errors at four centres of gravity
 DETERMINATE = 3
 SLING_MODULUS_PA = 8.0e10  # on 0.785·d², 0027/ND 5.6.13
 CLOSED_N, STRETCHED = 1.0, 0.02  # load at which slings must meet, and strain that they then have
-LEAST_FACTOR = 2.3  # of 7.3.1
+MIN_FACTOR = 2.3  # of 7.3.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,7 @@ class SlingFactors:
     def nominal(self) -> float:
         """Return γ_sf, the greater of γ_f·γ_c·γ_r·γ_w·γ_m·γ_tw and 2.3·γ_r·γ_w·γ_tw (7.3.1)."""
         common = self.reduction * self.wear * self.twist
-        return common * max(self.load * self.consequence * self.material, LEAST_FACTOR)
+        return common * max(self.load * self.consequence * self.material, MIN_FACTOR)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,8 +124,8 @@ class Slings:
 
     def _faults(self) -> Iterator[str]:
         count, more = self.count, self.count > DETERMINATE
-        if not 1 <= count <= SLINGS_MOST:
-            yield f"{count} attachments; give 1 to {SLINGS_MOST}"
+        if not 1 <= count <= MAX_SLINGS:
+            yield f"{count} attachments; give 1 to {MAX_SLINGS}"
             return
         if len(self.lengths_m) not in (1, count):
             yield f"{len(self.lengths_m)} lengths for {count} slings; give one of each, or one"

@@ -38,7 +38,7 @@ Faults = dict[str, NDArray[np.bool_]]  # by what is wrong: which rows
 _STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
 _TOLERATED_SHARE = 0.05  # of samples that cannot be used
-_LEAST_INTERVAL_NS = 500_000  # 2 kHz: no sensor of a lift is faster
+_MIN_INTERVAL_NS = 500_000  # 2 kHz: no sensor of a lift is faster
 _LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
 
 
@@ -153,9 +153,9 @@ class StampedRows:
     def _tell_gaps(self, stamp_ns: Stamps) -> str:
         steps = np.diff(stamp_ns)
         usual_ns = float(np.median(steps))
-        if usual_ns < _LEAST_INTERVAL_NS:
+        if usual_ns < _MIN_INTERVAL_NS:
             problem = f"a sample every {usual_ns:g} ns, as of stamps in milliseconds"
-            right = f"right are seconds and nanoseconds, {_LEAST_INTERVAL_NS} ns apart at least"
+            right = f"right are seconds and nanoseconds, {_MIN_INTERVAL_NS} ns apart at least"
             raise BagError(self.where, problem, right)
         gaps = steps > GAP_PERIODS * usual_ns
         if not np.any(gaps):

@@ -12,7 +12,7 @@ from rope_twin.ros.entry import SuiteNode
 from rope_twin.ros.qos import Senders, message_type, profile, publish
 from rope_twin.topics import BY_NAME
 
-_PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005
+_PERIOD_S, _MIN_PERIOD_S = 0.04, 0.005
 EPOCH_TOPIC = "twin/epoch"
 # Accepted distance of an epoch from now: a simulation starts within seconds, or resumes.
 EPOCH_AHEAD_S, EPOCH_BACK_S = 60.0, 3.2e7
@@ -92,7 +92,7 @@ class InputNode(SuiteNode, ABC):
         for name in topics:
             self._own_publishers[name] = publish(self, BY_NAME[name])
         self._due_clock = InputClock(lead_s, speed, first_ns)
-        self.every(max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed)), self._publish_due)
+        self.every(max(_MIN_PERIOD_S, _PERIOD_S / max(1.0, speed)), self._publish_due)
 
     def await_epoch(self, simulation: str) -> None:
         """Follow the epoch that the node of this name publishes, also if it starts later."""

@@ -40,7 +40,7 @@ from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 SILENT_S = 0.5  # silence of a sender after which another one is accepted ...
 INTERVALS, LONGEST_S = 3.0, 10.0  # ... or so many intervals of a measured quantity, up to so long
-MOST_SENSORS = 1000  # quantities of winches of which the sender is selected
+MAX_SENSORS = 1000  # quantities of winches of which the sender is selected
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 REMARK_S = 5.0  # between two remarks to the twin
 _DEPTH, _QUANTITIES = "depth", ("line out", "line speed", "tension")  # values of a row
@@ -259,7 +259,7 @@ class InputBorder:
                 key = topic, winch, k
                 if value is None:
                     continue
-                if key not in self._sensors and len(self._sensors) < MOST_SENSORS:
+                if key not in self._sensors and len(self._sensors) < MAX_SENSORS:
                     self._sensors[key] = SelectedSender(LONGEST_S)
                 if key in self._sensors and not self._sensors[key].admit(sender, now_s):
                     values[k] = None

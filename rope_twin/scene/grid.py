@@ -271,7 +271,7 @@ def ends_m(line: RopeLine) -> list[float]:
     return [*known[:-1], inf]
 
 
-TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
+TOLERANCE_SHARE, MIN_TOLERANCE_N, MAX_TOLERANCE_N = 0.003, 1.0, 500.0
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:

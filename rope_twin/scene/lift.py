@@ -42,7 +42,7 @@ from rope_twin.scene.schema import (
 )
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
-LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
+MIN_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 
 
 @dataclass(frozen=True)
@@ -289,7 +289,7 @@ def room_for(scene: Scene, line: RopeLine) -> Winch:
     return Winch(
         speed_limit_m_per_s=1.0,
         acceleration_limit_m_per_s2=1.0,
-        least_line_out_m=max(1.0, LEAST_ELEMENTS * line.length_m / line.elements),
+        least_line_out_m=max(1.0, MIN_ELEMENTS * line.length_m / line.elements),
         most_line_out_m=both,
     )
 

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from rope_twin.scene.schema import RopeLine
 
 SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
-MOST_STRAIN = 1.0
-MOST_STIFFNESS_N = 1e12
+MAX_STRAIN = 1.0
+MAX_STIFFNESS_N = 1e12
 STRAIN_TOL = 1e-12  # relative tolerance of the inverse, in strain
 
 
@@ -98,9 +98,9 @@ class StiffnessTable(SparingRepr):
                     f"[{high:g}, {more:g}] follows [{low:g}, {less:g}]; "
                     "strain and tension must ascend from row to row"
                 )
-            if (more - less) / (high - low) > MOST_STIFFNESS_N:
+            if (more - less) / (high - low) > MAX_STIFFNESS_N:
                 return f"from strain {low:g} to {high:g} its slope exceeds 1e12 N; check the units"
-        if self.table[-1][0] > MOST_STRAIN:
+        if self.table[-1][0] > MAX_STRAIN:
             return f"a strain of {self.table[-1][0]:g} is given; 1 % is 0.01, give at most 1"
         if self.working_curve is not None and self.dynamic is None:
             return "it has a working_curve without dynamic; give the dynamic stiffness too"

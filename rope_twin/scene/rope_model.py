@@ -45,8 +45,8 @@ from rope_twin.effects.rope_mass import AddedMassParams, Weight
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.grid import (
-    TOLERANCE_LEAST_N,
-    TOLERANCE_MOST_N,
+    MAX_TOLERANCE_N,
+    MIN_TOLERANCE_N,
     TOLERANCE_SHARE,
     ends_m,
     find_payload,
@@ -61,7 +61,7 @@ from rope_twin.scene.schema import EndMotion, RopeLine, Scene
 from rope_twin.scene.shapes import NOTHING, PayloadFigures, payload_figures
 
 COLUMNS = 3  # along each side of a partially submerged body
-LEAST_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body on the seabed
+MIN_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body on the seabed
 
 
 def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
@@ -114,7 +114,7 @@ def _outline_columns(params: SplashZoneParams, body: RigidBody, density: float) 
 def _bed(shape: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
     """Return the seabed below the corners."""
     weight = (body.m - body.displaced) * body.g
-    k = max(weight, LEAST_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
+    k = max(weight, MIN_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
     kind: Any = GridBed if isinstance(shape, Grid) else PlaneBed
     return kind(shape=shape, k=float(k), chi=shape.soil.chi, mu=shape.soil.mu)
 
@@ -297,13 +297,13 @@ def _tolerance(tension: Floats, effects: tuple[Any, ...]) -> float:
 
     tension: of the straight hanging rope at its nodes, so it grows by the weight of each element.
     """
-    tolerance = min(TOLERANCE_SHARE * abs(float(tension[-1])), TOLERANCE_MOST_N)
+    tolerance = min(TOLERANCE_SHARE * abs(float(tension[-1])), MAX_TOLERANCE_N)
     for effect in effects:
         if isinstance(effect, PlaneFriction | GridFriction):
             weight = float(np.median(np.diff(tension)))
             stuck = min(effect.axial, effect.lateral) * effect.slip * weight
             tolerance = min(tolerance, TOLERANCE_STUCK_SHARE * stuck)
-    return max(tolerance, TOLERANCE_LEAST_N)
+    return max(tolerance, MIN_TOLERANCE_N)
 
 
 def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:

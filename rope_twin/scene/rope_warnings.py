@@ -165,7 +165,7 @@ WAVE_SPEEDS_M_PER_S = (800.0, 12000.0)  # nylon and polyester to HMPE under load
 ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
 # A smooth cylinder in the drag crisis has about 0.3; mooring chain 2.4 across it and 1.15/π along
 # it (DNV-OS-E301):
-LEAST_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MOST_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
+MIN_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MAX_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
 DRY_ROPE_SHARE = 0.005  # of the static top tension: error accepted for rope above the water
 Check = Callable[[Scene, LiftFigures], Iterator[str]]
 
@@ -330,12 +330,12 @@ def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _coefficients(
     path: str, prefix: str, normal: float | None, tangential: float | None
 ) -> Iterator[str]:
-    if normal is not None and normal < LEAST_NORMAL_DRAG:
+    if normal is not None and normal < MIN_NORMAL_DRAG:
         problem = f"{normal:g} is below the normal drag of a smooth cylinder in the drag crisis"
         remedy = "wire and fibre rope have 1 to 1.8, chain 2.4"
         yield phrase(f"{path}.{prefix}normal", problem, remedy)
     chain = normal is not None and normal >= CHAIN_NORMAL_DRAG
-    if tangential is not None and tangential > MOST_TANGENTIAL_DRAG and not chain:
+    if tangential is not None and tangential > MAX_TANGENTIAL_DRAG and not chain:
         problem = f"{tangential:g} is too large for tangential drag, on π times the diameter"
         remedy = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 normal to it"
         yield phrase(f"{path}.{prefix}tangential", problem, remedy)

@@ -33,7 +33,7 @@ MIRRORED_FORE_AND_AFT = np.array([-1.0, 1.0, 1.0, 1.0, -1.0, -1.0])  # in the yz
 WIDEST_GAP_DEG = 90.0  # between headings: linear interpolation of sin β is 0.21 off in the middle
 SAME_DEG, SAME_M = 1e-6, 1e-6  # headings and points nearer than this are one
 LONG_WAVE_S = 18.0  # periods from which a ship of up to 150 m follows the waves
-HEAVE_LEAST, HEAVE_MOST, PHASE_MOST_DEG = 0.5, 1.5, 60.0  # accepted in long waves
+MIN_HEAVE, MAX_HEAVE, MAX_PHASE_DEG = 0.5, 1.5, 60.0  # accepted in long waves
 GRAVITY_M_PER_S2 = 9.80665
 
 NO_SYMMETRY, XZ_PLANE, XZ_AND_YZ_PLANES = "none", "xz_plane", "xz_and_yz_planes"
@@ -347,14 +347,14 @@ def long_wave_doubts(responses: Responses) -> Iterator[str]:
         where = f"RAOs at heading {degrees:g}°, {period}"
         _, _, heave, _, pitch, _ = responses.at(np.array([lowest]), np.array([beta]))[:, 0]
         lead = np.degrees(np.angle(heave))
-        if not HEAVE_LEAST <= abs(heave) <= HEAVE_MOST or abs(lead) > PHASE_MOST_DEG:
+        if not MIN_HEAVE <= abs(heave) <= MAX_HEAVE or abs(lead) > MAX_PHASE_DEG:
             problem = f"heave is {abs(heave):.3g} m/m, {lead:.0f}° ahead of the crest"
             yield phrase(where, problem, "a free ship heaves 1 m/m in phase: check the conventions")
         slope = 1j * k * np.cos(beta)
         if abs(np.cos(beta)) < 0.5 or abs(pitch) < 1e-9:
             continue
         lead = np.degrees(np.angle(pitch / slope))
-        if abs(lead) > PHASE_MOST_DEG:
+        if abs(lead) > MAX_PHASE_DEG:
             problem = f"pitch is {lead:.0f}° off the phase of the wave slope"
             remedy = "a free ship pitches with the slope: check the conventions"
             yield phrase(where, problem, remedy)

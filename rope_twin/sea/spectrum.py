@@ -25,7 +25,7 @@ DEEP = math.inf  # m
 TAIL = 1e-3  # of the variance: tail at each end of a spectrum, added to the outermost components
 BAND_HZ = 0.01  # of a band of a measured spectrum
 NEWTON = 30
-LEAST_TURN = 1e-12
+MIN_TURN = 1e-12
 
 
 @dataclass(frozen=True)
@@ -270,7 +270,7 @@ def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:
         tanh = np.tanh(kh)
         change = (kh * tanh - x * x) / (tanh + kh * (1.0 - tanh * tanh))
         kh = kh - change
-        if np.all(np.abs(change) <= LEAST_TURN * kh):
+        if np.all(np.abs(change) <= MIN_TURN * kh):
             break
     return np.asarray(kh / depth_m)
 

@@ -207,7 +207,7 @@ def _order(order: float | None) -> str:
 
 MARKERS = ("o", "s", "D", "^", "v", "P")  # the shorter the step, the earlier
 PANELS = ((RMS, "rms [% of std]"), (PEAK, "highest [%]"))
-LEAST_PCT = 1e-6
+MIN_PCT = 1e-6
 
 
 def draw_accuracy(study: Study, path: Path) -> None:
@@ -253,8 +253,8 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
         axes.plot(level.real_time_factor, _height(level, name), "o", markersize=14,
                   fillstyle="none", color="crimson", markeredgewidth=1.8, linestyle="", label="the scene as it is")  # fmt: skip # noqa: E501
     low, high = axes.get_ylim()
-    bottom = min(low, 0.5 * max(doubt, LEAST_PCT))
-    axes.axhspan(bottom, max(doubt, LEAST_PCT), color="0.85", zorder=0,
+    bottom = min(low, 0.5 * max(doubt, MIN_PCT))
+    axes.axhspan(bottom, max(doubt, MIN_PCT), color="0.85", zorder=0,
                  label="reference's uncertainty")  # fmt: skip
     axes.set_ylim(bottom, high)
     mark_decades(axes)
@@ -298,4 +298,4 @@ def _draw_front(axes: Any, rows: list[StudyLevel], name: str) -> None:
 
 def _height(row: StudyLevel, name: str) -> float:
     at_most = row.figures[name].at_most
-    return max(LEAST_PCT, LEAST_PCT if at_most is None else at_most)
+    return max(MIN_PCT, MIN_PCT if at_most is None else at_most)

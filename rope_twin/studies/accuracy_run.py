@@ -50,7 +50,7 @@ from rope_twin.vortex.coupled import VivDragAmplification
 Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
 PIECE_NODE_STEPS = 40_000  # a timed piece takes some 4 ms at least
-ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
+ENOUGH_S, FEWEST_RUNS, MAX_RUNS = 0.6, 2, 7  # of timing
 
 
 @dataclass(frozen=True)
@@ -196,7 +196,7 @@ class Trial:
         element_steps = self._steps * self.setting.elements
         piece = math.ceil(self._steps / max(1, min(100, element_steps // PIECE_NODE_STEPS)))
         runs: list[Vector] = []
-        while len(runs) < MOST_RUNS:
+        while len(runs) < MAX_RUNS:
             runs.append(self._timed(piece))
             spent_s = float(sum(run.sum() for run in runs))
             if len(runs) >= FEWEST_RUNS and spent_s > ENOUGH_S:

@@ -44,8 +44,8 @@ FEWEST, MOST = 10, 1000  # elements of settings; at least half and twice the sce
 TOLERANCES = (0.1, 10.0)  # times the scene's own, at its own elements and step
 REFERENCE_TOLERANCE = 0.1
 REFERENCE_WORK = 33e6  # nodes times steps of the finest run, about
-FINER_MOST = 4  # elements of the reference over those of the finest level
-MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
+MAX_FINER = 4  # elements of the reference over those of the finest level
+MAX_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
 DEAR = 2.0  # a scene whose nodes cost more than twice as much has few settings
 COMPONENTS = 14.0  # so many waves cost a node as much as all else
 VORTICES = 1.4  # what a model of vortices costs a node beside all else, at most
@@ -98,7 +98,7 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
         remedy = "give the lowest element's length and its growth instead"
         raise InputError(where, "grading.nodes_m holds the elements fixed", remedy)
     usual = _plan(scene, seconds, USUAL)
-    is_expensive = dearness(scene) > DEAR or usual.work > MOST_WORK
+    is_expensive = dearness(scene) > DEAR or usual.work > MAX_WORK
     return _plan(scene, seconds, SHORT) if is_expensive else usual
 
 
@@ -128,7 +128,7 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     finest_s = _whole(reach.reference_step * h)
     max_multiple = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
     finer = 2 ** math.floor(math.log2(max(max_multiple, 1.0)))
-    elements = counts[-1] * min(max(finer, 2), FINER_MOST)
+    elements = counts[-1] * min(max(finer, 2), MAX_FINER)
     fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
     return Plan(span, setting, look_s, (*grid, *others), fine, ropes)
 
@@ -162,7 +162,7 @@ def _whole(seconds: float) -> float:
     return round(seconds, 12)
 
 
-SAFETY, FORMAL_ORDER, LEAST_ORDER = 1.25, 2.0, 0.4
+SAFETY, FORMAL_ORDER, MIN_ORDER = 1.25, 2.0, 0.4
 NO_ORDER = 3.0  # safety where there is no order: the factor for two grids
 LITTLE = {"%": 5.0, "m": 0.1}  # three times differences that do not matter though they do not fall
 NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
@@ -236,7 +236,7 @@ def uncertainty(
     if max(d1, d2) <= NOTHING[unit]:
         return max(d1, d2), None
     order = math.log2(d1 / d2) if d1 > 0.0 and d2 > 0.0 else math.inf if d2 == 0.0 else -math.inf
-    if order < LEAST_ORDER:
+    if order < MIN_ORDER:
         bound = NO_ORDER * max(d1, d2)
         return (bound, None) if bound <= LITTLE[unit] else (None, None)
     p = min(order, FORMAL_ORDER)

@@ -23,7 +23,7 @@ from rope_twin.twin.ensemble.ensemble import Ensemble, Lanes, Variation, whole_s
 from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.motion.heave_track import HeaveSeries
 
-MEMBERS_MOST = 10_000
+MAX_MEMBERS = 10_000
 MEMBERS_USUAL = 100
 RIGHT = "write PATH=LOW..HIGH, PATH=LOW..HIGH:COUNT or PATH=A,B,C (*= to multiply)"
 
@@ -60,9 +60,9 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
         raise InputError(where, f"{low:g} is not below {high:g}", "give the lesser first")
     if not colon:
         return Variable(path=path, from_=low, to=high, multiply=multiply)
-    if not count.isdecimal() or not 2 <= int(count) <= MEMBERS_MOST:
+    if not count.isdecimal() or not 2 <= int(count) <= MAX_MEMBERS:
         problem = f"'{count}' is no number of values"
-        raise InputError(where, problem, f"give 2 to {MEMBERS_MOST} after the colon")
+        raise InputError(where, problem, f"give 2 to {MAX_MEMBERS} after the colon")
     values = tuple(np.linspace(low, high, int(count)).tolist())
     return Variable(path=path, values=values, multiply=multiply)
 
@@ -84,9 +84,9 @@ def make_plan(axes: Sequence[Variable], members: int | None, seed: int) -> Plan:
         raise InputError(f"--vary {twice}", "it is set twice", "keep one of them")
     per_point = members if members is not None else (MEMBERS_USUAL if random_axes else 1)
     points = math.prod(len(axis.values) for axis in axes if axis.values)
-    if not 1 <= per_point * points <= MEMBERS_MOST:
+    if not 1 <= per_point * points <= MAX_MEMBERS:
         problem = f"{per_point} members at each of {points} points of the grid"
-        raise InputError("--members", problem, f"give 1 to {MEMBERS_MOST} in all")
+        raise InputError("--members", problem, f"give 1 to {MAX_MEMBERS} in all")
     if per_point > 1 and not random_axes:
         problem = f"{per_point} members at each point would all be equal"
         raise InputError("--members", problem, "leave it out, or draw a number at random")

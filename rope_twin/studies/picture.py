@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Vector = NDArray[np.float64]
-MOST_ACROSS = 3  # panels in a row
+MAX_ACROSS = 3  # panels in a row
 FEW_DECADES = 200.0  # an axis whose end is less than 200 times its start is marked at 1, 2 and 5
-MOST_PERIODS = 12  # in a printed table of one heading
-MOST_CURVES = 9  # headings in a picture
+MAX_PERIODS = 12  # in a printed table of one heading
+MAX_CURVES = 9  # headings in a picture
 SHOWN = 5e-4  # printed modulus from which a phase has a meaning
-LEAST_RATIO = 1e-3  # of a freedom's largest modulus: a phase below it is not drawn
+MIN_RATIO = 1e-3  # of a freedom's largest modulus: a phase below it is not drawn
 
 
 @dataclass(frozen=True)
@@ -121,7 +121,7 @@ def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     check_picture(path)
-    across = 2 if len(panels) == 4 else min(len(panels), MOST_ACROSS)
+    across = 2 if len(panels) == 4 else min(len(panels), MAX_ACROSS)
     down = ceil(len(panels) / across)
     figure = new_figure(5.0 * across + 0.6, 3.8 * down)
     axes = figure.subplots(down, across, squeeze=False).ravel()
@@ -183,7 +183,7 @@ def periods_s(responses: Responses) -> Vector:
 def table_rows(responses: Responses, heading_deg: float) -> list[list[str]]:
     """Return a table for one heading: modulus and phase (lead, degrees) of six freedoms."""
     every = periods_s(responses)
-    indices = np.unique(np.linspace(0, len(every) - 1, min(len(every), MOST_PERIODS)).round())
+    indices = np.unique(np.linspace(0, len(every) - 1, min(len(every), MAX_PERIODS)).round())
     table_periods = every[indices.astype(int)]
     answer = responses.at(1.0 / table_periods, np.full(len(table_periods), np.radians(heading_deg)))
     head = ["T [s]"]
@@ -229,7 +229,7 @@ def draw_raos(responses: Responses, headings_deg: Vector, at_m: Point | None, pa
         InputError: matplotlib is not there, or the picture cannot be written.
     """
     periods = periods_s(responses)
-    few = np.unique(np.linspace(0, len(headings_deg) - 1, min(len(headings_deg), MOST_CURVES)))
+    few = np.unique(np.linspace(0, len(headings_deg) - 1, min(len(headings_deg), MAX_CURVES)))
     panels = list[Panel]()
     answers = {
         float(headings_deg[k]): responses.at(
@@ -259,4 +259,4 @@ def draw_raos(responses: Responses, headings_deg: Vector, at_m: Point | None, pa
 def _phase(values: Any, largest: float) -> Vector:
     """Return phases in degrees; none where a freedom barely moves."""
     phase = np.degrees(np.angle(values))
-    return np.asarray(np.where(np.abs(values) > LEAST_RATIO * max(largest, 1e-30), phase, np.nan))
+    return np.asarray(np.where(np.abs(values) > MIN_RATIO * max(largest, 1e-30), phase, np.nan))

@@ -41,7 +41,7 @@ from rope_twin.vortex.fatigue import CURVES, OWN
 from rope_twin.vortex.results import MaterialFatigue, RopeDamage
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
-RUNS_MOST = 100_000
+MAX_RUNS = 100_000
 Row = dict[str, Any]
 Value = float | str
 Counts = dict[int, RopeDamage]  # by the number of the rope
@@ -127,7 +127,7 @@ class Variable:
 class LatinHypercube:
     """Runs drawn so that each variable meets each part of its range equally often."""
 
-    runs: int = quantity("how many runs", "", 2, RUNS_MOST)
+    runs: int = quantity("how many runs", "", 2, MAX_RUNS)
     seed: int = quantity("picks them", "", 0, 2**31, default=1)
 
 
@@ -205,8 +205,8 @@ def design_runs(study: Study) -> list[tuple[Value, ...]]:
     if study.latin_hypercube is None:
         sizes = [_choices(variable) for variable in study.vary]
         count = math.prod(len(size) for size in sizes)
-        if count > RUNS_MOST:
-            remedy = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
+        if count > MAX_RUNS:
+            remedy = f"give fewer values ({MAX_RUNS} points at most), or draw a latin_hypercube"
             raise InputError(f"{study.path}: vary", f"the grid has {count} points", remedy)
         rows: Iterator[tuple[Value, ...]] = itertools.product(*sizes)
     else:

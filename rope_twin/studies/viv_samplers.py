@@ -30,7 +30,7 @@ from rope_twin.vortex.line_model import (
 
 PLACES = 200  # along the rope, over its length at the time
 PER_PERIOD = 24  # samples per period of the fastest vortices
-LEAST_PER_PERIOD = 4.0  # of a model outside the time step, which advances once a step at most
+MIN_PER_PERIOD = 4.0  # of a model outside the time step, which advances once a step at most
 AHEAD_S = 5.0  # by which `march` offers winch commands in advance
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
@@ -83,12 +83,12 @@ def samplers_of(twin: Twin, vortices_hz: float) -> list[Sampler]:
     if twin.viv_drag is None:
         return [_NodeSampler(rope, vortices_hz) for rope in ropes]
     per_period = 1.0 / (vortices_hz * twin.step_s)
-    if per_period < LEAST_PER_PERIOD:
+    if per_period < MIN_PER_PERIOD:
         problem = (
             f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} samples in a period of "
             f"{vortices_hz:.3g} Hz"
         )
-        remedy = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
+        remedy = f"give {1e3 / (MIN_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
         raise InputError(f"{twin.scene.path}: time.step_s", problem, remedy)
     return [_ModelSampler(rope, twin.viv_drag) for rope in ropes]
 

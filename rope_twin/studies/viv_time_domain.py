@@ -55,7 +55,7 @@ from rope_twin.vortex.monitor import CUT_OFF
 from rope_twin.vortex.results import DamageSettings, MaterialFatigue, RopeDamage
 
 STEADY = 0.5  # of a run: the part that counts
-LEAST_PERIODS = 10  # of the fastest vortices in that part
+MIN_PERIODS = 10  # of the fastest vortices in that part
 # periods before and after it, for the filter: in five its edge effects fall to 1.2 %, as
 # exp(-t·√½·2π·CUT_OFF·f)
 AROUND_PERIODS = 5.0
@@ -300,12 +300,12 @@ def run_time_domain(scene: Scene, duration_s: float, curve: str) -> list[TimeDom
 
 
 def refuse_short(duration_s: float, vortices_hz: float) -> None:
-    """Reject a run whose evaluated part is shorter than LEAST_PERIODS.
+    """Reject a run whose evaluated part is shorter than MIN_PERIODS.
 
     Raises:
         InputError: the run is too short.
     """
-    min_s = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
+    min_s = MIN_PERIODS / (vortices_hz * (1.0 - STEADY))
     if duration_s < min_s:
         problem = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
         raise InputError("--duration", problem, f"give {math.ceil(min_s)} or more")

@@ -66,7 +66,7 @@ from rope_twin.effects.payload_shedding import PayloadShedding
 from rope_twin.effects.rope_mass import Weight
 from rope_twin.effects.waves import Waves
 from rope_twin.errors import SolverError
-from rope_twin.scene.grid import ROOM, TOLERANCE_LEAST_N, TOLERANCE_SHARE, halvings
+from rope_twin.scene.grid import MIN_TOLERANCE_N, ROOM, TOLERANCE_SHARE, halvings
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.regrid import (
     elements_of,
@@ -371,7 +371,7 @@ def _filled(rope: Rope, state: State, part: Nodes) -> Rope:
     """Return the part with its own scratch arrays and a tolerance from its weight."""
     work = new_work(columns_for(state.s.shape[0]), work_rows(rope.effects))
     work[rows.TENSION, : len(part.tension)] = part.tension
-    tolerance = max(TOLERANCE_SHARE * _weight_n(rope, part), TOLERANCE_LEAST_N)
+    tolerance = max(TOLERANCE_SHARE * _weight_n(rope, part), MIN_TOLERANCE_N)
     model = rope.model._replace(tolerance=min(rope.model.tolerance, tolerance))
     return rope._replace(model=model, state=state, work=work)
 

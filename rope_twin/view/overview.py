@@ -295,7 +295,7 @@ class Surface:
         self._canvas.labels("scale/words", places, labels, static=True)
 
 
-_LEAST_M = 5.0  # minimum visible distance above, below and to the sides
+_MIN_M = 5.0  # minimum visible distance above, below and to the sides
 _NEAR_M = 80.0  # ropes that end farther away are not part of this view
 _MARGIN = 1.25
 _GROWN = 1.2  # the camera moves when the extent has grown by this factor
@@ -305,14 +305,14 @@ _GROWN = 1.2  # the camera moves when the extent has grown by this factor
 class LowerEndSight:
     """Visible region around the lower end [m]."""
 
-    below: float = _LEAST_M
-    beside: float = _LEAST_M
+    below: float = _MIN_M
+    beside: float = _MIN_M
     aside: tuple[float, float] = (1.0, 0.0)  # unit vector (east, north) that points right
 
     @property
     def above(self) -> float:
         """Return the visible length of rope above the lower end."""
-        return max(_LEAST_M, 0.6 * max(self.below, self.beside))
+        return max(_MIN_M, 0.6 * max(self.below, self.beside))
 
     @property
     def half(self) -> float:

@@ -43,7 +43,7 @@ AMPLITUDE_MIN = 1e-6  # d: a mode without excitation and with less amplitude is 
 GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; initial phase of a mode over the square of its number
 # (proportional to the number itself, all modes would add up to one pulse)
 DAMPING_MIN = 1e-200  # N/m: keeps the response of an undamped mode finite
-MOST_ELEMENTS = 6000
+MAX_ELEMENTS = 6000
 TOGETHER = 128  # places processed at a time, so that intermediates stay in the cache
 PART = 12  # modes computed per call alongside a running twin
 
@@ -188,7 +188,7 @@ class ModalResponse:
         shedding, highest = self.shedding.strouhal * fastest, fastest / self.shedding.band[0]
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
         length = float(span.s[-1] - span.s[0])
-        longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MOST_ELEMENTS)
+        longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MAX_ELEMENTS)
         return ModeSearch(refined(span, longest, EVEN, self._elements), highest, part)
 
     def _take(self, span: Span, search: ModeSearch | None = None) -> None:

@@ -25,7 +25,7 @@ from rope_twin.vortex.modes import MAX_MODES, LateralModes, ModeSearch
 from rope_twin.vortex.shedding import nearest_zones, parts_below, share_out
 
 PER_WAVE = 24  # elements per wave length at the highest frequency that can be excited
-MOST_ELEMENTS = 6000
+MAX_ELEMENTS = 6000
 ROUNDS = 60
 ADDED_MASS_TOL = 1e-6  # convergence of C_a between two rounds
 CENTRE = 0.17  # f·D/U of the largest power-in ([GE])
@@ -213,7 +213,7 @@ def fine_enough(
     slowest = float(np.sqrt((span.tension / moved).min()))
     fastest = model.band[1] * (recent or RecentSpeeds()).fastest(span)
     longest = slowest / max(fastest, 1e-9) / PER_WAVE
-    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS), EVEN, kept)
+    return refined(span, max(longest, span.s[-1] / MAX_ELEMENTS), EVEN, kept)
 
 
 def _per_metre(span: Span, model: Decomposed) -> Floats:

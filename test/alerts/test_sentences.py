@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.alerts.alert_list import Alert, Priority, State
-from rope_twin.alerts.sentences import SENTENCE_MOST, AlertCommand, alc, alf, arc, clock, read_acn
+from rope_twin.alerts.sentences import MAX_SENTENCE, AlertCommand, alc, alf, arc, clock, read_acn
 from rope_twin.errors import InputError
 
 NOON_NS = (12 * 3600 + 34 * 60 + 56) * 1_000_000_000 + 780_000_000
@@ -30,7 +30,7 @@ def test_an_alert_is_two_sentences_of_one_group() -> None:
     assert second.startswith(b"$IIALF,2,2,7,,,,,RPT,10001,2,3,1,tension of 'hoist' 412.0 kN^2C")
     for line in (first, second):
         assert line.endswith(b"\r\n")
-        assert len(line) <= SENTENCE_MOST
+        assert len(line) <= MAX_SENTENCE
         assert line[-4:-2].decode() == checksum(line)
 
 
@@ -42,7 +42,7 @@ def test_the_list_has_every_alert_that_is_not_normal() -> None:
     assert list(alc([], 0)) == [
         b"$IIALC,01,01,00,0*" + checksum(b"$IIALC,01,01,00,0*").encode() + b"\r\n"
     ]
-    assert all(len(line) <= SENTENCE_MOST for line in alc([ALERT] * 40, 99))
+    assert all(len(line) <= MAX_SENTENCE for line in alc([ALERT] * 40, 99))
 
 
 def acn(fields: str) -> bytes:
@@ -80,7 +80,7 @@ def test_any_text_fits_and_is_framed(text: str, utc_ns: int) -> None:
     from dataclasses import replace
 
     for line in alf(replace(ALERT, text=text, name=text), utc_ns, 0):
-        assert len(line) <= SENTENCE_MOST
+        assert len(line) <= MAX_SENTENCE
         assert line.isascii()
         assert (line.count(b"*"), line.count(b"$")) == (1, 1)
         assert line[1:].split(b"*")[0].count(b",") == 13

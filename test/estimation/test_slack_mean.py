@@ -10,7 +10,7 @@ from learned_lift import NOISE_N, lift, recorded, scene
 
 from rope_twin.core.state import Floats
 from rope_twin.estimation import estimator as module
-from rope_twin.estimation.estimator import LEAST_USED, Estimator
+from rope_twin.estimation.estimator import MIN_USED, Estimator
 from rope_twin.estimation.figures import COUNT, INDEX, NAMES, Gaussian, prior_of
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MEAN_S
@@ -125,7 +125,7 @@ def test_weight_of_a_rope_that_is_slack_all_the_time(lost: tuple[float, float]) 
     assert len(one.results) == 2
     for result, share in zip(one.results, (0.6, 0.2), strict=True):
         off, sd = (result.posterior.mean - theta)[WEIGHT], result.posterior.sd
-        assert result.used < LEAST_USED
+        assert result.used < MIN_USED
         assert abs(off) < 2.0 * sd[WEIGHT]
         assert sd[WEIGHT] < share * prior_sd[WEIGHT]
         assert result.posterior.mean[1:4] == pytest.approx(np.zeros(3), abs=1e-9)

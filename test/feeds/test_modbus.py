@@ -17,7 +17,7 @@ from serial_cable import cable
 from rope_twin.errors import InputError
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.instrument import Instrument, LineSample
-from rope_twin.feeds.readings import MOST_REGISTERS, Register, line_of, requests
+from rope_twin.feeds.readings import MAX_REGISTERS, Register, line_of, requests
 from rope_twin.feeds.transports import open_source
 
 pytest.importorskip("pymodbus", reason="pymodbus is missing: pip install '.[modbus]'")
@@ -187,8 +187,8 @@ def test_registers_are_read_in_as_few_requests_as_can_be() -> None:
     assert requests({"a": at(5), "b": at(0, "int32"), "c": at(3, table="input")}) == [
         ("holding", 0, 6), ("input", 3, 1),
     ]  # fmt: skip
-    last = MOST_REGISTERS - 2
-    assert requests({"a": at(0), "b": at(last, "int32")}) == [("holding", 0, MOST_REGISTERS)]
+    last = MAX_REGISTERS - 2
+    assert requests({"a": at(0), "b": at(last, "int32")}) == [("holding", 0, MAX_REGISTERS)]
     assert len(requests({"a": at(0), "b": at(last + 1, "int32")})) == 2
 
 

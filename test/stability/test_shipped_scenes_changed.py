@@ -27,8 +27,8 @@ from rope_twin.twin.twin import Twin
 from validation.rigs import sine
 
 SECONDS, LOOK_S = 8.0, 0.4
-MOST_ELEMENTS = 300  # of all ropes; the others take long and are like these
-MOST_GAIN_PCT = 0.1  # of the energy exchanged, as for the small scene (test_energy_balance)
+MAX_ELEMENTS = 300  # of all ropes; the others take long and are like these
+MAX_GAIN_PCT = 0.1  # of the energy exchanged, as for the small scene (test_energy_balance)
 FACTORS = {
     "payloads[0].mass_kg": (0.3, 3.0),
     "payloads[0].displaced_volume_m3": (0.3, 1.5),
@@ -48,7 +48,7 @@ def scene(name: str) -> Scene:
 
 
 NAMES = [
-    name for name in scene_names() if sum(r.elements for r in scene(name).ropes) <= MOST_ELEMENTS
+    name for name in scene_names() if sum(r.elements for r in scene(name).ropes) <= MAX_ELEMENTS
 ]
 
 
@@ -104,5 +104,5 @@ def test_numerical_dissipation_of_changed_scenes_is_not_negative(
     """Numerical dissipation is not negative, but for a thousandth of the exchanged energy."""
     energy = through(drawn, weather, ENERGY).snapshot().energy
     assert energy is not None
-    assert energy.residual_pct >= -MOST_GAIN_PCT
+    assert energy.residual_pct >= -MAX_GAIN_PCT
     assert energy.damped_j >= -1e-6 * energy.exchanged_j

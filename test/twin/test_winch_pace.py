@@ -16,7 +16,7 @@ from rope_twin.twin.winch.control_modes import AccelerationLimited, JerkLimited,
 from rope_twin.twin.winch.winch import Winch
 
 ROUND_OFF_M = 1e-9
-LEAST_M, MOST_M = 20.0, 80.0
+MIN_M, MAX_M = 20.0, 80.0
 JERKS = st.one_of(st.none(), st.floats(0.1, 5.0))
 STEPS = st.sampled_from([0.01, 0.02, 0.05])
 
@@ -24,7 +24,7 @@ STEPS = st.sampled_from([0.01, 0.02, 0.05])
 def winch_of(speed: float, acceleration: float, jerk: float | None, start: float) -> Winch:
     scene = WinchScene(
         speed_limit_m_per_s=speed, acceleration_limit_m_per_s2=acceleration,
-        least_line_out_m=LEAST_M, most_line_out_m=MOST_M, jerk_limit_m_per_s3=jerk,
+        least_line_out_m=MIN_M, most_line_out_m=MAX_M, jerk_limit_m_per_s3=jerk,
     )  # fmt: skip
     return Winch(scene, start)
 
@@ -44,7 +44,7 @@ def longest_s(way: float, speed: float, acceleration: float, jerk: float | None)
 
 @settings(max_examples=25)
 @given(
-    st.floats(LEAST_M, MOST_M), st.floats(LEAST_M, MOST_M), st.floats(0.5, 3.0),
+    st.floats(MIN_M, MAX_M), st.floats(MIN_M, MAX_M), st.floats(0.5, 3.0),
     st.floats(0.1, 2.0), JERKS, STEPS,
 )  # fmt: skip
 def test_from_rest_a_length_is_reached_and_never_passed(
@@ -76,13 +76,13 @@ def test_no_limit_is_ever_broken_whatever_is_reported(
     winch = winch_of(speed, acceleration, jerk, 50.0)
     lines = [winch.line]
     for number, (kind, value) in enumerate(reported):
-        middle, half = 0.5 * (LEAST_M + MOST_M), 0.5 * (MOST_M - LEAST_M)
+        middle, half = 0.5 * (MIN_M + MAX_M), 0.5 * (MAX_M - MIN_M)
         value = middle + half * value if kind == "length" else 2.0 * speed * value
         assert winch.take(None, WinchCommand(kind, value), 0) == ""
         lines += ran(winch, 7.3, step_s, 7.3 * number)[1:]
     assert_within(lines, speed, acceleration, jerk, step_s)
-    assert min(line.length_m for line in lines) >= LEAST_M - ROUND_OFF_M
-    assert max(line.length_m for line in lines) <= MOST_M + ROUND_OFF_M
+    assert min(line.length_m for line in lines) >= MIN_M - ROUND_OFF_M
+    assert max(line.length_m for line in lines) <= MAX_M + ROUND_OFF_M
 
 
 def assert_within(

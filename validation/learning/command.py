@@ -25,7 +25,7 @@ from validation.learning.campaign import (
 SCENE, SEA = "deep_lift", "sea_2p5m"
 TRUTHS, MINUTES = 48, 10
 SHOWN = "submerged_weight", "oscillating_mass", "payload_drag", "axial_stiffness", "axial_damping"
-MOST_CORE_PCT = 1.0
+MAX_CORE_PCT = 1.0
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -113,8 +113,8 @@ def _judge(runs: list[Run], goals: Sequence[tuple[str, int, float]], quiet: bool
             verdicts.append((f"{verdict} ({100 * low:.0f} to {100 * high:.0f} %)",
                              low <= share <= high))  # fmt: skip
     cost = core_pct(runs)
-    verdicts.append((f"CPU: {cost:.2f} % of a core (limit {MOST_CORE_PCT:g} %)",
-                     cost <= MOST_CORE_PCT))  # fmt: skip
+    verdicts.append((f"CPU: {cost:.2f} % of a core (limit {MAX_CORE_PCT:g} %)",
+                     cost <= MAX_CORE_PCT))  # fmt: skip
     if not quiet:
         for verdict, met in verdicts:
             print(f"{'met   ' if met else 'MISSED'}  {verdict}")

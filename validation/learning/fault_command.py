@@ -30,7 +30,7 @@ from validation.learning.faults import (
 
 SCENE = "deep_lift"
 TRUTHS, CLEAN_MINUTES = 8, 30
-MOST_CORE_PCT = 0.3
+MAX_CORE_PCT = 0.3
 NAMED_SHARE = 7 / 8  # of large faults, 20 s after the alarm
 A_WEEK = 1.0 / 7.0  # false alarms a day
 AFTER_S, DETECTED = (10.0, 30.0, 60.0, 110.0), 0.9  # since the onset; share that is found
@@ -104,9 +104,9 @@ def run(args: argparse.Namespace) -> int:
             output[name]["clean"], clean_met = _clean(*clean, quiet=args.json)
             met &= clean_met
         output[name]["core_pct"] = core = 100.0 * cost.cpu_s / max(cost.seconds, 1.0)
-        met &= core <= MOST_CORE_PCT
+        met &= core <= MAX_CORE_PCT
         if not args.json:
-            print(f"tests: {core:.2f} % of a core (limit {MOST_CORE_PCT:g} %)")
+            print(f"tests: {core:.2f} % of a core (limit {MAX_CORE_PCT:g} %)")
     if args.json:
         print(json.dumps(output, indent=1, allow_nan=False, ensure_ascii=False))
     return 0 if met else 1

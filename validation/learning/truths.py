@@ -42,7 +42,7 @@ ELEMENTS, STEP_S = 137, 0.01
 SENSOR_S = 0.05
 WARM_UP_S = 60.0  # before the first block
 RAMP_S = 10.0
-MOST_SDS = 2.0  # of a draw from the prior
+MAX_SDS = 2.0  # of a draw from the prior
 CROSS_FLOW_SD = 0.2
 TURNED_RAD = 0.7
 OTHER_PROFILE = 1.2, 1.1, 0.9, 0.8  # factors on the current's speed from the surface down
@@ -203,10 +203,10 @@ def scheduled_line(scene: Scene, steps: int) -> Floats:
 
 
 def _draw(prior: Prior, rng: np.random.Generator) -> Floats:
-    """Return a θ from the prior, within MOST_SDS of its mean; friction and delay not negative."""
+    """Return a θ from the prior, within MAX_SDS of its mean; friction and delay not negative."""
     theta = prior.mean.copy()  # no truth has the nuisances of the estimator
     reported = slice(len(REPORTED))
-    drawn = rng.standard_normal(len(REPORTED)).clip(-MOST_SDS, MOST_SDS)
+    drawn = rng.standard_normal(len(REPORTED)).clip(-MAX_SDS, MAX_SDS)
     theta[reported] += prior.sd[reported] * drawn
     for name in (FRICTION, HEAVE_DELAY):
         theta[INDEX[name]] = max(theta[INDEX[name]], 0.0)

@@ -56,7 +56,7 @@ from rope_twin.core.still_rope import (
     largest,
 )
 
-ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
+ROUNDS, STEP_FIRST, STEP_LAST, STEP_MIN, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05
 STEP_NEAR = 64.0  # first step where ropes are near equilibrium
 LEVELS = (6, 30)  # maximum elements per rope of the coarse levels
@@ -266,7 +266,7 @@ def _take_long_steps(
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             _put(system, before)
             step *= SHRINK
-            if step < STEP_LEAST:
+            if step < STEP_MIN:
                 break
             continue
         substeps = int(health[SUBSTEPS])

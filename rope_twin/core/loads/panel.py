@@ -30,7 +30,7 @@ LAWS = {
 }
 ALONG = 0.04  # C_D of a panel along the flow
 SHIELDING = 0.46
-SOLIDITY_MOST = 0.35  # slightly above the range of the measurements
+MAX_SOLIDITY = 0.35  # slightly above the range of the measurements
 
 
 def meshed_solidity(twine_m: float, bar_m: float) -> float:
@@ -45,8 +45,8 @@ def mesh_fault(law: str, solidity: float, twine_m: float | None, bar_m: float | 
     if twine_m is not None and bar_m is not None and twine_m >= bar_m:
         subject = f"twine of {twine_m:g} m leaves no mesh between knots {bar_m:g} m apart"
         return f"{subject}; give thinner twine or wider mesh"
-    if solidity > SOLIDITY_MOST:
-        subject = f"solidity {solidity:.2f} is above {SOLIDITY_MOST:g}"
+    if solidity > MAX_SOLIDITY:
+        subject = f"solidity {solidity:.2f} is above {MAX_SOLIDITY:g}"
         return f"{subject}, outside the measured range; give thinner twine or wider mesh"
     return None
 

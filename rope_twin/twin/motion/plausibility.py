@@ -48,7 +48,7 @@ RATE_SPIKE = 10.0  # sudden change of a rate that is allowed, in NOISE_... per s
 WINDOWS_NS = 500_000_000, 1_000_000_000, 2_000_000_000
 SCATTER_WARN = 1.6  # times the noise of a good sensor: noise above it, or several senders
 JITTER_WARN = 2.0  # noise of the rate between two samples, in NOISE_... per second ...
-JITTER_MOST = 6.0  # ... of which one sample adds at most so much: a single one is no noise
+MAX_JITTER = 6.0  # ... of which one sample adds at most so much: a single one is no noise
 DISAGREEING_SAMPLES = 3  # consecutive samples of a disagreement
 AGREEMENT_NS = 5_000_000_000  # time of agreement after which the sender's rates are used again
 PERSISTENT_NS = 10_000_000_000  # duration after which a disagreement is an error
@@ -315,7 +315,7 @@ class RateCheck:
             early, late = (t1 - t0) * 1e-9, (t2 - t1) * 1e-9
             triples = zip(r0, r1, remainder, strict=True)
             jitter = max([abs((z - y) / late - (y - x) / early) for x, y, z in triples])
-            jitter = min(jitter / math.sqrt(3.0), JITTER_MOST * self._noise) ** 2
+            jitter = min(jitter / math.sqrt(3.0), MAX_JITTER * self._noise) ** 2
             self._jitter += SMOOTHING * (jitter - self._jitter)
         is_full = len(self._samples) > 2 * RATE_SAMPLES
         if is_full and self._samples[RATE_SAMPLES][0] < stamp_ns - WINDOWS_NS[-1] - BREAK_NS:
