@@ -141,6 +141,8 @@ class SeaGrid:
             twice = next((value for value in values if values.count(value) > 1), None)
             if twice is not None:
                 return f"{name} has {twice:g} twice; keep one of them"
+        if {-180.0, 180.0} <= set(self.headings_deg):
+            return "headings_deg has 180 and -180, which are one heading; keep one of them"
         if any(b <= a for a, b in zip(self.tp_s, self.tp_s[1:], strict=False)):
             return "tp_s is not ascending; order it"
         sides = {heading > 0.0 for heading in self.headings_deg if heading % 180.0 != 0.0}

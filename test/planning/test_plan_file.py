@@ -88,6 +88,7 @@ WRONG = {
     "period breaks": ("[7.0, 9.0]", "[2.0, 9.0]", 7, "waves of Tp 2 s break at Hs 1 m"),
     "no heading": ("[150.0, 180.0]", "[]", 5, "headings_deg is empty"),
     "heading twice": ("[150.0, 180.0]", "[150.0, 150.0]", 5, "headings_deg has 150 twice"),
+    "head seas twice": ("[150.0, 180.0]", "[180.0, -180.0]", 5, "which are one heading"),
     "heading far": ("[150.0, 180.0]", "[200.0]", 8, "200 ° is out of range"),
     "symmetric both sides": (
         "[150.0, 180.0]", "[-150.0, 150.0]\n  symmetric: true", 5,
