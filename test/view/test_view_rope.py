@@ -26,7 +26,7 @@ from rope_twin.twin.snapshot import (
     StrutShot,
     WinchShot,
 )
-from rope_twin.view import profile
+from rope_twin.view import charts
 from rope_twin.view.sinks import FileSink
 
 
@@ -270,9 +270,9 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     across, down = np.array(strip).T
     assert down[0] == 0.0
     assert across == pytest.approx(across.max() * shot.vibration.cross_flow / 0.5, abs=1e-3)
-    assert 0.4 * profile.WIDTH < across.max() <= profile.WIDTH
+    assert 0.4 * charts.WIDTH < across.max() <= charts.WIDTH
     (strip,) = found.column("vibration/drag/amplification", "LineStrips2D:strips")[0]
-    across = np.array(strip)[:, 0] - 2.0 * (profile.WIDTH + profile.GAP)
+    across = np.array(strip)[:, 0] - 2.0 * (charts.WIDTH + charts.GAP)
     assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities
