@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rigs import Rig, march, still, with_nothing_below
+from rigs import Rig, march_to_end, still, with_nothing_below
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
@@ -46,7 +46,7 @@ def pulled(scene: Scene, hold_s: float, monitors: Monitors | None = None) -> Twi
     """Return the twin after the winch has slowly hauled in PULL_M and held it."""
     twin = Twin(scene, monitors) if monitors else Twin(scene)
     speeds = [(0.0, -SPEED), (PULL_M / SPEED, 0.0)]
-    *_, _ = march(twin, still, PULL_M / SPEED + hold_s, speeds=speeds)
+    march_to_end(twin, still, PULL_M / SPEED + hold_s, speeds=speeds)
     return twin
 
 
@@ -138,7 +138,7 @@ def test_energy_balance_of_stick_and_slip(step_s: float, share: float) -> None:
     scene = scene_of(FLAT, BedFrictionParams(slip_m=0.05), rig=replace(CHAIN, step=step_s))
     twin = Twin(scene, Monitors(energy=True))
     speeds = [(0.0, -0.1), (5.0, 0.0), (10.0, 0.1), (15.0, 0.0)]
-    *_, shot = march(twin, still, 20.0, speeds=speeds)
+    shot = march_to_end(twin, still, 20.0, speeds=speeds)
     assert shot.energy is not None
     assert shot.energy.water_j < -0.05 * shot.energy.exchanged_j
     assert abs(shot.energy.residual_j) < share * shot.energy.exchanged_j

@@ -21,7 +21,7 @@ from compensator_rigs import (
     VOLUME,
     compensated,
 )
-from rigs import Bench, frequency, march, sine, still
+from rigs import Bench, frequency, march, march_to_end, sine, still
 
 from rope_twin import Twin
 from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams, forces, of
@@ -168,7 +168,7 @@ def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
     unit = replace(PASSIVE, damping_newton_seconds_per_m=2e4)
     twin = Twin(compensated(unit))
     assert not twin.offer_cut(None, float("inf"))
-    *_, shot = march(twin, still, 20.0)
+    shot = march_to_end(twin, still, 20.0)
     assert shot.cut is not None
     length = shot.node_position_m[-2, 2] - shot.node_position_m[-1, 2]
     preload = unit.tension_n(0.0)
@@ -183,7 +183,7 @@ def test_unit_and_payload_fall_freely_after_a_cut_above(below_m: float) -> None:
     """The upper part of the rope stays."""
     twin = Twin(compensated())
     assert not twin.offer_cut(None, below_m)
-    *_, shot = march(twin, still, 2.0)
+    shot = march_to_end(twin, still, 2.0)
     assert shot.cut is not None
     below = max(RIG.length - below_m, UNIT_M)
     assert shot.cut.lost_m == pytest.approx(below)
@@ -196,7 +196,7 @@ def test_unit_and_payload_fall_freely_after_a_cut_above(below_m: float) -> None:
 def test_a_compensator_branch_is_bit_identical() -> None:
     """The force of stuck seals is part of the state."""
     twin = Twin(compensated(replace(PASSIVE, friction_n=20e3)))
-    *_, _ = march(twin, sine(1.5, 8.0), 10.0)
+    march_to_end(twin, sine(1.5, 8.0), 10.0)
     last = []
     for run in (twin.branch(), twin):
         run.advance(500)
@@ -275,7 +275,7 @@ def test_steady_lowering_returns_the_unit_to_mid_stroke() -> None:
     )  # fmt: skip
     unit = replace(PASSIVE, active=active(washout_s=10.0))
     twin = Twin(compensated(unit, replace(RIG, winch=winch)))
-    *_, shot = march(twin, still, 120.0, speeds=[(1.0, 0.5)])
+    shot = march_to_end(twin, still, 120.0, speeds=[(1.0, 0.5)])
     assert shot.compensator is not None
     assert shot.compensator.stroke_m == pytest.approx(0.5 * STROKE, abs=0.02)
     assert shot.payout_speed_m_per_s == 0.5

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import STILL_WATER, Rig, march, sine, with_nothing_below
+from rigs import STILL_WATER, Rig, march_to_end, sine, with_nothing_below
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -98,7 +98,7 @@ def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
     """Return the last positions and top tension of a rope through the surface."""
     added = AddedMassParams(normal=1.0, tangential=0.2)
     twin = Twin(two_way(rig, added, *more, rising=rising))
-    *_, shot = march(twin, sine(1.0, 5.0), 8.0)
+    shot = march_to_end(twin, sine(1.0, 5.0), 8.0)
     return shot.node_position_m.copy(), shot.tension_top_n
 
 
@@ -135,7 +135,7 @@ def test_a_constant_density_profile_in_a_multi_line_system() -> None:
     for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)), RAMPED)), (HEAVIER, ())):
         water = replace(scene.environment, water_density_kg_per_m3=rho)
         twin = Twin(replace(scene, environment=water, effects=(*kept, *profile)))
-        *_, shot = march(twin, sine(1.0, 5.0), 3.0)
+        shot = march_to_end(twin, sine(1.0, 5.0), 3.0)
         pulls.append(np.array([rope.tension_top_n for rope in shot.ropes]))
         positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     assert pulls[1] == pytest.approx(pulls[2], rel=1e-6)
@@ -151,7 +151,7 @@ def test_weight_in_stratified_water_after_a_cut() -> None:
     )  # fmt: skip
     added = AddedMassParams(normal=1.0, tangential=0.4)
     twin = Twin(scene_of(rig, added, density((0.0, 1025.0), (-3000.0, 1225.0)), DEEP))
-    *_, _ = march(twin, sine(0.5, 5.0), 5.0)
+    march_to_end(twin, sine(0.5, 5.0), 5.0)
     twin.offer_cut(None, 100.0)
     twin.advance(2000)
     water = 100.0 * (1025.0 + 0.5 * 100.0 * 200.0 / 3000.0)
@@ -186,7 +186,7 @@ def test_tangential_drag_factor_over_depth() -> None:
     twins = [Twin(scene_of(rig, *own)) for own in ((), (profile, ALONG, DEEP))]
     pulls = []
     for twin in twins:
-        *_, shot = march(twin, lambda t: (-1.0 * t, -1.0), 12.0)
+        shot = march_to_end(twin, lambda t: (-1.0 * t, -1.0), 12.0)
         pulls.append(shot.tension_top_n)
     own = 0.5 * RHO * math.pi * 0.06 * 0.02 * 2000.0
     rest = Twin(scene_of(rig)).snapshot().tension_top_n
@@ -281,7 +281,7 @@ def test_energy_balance_in_stratified_water(wet: bool) -> None:
     added = AddedMassParams(normal=1.0, tangential=0.3)
     drag = DragParams(normal=1.2, tangential=0.02)
     twin = Twin(two_way(rig, profile, added, drag, rising=250.0), Monitors(energy=True))
-    *_, shot = march(twin, sine(1.5, 6.0), 12.0)
+    shot = march_to_end(twin, sine(1.5, 6.0), 12.0)
     energy = shot.energy
     assert energy is not None
     assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from cut_rigs import fallen
 from effect_cases import loads, some_stage
-from rigs import Rig, Vector, march, sine, still
+from rigs import Rig, Vector, march, march_to_end, sine, still
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -78,7 +78,7 @@ def test_static_equilibrium_of_a_rope_over_an_edge() -> None:
     offset = position[0, 0]
     assert 0.49 < offset < 0.52
     assert pushed[0].sum() == pytest.approx(weight * offset / 20.0, rel=0.03)
-    *_, shot = march(twin, still, 0.1)
+    shot = march_to_end(twin, still, 0.1)
     held = shot.hang_off_force_n
     assert held[0] == pytest.approx(pushed[0].sum(), rel=1e-6)
     total = weight + LIGHT.weight * LIGHT.length - pushed[2].sum()
@@ -132,7 +132,7 @@ def test_friction_of_hauling_over_a_wall() -> None:
     for speed in (-0.05, 0.05):
         scene = scene_of(PRESSED, WALL, friction=MU, slip_m=SLIP, stiffness_n_per_m2=1e4)
         twin = Twin(scene)
-        *_, shot = march(twin, still, 12.0, speeds=[(0.0, speed)])
+        shot = march_to_end(twin, still, 12.0, speeds=[(0.0, speed)])
         pulls.append(float(shot.hang_off_force_n[2]))
         normal.append(float(forces_of(twin)[3].sum()))
     paid = float(nodes_of(twin)[2][-1]) - PRESSED.length

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oscillation_rigs import by_one, in_time, oscillating
-from rigs import Rig, march, sine, still, with_nothing_below
+from rigs import Rig, march, march_to_end, sine, still, with_nothing_below
 
 from rope_twin import Twin
 from rope_twin.core.state import ELEMENTS
@@ -132,7 +132,7 @@ def test_steady_flow_uses_the_last_row() -> None:
     twin = Twin(scene_of(PIPE, tide(lambda t: 0.8, 0.1), drag_of(SMOOTH)))
     expected = 0.25 * 1025.0 * D * 0.8**2 * 0.7 * PIPE.length
     assert twin.snapshot().hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
-    *_, shot = march(twin, still, 5.0)
+    shot = march_to_end(twin, still, 5.0)
     assert shot.hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
     assert memory_of(twin)[MORE, :8] == pytest.approx(-0.3, abs=1e-9)
 
@@ -144,7 +144,7 @@ def test_drag_factors_of_one_change_nothing() -> None:
     plain = replace(rig.scene(), effects=(*rig.scene().effects, sea))
     positions = []
     for scene in (plain, in_time(plain)):
-        *_, shot = march(Twin(scene), still, 12.0)
+        shot = march_to_end(Twin(scene), still, 12.0)
         positions.append(shot.node_position_m)
     assert np.ptp(positions[0][:, 0]) > 0.1
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
@@ -160,7 +160,7 @@ def test_connected_ropes_have_their_own_keulegan_carpenter_numbers() -> None:
     positions = []
     for each in (scene, oscillating(scene, by_one(own)), oscillating(scene, table)):
         twin = Twin(each)
-        *_, shot = march(twin, sine(1.0, 5.0), 4.0)
+        shot = march_to_end(twin, sine(1.0, 5.0), 4.0)
         positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     n = int(twin.rope.state.counts[ELEMENTS])
     factors = memory_of(twin)[MORE, 1:n]
@@ -182,7 +182,7 @@ def test_energy_balance_with_varying_drag_factors() -> None:
         rig = replace(PIPE, fixed_at=None, load=8e3, volume=1.0, EA=4e7, damping=4e5, step=step)
         drag = drag_of(SMOOTH, ROUGH, roughness=1e-3)
         twin = Twin(scene_of(rig, sea, drag), Monitors(energy=True))
-        *_, shot = march(twin, still, 16.0)
+        shot = march_to_end(twin, still, 16.0)
         energy = shot.energy
         assert energy is not None
         assert np.ptp(memory_of(twin)[MORE, :8]) > 0.05

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from oscillation_rigs import EVEN, in_time, oscillating, payload_by
-from rigs import Rig, march, sine
+from rigs import Rig, march, march_to_end, sine
 
 from rope_twin import Twin
 from rope_twin.effects.payload_oscillation import (
@@ -95,7 +95,7 @@ def test_payload_factors_of_one_change_nothing() -> None:
     """In waves, to round-off."""
     positions = []
     for scene in (plain_of(SOFT, SEA), scene_of(SOFT, SEA, by_number(EVEN, EVEN))):
-        *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
+        shot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
         positions.append(shot.node_position_m)
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
 
@@ -108,7 +108,7 @@ def test_connected_payloads_have_their_own_factors() -> None:
     for each in (
         scene, oscillating(scene, by_number(EVEN, EVEN)), oscillating(scene, by_number())
     ):  # fmt: skip
-        *_, shot = march(Twin(each), sine(1.0, 5.0), 4.0)
+        shot = march_to_end(Twin(each), sine(1.0, 5.0), 4.0)
         positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
     assert np.abs(positions[0] - positions[2]).max() > 1e-4
@@ -122,7 +122,7 @@ def test_constant_factors_equal_scaled_coefficients() -> None:
     )
     positions = []
     for scene in (scene_of(SOFT, SEA, more), plain_of(other, SEA), plain_of(SOFT, SEA)):
-        *_, shot = march(Twin(scene), sine(0.5, 5.0), 10.0)
+        shot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
         positions.append(shot.node_position_m)
     assert np.abs(positions[0] - positions[1]).max() < 1e-7
     assert np.abs(positions[0] - positions[2]).max() > 0.01
@@ -134,7 +134,7 @@ def test_energy_balance_with_varying_payload_factors() -> None:
     for step in (0.01, 0.005):
         scene = scene_of(replace(SOFT, step=step), SEA, by_number())
         twin = Twin(scene, Monitors(energy=True))
-        *_, shot = march(twin, sine(1.0, 5.0), 14.0)
+        shot = march_to_end(twin, sine(1.0, 5.0), 14.0)
         assert shot.energy is not None
         shares.append(abs(shot.energy.residual_j) / shot.energy.exchanged_j)
     assert shares[1] < 1e-4

@@ -8,7 +8,7 @@ from math import pi
 import numpy as np
 import pytest
 from effect_cases import apply
-from rigs import CALM, Rig, march, sine, with_nothing_below
+from rigs import CALM, Rig, march_to_end, sine, with_nothing_below
 from scipy.optimize import brentq
 
 from rope_twin import Twin
@@ -72,7 +72,7 @@ def test_wetting_leaves_a_submerged_rope_unchanged() -> None:
     twins = [Twin(scene_of(deep, *more)) for more in ((), (WettingParams(),))]
     positions = []
     for twin in twins:
-        *_, _ = march(twin, sine(1.0, 5.0), 3.0)
+        march_to_end(twin, sine(1.0, 5.0), 3.0)
         positions.append(nodes_of(twin)[1].copy())
     assert np.array_equal(*positions)
 
@@ -83,7 +83,7 @@ def test_a_dry_rope_equals_one_in_zero_density() -> None:
     dry = Twin(scene_of(high, WettingParams()))
     empty = Twin(scene_of(replace(high, density=0.0)))
     for twin in (dry, empty):
-        *_, _ = march(twin, sine(1.0, 5.0), 3.0)
+        march_to_end(twin, sine(1.0, 5.0), 3.0)
     assert np.abs(nodes_of(dry)[1] - nodes_of(empty)[1]).max() < 1e-9
 
 
@@ -188,7 +188,7 @@ def test_energy_balance_of_a_surface_piercing_rope(wind: bool) -> None:
     more = (WindParams(velocity_m_per_s=(20.0, 10.0)),) if wind else ()
     scene = scene_of(rig, waves, WettingParams(), *more)
     twin = Twin(scene, Monitors(energy=True))
-    *_, shot = march(twin, sine(1.5, 6.0), 12.0)
+    shot = march_to_end(twin, sine(1.5, 6.0), 12.0)
     energy = shot.energy
     assert energy is not None
     assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from effect_cases import PARAMS, SMALL
 from numpy.typing import NDArray
-from rigs import march, sine
+from rigs import march_to_end, sine
 
 from rope_twin import Snapshot, Twin
 from rope_twin.effects.hull_contact import HullContactParams
@@ -113,5 +113,5 @@ def scene_of(names: list[str], mirrorable: bool, turn: Turn | None = None) -> Sc
 
 def lowered(scene: Scene, seconds: float) -> Snapshot:
     """Pay out under heave; return the last snapshot."""
-    *_, shot = march(Twin(scene), sine(0.5, 4.0), seconds, speeds=[(0.0, 2.0)])
+    shot = march_to_end(Twin(scene), sine(0.5, 4.0), seconds, speeds=[(0.0, 2.0)])
     return shot
