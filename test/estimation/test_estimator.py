@@ -237,6 +237,7 @@ def test_innovation_of_a_block() -> None:
     assert whole.time_s[0] == pytest.approx(60.125)
     assert list(whole.columns) == list(NAMES)
     assert np.isfinite(whole.residual_n).all()
+    assert 0.3 < made.results[-1].nis < 2.0
     assert np.allclose(whole.columns[BIAS], 1.0)
 
 

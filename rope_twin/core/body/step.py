@@ -147,7 +147,7 @@ def _predict_second(body: Any, record: Any) -> None:
 
 
 @jit_exact
-def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
+def _prepare(body: Any, rope: Any, stage: Any, pose: Any) -> None:
     """Evaluate components and water at the pose predicted for the stage."""
     prepare_all(body.parts, body, rope, stage, pose)
     h = axpy(vector(body.watered, 0), 1.0, vector(body.stage, at.SUBMERGED_ARM))
@@ -163,7 +163,7 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     body.tangent[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
-        _foresee(
+        _prepare(
             body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), ZERO_VECTOR, ZERO_VECTOR)
         )
         _begin(body, hook)
@@ -175,7 +175,7 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
             ZERO_VECTOR,
             ZERO_VECTOR,
         )
-        _foresee(body, rope, stage, pose)
+        _prepare(body, rope, stage, pose)
         _begin(body, hook)
     predict_stage(body, rope, stage, kind, body.records[int(body.memory[0, 0])])
 
@@ -188,13 +188,13 @@ def predict_stage(body: Any, rope: Any, stage: Any, kind: int, record: Any) -> N
         v, spin = vector(record, at.V), vector(record, at.SPIN)
         position = axpy(vector(record, at.X), 2.0 * q, v)
         attitude = turned(quaternion(record, at.Q), axpy(ZERO_VECTOR, 2.0 * q, spin))
-        _foresee(body, rope, stage, (position, matrix_of(attitude), v, spin))
+        _prepare(body, rope, stage, (position, matrix_of(attitude), v, spin))
         _predict_first(body, record, q)
     else:
         _predict_second(body, record)
         v, spin = vector(s, at.SPEED), vector(s, at.SPIN_NOW)
         position = axpy(vector(s, at.X_HAT), q, v)
-        _foresee(body, rope, stage, (position, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
+        _prepare(body, rope, stage, (position, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
 @jit_exact
