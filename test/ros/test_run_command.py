@@ -159,21 +159,23 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
 
 @pytest.mark.ros
 def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
-    """Finer than the study's finest setting, 160 elements at 5 ms, in steps that fill slots."""
+    """How fine a setting it buys depends on the machine: steps that fill slots, as announced."""
     process = processes.cli(
         "run", "shallow_lift", "--duration", "2", "--headless", "--json", "--no-record",
         "--budget", "20%",
     )  # fmt: skip
     assert process.wait() == 0
     summary = last_line(process.text)
-    assert summary["elements"] * 0.02 / summary["step_s"] > 160 * 4  # type: ignore[operator]
+    elements, step_s = summary["elements"], summary["step_s"]
+    assert isinstance(elements, int) and isinstance(step_s, float)
+    assert round(0.02 / step_s) * step_s == pytest.approx(0.02)
     share = summary["core_share"]
     assert isinstance(share, dict)
     assert share["asked_pct"] == 20.0
     assert share["calibrated_pct"] > 0.0
     assert 0.0 < share["steps_pct"] < share["process_pct"]
     assert 0.0 < share["publishing_pct"] < share["process_pct"]
-    assert str(summary["chosen"]).startswith("--budget 20 %: ")
+    assert str(summary["chosen"]).startswith(f"--budget 20 %: {elements} elements at ")
     assert summary["tension_top_error_pct"] is not None, summary["tension_top_error_reason"]
 
 
