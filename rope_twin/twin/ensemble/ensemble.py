@@ -146,7 +146,7 @@ class Ensemble:
         self._watched = watched
         self.threads = cores() if threads is None else threads
         if not 1 <= max_lanes <= LANES:
-            raise InputError("ensemble", f"{max_lanes} ropes max_lanes", f"give 1 to {LANES}")
+            raise InputError("ensemble", f"{max_lanes} ropes in one step", f"give 1 to {LANES}")
         if self.threads < 1 or not variations:
             problem = f"{self.threads} threads, {len(variations)} members"
             raise InputError("ensemble", problem, "give at least one of each")
