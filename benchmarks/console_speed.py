@@ -29,7 +29,7 @@ from rope_twin.console.requests import Log
 from rope_twin.console.server import FOLDER
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
-from rope_twin.twin.snapshot import CAUSES, Quality, RopeStrength, Snapshot, WinchShot
+from rope_twin.twin.snapshot import CAUSES, Quality, RopeStrength, Snapshot, WinchSnapshot
 
 CHROMIUM = Path("/usr/bin/chromium")
 PUBLISHED_HZ = 50.0
@@ -163,7 +163,7 @@ def _snapshot(time_s: float) -> Snapshot:
         payout_speed_m_per_s=0.1 * float(np.sin(time_s)),
         motion_ramp=1.0,
         strength=(RopeStrength("rope", 1.1 * top, 1e6, 3.2e5, 1.07),),
-        winches=(WinchShot("winch", "speed", 0.0, "", figures),),
+        winches=(WinchSnapshot("winch", "speed", 0.0, "", figures),),
         quality=(index,),
     )
 

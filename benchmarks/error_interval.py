@@ -76,9 +76,9 @@ class Variant:
         if fixed or line.grading is not None:
             return scene
         if winch is not None:
-            shortest = self.depth * winch.least_line_out_m
-            longest = self.depth * winch.most_line_out_m
-            winch = replace(winch, least_line_out_m=shortest, most_line_out_m=longest)
+            shortest = self.depth * winch.min_line_out_m
+            longest = self.depth * winch.max_line_out_m
+            winch = replace(winch, min_line_out_m=shortest, max_line_out_m=longest)
         line = replace(line, length_m=self.depth * line.length_m)
         return replace(scene, ropes=(line,), winch=winch)
 

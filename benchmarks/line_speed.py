@@ -152,7 +152,7 @@ def _rows(scenes: Sequence[Scene], elements: int, plan: Plan) -> Iterator[LineRo
         order = range(len(twins)) if turn % 2 == 0 else reversed(range(len(twins)))
         for i in order:
             took[i].append(running[i].piece_s())
-            tension[i].append(twins[i].top_pull_n)
+            tension[i].append(twins[i].top_tension_n)
     reference_n = np.array(tension[0])
     for kind, twin, times, pull in zip(SYSTEMS, twins, took, tension, strict=True):
         rms_off = float(np.sqrt(np.mean((np.array(pull) - reference_n) ** 2)) / np.std(reference_n))

@@ -240,7 +240,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("forecast/tension", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "forecast of the next minute, stamped with its origin, a row every 0.5 s: lead_s; "
           "5, 50 and 95 % of top_tension, payload_tension, payload_depth, payload_speed and "
-          "slack_margin (least tension of an element), such as top_tension_5_n; heave_skill; "
+          "slack_margin (minimum tension of an element), such as top_tension_5_n; heave_skill; "
           "factor, on the spread; age_s of the inputs", of_snapshot=False),
     Topic("forecast/ropes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 1.0, "forecast",
           "where several ropes come from hang-offs, a row for each of them and lead_s, stamped "
@@ -264,7 +264,7 @@ TOPICS: tuple[Topic, ...] = (
     Topic("forecast/orders", "sensor_msgs/msg/PointCloud2", Qos.COMMAND, 0.0, "forecast",
           "answer to forecast/what_if, stamped with its origin, a row for each order and span_s: "
           "name of the order; tension, slack, contact, landing as in forecast/risk; number "
-          "of a rope from a hang-off, and the change of its highest tension in the span against "
+          "of a rope from a hang-off, and the change of its maximum tension in the span against "
           "hold on the same heave, 5, 50 and 95 %: rope, peak_change_5_n ...; lower, share of "
           "members in which that is lower",
           of_snapshot=False, in_view=False),

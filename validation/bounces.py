@@ -162,7 +162,7 @@ def _against(heave: Heave, steps_s: Sequence[float]) -> tuple[list[Finding], tup
                         100.0 * float(np.abs(place - z).max() / np.ptp(z)), 0.1),
                 limited(f"{name}: largest tension off, of its peak",
                         100.0 * float(np.abs(pull - exact).max() / exact.max()), 0.3),
-                limited(f"{name}: highest tension off", peak, 0.01),
+                limited(f"{name}: maximum tension off", peak, 0.01),
                 between(f"{name}: time slack", slack, (exact_pct - 0.2, exact_pct + 0.2),
                         f"{exact_pct:.3f}", "%"),
             ]  # fmt: skip

@@ -23,7 +23,7 @@ SPRING_STEPS_S = (0.01, 0.02, 0.04)
 PAID_OUT = Rig(
     length=200.0, elements=20, step=0.005, tolerance=1e-3,
     winch=Winch(speed_limit_m_per_s=3.0, acceleration_limit_m_per_s2=0.3,
-                least_line_out_m=12.0, most_line_out_m=3000.0),
+                min_line_out_m=12.0, max_line_out_m=3000.0),
 )  # fmt: skip
 
 

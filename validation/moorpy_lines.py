@@ -84,8 +84,8 @@ IN_SECTIONS = Lying(
 
 HAULED_M, SPEED, WAIT_S, EVERY = 15.0, 0.02, 120.0, 100
 HAULING = Winch(
-    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=1e-3, least_line_out_m=100.0,
-    most_line_out_m=900.0,
+    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=1e-3, min_line_out_m=100.0,
+    max_line_out_m=900.0,
 )  # fmt: skip
 
 

@@ -38,7 +38,7 @@ RIG = replace(
     density=1025.0, step=0.025, damping=LOSS * STEEL.EA / OMEGA,
     winch=Winch(
         speed_limit_m_per_s=PAYOUT_M_PER_S, acceleration_limit_m_per_s2=GAIN_M_PER_S2,
-        least_line_out_m=FIRST_M, most_line_out_m=4000.0,
+        min_line_out_m=FIRST_M, max_line_out_m=4000.0,
     ),
 )  # fmt: skip
 

@@ -106,7 +106,7 @@ class _Hidden:
     top_n: Floats  # at the samples
     mean_n: Floats  # over the SAMPLE_S before, as a load pin's mean
     peak_n: Floats
-    least_n: Floats
+    min_n: Floats
 
 
 def sea_process(sea: str) -> HeaveProcess:
@@ -186,9 +186,7 @@ def judge_tension(
                 cpu_s += time.thread_time() - began
                 ahead = slice(sample - begins, sample - begins + round(AHEAD_S / SAMPLE_S))
                 truth = hidden.top_n[ahead, rope]
-                scored.append(
-                    (made, truth, hidden.peak_n[ahead, rope], hidden.least_n[ahead, rope])
-                )
+                scored.append((made, truth, hidden.peak_n[ahead, rope], hidden.min_n[ahead, rope]))
                 kept.add(made)
                 for lead, value in zip(forecaster.leads, truth, strict=True):
                     kept.observe(made.origin_s + float(lead), float(value))
@@ -239,7 +237,7 @@ def _hide(
     record = fleet.advance(FleetInputs(share * z, share * v + slope * z, line, 0.0 * line), per)
     tops = record.top_tension_n[: len(record.top_tension_n) // per * per]
     tops = tops.reshape(-1, per, SIDE_BY_SIDE)
-    return _Hidden(tops[:, -1], tops.mean(axis=1), tops.max(axis=1), record.least_tension_n)
+    return _Hidden(tops[:, -1], tops.mean(axis=1), tops.max(axis=1), record.min_tension_n)
 
 
 def _scored(

@@ -44,7 +44,7 @@ from validation.case import Listener, announced
 
 LIMIT_PCT = 1.0
 BEYOND, SHORTER, TRIES, TRIES_LONG = 1.2, 0.8, 7, 2
-LOST = 3.0  # times the reference's highest tension
+LOST = 3.0  # times the reference's maximum tension
 SEARCHED = 100  # segments; above, the fastest schemes of that search at their steps' share
 CARRIED = 2
 CRITICAL = -1.0

@@ -78,7 +78,7 @@ export function draw() {
     const own = one.ropes[state.line] ?? {};
     return [String(one.number), clock(one.from_s), one.open ? "running" : clock(one.to_s),
       duration(one.to_s - one.from_s), `${metres(own.deepest_m)} m`, `${metres(own.longest_m)} m`,
-      `${force(own.highest_n)} ${units().force}`, `${force(own.lowest_n)} ${units().force}`];
+      `${force(own.max_n)} ${units().force}`, `${force(own.min_n)} ${units().force}`];
   }), "No cast yet");
   table("marks", [...log.markers].reverse().map((one) => [clock(one.at_s), `${one.time_s === null ? "–" : one.time_s.toFixed(1)} s`, one.text, one.page]), "No marker yet");
 }

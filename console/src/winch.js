@@ -27,8 +27,8 @@ function bigNumbers(rope, winch) {
   const length = own("line_out_m"), rate = own("line_speed_m_per_s"), tension = own("tension_n");
   write($("line-out"), metres(length));
   compare($("line-out-measured"), residual("line_out_m"), (one, signed) => `${metres(one, 2, signed)} m`,
-    winch ? `${metres(winch.least_line_out_m, 0)} to ${metres(winch.most_line_out_m, 0)} m` : "");
-  $("line-out-meter").firstChild.style.width = winch && known(length) ? percent(length / winch.most_line_out_m) : "0%";
+    winch ? `${metres(winch.min_line_out_m, 0)} to ${metres(winch.max_line_out_m, 0)} m` : "");
+  $("line-out-meter").firstChild.style.width = winch && known(length) ? percent(length / winch.max_line_out_m) : "0%";
   write($("line-speed"), speed(rate, true));
   write($("line-speed-unit"), units().speed);
   const still = 0.5 / units().perSecond / 10 ** units().decimals;
@@ -117,10 +117,10 @@ function load(values) {
   if (depth && known(depth.measured)) rows.push(["Measured, Δ", `${metres(depth.measured)}, ${metres(depth.residual, 1, true)}`, "m"]);
   const line = state.profile[state.line], least = leastTension();
   const weight = ropeNames().length < 2 ? facts().payloads?.[0]?.submerged_n : null; // else lines share it
-  if (line && known(line.least_n)) {
-    const margin = line.least_n - (known(least) ? least : 0);
+  if (line && known(line.min_n)) {
+    const margin = line.min_n - (known(least) ? least : 0);
     rows.push(["Slack margin", force(margin, margin < 0), units().force, margin < 0 ? "bad" : ""]);
-    if (known(weight) && weight > 0) rows.push(["Margin/weight", fixed(100 * line.least_n / weight, 0), "%"]);
+    if (known(weight) && weight > 0) rows.push(["Margin/weight", fixed(100 * line.min_n / weight, 0), "%"]);
   }
   figures($("payload-figures"), rows);
 }

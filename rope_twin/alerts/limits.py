@@ -20,7 +20,13 @@ from rope_twin.scene.lift import LiftFigures, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import Drum
-from rope_twin.twin.run_record import LINES, LoadRules, lowest_n, payload_motions, watches_bends
+from rope_twin.twin.run_record import (
+    LINES,
+    LoadRules,
+    minimum_tensions_n,
+    payload_motions,
+    watches_bends,
+)
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 
 NEAR_LIMIT = 0.95  # of a limit: a warning
@@ -209,7 +215,7 @@ class SceneFigures:
             winch = winch_of(scene, line)
             if winch is not None and winch.drum is not None:
                 diameter_m = line.made_of[0].rope.diameter_m
-                store = Store(line.from_, winch.drum, diameter_m, winch.most_line_out_m)
+                store = Store(line.from_, winch.drum, diameter_m, winch.max_line_out_m)
                 self.stores[number] = store
         self._lift: LiftFigures | None = None
         if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:
@@ -217,7 +223,7 @@ class SceneFigures:
 
     def weight_n(self, line_out_m: float) -> float:
         """Return the static load on the rope's lower end [N]; NaN: not a hanging payload."""
-        return math.nan if self._lift is None else self._lift.hung.weight_n(line_out_m)
+        return math.nan if self._lift is None else self._lift.suspended.weight_n(line_out_m)
 
 
 class LimitWatch:
@@ -278,25 +284,25 @@ class LimitWatch:
 
     def broken(self, shot: Snapshot) -> Iterator[Measure]:
         """Find limits broken in an instant or along the rope: the scene's, then the crew's."""
-        self._look(shot)
+        self._observe(shot)
         for breach in (*shot.breaches, *self._broken.values()):
             if breach.limit in _BROKEN and shot.time_s - breach.last_s <= EVENT_S:
                 yield present(f"{breach.where} {breach.limit}", ALARM, breach_words(breach))
 
-    def _look(self, shot: Snapshot) -> None:
+    def _observe(self, shot: Snapshot) -> None:
         """Record which of the crew's limits of this kind are broken now."""
-        least_n, radius_m = self.crew.get("min_tension_n"), self.crew.get("bend_radius_m")
+        min_n, radius_m = self.crew.get("min_tension_n"), self.crew.get("bend_radius_m")
         landing = self.crew.get("landing_speed_m_per_s")
-        in_force = {"min_tension_n": least_n, "bend_radius": radius_m,
+        in_force = {"min_tension_n": min_n, "bend_radius": radius_m,
                     "landing_speed_m_per_s": landing}  # fmt: skip
         for limit, where in list(self._broken):
             if in_force[limit] != self._broken[limit, where].allowed:
                 del self._broken[limit, where]
-        if least_n is not None:
+        if min_n is not None:
             names = [rope.name for rope in shot.ropes or shot.strength]
-            for name, low_n in zip(names, lowest_n(shot), strict=False):
-                if low_n < least_n:
-                    self._break(shot.time_s, "min_tension_n", name, (low_n, least_n))
+            for name, low_n in zip(names, minimum_tensions_n(shot), strict=False):
+                if low_n < min_n:
+                    self._break(shot.time_s, "min_tension_n", name, (low_n, min_n))
         if radius_m is not None:
             for bend in shot.bends:
                 if bend.now.radius_m < radius_m:

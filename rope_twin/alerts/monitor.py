@@ -46,7 +46,7 @@ class AlertRates:
     duration_s: float
     comings: tuple[Coming, ...]  # alarms and warnings, in their order
     cautions: int
-    most_in_window: int  # largest number within any 10 min
+    max_in_window: int  # largest number within any 10 min
     standing: tuple[str, ...]  # keys of those active for a day
     chattering: tuple[str, ...]  # keys
     by_name: dict[str, int] = field(default_factory=dict)
@@ -60,7 +60,7 @@ class AlertRates:
     @property
     def flood(self) -> bool:
         """Whether more came within 10 min than anybody can deal with."""
-        return self.most_in_window > FLOOD
+        return self.max_in_window > FLOOD
 
 
 def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertRates:
@@ -96,7 +96,7 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
         duration_s=end_ns / SECOND,
         comings=comings,
         cautions=len(cautions),
-        most_in_window=_most([coming.at_ns for coming in comings], WINDOW_NS),
+        max_in_window=_most([coming.at_ns for coming in comings], WINDOW_NS),
         standing=tuple(standing),
         chattering=tuple(key for key, ns in times.items() if _most(ns, CHATTER_NS) >= CHATTER),
         by_name=dict(Counter(coming.name for coming in comings).most_common()),
@@ -143,10 +143,10 @@ class AlertMonitor:
         with self._lock:
             self._watch.take_risks(rows)
 
-    def look(self, shot: Snapshot) -> bool:
+    def observe(self, shot: Snapshot) -> bool:
         """Judge a snapshot; return whether the list is to be published."""
         with self._lock:
-            changed = bool(self._list.update(self._watch.look(shot), shot.stamp_ns))
+            changed = bool(self._list.update(self._watch.observe(shot), shot.stamp_ns))
             changed = changed or self._commanded or not self._begun
             self._commanded, self._begun = False, True
             due = shot.stamp_ns - self._refreshed_ns >= REFRESH_NS

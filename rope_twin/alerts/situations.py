@@ -61,7 +61,7 @@ class Moment(NamedTuple):
     rows: Mapping[str, Status]  # newest rows of the diagnostics by name, at times older
     scene: SceneFigures
     limits: LimitWatch
-    least_payload_n: float  # tension at the payload over the last minute; NaN: does not count
+    min_payload_n: float  # tension at the payload over the last minute; NaN: does not count
     at_limit: float  # share of the last minute that the winch was at one of its limits
     residual_heave: float  # of the last minute that is not compensated; NaN: does not count
     risk: Mapping[str, float]  # of RISK_SPAN_S ahead, as forecast/risk has it; empty: unknown
@@ -81,13 +81,13 @@ class Kind:
 
 
 def _slack(at: Moment) -> Iterator[Measure]:
-    """Find the least tension at the payload in a minute, against its static weight."""
-    weight, least = at.scene.weight_n(at.shot.line_out_m), at.least_payload_n
+    """Find the minimum tension at the payload in a minute, against its static weight."""
+    weight, least = at.scene.weight_n(at.shot.line_out_m), at.min_payload_n
     if not (weight > 0.0 and math.isfinite(least)):
         return
     fraction = least / weight
     words = (
-        f"least tension at the payload in 60 s {least / 1e3:.2f} kN, {fraction:.0%} of its weight"
+        f"minimum tension at the payload in 60 s {least / 1e3:.2f} kN, {fraction:.0%} of its weight"
     )
     levels = (1.0 - SLACK_MARGIN, WARNING), (1.0, ALARM)
     yield Measure("payload", 1.0 - fraction, levels, words)
@@ -151,7 +151,7 @@ def _touchdown(at: Moment) -> Iterator[Measure]:
     """Find a payload that the bed carries."""
     bed = at.shot.seabed
     if bed is not None and bed.payload_landed:
-        text = f"payload on the seabed, which carries {bed.payload_push_n / 1e3:.1f} kN"
+        text = f"payload on the seabed, which carries {bed.payload_reaction_n / 1e3:.1f} kN"
         yield present("payload", CAUTION, text)
 
 
@@ -338,9 +338,9 @@ class Watch:
         """Take the newest rows of the diagnostics."""
         self._rows = {row.name: row for row in rows}
 
-    def look(self, shot: Snapshot) -> list[Situation]:
+    def observe(self, shot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
-        least, at_limit = self._least_payload_n(shot), self._share_at_limit(shot)
+        least, at_limit = self._min_payload_n(shot), self._share_at_limit(shot)
         residual_heave = self._residual_heave(shot)
         risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
         moment = Moment(
@@ -414,13 +414,13 @@ class Watch:
                 self._heave_left = math.sqrt(residual_ms / moved) if moving else math.nan
         return self._heave_left
 
-    def _least_payload_n(self, shot: Snapshot) -> float:
-        """Return the least tension at the payload over SLACK_WINDOW_NS [N].
+    def _min_payload_n(self, shot: Snapshot) -> float:
+        """Return the minimum tension at the payload over SLACK_WINDOW_NS [N].
 
         NaN while the bed or a deck carries it or the rope is cut: then it may well be slack.
         """
         carried = shot.seabed is not None and shot.seabed.payload_landed
-        deck = shot.body is not None and bool(shot.body.deck_push_n)
+        deck = shot.body is not None and bool(shot.body.deck_reaction_n)
         if carried or deck or shot.cut is not None or shot.motion_ramp < 1.0:
             self._payload.clear()
             return math.nan

@@ -56,7 +56,7 @@ def _run_view(args: argparse.Namespace) -> int:
 
             take_picture(recording, picture)
         if save is None and picture is None:
-            _look(recording)
+            _show(recording)
     if args.json:
         print_json(summary)
         return ExitCode.OK
@@ -124,7 +124,7 @@ def _convert(bag: str, recording: Path, until_s: float | None) -> dict[str, Any]
     }
 
 
-def _look(recording: Path) -> None:
+def _show(recording: Path) -> None:
     """Open a window and return when it is closed."""
     from rope_twin.view import sinks
 

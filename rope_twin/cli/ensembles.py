@@ -347,11 +347,11 @@ def _run_study(args: argparse.Namespace) -> int:
 
 
 STUDY_FIGURES = (  # column of the rows, words, scale
-    ("tension_top_max_n", "highest top tension [kN]", 1e-3),
+    ("tension_top_max_n", "maximum top tension [kN]", 1e-3),
     ("tension_top_mean_n", "mean top tension [kN]", 1e-3),
-    ("tension_top_min_n", "lowest top tension [kN]", 1e-3),
+    ("tension_top_min_n", "minimum top tension [kN]", 1e-3),
     ("slack_share", "slack somewhere [% of time]", 100.0),
-    ("highest_over_breaking_load", "highest over breaking load [%]", 100.0),
+    ("max_utilisation", "maximum utilisation [%]", 100.0),
     ("damage_worst", "damage of the worst piece [1e-9]", 1e9),
 )
 PARTS = 4  # of a variable's range, where every run has a number of its own
@@ -392,10 +392,10 @@ def _stored_figures(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
 
 
 def _by_rope(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
-    """Return the highest tension of each rope of a multi-line scene."""
+    """Return the maximum tension of each rope of a multi-line scene."""
     end = ".tension_max_n"
     names = (column.removesuffix(end) for column in rows[0] if column.endswith(end))
-    return [(name + end, f"highest tension of {name} [kN]", 1e-3) for name in names]
+    return [(name + end, f"maximum tension of {name} [kN]", 1e-3) for name in names]
 
 
 def _effect_of(variable: Variable, rows: Sequence[Row]) -> Iterator[str]:
@@ -439,7 +439,7 @@ def _ranks(variable: Variable, rows: Sequence[Row]) -> str:
     from scipy.stats import spearmanr  # a second to load, and only studies want it
 
     rank = float(spearmanr(values, highest).statistic)
-    return f"; rank correlation with the highest tension {rank:+.2f}"
+    return f"; rank correlation with the maximum tension {rank:+.2f}"
 
 
 ACROSS = 4  # panels beside each other

@@ -328,7 +328,7 @@ def _print_differences(forecasts: list[TensionForecast]) -> None:
     print()
     rows = [["peak of 30 s against hold [kN]", "5 %", "50 %", "95 %", "lower in"]]
     for forecast in forecasts[1:]:
-        for rope in forecast.hung:
+        for rope in forecast.suspended:
             difference = compare(forecast, forecasts[0], rope=rope)
             peaks = [f"{value * 1e-3:+.1f}" for value in difference.peak_n]
             in_rope = f" in {rope}" if forecast.others else ""

@@ -312,7 +312,7 @@ def _rate_figures(bag: Path, measured: AlertRates) -> dict[str, Any]:
         "alarms_and_warnings": len(measured.comings),
         "cautions": measured.cautions,
         "per_10_min": measured.per_window,
-        "most_in_10_min": measured.most_in_window,
+        "max_in_10_min": measured.max_in_window,
         "flood": measured.flood,
         "standing": measured.standing,
         "chattering": measured.chattering,
@@ -332,7 +332,7 @@ def _report_rates(bag: Path, measured: AlertRates) -> None:
         )
     print(
         f"{len(measured.comings)} alarms and warnings, {measured.per_window:.1f} in 10 min "
-        f"(EEMUA 191: {STEADY:g}); most within 10 min: {measured.most_in_window} "
+        f"(EEMUA 191: {STEADY:g}); most within 10 min: {measured.max_in_window} "
         f"(a flood is above {FLOOD}); {measured.cautions} cautions"
     )
     if measured.standing:

@@ -25,7 +25,13 @@ from rope_twin.quantity import kilonewtons, rounded
 from rope_twin.run.options import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.convergence import known_error
 from rope_twin.scene.error_bound import format_bound
-from rope_twin.scene.lift import LiftFigures, hung_together, lift_figures, listed_effects, stretch_m
+from rope_twin.scene.lift import (
+    LiftFigures,
+    lift_figures,
+    listed_effects,
+    stretch_m,
+    suspended_weights,
+)
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.reference import scene_keys, scene_schema
 from rope_twin.scene.rigging import is_joined
@@ -252,7 +258,7 @@ def _figures(scene: Scene) -> dict[str, Any]:
     for key, words in _parts(scene, figures):
         name = key or name
         parts.setdefault(name, []).append(words)
-    left_out = ("line", "payload", "bars", "hung", "dry_m", "lifts_n_per_m")
+    left_out = ("line", "payload", "bars", "suspended", "dry_m", "lifts_n_per_m")
     numbers = {
         field.name: getattr(figures, field.name)
         for field in fields(figures)
@@ -385,7 +391,7 @@ def _word(value: Any) -> str:
 def _winch(winch: Winch | None) -> str:
     if winch is None:
         return "none, constant paid-out length"
-    limits = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
+    limits = f"{winch.min_line_out_m:g} to {winch.max_line_out_m:g} m, up to "
     limits += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
         return f"{limits}; no schedule"
@@ -408,7 +414,7 @@ def _order_words(row: ScheduleRow) -> str:
 def _suspended_load(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """Return the suspended loads of a multi-line system."""
     rows = [("loads in water", kilonewtons(figures.payload_weight_n, 1))]
-    load = hung_together(scene)
+    load = suspended_weights(scene)
     if load is None:
         return rows
     factor = f"safety factor {load.breaking_load_n / load.weight_n:.2f}"
@@ -436,7 +442,7 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         top = figures.top_tension_n(line.length_m)
         rope, largest = figures.weakest(line.length_m)
         factor = f", safety factor {rope.breaking_load_n / largest:.2f}" if largest > 0.0 else ""
-        dry = figures.hung.dry_share(line.length_m)
+        dry = figures.suspended.dry_share(line.length_m)
         air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
         condition = ", without current" if scene.listed(CurrentParams) is not None else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2

@@ -138,11 +138,11 @@ class Selection(NamedTuple):
 
 
 def refine(
-    start: Setting, budget_pct: float, most_elements: int, measure: Measure
+    start: Setting, budget_pct: float, max_elements: int, measure: Measure
 ) -> Selection | Cost:
     """Return the setting in proportion to `start` that uses the budget; or the cost of `start`.
 
-    The cost is returned if it exceeds the budget. most_elements: limit for a line.
+    The cost is returned if it exceeds the budget. max_elements: limit for a line.
     """
     goal = min(AIM * budget_pct, CEILING_PCT)
     low, high = LEAST / AIM * goal, MOST / AIM * goal
@@ -152,18 +152,18 @@ def refine(
     selected, step_s = (setting, cost), start.step_s
     known = [(0.0, 0.0), (_work(setting), cost.pct)]
     for number in range(ROUNDS):
-        if selected[1].pct >= low or selected[0].elements == most_elements:
+        if selected[1].pct >= low or selected[0].elements == max_elements:
             break
         work = _work_for(goal, known)
         if number < BALANCED:
             finer = math.sqrt(max(1.0, work / _work(start)))
             step_s = _nearest_step(start.step_s, finer)
-        setting = Setting(min(max(round(work * step_s), start.elements), most_elements), step_s)
+        setting = Setting(min(max(round(work * step_s), start.elements), max_elements), step_s)
         cost = measure(setting)
         known = [known[-1], (_work(setting), cost.pct)]
         if selected[1].pct < cost.pct <= high:
             selected = setting, cost
-    return Selection(*selected, *_next(selected[0], selected[1].pct, most_elements))
+    return Selection(*selected, *_next(selected[0], selected[1].pct, max_elements))
 
 
 def _work(setting: Setting) -> float:
@@ -186,11 +186,11 @@ def _nearest_step(step_s: float, times: float) -> float:
     return min(steps, key=lambda step: abs(math.log(step_s / times / step)))
 
 
-def _next(setting: Setting, pct: float, most_elements: int) -> tuple[Setting, float]:
+def _next(setting: Setting, pct: float, max_elements: int) -> tuple[Setting, float]:
     """Return the next finer setting in proportion, and its cost by extrapolation."""
     count = round(SLOT_S / setting.step_s)
     step_s = SLOT_S / next((steps for steps in IN_SLOT if steps > count), 2 * count)
-    elements = min(round(setting.elements * setting.step_s / step_s), most_elements)
+    elements = min(round(setting.elements * setting.step_s / step_s), max_elements)
     work = elements / step_s * setting.step_s / setting.elements
     return Setting(elements, step_s), pct * work
 
@@ -349,17 +349,17 @@ def _select(
     """Select the most accurate setting that fits, refined until the budget is used."""
     costs = measure_shares(scene, levels, options.speed)
     scene_counts = [line.elements for line in scene.ropes]
-    most_elements = MAX_ELEMENTS * scene_counts[0] // max(scene_counts)
-    least_pct = min(costs)
+    max_elements = MAX_ELEMENTS * scene_counts[0] // max(scene_counts)
+    min_pct = min(costs)
     while (level := most_accurate(levels, quantity.name, costs, budget)) is not None:
         start = level.setting
         measure = partial(measure_setting, scene, options, solves_per_step=level.solves_per_step)
-        selection = refine(start, budget, most_elements, measure)
+        selection = refine(start, budget, max_elements, measure)
         if isinstance(selection, Selection):
             return selection
         costs[levels.index(level)] = math.inf  # with its messages it does not fit
-        least_pct = selection.pct
-    problem = f"the cheapest setting of the study needs {least_pct:.2g} % here"
+        min_pct = selection.pct
+    problem = f"the cheapest setting of the study needs {min_pct:.2g} % here"
     raise InputError(f"--budget {budget:g}%", problem, "give more")
 
 

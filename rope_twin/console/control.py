@@ -52,7 +52,7 @@ class Commander(Protocol):
 
     name: str  # of its node
 
-    def look(self, winches: Sequence[str]) -> None:
+    def prepare(self, winches: Sequence[str]) -> None:
         """Prepare for the winches known by now; called regularly."""
 
     def take(self, winch: str) -> None:
@@ -137,7 +137,7 @@ class _SetPoint:
 
 
 class Desk:
-    """Takes the messages of pages; call `look` regularly."""
+    """Takes the messages of pages; call `update` regularly."""
 
     def __init__(
         self,
@@ -221,11 +221,11 @@ class Desk:
         if page is self._holder:
             self._left_s = self._clock()
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Answer the commands whose effect is seen or overdue; give up the seat of a lost page."""
         now_s = self._clock()
         if self._commander is not None:
-            self._commander.look(self._winches())
+            self._commander.prepare(self._winches())
         if self._holder and self._left_s is None and now_s - self._holder.heard_s > ALIVE_S:
             self.leave(self._holder)
         if self._left_s is not None and now_s - self._left_s >= LOST_S:
@@ -333,7 +333,7 @@ class Desk:
         if command.kind not in figures.get("modes", CONTROL_MODES):
             remedy = f"this winch has {', '.join(figures['modes'])}"
             raise Refusal("command", _words(command), remedy)
-        shortest_m, longest_m = figures.get("least_line_out_m"), figures.get("most_line_out_m")
+        shortest_m, longest_m = figures.get("min_line_out_m"), figures.get("max_line_out_m")
         if command.kind == SPEED and abs(command.value) > MAX_SPEED_M_PER_S:
             remedy = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
             raise Refusal("command", _words(command), remedy)

@@ -147,8 +147,8 @@ def big_figures(values: Values, facts: Values, units: Units) -> list[Figure]:
     length, rate, tension = (_value(values.get(name)) for name in
                              ("line_out_m", "line_speed_m_per_s", "tension_n"))  # fmt: skip
     reach = ""
-    if known(winch.get("most_line_out_m")):
-        shortest_m, longest_m = winch.get("least_line_out_m"), winch["most_line_out_m"]
+    if known(winch.get("max_line_out_m")):
+        shortest_m, longest_m = winch.get("min_line_out_m"), winch["max_line_out_m"]
         reach = f"{fixed(shortest_m, 0)} to {fixed(longest_m, 0)} m"
     compared, out_warns = _compared(values, "line_out_m", lambda m, sign: fixed(m, 2, sign), reach)
     note, warns = _compared(values, "top_tension_n", units.forces, _computed(values, units))
@@ -189,9 +189,9 @@ def payload_figures(values: Values, profile: Sequence[Values], facts: Values,
         rows.append(
             Figure("Above the bed", fixed(height, 1), f"m{_side('≥', clear)}", topic, "", low)
         )
-    lowest_n = _first(profile).get("least_n")
-    if known(lowest_n):
-        margin = lowest_n - (limit(values, facts, "min_tension_n") or 0.0)
+    min_n = _first(profile).get("min_n")
+    if known(min_n):
+        margin = min_n - (limit(values, facts, "min_tension_n") or 0.0)
         text = units.forces(margin)
         rows.append(Figure("Slack margin", text, units.force, "ropes/nodes", "", margin < 0))
     return rows

@@ -285,7 +285,7 @@ class Pages:
                 "time_s": self.readings.time_s, "trend": trend}  # fmt: skip
 
 
-class _Look(NamedTuple):
+class _TensionSample(NamedTuple):
     """Tension along a rope at one instant."""
 
     at_s: float
@@ -297,7 +297,7 @@ class RopeProfile:
 
     def __init__(self) -> None:
         self._reader = CloudReader(NODES)
-        self._looks: dict[int, deque[_Look]] = {}
+        self._samples: dict[int, deque[_TensionSample]] = {}
 
     def update(self, data: bytes, at_s: float) -> list[dict[str, Any]]:
         """Return the profile of each rope in a ropes/nodes message.
@@ -315,20 +315,20 @@ class RopeProfile:
 
     def forget(self) -> None:
         """Forget the range."""
-        self._looks.clear()
+        self._samples.clear()
 
     def _rope(self, number_of: int, nodes: NDArray[Any], at_s: float) -> dict[str, Any]:
         place = np.column_stack([nodes["x"], nodes["y"], nodes["z"]]).astype(np.float64)
         arc_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(place, axis=0), axis=1))])
         sampled_m = _FRACTIONS * arc_m[-1]
         tension_n = np.interp(sampled_m, arc_m, nodes["tension_n"].astype(np.float64))
-        looks = self._looks.setdefault(number_of, deque())
-        if looks and looks[-1].at_s > at_s:
-            looks.clear()
-        looks.append(_Look(at_s, tension_n))
-        while looks[0].at_s < at_s - WINDOW_S:
-            looks.popleft()
-        table = np.stack([look.tension_n for look in looks])
+        samples = self._samples.setdefault(number_of, deque())
+        if samples and samples[-1].at_s > at_s:
+            samples.clear()
+        samples.append(_TensionSample(at_s, tension_n))
+        while samples[0].at_s < at_s - WINDOW_S:
+            samples.popleft()
+        table = np.stack([look.tension_n for look in samples])
         low_n, high_n = table.min(axis=0), table.max(axis=0)
         x, y, z = (np.interp(sampled_m, arc_m, place[:, axis]) for axis in range(3))
         return {
@@ -339,10 +339,10 @@ class RopeProfile:
             "tension_n": _rounded(tension_n, 0),
             "low_n": _rounded(low_n, 0),
             "high_n": _rounded(high_n, 0),
-            "span_s": round(at_s - looks[0].at_s, 1),
-            "least_now_n": number(float(nodes["tension_n"].min())),
-            "least_n": number(float(low_n.min())),
-            "least_at_m": number(float(sampled_m[int(low_n.argmin())])),
+            "span_s": round(at_s - samples[0].at_s, 1),
+            "min_now_n": number(float(nodes["tension_n"].min())),
+            "min_n": number(float(low_n.min())),
+            "min_at_m": number(float(sampled_m[int(low_n.argmin())])),
         }
 
 

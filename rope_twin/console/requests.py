@@ -49,14 +49,14 @@ class Extremes:
 
     deepest_m: float | None = None
     longest_m: float | None = None
-    highest_n: float | None = None
-    lowest_n: float | None = None
+    max_n: float | None = None
+    min_n: float | None = None
 
     def see(self, row: Mapping[str, float | None]) -> None:
         """Take a row of the trend."""
         for name, column, pick in (
             ("deepest_m", "depth_m", max), ("longest_m", "line_out_m", max),
-            ("highest_n", "tension_n", max), ("lowest_n", "tension_n", min),
+            ("max_n", "tension_n", max), ("min_n", "tension_n", min),
         ):  # fmt: skip
             known = [number for number in (getattr(self, name), row[column]) if number is not None]
             setattr(self, name, pick(known, default=None))
@@ -233,7 +233,7 @@ class Requests:
 
 
 _WINCH_FIGURES = (
-    "speed_limit_m_per_s", "acceleration_limit_m_per_s2", "least_line_out_m", "most_line_out_m",
+    "speed_limit_m_per_s", "acceleration_limit_m_per_s2", "min_line_out_m", "max_line_out_m",
     "follows", "when_commander_lost",
 )  # fmt: skip
 

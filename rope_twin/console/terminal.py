@@ -424,8 +424,8 @@ class TerminalConsole(App[None]):
         if width < 20 or height < 4:
             return
         units, styles, trend = self.units, self._styles, self.pages.trend
-        least_n = figures.limit(view.values, view.facts, "min_tension_n")
-        known_n = (view.facts["ropes"][0].get("allowed_n"), least_n)
+        min_n = figures.limit(view.values, view.facts, "min_tension_n")
+        known_n = (view.facts["ropes"][0].get("allowed_n"), min_n)
         marks = [force_n * units.per_newton for force_n in known_n if figures.known(force_n)]
         forecast = None if self._rope else view.values.get("forecast")  # it is of the first rope
         shown = curves(trend.columns(min(self._rope, trend.ropes - 1)), forecast, units, styles)

@@ -78,7 +78,7 @@ class FibrePart(NamedTuple):
     bend: Any
 
 
-class Lowest(NamedTuple):
+class LowestElementLaw(NamedTuple):
     """Law of a rope whose lowest element has one of its own."""
 
     law: Any  # of the other elements
@@ -120,7 +120,9 @@ def _choose_sections_law(rope: Any) -> Any:
 def law_of(rope: Any) -> Any:
     """Return the law of a rope's elements: that of its sections, or of an effect for the lowest."""
     i = axial_index(map(type, rope.effects))
-    return sections_law(rope) if i is None else Lowest(sections_law(rope), rope.effects[i])
+    return (
+        sections_law(rope) if i is None else LowestElementLaw(sections_law(rope), rope.effects[i])
+    )
 
 
 @overload(law_of, jit_options=INLINED, strict=False)
@@ -128,12 +130,12 @@ def _choose_law(rope: Any) -> Any:
     i = axial_index(_kinds(rope))
     if i is None:
         return lambda rope: sections_law(rope)
-    return lambda rope: Lowest(sections_law(rope), rope.effects[i])
+    return lambda rope: LowestElementLaw(sections_law(rope), rope.effects[i])
 
 
 def law_from(law: Any, work: Any, low: Any) -> Any:
     """Return a law for a loop over the elements from `low` on."""
-    if isinstance(law, Lowest):
+    if isinstance(law, LowestElementLaw):
         return _bound(law, work, low)
     return _part(law, low) if isinstance(law, FibreLaw) else law
 
@@ -141,7 +143,7 @@ def law_from(law: Any, work: Any, low: Any) -> Any:
 @overload(law_from, jit_options=INLINED, strict=False)
 def _choose_part(law: Any, work: Any, low: Any) -> Any:
     kind = getattr(law, "instance_class", None)
-    if kind is Lowest:
+    if kind is LowestElementLaw:
         return lambda law, work, low: _bound(law, work, low)
     if kind is FibreLaw:
         return lambda law, work, low: _part(law, low)

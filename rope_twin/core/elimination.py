@@ -101,7 +101,7 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
 
 
 @jit_ordered_within
-def push_node(gain: Any, inverse: Any, f: Any) -> Any:
+def reduce_node(gain: Any, inverse: Any, f: Any) -> Any:
     """Return (S + K)⁻¹·f of an eliminated node, and the force K·(S + K)⁻¹·f on its neighbour."""
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz = gain
     xx, xy, xz, yy, yz, zz = inverse
@@ -317,7 +317,7 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
 
 
 @jit_ordered_within
-def push_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
+def reduce_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
     """Return S⁻¹·f of an eliminated node for another force f, and forces on the next two nodes."""
     solution = apply(I, f)
     x, y, z = G
@@ -435,11 +435,11 @@ def keep_pair(record: Any, at: int, gain: Any, solution: Any, inverse: Any) -> N
 
 
 @jit_within
-def push_pair(record: Any, at: int, f: Any) -> Any:
+def reduce_pair(record: Any, at: int, f: Any) -> Any:
     """Store the solution of two nodes for force f; return the condensed force on the neighbours."""
     gain = load_three(record, at) + load_three(record, at + 6) + load_three(record, at + 12)
     inverse = load_three(record, at + 24) + load_three(record, at + 30)
-    solution, pushed = push_node(gain, inverse, f)
+    solution, pushed = reduce_node(gain, inverse, f)
     store_three(record, at + 18, solution)
     return pushed
 

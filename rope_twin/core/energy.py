@@ -34,8 +34,8 @@ from rope_twin.core.axial_law import FibreLaw, elastic_state, instantaneous_tens
 from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined import joints as ties
 from rope_twin.core.joined.joints import LOOSE, Joints, System
-from rope_twin.core.joined.line_contact import touch_of
-from rope_twin.core.joined.payload_contact import payload_touch_of
+from rope_twin.core.joined.line_contact import rope_contact_of
+from rope_twin.core.joined.payload_contact import payload_contact_of
 from rope_twin.core.joined.stack import (
     FLOW_COLUMN,
     FRICTION,
@@ -334,7 +334,7 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
     elements = tuple(border.elements for border in borders)
     touches = [
         contact
-        for contact in (touch_of(system.stack), payload_touch_of(system))
+        for contact in (rope_contact_of(system.stack), payload_contact_of(system))
         if contact is not None
     ]
     stored += sum(contact.stored for contact in touches)

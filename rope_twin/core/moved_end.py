@@ -5,8 +5,8 @@ and acceleration, at the stage's time. Two kinds:
 
 - `HarmonicEnd`: x = x_0 + r(t)·Σ A·sin(ω·t + φ) along each axis, with the build-up r of
   `twin.motion.heave_track.ramp`;
-- `LedEnd`: position and velocity at the coming step boundaries are written from outside, from
-  samples of another simulator. The end is at rest until the first sample.
+- `PrescribedEnd`: position and velocity at the coming step boundaries are written from outside,
+  from samples of another simulator. The end is at rest until the first sample.
 
 Between step boundaries both are cubic Hermite polynomials, as the motion of the hang-off is
 (core/payout.prescribed). Both are inactive on the suspended part of a cut rope, which has a free
@@ -39,7 +39,7 @@ class HarmonicEnd(NamedTuple):
     ramp: float  # build-up time [s]
 
 
-class LedEnd(NamedTuple):
+class PrescribedEnd(NamedTuple):
     """Kernel data of a motion between step boundaries."""
 
     value: Floats  # position at the boundaries [m], (boundaries, 3)
@@ -47,25 +47,27 @@ class LedEnd(NamedTuple):
     clock: Floats  # time of the first boundary, and between boundaries [s], (2,)
 
 
-def led_end(position: Sequence[float], boundaries: int) -> LedEnd:
+def prescribed_end(position: Sequence[float], boundaries: int) -> PrescribedEnd:
     """Return the data of an end at rest, with capacity for this number of step boundaries."""
     value = np.tile(np.array(position, dtype=float), (boundaries, 1))
-    return LedEnd(value, np.zeros_like(value), np.array([0.0, 1.0]))
+    return PrescribedEnd(value, np.zeros_like(value), np.array([0.0, 1.0]))
 
 
-def led_of(effects: Sequence[Any]) -> LedEnd | None:
-    """Return the LedEnd among a rope's effects, or None."""
-    return next((effect for effect in effects if isinstance(effect, LedEnd)), None)
+def prescribed_of(effects: Sequence[Any]) -> PrescribedEnd | None:
+    """Return the PrescribedEnd among a rope's effects, or None."""
+    return next((effect for effect in effects if isinstance(effect, PrescribedEnd)), None)
 
 
 def has_moved_end(effects: Sequence[Any]) -> bool:
     """Return whether a rope's lower end is moved."""
-    return any(isinstance(effect, HarmonicEnd | LedEnd) for effect in effects)
+    return any(isinstance(effect, HarmonicEnd | PrescribedEnd) for effect in effects)
 
 
 def without_motion(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the effects of a rope whose lower end stays where it is."""
-    return tuple(effect for effect in effects if not isinstance(effect, HarmonicEnd | LedEnd))
+    return tuple(
+        effect for effect in effects if not isinstance(effect, HarmonicEnd | PrescribedEnd)
+    )
 
 
 @jit_within
@@ -112,8 +114,8 @@ def move_by_harmonics(end: Any, rope: Any, stage: Any, kind: int) -> None:
         _set(rope.work, k, hermite(mean + x, mean + y, u * h, v * h, fraction, h))
 
 
-@kernel("prepare", LedEnd)
-def move_as_led(end: Any, rope: Any, stage: Any, kind: int) -> None:
+@kernel("prepare", PrescribedEnd)
+def move_as_prescribed(end: Any, rope: Any, stage: Any, kind: int) -> None:
     """Set the end to the motion between the boundaries around the stage's time."""
     if rope.model.first_free == 0:
         return

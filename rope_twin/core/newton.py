@@ -40,7 +40,7 @@ from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.rows import end_to_end, rows, span
 from rope_twin.core.jit.wide import count_beyond
 from rope_twin.core.joined.chains import add_couplings
-from rope_twin.core.joined.linear_solver import push_system, solve_system
+from rope_twin.core.joined.linear_solver import reduce_system, solve_system
 from rope_twin.core.joined.stack import effects_at
 from rope_twin.core.joined.stage import (
     begin_trial,
@@ -69,7 +69,7 @@ from rope_twin.core.loads.balance import (
     slope,
 )
 from rope_twin.core.loads.memory import predict_internal_variables, prepare_axial
-from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
+from rope_twin.core.pentadiagonal import eliminate_coupled, reduce_coupled, take_links
 from rope_twin.core.state import (
     BLOCK,
     CHANGE,
@@ -84,7 +84,7 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
-from rope_twin.core.tridiagonal import eliminate, push
+from rope_twin.core.tridiagonal import eliminate, reduce
 
 SEARCH_FROM = 4  # the first correction with a line search
 SEARCH_EVALUATIONS = 8
@@ -98,9 +98,9 @@ CHUNK = 64  # nodes per chunk of all passes: their rows fit into the L1 cache
 
 
 @jit
-def _push_links(work: Floats, first: int, n: int) -> None:
+def _reduce_links(work: Floats, first: int, n: int) -> None:
     """Solve with the existing factors; subtract the effect of the couplings from the residual."""
-    push_coupled(end_to_end(work), first, n)
+    reduce_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
 
@@ -113,8 +113,8 @@ _eliminate = hooks.selected_by(
 )
 _push = hooks.selected_by(
     hooks.couples,
-    lambda effects, work, first, n: _push_links(work, first, n),
-    lambda effects, work, first, n: push(end_to_end(work), first, n),
+    lambda effects, work, first, n: _reduce_links(work, first, n),
+    lambda effects, work, first, n: reduce(end_to_end(work), first, n),
 )
 
 
@@ -135,7 +135,7 @@ def _solve(system: Any) -> Any:
 )
 def _solve_with_factors(system: Any) -> Any:
     """Solve with the existing factors."""
-    push_system(system)
+    reduce_system(system)
 
 
 @jit

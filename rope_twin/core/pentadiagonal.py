@@ -5,8 +5,8 @@ pair k is the nodes first + k and n - 1 - k; the two or three middle nodes are e
 one. The factors of a pair are a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR;
 records are contiguous. In ELIMINATED the Schur complements of both sides on the middle follow.
 
-`eliminate_coupled_wide` and `push_coupled_wide` do the same for a batch of ropes (core/lanes), one
-per lane, in the order of operations of a single rope. The factors of a node are then in its own
+`eliminate_coupled_wide` and `reduce_coupled_wide` do the same for a batch of ropes (core/lanes),
+one per lane, in the order of operations of a single rope. The factors of a node are then in its own
 column, as in a tridiagonal system; the Schur complements of both sides on the middle are in the
 columns of its lowest and highest node.
 """
@@ -32,8 +32,8 @@ from rope_twin.core.elimination import (
     nine,
     nothing_at,
     onto_next,
-    push_coupled_node,
     pushed_on,
+    reduce_coupled_node,
     scaled,
     set_column,
     six,
@@ -256,7 +256,7 @@ def _stored_middle(work: Floats, pairs: int, f: Any, far: Any) -> Any:
 
 
 @jit_ordered
-def push_coupled(work: Floats, first: int, n: int) -> None:
+def reduce_coupled(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the records of `eliminate_coupled`."""
     if n - first == 1:
         _solve_one(work, first, n)
@@ -268,7 +268,7 @@ def push_coupled(work: Floats, first: int, n: int) -> None:
         _, G, I = _stored(work, k)
         force = pushed_on(work, i, j, f)
         d = gather(row(work, SECOND, 0), i, j - 2)
-        solution, pushed, far = push_coupled_node(force, G, I, d)
+        solution, pushed, far = reduce_coupled_node(force, G, I, d)
         f, carried = add(carried, pushed), far
         store_three(row(work, ELIMINATED, RECORD * k), 0, solution)
     _substitute_folded(work, first, n, _stored_middle(work, pairs, f, carried))
@@ -341,8 +341,8 @@ def _kept_side(work: Any, i: int, f: Any, far: Any) -> Any:
 
 
 @jit_ordered
-def push_coupled_wide(work: Any, first: int, n: int) -> None:
-    """Solve for another residual with the factors of each lane, as `push_coupled`."""
+def reduce_coupled_wide(work: Any, first: int, n: int) -> None:
+    """Solve for another residual with the factors of each lane, as `reduce_coupled`."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
@@ -350,17 +350,17 @@ def push_coupled_wide(work: Any, first: int, n: int) -> None:
     low = high = far_low = far_high = nothing_at(work, first)
     for k in range(pairs):
         i, j = first + k, n - 1 - k
-        low, far_low = _push_node(work, i, work[SECOND, i], low, far_low)
-        high, far_high = _push_node(work, j, work[SECOND, j - 2], high, far_high)
+        low, far_low = _reduce_node(work, i, work[SECOND, i], low, far_low)
+        high, far_high = _reduce_node(work, j, work[SECOND, j - 2], high, far_high)
     below = _kept_side(work, first + pairs, low, far_low)
     _substitute_wide(work, first, n, below, _kept_side(work, n - 1 - pairs, high, far_high))
 
 
 @jit_ordered_within
-def _push_node(work: Any, i: int, d: Any, f: Any, carried: Any) -> Any:
+def _reduce_node(work: Any, i: int, d: Any, f: Any, carried: Any) -> Any:
     """Store the solution of node i; return the forces on the next node and the second next."""
     _, G, I = kept_of(work, i)
-    solution, pushed, far = push_coupled_node(force_on(work, i, f), G, I, d)
+    solution, pushed, far = reduce_coupled_node(force_on(work, i, f), G, I, d)
     set_column(work, ELIMINATED + 9, i, solution)
     return add(carried, pushed), far
 

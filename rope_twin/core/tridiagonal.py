@@ -5,10 +5,10 @@ from both ends at once (twisted factorisation), one side per SIMD lane: pair k i
 first + k and n - 1 - k, and both sides meet in the middle. The factors of a pair form a record
 (core/elimination); records are contiguous in the rows ELIMINATED.
 
-`push` solves for another residual with the factors of the last elimination.
+`reduce` solves for another residual with the factors of the last elimination.
 
-`eliminate_wide` and `push_wide` do the same for a batch of ropes (core/lanes), one per lane, in the
-order of operations of a single rope.
+`eliminate_wide` and `reduce_wide` do the same for a batch of ropes (core/lanes), one per lane, in
+the order of operations of a single rope.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from rope_twin.core.elimination import (
     lanes,
     nine,
     nothing_at,
-    push_node,
-    push_pair,
     pushed_on,
+    reduce_node,
+    reduce_pair,
     set_column,
     six,
     six_lanes,
@@ -82,17 +82,17 @@ def eliminate(work: Floats, first: int, n: int) -> None:
 
 
 @jit_ordered
-def push(work: Floats, first: int, n: int) -> None:
+def reduce(work: Floats, first: int, n: int) -> None:
     """Solve for another residual with the records of `eliminate`."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     records = row(work, ELIMINATED, 0)
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
     for k in range(pairs):
-        f = push_pair(records, RECORD * k, pushed_on(work, first + k, n - 1 - k, f))
+        f = reduce_pair(records, RECORD * k, pushed_on(work, first + k, n - 1 - k, f))
     f_below = f
     if rounds > pairs:
-        f = push_pair(records, RECORD * pairs, pushed_on(work, middle, middle + 1, f))
+        f = reduce_pair(records, RECORD * pairs, pushed_on(work, middle, middle + 1, f))
     _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
@@ -154,10 +154,10 @@ def pivot_of(work: Any, i: int, e: int, Z: Any) -> Any:
 
 
 @jit_ordered_within
-def push_wide_node(work: Any, i: int, f: Any) -> Any:
+def reduce_wide_node(work: Any, i: int, f: Any) -> Any:
     """Return the condensed force on the neighbour of node i, with its existing factors."""
     gain = six(work, ELIMINATED, i) + column(work, ELIMINATED + 6, i)
-    solution, pushed = push_node(gain, six(work, INVERSE, i), force_on(work, i, f))
+    solution, pushed = reduce_node(gain, six(work, INVERSE, i), force_on(work, i, f))
     set_column(work, ELIMINATED + 9, i, solution)
     return pushed
 
@@ -197,16 +197,16 @@ def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
 
 
 @jit_ordered
-def push_wide(work: Any, first: int, n: int) -> None:
+def reduce_wide(work: Any, first: int, n: int) -> None:
     """Solve for another residual with the existing factors of each lane, up to the middle nodes."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     f_low = f_high = nothing_at(work, middle)
     for k in range(pairs):
-        f_low = push_wide_node(work, first + k, f_low)
-        f_high = push_wide_node(work, n - 1 - k, f_high)
+        f_low = reduce_wide_node(work, first + k, f_low)
+        f_high = reduce_wide_node(work, n - 1 - k, f_high)
     if rounds > pairs:
-        f_high = push_wide_node(work, middle + 1, f_high)
+        f_high = reduce_wide_node(work, middle + 1, f_high)
     _solve_middle(work, first, n, f_low, f_high)
 
 

@@ -96,7 +96,7 @@ class ModalVibrationParams(DragGrowthParams):
 BAND = (0.125, 0.2)  # of the package's table
 
 
-class OwnFigures(NamedTuple):
+class CustomForces(NamedTuple):
     """A force table of the user's own, and the numbers by which the pre-analysis reads it."""
 
     forces: ForceTable
@@ -106,7 +106,7 @@ class OwnFigures(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
-class OwnTable:
+class CustomForceTable:
     """A force table of the user's own.
 
     Its `repr`, of which digests are made, has the content of the file in place of its path: a study
@@ -132,9 +132,9 @@ class OwnTable:
         except (InputError, OSError):
             content = "unreadable"
         figures = f"band={self.band}, centre={self.centre}, power_amplitude={self.power_amplitude}"
-        return f"OwnTable(content={content}, {figures})"
+        return f"CustomForceTable(content={content}, {figures})"
 
-    def figures(self) -> OwnFigures:
+    def figures(self) -> CustomForces:
         """Return the table, its band, centre and amplitude.
 
         Raises:
@@ -143,7 +143,7 @@ class OwnTable:
         forces, amplitude = own_forces(self.path), self.power_amplitude
         band = self.band or power_in_band(forces, amplitude) or (0.0, 0.0)
         centre = centre_of(forces, amplitude, band) if self.centre is None else self.centre
-        return OwnFigures(forces, band, centre, amplitude)
+        return CustomForces(forces, band, centre, amplitude)
 
     def check(self) -> str | None:
         """Return a fault of the table, or of a number that does not fit it, or None."""
@@ -181,7 +181,7 @@ class DecomposedForceParams(SparingRepr, DragGrowthParams):
     band: tuple[float, float] = quantity(
         "range of f·D/U of power-in (lock-in)", "", 0.02, 1.0, default=BAND
     )
-    table: OwnTable | None = text("force table of the user's own", None)
+    table: CustomForceTable | None = text("force table of the user's own", None)
     lock_in: str = text("mode that a place excites: strongest or nearest", "strongest")
     added_mass: float | None = quantity(
         "constant C_a; default: variable, from the table", "", 0.0, 10.0, default=None

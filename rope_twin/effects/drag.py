@@ -29,7 +29,7 @@ from rope_twin.vortex.drag_amplification import OscillatingDrag, oscillating_dra
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoughTable:
+class RoughnessTable:
     """Factors on the normal drag coefficient for one roughness."""
 
     roughness: float = quantity("height of the roughness over the diameter, k/d", "", 1e-6, 0.2)
@@ -52,7 +52,7 @@ class RoughTable:
 class KeuleganCarpenter:
     """Tables by roughness, and that of the rope."""
 
-    tables: tuple[RoughTable, ...] = text("tables in the order of their roughness")
+    tables: tuple[RoughnessTable, ...] = text("tables in the order of their roughness")
     roughness: float | None = quantity(
         "k/d of the rope; may be left out with one table", "", 1e-6, 0.2, default=None
     )

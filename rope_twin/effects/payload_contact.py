@@ -16,7 +16,7 @@ from rope_twin.quantity import quantity, text
 
 
 @dataclass(frozen=True, kw_only=True)
-class TouchingBody:
+class ContactSphere:
     """A payload or joint of the scene, as a sphere."""
 
     name: str = text("name of the payload or joint")
@@ -27,7 +27,7 @@ class TouchingBody:
 class PayloadContactParams:
     """Bodies that touch each other, and stiffness, damping and friction of a contact."""
 
-    bodies: tuple[TouchingBody, ...] = text("payloads and joints that touch, at least two")
+    bodies: tuple[ContactSphere, ...] = text("payloads and joints that touch, at least two")
     stiffness_n_per_m: float = quantity(
         "normal force over penetration", "N/m", 1e2, 1e10, default=1e6
     )

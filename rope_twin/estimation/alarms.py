@@ -132,8 +132,8 @@ class FaultWatch:
         self._scene, self._model, self._lift = scene, estimator.model, estimator.model.lift
         static_n, hanging = sum(static_tops_n(scene)), hanging_of(scene)
         self._payload_n = hanging.weight_n
-        hung_m = sum(length_m for *_, length_m in hanging.ropes)
-        self._rope_n_per_m = (static_n - self._payload_n) / hung_m
+        suspended_m = sum(length_m for *_, length_m in hanging.ropes)
+        self._rope_n_per_m = (static_n - self._payload_n) / suspended_m
         self.alarm: Alarm | None = None
         self.now_s = -np.inf  # end of the newest means that were tested
         self.tests: FaultTests | None = None

@@ -26,9 +26,9 @@ from rope_twin.estimation.figures import (
     Prior,
     check_learnable,
     factors_of,
-    hung_ropes,
-    hung_winches,
     scene_prior,
+    suspended_ropes,
+    suspending_winches,
 )
 from rope_twin.estimation.least_squares import (
     Step,
@@ -543,14 +543,14 @@ def begin_at_rest(scene: Scene, lift: MeasuredLift, *, tared: bool = False) -> E
         SceneError: the measured line out is not possible in this scene.
     """
     check_learnable(scene)
-    for winch in hung_winches(scene):
+    for winch in suspending_winches(scene):
         lift.others.setdefault(winch, MeasuredLift(np.nan))
     begin_s = lift.begin_s
     if not np.isfinite(begin_s):
         problem = "tension, heave or line out has no sample"
         raise InputError("measured lift", problem, "give all three")
     changes = []
-    for r, winch in zip(hung_ropes(scene), ("", *hung_winches(scene)), strict=True):
+    for r, winch in zip(suspended_ropes(scene), ("", *suspending_winches(scene)), strict=True):
         winch_lift = lift.others[winch] if winch else lift
         length_m = float(winch_lift.line_motion(np.array([begin_s]))[0][0])
         if abs(length_m - scene.ropes[r].length_m) > SAME_LENGTH_M:

@@ -55,27 +55,27 @@ def check_learnable(scene: Scene) -> None:
 
 def _why_not_joined(scene: Scene) -> str:
     """Return why what hangs together cannot be learned yet, or ""."""
-    dead = [winch for winch in hung_winches(scene) if winch not in winches_by_name(scene)]
+    dead = [winch for winch in suspending_winches(scene) if winch not in winches_by_name(scene)]
     if dead:
         return f"a rope from '{dead[0]}' has no winch, so nothing measures its length and its share"
     if scene.sheaves:
         return "a rope of it runs over a sheave below the winch"
     if any(line.fixed_at_m for line in scene.ropes[1:]):
         return "a rope holds it to a fixed point, so that no tension is the load's alone"
-    if hung_winches(scene) and scene.listed(RigidBodyParams) is not None:
+    if suspending_winches(scene) and scene.listed(RigidBodyParams) is not None:
         return "its rigid body hangs on several ropes, and its rocking moves the load between them"
     return ""
 
 
-def hung_ropes(scene: Scene) -> tuple[int, ...]:
+def suspended_ropes(scene: Scene) -> tuple[int, ...]:
     """Return the numbers of the ropes from the ship, the main winch's first."""
     hang_offs = places(scene)
     return (0, *(r for r, line in enumerate(scene.ropes) if r and line.from_ in hang_offs))
 
 
-def hung_winches(scene: Scene) -> tuple[str, ...]:
+def suspending_winches(scene: Scene) -> tuple[str, ...]:
     """Return the winches of the further ropes from the ship, by the names of their hang-offs."""
-    return tuple(scene.ropes[r].from_ for r in hung_ropes(scene)[1:])
+    return tuple(scene.ropes[r].from_ for r in suspended_ropes(scene)[1:])
 
 
 def static_tops_n(scene: Scene) -> tuple[float, ...]:
@@ -88,7 +88,7 @@ def static_tops_n(scene: Scene) -> tuple[float, ...]:
     first_n = float(model.solve_statics()[rows.PULL])
     if not isinstance(model, MultiLineRopes):
         return (first_n,)
-    return tuple(float(model.pulls[r, 0, rows.PULL]) for r in hung_ropes(scene))
+    return tuple(float(model.pulls[r, 0, rows.PULL]) for r in suspended_ropes(scene))
 
 
 def scene_prior(scene: Scene, tared: bool = False) -> Prior:
@@ -100,7 +100,7 @@ def scene_prior(scene: Scene, tared: bool = False) -> Prior:
         SceneError: the scene has no static equilibrium.
     """
     first_n, *others_n = static_tops_n(scene)
-    further_n = dict(zip(hung_winches(scene), others_n, strict=True))
+    further_n = dict(zip(suspending_winches(scene), others_n, strict=True))
     prior = prior_of(scene.learning, first_n, further_n)
     return prior.tared() if tared else prior
 

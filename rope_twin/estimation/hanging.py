@@ -84,28 +84,28 @@ def hanging_of(scene: Scene) -> Hanging:
     """
     ropes = build_joined(scene).system.ropes if is_joined(scene) else (build(scene),)
     metres = [_metre_kg(scene, rope) for rope in ropes]
-    hang_offs, hung, slings_kg = places(scene), [], 0.0
+    hang_offs, suspended, slings_kg = places(scene), [], 0.0
     for r, (line, rope, kg) in enumerate(zip(scene.ropes, ropes, metres, strict=True)):
         if r == 0 or line.from_ in hang_offs:
-            hung.append((rope, kg, float(line.length_m)))
+            suspended.append((rope, kg, float(line.length_m)))
         else:
             slings_kg += float(kg @ line.lengths_m(line.length_m))
     loads = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
     bodies = [figures for figures in loads if figures is not None]
     air_kg = sum(figures.mass_kg for figures in point_figures(scene).values())
-    return Hanging(tuple(hung), tuple(bodies), slings_kg, air_kg)
+    return Hanging(tuple(suspended), tuple(bodies), slings_kg, air_kg)
 
 
 @dataclass(frozen=True)
 class OpenWater:
     """Depths of the payload at which nothing but the water and its rope is known to act on it."""
 
-    least_m: float  # -inf: the scene has neither waves nor splash zone
-    most_m: float  # inf: it has no seabed
+    min_m: float  # -inf: the scene has neither waves nor splash zone
+    max_m: float  # inf: it has no seabed
 
     def without(self, depth_m: Floats) -> Bools:
         """Return where a payload at these depths is not in open water, of their shape."""
-        return (depth_m < self.least_m) | (depth_m > self.most_m)
+        return (depth_m < self.min_m) | (depth_m > self.max_m)
 
 
 CLEAR_OF_SURFACE_M = 10.0  # above the crests that a load is lifted in

@@ -43,10 +43,10 @@ from rope_twin.estimation.figures import (
     NAMES,
     check_learnable,
     factors_of,
-    hung_ropes,
-    hung_winches,
     names_of,
     of_winch,
+    suspended_ropes,
+    suspending_winches,
 )
 from rope_twin.estimation.hanging import hanging_of, open_water
 from rope_twin.estimation.measured_lift import FORGETTING_S, MEAN_S, LineTrack, MeasuredLift
@@ -208,9 +208,9 @@ class LiftModel:
         """
         check_learnable(scene)
         self.lift = lift
-        self.winches = hung_winches(scene)  # further ones
+        self.winches = suspending_winches(scene)  # further ones
         self.names = names_of(self.winches)
-        self._numbers = dict(zip(self.winches, hung_ropes(scene)[1:], strict=True))
+        self._numbers = dict(zip(self.winches, suspended_ropes(scene)[1:], strict=True))
         self._lengths_m = {winch: scene.ropes[r].length_m for winch, r in self._numbers.items()}
         lift.others = {
             winch: lift.others.get(winch, MeasuredLift(np.nan)) for winch in self.winches
@@ -297,7 +297,7 @@ class LiftModel:
         if 0 in record.failures:
             raise SolverError(record.failures[0])
         ends = times[self.steps_per_mean :: self.steps_per_mean]
-        loose = (record.least_tension_n < SLACK_BELOW_N).any(axis=1)
+        loose = (record.min_tension_n < SLACK_BELOW_N).any(axis=1)
         prediction.slack_s = np.append(prediction.slack_s, ends[loose])
         outside = self._water.without(record.payload_depth_m).any(axis=1)
         prediction.near_s = np.append(prediction.near_s, ends[outside])

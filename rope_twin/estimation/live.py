@@ -32,8 +32,8 @@ from rope_twin.estimation.figures import (
     ROPE_FIGURES,
     check_learnable,
     factors_of,
-    hung_ropes,
     scene_prior,
+    suspended_ropes,
 )
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
@@ -334,7 +334,7 @@ class LiveLearning:
         self.worker = Worker(self.learner, self.alarms)
         self._inputs = inputs
         self._source = WINCH_SENSORS if scene.measured.tension.at == SHEAVE else MOTOR
-        further = {scene.ropes[r].from_: scene.ropes[r].name for r in hung_ropes(scene)[1:]}
+        further = {scene.ropes[r].from_: scene.ropes[r].name for r in suspended_ropes(scene)[1:]}
         self._further = tuple(further.values())  # ropes of further winches
         # winch of a reading by its name
         self._winches = dict.fromkeys(("", *winches_by_name(scene), scene.ropes[0].name), "")

@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 
 from rope_twin.errors import BagError, InputError
-from rope_twin.estimation.figures import ROPE_FIGURES, hung_ropes
+from rope_twin.estimation.figures import ROPE_FIGURES, suspended_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.session import Session, decode_json
@@ -106,8 +106,8 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
     rest_z = float(hang_off.table[0, 1]) if len(hang_off.table) else None
     if scene is None and session is not None:
         scene = session.scene()
-    hung = [] if scene is None else [scene.ropes[r] for r in hung_ropes(scene)]
-    first, *further = [(line.from_, line.name) for line in hung] or [("", "")]
+    suspended = [] if scene is None else [scene.ropes[r] for r in suspended_ropes(scene)]
+    first, *further = [(line.from_, line.name) for line in suspended] or [("", "")]
     taken = [name for pair in further for name in pair]
     if winch in taken:
         problem, right = "it carries the load with the main one", f"name the winch of '{first[1]}'"

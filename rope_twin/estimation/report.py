@@ -90,7 +90,7 @@ def planned_lines(scene: Scene, line_out_m: float) -> Iterator[tuple[str, Floats
             time_s += seconds
         smooth = _limited(speed, winch.acceleration_limit_m_per_s2 / LINE_HZ)
         line = line_out_m + np.cumsum(smooth) / LINE_HZ
-        if winch.least_line_out_m <= line.min() and line.max() <= winch.most_line_out_m:
+        if winch.min_line_out_m <= line.min() and line.max() <= winch.max_line_out_m:
             yield name, t, line
 
 

@@ -412,7 +412,7 @@ def order_rows(forecasts: LiveForecast, limits: Limits, seabed_m: float | None) 
     rows = list[Row]()
     for forecast in forecasts.orders:
         for risk in risks(forecast, limits, seabed_m):
-            for name, rope in forecast.hung.items():
+            for name, rope in forecast.suspended.items():
                 change = compare(forecast, forecasts.orders[0], risk.span_s, name)
                 peaks = zip(band_columns("peak_change_n"), change.peak_n, strict=True)
                 rows.append(
@@ -425,7 +425,7 @@ def order_rows(forecasts: LiveForecast, limits: Limits, seabed_m: float | None) 
 def _ropes_of(forecasts: LiveForecast, limits: Limits) -> list[Row]:
     """Return the band of each rope from a hang-off at each lead, and its risk until then."""
     forecast, rows = forecasts.forecast, list[Row]()
-    for name, rope in forecast.hung.items():
+    for name, rope in forecast.suspended.items():
         limit = limits.of(name)
         above = np.logical_or.accumulate(rope.peak_n > limit).mean(axis=1)
         bands = dict(zip(band_columns("top_tension_n"), rope.band(), strict=True))

@@ -177,8 +177,8 @@ def line_path(
     acceleration = winch.acceleration_limit_m_per_s2 if winch else USUAL_ACCELERATION
     if order.kind == STOP and winch and winch.emergency_stop:
         acceleration = winch.emergency_stop.deceleration_m_per_s2
-    min_m = winch.least_line_out_m if winch else -math.inf
-    max_m = winch.most_line_out_m if winch else math.inf
+    min_m = winch.min_line_out_m if winch else -math.inf
+    max_m = winch.max_line_out_m if winch else math.inf
     if order.kind == LAND and start.to_contact_m is not None:
         max_m = min(max_m, start.out_m + start.to_contact_m + SLACK_AFTER_LANDING_M)
     order_speed = {
@@ -257,7 +257,7 @@ def other_winches(scene: Scene) -> dict[str, tuple[int, Winch]]:
     return {name: (rope_of[name], winch) for name, winch in winches if name != WINCH}
 
 
-def hung_ropes(scene: Scene) -> list[str]:
+def suspended_ropes(scene: Scene) -> list[str]:
     """Return the names of the ropes from a hang-off, that of the main winch first."""
     return [line.name for line in scene.ropes if line.from_ in places(scene)]
 

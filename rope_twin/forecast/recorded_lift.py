@@ -340,8 +340,8 @@ def line_to_contact_m(scene: Scene, line_out_m: float) -> float | None:
     depth = seabed_depth_m(scene)
     if depth is None:
         return None
-    hung_m = line_out_m + below_main_m(scene)
-    return max(depth - (hung_m - scene.ship.hang_off_m[2]), 0.0)
+    suspended_m = line_out_m + below_main_m(scene)
+    return max(depth - (suspended_m - scene.ship.hang_off_m[2]), 0.0)
 
 
 def _scene_of(path: Path) -> Scene:

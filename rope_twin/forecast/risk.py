@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError
 from rope_twin.forecast.heave_process import SAMPLE_S
-from rope_twin.forecast.orders import hung_ropes
+from rope_twin.forecast.orders import suspended_ropes
 from rope_twin.forecast.score import coverage
 from rope_twin.forecast.tension_forecast import DEPTH, MARGIN, SPEED, TensionForecast
 from rope_twin.scene.schema import Scene
@@ -172,12 +172,12 @@ def tension_limits(scene: Scene, given_n: float | None = None) -> tuple[float, d
     given_n: limit of each rope; None: the limit of the scene, or its utilisation times the MBL
     of the rope.
     """
-    scene_limits, hung_names = scene.limits, hung_ropes(scene)
+    scene_limits, suspended_names = scene.limits, suspended_ropes(scene)
     limit = given_n or scene_limits.tension_n
     limits_n = {
         line.name: limit or scene_limits.utilisation * line.breaking_load_n
         for line in scene.ropes
-        if line.name in hung_names
+        if line.name in suspended_names
     }
     first, *others = limits_n.items()
     return first[1], dict(others)
@@ -218,7 +218,7 @@ def risks(
         count = round(span / SAMPLE_S)
         exceeds = np.any(
             [(rope.peak_n[:count] > limits.of(name)).any(axis=0)
-             for name, rope in forecast.hung.items()], axis=0,
+             for name, rope in forecast.suspended.items()], axis=0,
         )  # fmt: skip
         slack = (forecast.values[MARGIN][:count] <= 0.0).any(axis=0)
         contact = landing = math.nan
@@ -297,7 +297,7 @@ def compare(
         problem = f"{forecast.members} and {against.members} members"
         raise InputError("orders", problem, "compare forecasts of one call")
     count = round(span_s / SAMPLE_S)
-    under_order, reference = (each.hung[rope or each.rope] for each in (forecast, against))
+    under_order, reference = (each.suspended[rope or each.rope] for each in (forecast, against))
     change = under_order.peak_n[:count].max(axis=0) - reference.peak_n[:count].max(axis=0)
     lower_n, median_n, upper_n = np.quantile(change, (0.05, 0.5, 0.95), method="weibull")
     return Difference(

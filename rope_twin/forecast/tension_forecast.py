@@ -215,7 +215,7 @@ class TensionForecast:
         return member_quantiles(self.values[quantity])
 
     @property
-    def hung(self) -> dict[str, SuspendedRope]:
+    def suspended(self) -> dict[str, SuspendedRope]:
         """Each rope from a hang-off by name, that of the main winch first."""
         return {self.rope: SuspendedRope(self.values[TENSION], self.peak_n), **self.others}
 
@@ -550,7 +550,7 @@ class TensionForecaster:
             BOTTOM: shifted(record.payload_tension_n, self.leads),
             DEPTH: shifted(record.payload_depth_m, self.leads),
             SPEED: shifted(record.payload_speed_m_per_s, self.leads),
-            MARGIN: record.least_tension_n[:, is_finite],
+            MARGIN: record.min_tension_n[:, is_finite],
         }
         notes = [note] if note else []
         if not is_finite.all():

@@ -44,7 +44,7 @@ OUTPUTS = {
     "payload_tension_n": "tension at the lower end",
     **{f"payload_{axis}_m": f"position of the payload, {axis}" for axis in AXES},
     "line_out_m": "paid-out length",
-    "least_tension_n": "least tension of any element",
+    "min_tension_n": "minimum tension of any element",
 }
 # names of FMI's units by the ends of the variables' names, longest first, with their SI exponents
 UNITS = {
@@ -139,7 +139,7 @@ class SceneModel:
             "payload_tension_n": float(shot.tension_payload_n),
             **{f"payload_{axis}_m": value for axis, value in zip(AXES, place, strict=True)},
             "line_out_m": float(shot.line_out_m),
-            "least_tension_n": float(shot.element_tension_n.min()),
+            "min_tension_n": float(shot.element_tension_n.min()),
             **{
                 f"low_force_{axis}_n": value
                 for axis, value in zip(AXES, shot.lower_end_force_n, strict=False)

@@ -160,7 +160,7 @@ class _Writer:
         if waves is not None and waves.depth_m is not None and waves.depth_m > lowest_m:
             return waves.depth_m
         hang_offs, winches = places(self._scene), winches_by_name(self._scene)
-        reach_m = [winch.most_line_out_m - hang_offs[name][2] for name, winch in winches.items()]
+        reach_m = [winch.max_line_out_m - hang_offs[name][2] for name, winch in winches.items()]
         return BELOW * max(1.0, lowest_m, *reach_m)
 
     def step_s(self) -> float:

@@ -15,8 +15,8 @@ from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BORDER,
     Bend,
-    CompensatorShot,
-    CutShot,
+    CompensatorSnapshot,
+    CutSnapshot,
     EnergyBalance,
     InputHealth,
     Landings,
@@ -51,7 +51,7 @@ def strength_status(ropes: Sequence[RopeStrength]) -> Status:
 def strength_words(rope: RopeStrength, named: bool) -> str:
     """Return the utilisation of a rope in words; `named`: say of which rope."""
     of_rope = f" of '{rope.name}'" if named else ""
-    tension = f"maximum tension{of_rope} {kilonewtons(rope.highest_n, 1)}"
+    tension = f"maximum tension{of_rope} {kilonewtons(rope.max_n, 1)}"
     mbl = f"MBL {kilonewtons(rope.breaking_load_n)}"
     words = f"{tension}, utilisation {rope.utilisation:.2f} ({mbl})"
     if rope.utilisation >= 1.0:
@@ -358,7 +358,7 @@ def _energy(balance: EnergyBalance) -> Status:
     return Status("simulation: energy", Level.OK, f"residual {residual}", values)
 
 
-def _compensator(unit: CompensatorShot) -> Status:
+def _compensator(unit: CompensatorSnapshot) -> Status:
     values = {
         "stroke [m]": f"{unit.stroke_m:.3f}",
         "stroke limit [m]": f"{unit.stroke_limit_m:.3f}",
@@ -379,9 +379,9 @@ def _seabed(snapshot: Snapshot) -> Status:
     assert bed is not None
     values = {
         "payload above the seabed [m]": f"{bed.payload_height_m:.3f}",
-        "seabed reaction on the payload [N]": f"{bed.payload_push_n:.6g}",
+        "seabed reaction on the payload [N]": f"{bed.payload_reaction_n:.6g}",
         "rope on the seabed [m]": f"{bed.rope_on_bed_m:.6g}",
-        "seabed reaction on the rope [N]": f"{bed.rope_push_n:.6g}",
+        "seabed reaction on the rope [N]": f"{bed.rope_reaction_n:.6g}",
     }
     if landings is not None:
         values["landings"] = str(landings.count)
@@ -389,7 +389,7 @@ def _seabed(snapshot: Snapshot) -> Status:
         values["speed of the fastest landing [m/s]"] = f"{landings.fastest_m_per_s:.3f}"
     message = f"payload {bed.payload_height_m:.2f} m above the seabed"
     if bed.payload_landed:
-        message = f"payload landed; seabed reaction {bed.payload_push_n / 1e3:.1f} kN"
+        message = f"payload landed; seabed reaction {bed.payload_reaction_n / 1e3:.1f} kN"
     if bed.rope_on_bed_m > 0.0:
         message += f"; {bed.rope_on_bed_m:.1f} m of rope on the seabed"
     return Status("simulation: seabed", Level.OK, message, values)
@@ -408,7 +408,7 @@ def _cut(snapshot: Snapshot) -> Status:
     return Status("simulation: rope", Level.WARN, message, values)
 
 
-def cut_words(cut: CutShot) -> str:
+def cut_words(cut: CutSnapshot) -> str:
     """Return in words when and where the rope was cut."""
     cut_at = f"cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below"
     if cut.rope:

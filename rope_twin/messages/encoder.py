@@ -23,11 +23,11 @@ from rope_twin.messages.templates import RopeMarkers
 from rope_twin.quantity import or_nan
 from rope_twin.twin.snapshot import (
     CONTROL_MODES,
-    BodyShot,
-    PayloadShot,
-    RopeShot,
+    BodySnapshot,
+    PayloadSnapshot,
+    RopeSnapshot,
     Snapshot,
-    WinchShot,
+    WinchSnapshot,
     first_rope,
 )
 from rope_twin.vortex.fatigue import BendResult
@@ -196,7 +196,7 @@ class Encoder:
     def _payloads_state(self, snapshot: Snapshot) -> bytes:
         """Return pose and velocity of each payload; a 6-DOF payload has its twist in body axes."""
         single = PAYLOAD, snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
-        payloads = snapshot.payloads or (PayloadShot(*single),)
+        payloads = snapshot.payloads or (PayloadSnapshot(*single),)
         names = tuple(payload.name for payload in payloads)
         template = self._sized.get(
             "payloads/state", names, lambda: templates.free_bodies(MAP, names)
@@ -230,7 +230,7 @@ def _numbers_of(counts: Sequence[int]) -> NDArray[np.int_]:
     return np.repeat(np.arange(len(counts)), counts)
 
 
-def ropes_of(snapshot: Snapshot) -> tuple[RopeShot, ...]:
+def ropes_of(snapshot: Snapshot) -> tuple[RopeSnapshot, ...]:
     """Return all ropes of a snapshot, also of one with a single rope."""
     if snapshot.ropes:
         return snapshot.ropes
@@ -265,7 +265,7 @@ def winch_mode(snapshot: Snapshot) -> bytes:
     return encode_text(words)
 
 
-def mode_words(winch: WinchShot) -> str:
+def mode_words(winch: WinchSnapshot) -> str:
     """Return the control mode in words, such as `winch: length 350 m (limit)`."""
     unit = CONTROL_MODES.get(winch.mode, "")
     set_point = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
@@ -287,7 +287,7 @@ def _carried(snapshot: Snapshot) -> int:
     return is_body.index(True) if any(is_body) else 0
 
 
-def _body(snapshot: Snapshot) -> BodyShot:
+def _body(snapshot: Snapshot) -> BodySnapshot:
     if snapshot.body is None:
         raise InputError("encode", "the payload is no rigid body", "list the effect `rigid_body`")
     return snapshot.body
@@ -306,7 +306,7 @@ def _utilisation(snapshot: Snapshot) -> Rows:
     """Yield utilisation and tensions of each rope; NaN without a static tension."""
     for rope in snapshot.strength:
         amplified = or_nan(rope.dynamic_amplification)
-        yield rope.name, rope.utilisation, amplified, rope.highest_n, or_nan(rope.static_n)
+        yield rope.name, rope.utilisation, amplified, rope.max_n, or_nan(rope.static_n)
 
 
 def _bend_radius(snapshot: Snapshot) -> Rows:
@@ -319,12 +319,12 @@ def _bend_radius(snapshot: Snapshot) -> Rows:
 def _payloads_body(snapshot: Snapshot) -> Rows:
     body = _body(snapshot)
     name = snapshot.payloads[_carried(snapshot)].name if snapshot.payloads else PAYLOAD
-    yield name, *body.size_m, or_nan(body.deck_clearance_m), or_nan(body.deck_push_n)
+    yield name, *body.size_m, or_nan(body.deck_clearance_m), or_nan(body.deck_reaction_n)
 
 
 def _slings(snapshot: Snapshot) -> Rows:
     body = _body(snapshot)
-    slings = zip(body.leg_end_m, body.leg_length_m, body.leg_pull_n, strict=True)
+    slings = zip(body.leg_end_m, body.leg_length_m, body.leg_tension_n, strict=True)
     for number, (end_m, length_m, tension_n) in enumerate(slings, start=1):
         yield f"sling_{number}", *end_m, length_m, tension_n
 
@@ -351,7 +351,7 @@ def _seabed_contact(snapshot: Snapshot) -> Rows:
     bed = snapshot.seabed
     if bed is None:
         raise InputError("encode", "the scene has no seabed", "list the effect")
-    yield bed.payload_height_m, bed.payload_push_n, bed.rope_on_bed_m, bed.rope_push_n
+    yield bed.payload_height_m, bed.payload_reaction_n, bed.rope_on_bed_m, bed.rope_reaction_n
 
 
 def _touchdown(snapshot: Snapshot) -> Rows:
@@ -391,7 +391,7 @@ def _residuals(snapshot: Snapshot) -> Rows:
 
 
 # Joints of all ropes by topic: values by the field that carries them, in the order of the ropes.
-JOINTS: dict[str, Callable[[Sequence[RopeShot]], dict[str, list[float]]]] = {
+JOINTS: dict[str, Callable[[Sequence[RopeSnapshot]], dict[str, list[float]]]] = {
     "ropes/tension_top": lambda ropes: {"effort": [rope.tension_top_n for rope in ropes]},
     "ropes/tension_bottom": lambda ropes: {
         "effort": [float(rope.node_tension_n[-1]) for rope in ropes]

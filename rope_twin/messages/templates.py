@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError
 from rope_twin.messages.cdr import HEADER_BYTES, Template, Templates, decode, new
-from rope_twin.twin.snapshot import BodyShot, Snapshot
+from rope_twin.twin.snapshot import BodySnapshot, Snapshot
 
 Columns = tuple[tuple[str, str], ...]  # name and type of each column of a table
 NANOSECONDS = 1_000_000_000
@@ -292,11 +292,11 @@ def tension_colours(tension_n: NDArray[np.float64], scale_n: float) -> NDArray[n
 
 def scale_above(peak_n: float) -> float:
     """Return the upper end of a colour scale: round, and at least 10 % above the peak tension."""
-    least_n = max(1.1 * peak_n, 10.0 * SLACK_BELOW_N)
-    if not math.isfinite(least_n):
+    min_n = max(1.1 * peak_n, 10.0 * SLACK_BELOW_N)
+    if not math.isfinite(min_n):
         raise ValueError(f"no colour scale reaches {peak_n} N")
-    decade = 10.0 ** math.floor(math.log10(least_n))
-    return next(step * decade for step in (*_ROUND, 100.0) if step * decade >= least_n)
+    decade = 10.0 ** math.floor(math.log10(min_n))
+    return next(step * decade for step in (*_ROUND, 100.0) if step * decade >= min_n)
 
 
 class RopeMarkers:
@@ -373,7 +373,7 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
     return values
 
 
-def _body_markers(body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
+def _body_markers(body: BodySnapshot, slings: int, line_m: float) -> dict[str, Any]:
     """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
     hook = np.broadcast_to(body.hook_m, body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))

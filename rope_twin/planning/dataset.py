@@ -41,8 +41,8 @@ ROW_WORDS = {
     "hs_m": "significant wave height",
     "top_max_n": "largest hook load in the exposure",
     "top_min_n": "least hook load",
-    "payload_min_n": "least tension at the payload",
-    "least_n": "least tension anywhere in the rope",
+    "payload_min_n": "minimum tension at the payload",
+    "min_n": "minimum tension anywhere in the rope",
     "slack_share": "share of the time with a slack element",
     "setting_error": "discretisation error measured when mesh and step were chosen; NaN: given, "
     "or made finer for its cell, whose discretisation_error counts",

@@ -166,7 +166,7 @@ QUANTITIES = {
     "rope_load": Quantity("tension", "kN", 1e-3),
     "rope_loss": Quantity("loss over static tension", "", 1.0),
     "lower_end_load": Quantity("load at the lower end of the rope", "kN", 1e-3),
-    "loss": Quantity("loss of the least tension", "kN", 1e-3),
+    "loss": Quantity("loss of the minimum tension", "kN", 1e-3),
     "landing_speed": Quantity("landing speed", "m/s", 1.0),
     "re_hit": Quantity("re-hit speed of the deck", "m/s", 1.0),
     "offset": Quantity("lateral offset", "m", 1.0),
@@ -205,9 +205,9 @@ def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
         limits.append(Limit("slings", "lower_end_load", limit, "slings"))
     if criteria.uplift_share is not None and not legs[0].ropes:
         limits.append(Limit("uplift_share", "uplift", criteria.uplift_share, "slack"))
-    if criteria.least_tension_n is not None:
-        limit = weight - criteria.least_tension_n
-        limits.append(Limit("least_tension_n", "loss", limit, "least tension"))
+    if criteria.min_tension_n is not None:
+        limit = weight - criteria.min_tension_n
+        limits.append(Limit("min_tension_n", "loss", limit, "minimum tension"))
     if criteria.landing_speed_m_per_s is not None and legs[0].bed_m is not None:
         limit = criteria.landing_speed_m_per_s
         limits.append(Limit("landing_speed_m_per_s", "landing_speed", limit, "landing speed"))
@@ -264,7 +264,7 @@ def samples_of(rows: Sequence[Row], weight_n: float) -> dict[str, list[float]]:
         samples["hook_load"].append(max(row["top_max_n"] for row in rows_of_seed))
         samples["uplift"].append(max(1.0 - row["payload_min_n"] / weight_n for row in rows_of_seed))
         samples["lower_end_load"].append(max(row["payload_max_n"] for row in rows_of_seed))
-        samples["loss"].append(max(weight_n - row["least_n"] for row in rows_of_seed))
+        samples["loss"].append(max(weight_n - row["min_n"] for row in rows_of_seed))
         samples["landing_speed"].append(max(row["landing_speed_m_per_s"] for row in rows_of_seed))
         samples["re_hit"].append(max(row["re_hit_m_per_s"] for row in rows_of_seed))
         samples["offset"].append(max(row["offset_m"] for row in rows_of_seed))

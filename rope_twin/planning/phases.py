@@ -149,9 +149,9 @@ def _leg(
     bed_m: float | None = None,
 ) -> Leg:
     start, end = depths_m
-    start_scene, _, _, offset = hung_at(scene, start)
+    start_scene, _, _, offset = suspended_at(scene, start)
     if end > start and bed_m is None:
-        offset = max(offset, hung_at(scene, end).offset_m)
+        offset = max(offset, suspended_at(scene, end).offset_m)
     seconds = exposure_s or (end - start) / speed_m_per_s
     if speed_m_per_s > 0.0 and scene.winch is not None:
         seconds += speed_m_per_s / scene.winch.acceleration_limit_m_per_s2  # its start and its end
@@ -247,7 +247,7 @@ def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: floa
     """Return the leg of a landing from this height above the seabed."""
     length_m = scene.ropes[0].length_m
     for _ in range(TRIALS):
-        _, depth, height, _ = hung_at(scene, None, length_m)
+        _, depth, height, _ = suspended_at(scene, None, length_m)
         if height is None or abs(height - above_m) <= NEAR_M:
             break
         length_m += height - above_m
@@ -256,7 +256,7 @@ def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: floa
     return _leg(0, scene, settled_s, (depth, bed + LANDED_M), speed_m_per_s, bed_m=bed)
 
 
-class Hung(NamedTuple):
+class SuspendedConfiguration(NamedTuple):
     """A payload in static equilibrium."""
 
     scene: Scene  # with the rope so long
@@ -265,7 +265,9 @@ class Hung(NamedTuple):
     offset_m: float  # horizontal distance from the crane tip
 
 
-def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None) -> Hung:
+def suspended_at(
+    scene: Scene, depth_m: float | None, line_out_m: float | None = None
+) -> SuspendedConfiguration:
     """Return the scene with its payload hanging at a depth.
 
     depth_m: of the payload's node below the water; None: `line_out_m` counts; line_out_m:
@@ -278,26 +280,29 @@ def hung_at(scene: Scene, depth_m: float | None, line_out_m: float | None = None
     for _ in range(TRIALS):
         count = max(min(STATIC_ELEMENTS, int(length / 2.0)), 3)
         changes = [Change("ropes[0].length_m", length), Change("ropes[0].elements", count)]
-        hung = change_scene(scene, changes)
-        rope = build(hung)
-        solve_scene_statics(hung, rope)
-        hung_depth_m = -float(rope.state.nodes[rows.POSITION + 2, 0])
-        if depth_m is None or abs(hung_depth_m - depth_m) <= NEAR_M:
+        suspended = change_scene(scene, changes)
+        rope = build(suspended)
+        solve_scene_statics(suspended, rope)
+        suspended_depth_m = -float(rope.state.nodes[rows.POSITION + 2, 0])
+        if depth_m is None or abs(suspended_depth_m - depth_m) <= NEAR_M:
             break
-        length += depth_m - hung_depth_m
+        length += depth_m - suspended_depth_m
     bed = seabed_of(rope)
     position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
     x, y, _ = scene.ship.hang_off_m
     offset = math.hypot(float(position[0, 0]) - x, float(position[1, 0]) - y)
-    return Hung(
-        hung, hung_depth_m, None if bed is None else float(clearance(bed, position)[0]), offset
+    return SuspendedConfiguration(
+        suspended,
+        suspended_depth_m,
+        None if bed is None else float(clearance(bed, position)[0]),
+        offset,
     )
 
 
 def _check_line(scene: Scene, longest_m: float) -> None:
     """Check that the winch has this much line. Raises InputError: it has not."""
     assert scene.winch is not None
-    max_line_m = scene.winch.most_line_out_m
+    max_line_m = scene.winch.max_line_out_m
     if longest_m > max_line_m:
         problem = f"it takes {longest_m:.1f} m of line, the winch has {max_line_m:g} m"
-        raise InputError("winch", problem, "raise most_line_out_m of the scene")
+        raise InputError("winch", problem, "raise max_line_out_m of the scene")

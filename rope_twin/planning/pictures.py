@@ -13,7 +13,7 @@ import numpy as np
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
 from rope_twin.files import write_whole
-from rope_twin.planning.phases import hung_at
+from rope_twin.planning.phases import suspended_at
 from rope_twin.planning.runs import AT_DEPTH, AT_LOWEST, sea_seed, watch_seed
 from rope_twin.planning.simplified import lift_of, resonance_period_s
 from rope_twin.scene.lift import lift_figures
@@ -55,7 +55,7 @@ def _depths(result: PlanResult) -> tuple[float, float]:
     """Return the depths between which curves over depth are drawn [m]."""
     deepest = max(leg.to_m for leg in _sunk(result))
     winch = result.scene.winch
-    min_depth_m = 0.0 if winch is None else winch.least_line_out_m - result.scene.ship.hang_off_m[2]
+    min_depth_m = 0.0 if winch is None else winch.min_line_out_m - result.scene.ship.hang_off_m[2]
     return max(SHALLOW * deepest, min_depth_m, 1.0), deepest
 
 
@@ -132,7 +132,7 @@ def resonance_figure(result: PlanResult) -> Any:
     template, periods = legs[0], []
     depths = np.linspace(shallow, deepest, DEPTHS)
     for depth in depths.tolist():
-        scene, depth_m, _, _ = hung_at(result.scene, None, depth + tip_m)
+        scene, depth_m, _, _ = suspended_at(result.scene, None, depth + tip_m)
         leg = type(template)(
             **{**vars(template), "scene": scene, "from_m": depth_m, "to_m": depth_m}
         )

@@ -317,8 +317,8 @@ class Criteria:
         "largest hydrodynamic uplift over the static submerged weight: slack (DNV-RP-N103)", "",
         0.1, 1.0, default=0.9,
     )  # fmt: skip
-    least_tension_n: float | None = quantity(
-        "least tension anywhere in the rope", "N", 0.0, 1e9, default=None
+    min_tension_n: float | None = quantity(
+        "minimum tension anywhere in the rope", "N", 0.0, 1e9, default=None
     )
     landing_speed_m_per_s: float | None = quantity(
         "largest landing velocity on the seabed", "m/s", 1e-3, 10.0, default=None

@@ -221,8 +221,8 @@ def _phase_faults(plan: Plan, phase: Phase, scene: Scene) -> Iterator[Fault]:
             yield (key,), problem, "give less, or a phase `landing`"
         if winch is None:
             continue
-        if not winch.least_line_out_m <= tip_m + depth <= winch.most_line_out_m:
-            low_m, high_m = winch.least_line_out_m - tip_m, winch.most_line_out_m - tip_m
+        if not winch.min_line_out_m <= tip_m + depth <= winch.max_line_out_m:
+            low_m, high_m = winch.min_line_out_m - tip_m, winch.max_line_out_m - tip_m
             side = "above" if depth < 0.0 else "below"
             problem = f"{abs(depth):g} m {side} the water is beyond the line of the winch"
             yield (
@@ -247,10 +247,10 @@ def _lift_off_faults(plan: Plan, lift_off: LiftOff, scene: Scene) -> Iterator[Fa
         yield (), problem, "give a scene in air (water_density_kg_per_m3: 1.225), without waves"
     if scene.winch is not None:
         left = scene.ropes[0].length_m - lift_off.hoist_m
-        if left < scene.winch.least_line_out_m:
+        if left < scene.winch.min_line_out_m:
             problem = f"{lift_off.hoist_m:g} m leave {left:g} m of line, the winch keeps "
-            problem += f"{scene.winch.least_line_out_m:g} m"
-            yield ("hoist_m",), problem, "give less, or lower the scene's least_line_out_m"
+            problem += f"{scene.winch.min_line_out_m:g} m"
+            yield ("hoist_m",), problem, "give less, or lower the scene's min_line_out_m"
     if lift_off.deck is not None and plan.vessel is None:
         yield ("deck",), "the deck moves but no vessel is given", "add `vessel`"
         return

@@ -58,7 +58,7 @@ SOURCES = {
     "safety_factor": "plan; MBL of the wire by the scene",
     "slings": "MBL over the nominal safety factor of GL Noble Denton 0027/ND 7.3, or WLL",
     "uplift_share": "DNV-RP-N103: hydrodynamic force at most 0.9 of the static submerged weight",
-    "least_tension_n": "plan",
+    "min_tension_n": "plan",
     "re_hit_m_per_s": "plan; what object and deck bear",
     "offset_m": "plan; watch circle or target",
     "landing_speed_m_per_s": "plan; what object and soil bear",

@@ -69,7 +69,7 @@ class Extremes:
     top_min_n: float = math.inf
     payload_min_n: float = math.inf
     payload_max_n: float = -math.inf
-    least_n: float = math.inf  # anywhere in the rope
+    min_n: float = math.inf  # anywhere in the rope
     depth_at_max_m: float = math.nan  # of the payload, at the largest hook load
     at_s: float = math.nan  # of that
     slack_share: float = 0.0
@@ -78,7 +78,7 @@ class Extremes:
     stroke_speed_m_per_s: float = 0.0
     re_hit_m_per_s: float = math.nan
     offset_m: float = 0.0
-    _looks: int = 0
+    _samples: int = 0
     _slack: int = 0
 
     def take_top(self, top_n: float, at_s: float, depth_m: float) -> None:
@@ -86,15 +86,15 @@ class Extremes:
         if top_n > self.top_max_n:
             self.top_max_n, self.at_s, self.depth_at_max_m = top_n, at_s, depth_m
 
-    def take_least(
-        self, looks: int, slack: int, *, top_n: float, payload_n: float, anywhere_n: float
+    def take_minima(
+        self, samples: int, slack: int, *, top_n: float, payload_n: float, anywhere_n: float
     ) -> None:
-        """Take the least tensions of several samples; slack: samples with a slack element."""
+        """Take the minimum tensions of several samples; slack: samples with a slack element."""
         self.top_min_n = min(self.top_min_n, top_n)
         self.payload_min_n = min(self.payload_min_n, payload_n)
-        self.least_n = min(self.least_n, anywhere_n)
-        self._looks, self._slack = self._looks + looks, self._slack + slack
-        self.slack_share = self._slack / self._looks
+        self.min_n = min(self.min_n, anywhere_n)
+        self._samples, self._slack = self._samples + samples, self._slack + slack
+        self.slack_share = self._slack / self._samples
 
     def row(self) -> Row:
         """Return the extremes as a row of results."""
@@ -118,7 +118,7 @@ class TwinExtremes:
         """Take a snapshot."""
         if snapshot.time_s <= self._first_s:
             return
-        least_n = min(
+        min_n = min(
             [float(snapshot.element_tension_n.min())]
             + [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
         )
@@ -137,9 +137,9 @@ class TwinExtremes:
         if self._decked:
             self._take_deck(snapshot)
         if not self._decked or (self.aloft and not self.on_deck):
-            extremes.take_least(
-                1, int(least_n <= 0.0), top_n=snapshot.tension_top_min_n,
-                payload_n=snapshot.tension_payload_n, anywhere_n=least_n,
+            extremes.take_minima(
+                1, int(min_n <= 0.0), top_n=snapshot.tension_top_min_n,
+                payload_n=snapshot.tension_payload_n, anywhere_n=min_n,
             )  # fmt: skip
             extremes.offset_m = max(extremes.offset_m, offset_m(snapshot, self._from_ship))
 
@@ -147,10 +147,10 @@ class TwinExtremes:
         """Note whether the object stands on the deck, and how fast that meets it again."""
         body = snapshot.body
         assert body is not None, "checked when the plan was read"
-        assert body.deck_push_n is not None, "checked when the plan was read"
+        assert body.deck_reaction_n is not None, "checked when the plan was read"
         assert body.deck_clearance_m is not None, "checked when the plan was read"
         clearance, before = (snapshot.time_s, body.deck_clearance_m), self._clearance
-        on_deck = body.deck_push_n > 0.0
+        on_deck = body.deck_reaction_n > 0.0
         if on_deck and self.aloft and not self.on_deck and before is not None:
             speed = (before[1] - clearance[1]) / (clearance[0] - before[0])
             self._found.re_hit_m_per_s = max(self._found.re_hit_m_per_s, speed)
@@ -369,7 +369,7 @@ class SteppedExtremes:
             )
         if afloat.any():
             selected = steps[afloat]
-            extremes.take_least(
+            extremes.take_minima(
                 len(selected),
                 int((selected[:, AT_MIN_TENSION] <= 0.0).sum()),
                 top_n=float(selected[:, TOP].min()),

@@ -162,7 +162,7 @@ class SlingShares:
     nominal: Vector  # of the lengths and the centre of gravity as given, (slings,)
     largest: Vector  # with skew load, shift of the centre of gravity and tilt factor, (slings,)
     tilt_deg: float  # of the object at rest, by lengths and centre of gravity as given
-    most_tilt_deg: float  # within the envelope of the centre of gravity and the length errors
+    max_tilt_deg: float  # within the envelope of the centre of gravity and the length errors
 
 
 @lru_cache(maxsize=64)

@@ -234,7 +234,7 @@ def _slings(result: PlanResult) -> Table:
     remarks = [f"Elastic slings below the hook (GL Noble Denton 0027/ND): {skew}"]
     remarks.append(
         f"object at rest tilted by {shares.tilt_deg:.1f}°, within its tolerances by up to "
-        f"{shares.most_tilt_deg:.1f}°"
+        f"{shares.max_tilt_deg:.1f}°"
     )
     if slings.mbl_n is not None:
         remarks.append(

@@ -36,7 +36,7 @@ from rope_twin.recording.track import names_of
 from rope_twin.scene.schema import RecordedPoses, RegularHeave, Scene
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import Responses
-from rope_twin.sea.ship_motion import BoxHull, Way, heave_response, read_way
+from rope_twin.sea.ship_motion import BoxHull, TimeHistory, heave_response, read_time_history
 from rope_twin.sea.spectrum import Waves, wave_at
 from rope_twin.sea.tables import Vector
 from rope_twin.topics import MEASURED_TOPICS
@@ -116,7 +116,7 @@ def open_sea(
         problem = f"scene {scene.name} has no bag to look for it in"
         raise InputError(f"topic '{topic}'", problem, "name a bag too, or leave the topic out")
     if sea.path:
-        return WayOfHangOff(read_way(sea.path), sea.start_s + start_s)
+        return HangOffHistory(read_time_history(sea.path), sea.start_s + start_s)
     if sea.heave is not None:
         return RegularSea(sea.heave, sea.start_s + start_s)
     return sea_of_waves(scene)
@@ -264,29 +264,29 @@ class ShipOnWaves(ShipOfComponents, ComputedSea):
         return sample_of(self.pose(stamp_ns), self._arm, float(surface))
 
 
-class WayOfHangOff:
-    """Samples of a way given in a table; the ship does not turn."""
+class HangOffHistory:
+    """Samples of a prescribed motion, given in a table; the ship does not turn."""
 
     note = ""
     topic = "ship/odometry"
 
-    def __init__(self, way: Way, start_s: float = 0.0) -> None:
-        self._way, self._start_s = way, start_s
-        self.source = f"hang-off on the way of {way.source}, {way.end_s:g} s long"
+    def __init__(self, history: TimeHistory, start_s: float = 0.0) -> None:
+        self._history, self._start_s = history, start_s
+        self.source = f"hang-off moved by {history.source}, {history.end_s:g} s long"
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Return samples with from_ns <= stamp_ns < to_ns, in order."""
         stamps = stamps_between(from_ns, to_ns)
         times = np.asarray(stamps * 1e-9 + self._start_s, np.float64)
-        known = times <= self._way.end_s
-        place, velocity = self._way.at(times[known])
+        known = times <= self._history.end_s
+        place, velocity = self._history.at(times[known])
         rows = zip(stamps[known].tolist(), place.tolist(), velocity.tolist(), strict=True)
         poses = (ShipPose(stamp, tuple(p), tuple(v)) for stamp, p, v in rows)
         return [sample_of(pose, (0.0, 0.0, 0.0), None) for pose in poses]
 
     def is_over(self, from_ns: int) -> bool:
         """Return whether the motion has ended before a time."""
-        return from_ns * 1e-9 + self._start_s > self._way.end_s
+        return from_ns * 1e-9 + self._start_s > self._history.end_s
 
 
 class WaveSea(ComputedSea):

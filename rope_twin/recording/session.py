@@ -45,7 +45,7 @@ from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.rao_files import RESPONSES_FOLDER
-from rope_twin.sea.ship_motion import WAYS_FOLDER
+from rope_twin.sea.ship_motion import MOTIONS_FOLDER
 from rope_twin.sea.tables import find_table
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, slot_of
 from rope_twin.twin.health import SENDER_LEAD_S
@@ -470,7 +470,7 @@ def _tables(scene: Scene) -> Iterator[Path]:
     """Return the data files that the scene names."""
     sea = scene.sea_state
     if sea.path:
-        yield find_table(sea.path, WAYS_FOLDER).resolve()
+        yield find_table(sea.path, MOTIONS_FOLDER).resolve()
     if sea.on_waves is not None and sea.on_waves.responses:
         yield find_table(sea.on_waves.responses, RESPONSES_FOLDER).resolve()
     for effect in scene.effects:

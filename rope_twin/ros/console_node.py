@@ -116,10 +116,10 @@ class WinchCommander:
         self._winches: list[str] = []
         self._clients: dict[str, Any] = {}
         self._queued: dict[str, float] = {}  # calls of services not there yet: until when to try
-        self._looked_s = -math.inf
+        self._checked_s = -math.inf
         self._alerts = publish(node, topics.BY_NAME[topics.ALERT_COMMAND])
 
-    def look(self, winches: Sequence[str]) -> None:
+    def prepare(self, winches: Sequence[str]) -> None:
         """Make the clients of the winches, so that they are matched in time; repeat lost calls."""
         for winch in winches:
             for act in (EMERGENCY_STOP, topics.TAKE, topics.RELEASE):
@@ -127,9 +127,9 @@ class WinchCommander:
         for name in LEARNING.values():
             self._client(name)
         now_s = time.monotonic()
-        if not self._queued or now_s - self._looked_s < _RETRY_S:
+        if not self._queued or now_s - self._checked_s < _RETRY_S:
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         for name, until_s in list(self._queued.items()):
             client = self._client(name)
             if client.service_is_ready():
@@ -229,7 +229,7 @@ class ConsoleNode(SuiteNode):
         commander = WinchCommander(self) if allowed else None
         token = Token(secret, time.monotonic) if allowed else None
         desk = Desk(pages, time.monotonic, commander, token)
-        pages.before_tick.append(desk.look)
+        pages.before_tick.append(desk.update)
         if commander is not None:
             Requests(pages, desk, commander)
         log = Log(pages)

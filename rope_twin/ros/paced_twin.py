@@ -196,7 +196,7 @@ class Publisher:
 
     def _judge(self, alerts: AlertMonitor, snapshot: Snapshot) -> bytes | None:
         """Return the alert list if it is to be published."""
-        if not alerts.look(snapshot):
+        if not alerts.observe(snapshot):
             return None
         return encode_alerts(self._epoch_ns + snapshot.stamp_ns, *alerts.listed())
 

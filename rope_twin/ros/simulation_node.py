@@ -86,7 +86,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
         self._senders = qos.Senders(self)
         self._own_services: list[Any] = []
         self._seat_words = ""  # last published text
-        self._looked_s = 0.0  # time of the last check of the commanders
+        self._checked_s = 0.0  # time of the last check of the commanders
         self._recorder, self._recorded_s = NO_RECORDER, 0.0  # newest row, and when it came
         self.paced: PacedTwin | None = None
         self._own_publishers = {
@@ -266,12 +266,12 @@ class SimulationNode(SuiteNode, LifecycleNode):
         if (
             self.paced is None
             or not self.paced.border.seats.watched
-            or now_s < self._looked_s + _COMMANDERS_S
+            or now_s < self._checked_s + _COMMANDERS_S
         ):
             return
-        self._looked_s = now_s
+        self._checked_s = now_s
         present = self._senders.present(WINCH_TOPICS)
-        for sentence in self.paced.border.seats.look(present, self.paced.twin.time_ns):
+        for sentence in self.paced.border.seats.check(present, self.paced.twin.time_ns):
             self.get_logger().warning(sentence)
         self._publish_seat()
 

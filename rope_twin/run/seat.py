@@ -24,7 +24,7 @@ from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import FOLLOWS_COMMANDS, SWITCHES
 from rope_twin.topics import RELEASE, TAKE, service_name
-from rope_twin.twin.snapshot import CONTROL_MODES, SPEED, WinchShot
+from rope_twin.twin.snapshot import CONTROL_MODES, SPEED, WinchSnapshot
 from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
     EMERGENCY_STOP,
@@ -169,13 +169,13 @@ class CommandSeat:
         self.holder = ""
         return True, words, (NEW_COMMANDER,) if self._stands else (COMMANDER_LOST,)
 
-    def look(self, present: set[str], now_ns: int, now_s: float) -> tuple[str, ...]:
+    def check(self, present: set[str], now_ns: int, now_s: float) -> tuple[str, ...]:
         """Check whether the holder is still present; return the resulting commands to the winch.
 
         present: names of the nodes that currently publish on its command topics.
         """
         if not self.holder:
-            return self._look_for_former(now_ns)
+            return self._find_former(now_ns)
         if self.holder not in present:
             self._unseen_s = now_s if self._unseen_s is None else self._unseen_s
             if now_s - self._unseen_s >= GONE_S:
@@ -207,7 +207,7 @@ class CommandSeat:
         """Return whether its commander, known or awaited, may be lost."""
         return bool(self.holder) or self._awaited_ns is not None
 
-    def _look_for_former(self, now_ns: int) -> tuple[str, ...]:
+    def _find_former(self, now_ns: int) -> tuple[str, ...]:
         if self._awaited_ns is None or now_ns - self._awaited_ns < AWAITED_NS:
             return ()
         self._awaited_ns = None
@@ -339,7 +339,7 @@ class Seats:
             return phrase(f"winch {winch}", problem, f"add `{component}` to it in the scene")
         return self._by_winch[winch].permit(kind, self._now_s())
 
-    def resume(self, now_ns: int, winches: Sequence[WinchShot] = ()) -> None:
+    def resume(self, now_ns: int, winches: Sequence[WinchSnapshot] = ()) -> None:
         """Start, or continue after a pause; winches: as they run then."""
         for seat in self._by_winch.values():
             seat.resume(now_ns)
@@ -348,12 +348,12 @@ class Seats:
             if is_commanded and winch.mode == SPEED and winch.target != 0.0:
                 self._by_winch[winch.name].await_former(now_ns)
 
-    def look(self, present: set[str], now_ns: int) -> list[str]:
+    def check(self, present: set[str], now_ns: int) -> list[str]:
         """Check whether the commanders are still present; return a sentence for each lost one."""
         sentences = []
         for name, seat in self._by_winch.items():
             was_watched, now_s = seat.watched, self._now_s()
-            for kind in seat.look(present, now_ns, now_s):
+            for kind in seat.check(present, now_ns, now_s):
                 self._order(WinchCommand(kind), name)
             if was_watched and not seat.watched:
                 sentences.append(f"winch {name}: {seat.row(now_s).message}")

@@ -33,7 +33,7 @@ from rope_twin.scene.error_bound import format_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     Bend,
-    CutShot,
+    CutSnapshot,
     Landings,
     LimitBreach,
     Residual,
@@ -128,7 +128,7 @@ class RunSummary:
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not enabled
-    cut: dict[str, Any] | None = None  # fields of CutShot, or None if the rope is intact
+    cut: dict[str, Any] | None = None  # fields of CutSnapshot, or None if the rope is intact
     cut_refused: str = ""  # why a requested cut was not made
     error_interval: dict[str, float] | None = None  # fields of TensionInterval; None: see next
     no_error_interval: str = ""  # why there is none, if it is enabled
@@ -195,7 +195,7 @@ class RunSummary:
             failed = counted(self.recoveries, "failed step")
             lines.append(f"recovered from {failed}; last: {self.recovery}")
         if self.cut is not None:
-            lines.append(cut_words(CutShot(**self.cut)))
+            lines.append(cut_words(CutSnapshot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
         lines += [residual_words(_of_fields(Residual, residual)) for residual in self.residuals]

@@ -141,7 +141,7 @@ class UnpacedRun:
         if self._bag is not None:
             for name in topics.due_topics(*topics.slot_of(snapshot), snapshot):
                 self._record(snapshot.stamp_ns, name, self._encoder.encode(name, snapshot))
-            if self._alerts.look(snapshot):
+            if self._alerts.observe(snapshot):
                 data = encode_alerts(self.epoch_ns + snapshot.stamp_ns, *self._alerts.listed())
                 self._record(snapshot.stamp_ns, topics.ALERTS, data)
         if snapshot.stamp_ns - self._reported_ns >= topics.DIAGNOSTICS_PERIOD_NS:

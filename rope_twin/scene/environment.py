@@ -18,7 +18,7 @@ from rope_twin.files import share_dir
 from rope_twin.scene.schema import Fault, Rule, Scene, Triple
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import NO_CONVENTIONS, Responses
-from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_way
+from rope_twin.sea.ship_motion import FASTEST_M_PER_S, read_time_history
 from rope_twin.sea.spectrum import WaveSpectrum, breaking_fault, jonswap
 from rope_twin.sea.tables import is_path
 
@@ -243,12 +243,12 @@ def _way(scene: Scene) -> Iterator[Fault]:
     if not sea.loop:
         yield "sea_state.loop", "a prescribed motion ends with its table", "remove `loop`"
     try:
-        way = read_way(beside(scene, sea.path))
+        history = read_time_history(beside(scene, sea.path))
     except InputError as error:
         yield "sea_state.path", *_halves(error)
         return
-    if sea.start_s >= way.end_s:
-        problem = f"the prescribed motion of {way.end_s:g} s has ended by then"
+    if sea.start_s >= history.end_s:
+        problem = f"the prescribed motion of {history.end_s:g} s has ended by then"
         yield "sea_state.start_s", problem, "start earlier"
 
 

@@ -20,7 +20,7 @@ ROOM = 0.9  # of the minimum paid-out length: maximum length of the lowest eleme
 
 
 def node_coordinates(
-    line: RopeLine, least_line_out_m: float | None, compensated: bool = False
+    line: RopeLine, min_line_out_m: float | None, compensated: bool = False
 ) -> Floats:
     """Return the unstretched distance of each node from the lower end [m].
 
@@ -33,8 +33,8 @@ def node_coordinates(
     grading = line.grading
     if grading is None:
         nodes: Floats = np.linspace(0.0, length, count + 1)
-        if least_line_out_m is not None and ROOM * least_line_out_m < nodes[1]:
-            nodes = np.concatenate([[0.0], halvings(least_line_out_m, float(nodes[1])), nodes[1:]])
+        if min_line_out_m is not None and ROOM * min_line_out_m < nodes[1]:
+            nodes = np.concatenate([[0.0], halvings(min_line_out_m, float(nodes[1])), nodes[1:]])
     elif grading.nodes_m is not None:
         low = [0.0, *grading.nodes_m]
         above = np.linspace(low[-1], length, count - len(low) + 2)
@@ -67,9 +67,9 @@ def halvings(shortest: float, length: float) -> list[float]:
     return nodes
 
 
-def least_line_out_m(scene: Scene) -> float | None:
+def min_line_out_m(scene: Scene) -> float | None:
     """Return the minimum paid-out length of the winch [m]; None without a winch."""
-    return scene.winch.least_line_out_m if scene.winch else None
+    return scene.winch.min_line_out_m if scene.winch else None
 
 
 def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]]:

@@ -24,7 +24,7 @@ from rope_twin.scene.grid import (
     first_axial_frequency,
     hanging_bars,
     is_compensated,
-    least_line_out_m,
+    min_line_out_m,
     node_coordinates,
     section_damping,
     weight_n_per_m,
@@ -46,7 +46,7 @@ MIN_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 
 
 @dataclass(frozen=True)
-class HungLoad:
+class SuspendedLoad:
     """Weight of payload and hook as a function of the paid-out length."""
 
     wet_n: float = 0.0  # submerged payload, and hook
@@ -65,13 +65,13 @@ class HungLoad:
         return self.wet_n + self.dry_share(line_out_m) * self.lift_n
 
 
-def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
+def suspended_load(scene: Scene, figures: PayloadFigures | None) -> SuspendedLoad:
     """Return the suspended load of a single-line scene; in multi-line scenes it is submerged.
 
     figures: of its payload, or None for a fixed end without a load.
     """
     if figures is None:
-        return HungLoad()
+        return SuspendedLoad()
     water, body = scene.environment, scene.listed(RigidBodyParams)
     density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
     lift = density * figures.volume_m3 * g
@@ -79,9 +79,9 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
     wet = figures.mass_kg * g - lift + hook
     surfacing = scene.listed(SplashZoneParams)
     if surfacing is None:
-        return HungLoad(wet)
+        return SuspendedLoad(wet)
     top = scene.ship.hang_off_m[2] - (_below_hook_m(body) if body else 0.0)
-    return HungLoad(wet, lift, surfacing.height_m, top)
+    return SuspendedLoad(wet, lift, surfacing.height_m, top)
 
 
 def _below_hook_m(body: RigidBodyParams) -> float:
@@ -96,7 +96,7 @@ def _below_hook_m(body: RigidBodyParams) -> float:
 
 
 @dataclass(frozen=True)
-class HungTogether:
+class SuspendedWeights:
     """Weights in still water."""
 
     lines: tuple[RopeLine, ...]  # ropes that leave the ship
@@ -114,7 +114,7 @@ class HungTogether:
         return sum(rope.breaking_load_n for rope in self.ropes)
 
 
-def hung_together(scene: Scene) -> HungTogether | None:
+def suspended_weights(scene: Scene) -> SuspendedWeights | None:
     """Return the weights of a multi-line scene; None with a fixed end or a tether."""
     if scene.sheaves or any(line.fixed_at_m for line in scene.ropes):
         return None
@@ -130,7 +130,7 @@ def hung_together(scene: Scene) -> HungTogether | None:
     tops = tuple(line.made_of[-1].rope for line in from_ship)
     for line, top in zip(from_ship, tops, strict=True):
         weight += _lift_n_per_m(top, water) * min(_dry_m(scene, tips[line.from_]), line.length_m)
-    return HungTogether(from_ship, tops, weight, weight_n_per_m(tops[0], water))
+    return SuspendedWeights(from_ship, tops, weight, weight_n_per_m(tops[0], water))
 
 
 SCHEDULE_HORIZON_S = 86400.0  # time horizon for following a winch schedule
@@ -145,7 +145,7 @@ class LiftFigures:
     bars: tuple[Bar, ...]  # the sections at the start, from the lower end up
     rope_weight_n_per_m: float  # in water, mean over the paid-out length; negative: buoyant
     payload_weight_n: float  # in water, 0 at a fixed end
-    hung: HungLoad  # suspended load: payload and hook, heavier above the water
+    suspended: SuspendedLoad  # suspended load: payload and hook, heavier above the water
     longest_element_m: float
     shortest_element_m: float
     axial_wave_speed_m_per_s: float  # √(EA/m); for several sections length over travel time
@@ -167,7 +167,7 @@ class LiftFigures:
 
     def upper_ends(self, line_out_m: float) -> list[tuple[Rope, float]]:
         """Return each paid-out section and the static tension at its upper end [N]."""
-        ends, tension, above_m = [], self.hung.weight_n(line_out_m), line_out_m
+        ends, tension, above_m = [], self.suspended.weight_n(line_out_m), line_out_m
         lengths = self.line.lengths_m(line_out_m)
         for bar, lift, length in zip(self.bars, self.lifts_n_per_m, lengths, strict=True):
             above_m -= length
@@ -212,14 +212,14 @@ def lift_figures(scene: Scene) -> LiftFigures:
     weight = submerged * water.gravity_m_per_s2
     mass, bars = end_mass_kg(known), hanging_bars(scene, line, known, line.length_m)
     damping = section_damping(scene, line, known)
-    elements = np.diff(node_coordinates(line, least_line_out_m(scene), is_compensated(scene)))
+    elements = np.diff(node_coordinates(line, min_line_out_m(scene), is_compensated(scene)))
     return LiftFigures(
         line=line,
         payload=known,
         bars=tuple(bars),
         rope_weight_n_per_m=sum(b.weight_n_per_m * b.length_m for b in bars) / line.length_m,
         payload_weight_n=weight,
-        hung=HungLoad(weight) if joined else hung_load(scene, known),
+        suspended=SuspendedLoad(weight) if joined else suspended_load(scene, known),
         longest_element_m=float(elements.max()),
         shortest_element_m=float(elements.min()),
         axial_wave_speed_m_per_s=line.length_m / sum(bar.travel_s for bar in bars),
@@ -275,7 +275,7 @@ def schedule_meets_limit(winch: Winch, length_m: float) -> tuple[float, float] |
             if speed is None:
                 return None
             after = line_out + speed * (end - at_s)
-            limit = min(max(after, winch.least_line_out_m), winch.most_line_out_m)
+            limit = min(max(after, winch.min_line_out_m), winch.max_line_out_m)
             if abs(after - limit) > 1e-6 * limit:
                 start = cycle * (repeat or 0.0) + at_s
                 return start + (limit - line_out) / speed, limit
@@ -289,8 +289,8 @@ def room_for(scene: Scene, line: RopeLine) -> Winch:
     return Winch(
         speed_limit_m_per_s=1.0,
         acceleration_limit_m_per_s2=1.0,
-        least_line_out_m=max(1.0, MIN_ELEMENTS * line.length_m / line.elements),
-        most_line_out_m=both,
+        min_line_out_m=max(1.0, MIN_ELEMENTS * line.length_m / line.elements),
+        max_line_out_m=both,
     )
 
 

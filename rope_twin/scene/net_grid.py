@@ -96,12 +96,12 @@ def _rope_faults(scene: Scene, net: FlexibleNet, name: str) -> Iterator[_Reason]
     if winch is not None and winch.follows == FOLLOWS_MEASURED:
         problem = f"the winch of '{name}' follows a measured line out, which no net divides"
         yield "between", problem, "let it follow commands, or name another rope"
-    elif winch is not None and winch.least_line_out_m < net.to_m + LEFT_M:
+    elif winch is not None and winch.min_line_out_m < net.to_m + LEFT_M:
         problem = (
             f"the net reaches {net.to_m:g} m up '{name}', of which its winch may leave no more "
-            f"than {winch.least_line_out_m:g} m out"
+            f"than {winch.min_line_out_m:g} m out"
         )
-        yield "to_m", problem, f"raise least_line_out_m to {net.to_m + LEFT_M:g} m at least"
+        yield "to_m", problem, f"raise min_line_out_m to {net.to_m + LEFT_M:g} m at least"
     if runs_over_sheave(scene, line):
         yield "between", f"'{name}' runs over a sheave, which no net passes", "name another rope"
     if line.fixed_at_m is not None and net.from_m == 0.0:
@@ -184,8 +184,8 @@ def _shortened(scene: Scene) -> Scene:
         ]
         return replace(
             winch,
-            least_line_out_m=winch.least_line_out_m - reach_m,
-            most_line_out_m=winch.most_line_out_m - reach_m,
+            min_line_out_m=winch.min_line_out_m - reach_m,
+            max_line_out_m=winch.max_line_out_m - reach_m,
             schedule=tuple(schedule),
         )
 

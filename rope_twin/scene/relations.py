@@ -110,7 +110,7 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
                 return
         lengths = [section.length_m for section in line.sections]
         winch = winch_of(scene, line)
-        needed = winch.most_line_out_m if winch else line.length_m
+        needed = winch.max_line_out_m if winch else line.length_m
         if lengths and lengths[-1] is not None:
             total = sum(length or 0.0 for length in lengths)
             if total < needed:
@@ -142,7 +142,7 @@ def _grading(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         if line.grading is not None:
             winch = winch_of(scene, line)
-            shortest_m = winch.least_line_out_m if winch else None
+            shortest_m = winch.min_line_out_m if winch else None
             path = f"ropes[{number}].grading"
             yield from ((path, *fault) for fault in grading_faults(line, line.grading))
             lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
@@ -150,7 +150,7 @@ def _grading(scene: Scene) -> Iterator[Fault]:
                 problem = (
                     f"the lowest element is {lowest:g} m, the winch hauls in to {shortest_m:g} m"
                 )
-                yield path, problem, "shorten it, or raise least_line_out_m"
+                yield path, problem, "shorten it, or raise min_line_out_m"
 
 
 def _damping(scene: Scene) -> Iterator[Fault]:
@@ -265,11 +265,11 @@ def _compensator(scene: Scene) -> Iterator[Fault]:
         problem = "`compensator` carries a payload, and this end is fixed"
         yield "ropes[0].fixed_at_m", problem, "give the rope a payload, or remove it"
     unit_m = line.made_of[0].length_m or 0.0
-    least_m = scene.winch.least_line_out_m if scene.winch else 2.0 * unit_m
-    if least_m < 2.0 * unit_m:
-        problem = f"{least_m:g} m hauls the compensator of {unit_m:g} m in"
+    min_m = scene.winch.min_line_out_m if scene.winch else 2.0 * unit_m
+    if min_m < 2.0 * unit_m:
+        problem = f"{min_m:g} m hauls the compensator of {unit_m:g} m in"
         remedy = f"give at least twice its length, {2.0 * unit_m:g} m"
-        yield "winch.least_line_out_m", problem, remedy
+        yield "winch.min_line_out_m", problem, remedy
     listed = listed_effects(scene)
     for effect in EFFECTS:
         if effect.name in listed and (effect.sheds or effect.name == "bending"):

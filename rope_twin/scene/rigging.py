@@ -401,11 +401,11 @@ def curtain_hangs(scene: Scene) -> Iterator[Fault]:
             problem = f"'{line.name}' runs over a sheave, which no net passes"
             yield "effects.net_curtain.rope", problem, "name another rope"
         winch = winch_of(scene, line)
-        least_m = winch.least_line_out_m if winch is not None else line.length_m
+        min_m = winch.min_line_out_m if winch is not None else line.length_m
         to_m = panels_beside(line, curtain).to_m
-        if to_m > least_m:
-            problem = f"the net would reach {to_m:g} m up '{line.name}', of which {least_m:g} m"
-            remedy = "give a smaller one, or raise the winch's least_line_out_m"
+        if to_m > min_m:
+            problem = f"the net would reach {to_m:g} m up '{line.name}', of which {min_m:g} m"
+            remedy = "give a smaller one, or raise the winch's min_line_out_m"
             yield "effects.net_curtain.to_m", f"{problem} may be all that is out", remedy
     unit_m = scene.ropes[0].made_of[0].length_m or 0.0
     if scene.listed(CompensatorParams) is not None and curtain.from_m < unit_m:

@@ -63,16 +63,16 @@ class DynamicStiffness:
 
 @dataclass(frozen=True, kw_only=True)
 class WorkingCurve:
-    """Static curve below the highest mean tension so far; the table is the original curve."""
+    """Static curve below the maximum mean tension so far; the table is the original curve."""
 
     permanent: float = quantity(
-        "permanent strain over the strain at the highest mean tension", "", 1e-3, 0.99
+        "permanent strain over the strain at the maximum mean tension", "", 1e-3, 0.99
     )
     curvature: float = quantity(
         "m in T = T_h·ξ·(1 - m + m·ξ); 0: a straight line", "", 0.0, 0.95, default=0.0
     )
-    highest_mean_tension_n: float = quantity(
-        "highest mean tension before the start, e.g. at installation", "N", 0.0, 1e9, default=0.0
+    max_mean_tension_n: float = quantity(
+        "maximum mean tension before the start, e.g. at installation", "N", 0.0, 1e9, default=0.0
     )
 
 
@@ -144,9 +144,9 @@ class StiffnessTable(SparingRepr):
     def _working(self) -> _Working | None:
         """Return the working curve at the start, if there is one."""
         working = self.working_curve
-        if working is None or working.highest_mean_tension_n == 0.0:
+        if working is None or working.max_mean_tension_n == 0.0:
             return None
-        highest, m = working.highest_mean_tension_n, working.curvature
+        highest, m = working.max_mean_tension_n, working.curvature
         top = self._original_strain(highest)
         span = (1.0 - working.permanent) * top
         return _Working(

@@ -16,7 +16,7 @@ from rope_twin.core.body.state import Afloat, GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import with_parts
 from rope_twin.core.fibre import new_fibre
 from rope_twin.core.loads.hooks import hooks_of, work_rows
-from rope_twin.core.moved_end import HarmonicEnd, LedEnd, led_end
+from rope_twin.core.moved_end import HarmonicEnd, PrescribedEnd, prescribed_end
 from rope_twin.core.payout import TRIALS
 from rope_twin.core.state import (
     ELEMENTS,
@@ -51,7 +51,7 @@ from rope_twin.scene.grid import (
     ends_m,
     find_payload,
     is_compensated,
-    least_line_out_m,
+    min_line_out_m,
     node_coordinates,
     section_damping,
 )
@@ -140,7 +140,7 @@ def build(scene: Scene) -> CoreRope:
     figures = payload_figures(payload, density) if payload else None
     effects = build_effects(scene, figures)
     sections = _sections(scene, line, figures)
-    s = node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
+    s = node_coordinates(line, min_line_out_m(scene), is_compensated(scene))
     tension = _static_tension(effects, sections, s)
     length = float(s[-1] - s[-2])
     model = Model(
@@ -164,7 +164,7 @@ def build(scene: Scene) -> CoreRope:
 
 def _node_capacity(scene: Scene, line: RopeLine, s: Floats) -> int:
     """Return the node capacity of the arrays of a rope with nodes at these coordinates."""
-    longest_m = scene.winch.most_line_out_m if scene.winch else line.length_m
+    longest_m = scene.winch.max_line_out_m if scene.winch else line.length_m
     to_come = ceil((longest_m - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
     return len(s) - 1 + to_come + SPARE_NODES + TRIALS
 
@@ -190,7 +190,7 @@ def build_effects(
     Cd = sum(params.normal for params in scene.effects if isinstance(params, DragParams))
     line = scene.ropes[0]
     room = _node_capacity(
-        scene, line, node_coordinates(line, least_line_out_m(scene), is_compensated(scene))
+        scene, line, node_coordinates(line, min_line_out_m(scene), is_compensated(scene))
     )
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(params.stiffness_n_m2 for params in scene.effects if isinstance(params, BendingParams))
@@ -224,11 +224,11 @@ def build_effects(
     return meet(built, scene) if has_body else tuple(built)
 
 
-def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | LedEnd:
+def _moved_end(line: RopeLine, motion: EndMotion) -> HarmonicEnd | PrescribedEnd:
     """Return the kernel data of the motion of a rope's lower end."""
     assert line.fixed_at_m is not None, "a rule of scenes"
     if motion.from_outside:
-        return led_end(line.fixed_at_m, STEPS_PER_CALL + 1)
+        return prescribed_end(line.fixed_at_m, STEPS_PER_CALL + 1)
     waves = [(*harmonic.amplitude_m, 2.0 * pi / harmonic.period_s, radians(harmonic.phase_deg))
              for harmonic in motion.harmonics]  # fmt: skip
     return HarmonicEnd(np.array(line.fixed_at_m), np.array(waves, dtype=float), motion.ramp_s)
@@ -265,7 +265,7 @@ def _fibre_figures(stiffness: StiffnessTable) -> list[float]:
     law = [1.0 / dynamic.relaxation_s, dynamic.constant_n, *per_tension]
     if works is None:
         return [*law, 0.0, 0.0, 0.0]
-    return [*law, works.permanent, works.curvature, works.highest_mean_tension_n]
+    return [*law, works.permanent, works.curvature, works.max_mean_tension_n]
 
 
 def tables_of(line: RopeLine) -> Table:

@@ -20,10 +20,10 @@ from rope_twin.scene.grid import tension_at_length
 from rope_twin.scene.lift import (
     LiftFigures,
     alone,
-    hung_together,
     lift_figures,
     listed_effects,
     schedule_meets_limit,
+    suspended_weights,
 )
 from rope_twin.scene.rigging import NetPart, is_joined, places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
@@ -53,11 +53,11 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
     lengths = {"ropes[0]": (line.length_m, "")}
     if scene.winch:
-        shortest_m, longest_m = scene.winch.least_line_out_m, scene.winch.most_line_out_m
-        if figures.hung.dry_share(shortest_m) > 0.0:
+        shortest_m, longest_m = scene.winch.min_line_out_m, scene.winch.max_line_out_m
+        if figures.suspended.dry_share(shortest_m) > 0.0:
             when = f" with {shortest_m:g} m out, above the water,"
-            lengths["winch.least_line_out_m"] = (shortest_m, when)
-        lengths["winch.most_line_out_m"] = (longest_m, f" with {longest_m:g} m out")
+            lengths["winch.min_line_out_m"] = (shortest_m, when)
+        lengths["winch.max_line_out_m"] = (longest_m, f" with {longest_m:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)
         if line.fixed_at_m or tension <= rope.breaking_load_n / SAFETY_FACTOR:
@@ -71,7 +71,7 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def load_together(scene: Scene) -> Iterator[str]:
     """Check what the ropes from the ship carry together; the actual distribution is less even."""
-    load = hung_together(scene)
+    load = suspended_weights(scene)
     if load is None:
         return
     path, when, tension = "ropes[0]", "", load.weight_n
@@ -80,9 +80,9 @@ def load_together(scene: Scene) -> Iterator[str]:
     else:
         words = "static top tension"
         if scene.winch and tension <= load.breaking_load_n / SAFETY_FACTOR:
-            longest_m = scene.winch.most_line_out_m
+            longest_m = scene.winch.max_line_out_m
             tension, when = load.weight_at(longest_m), f" with {longest_m:g} m out"
-            path = "winch.most_line_out_m"
+            path = "winch.max_line_out_m"
     if tension > load.breaking_load_n / SAFETY_FACTOR:
         words = f"{words} {kilonewtons(tension)}{when}"
         yield _weak(path, words, tension / load.breaking_load_n, load.breaking_load_n)
@@ -460,7 +460,7 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     met = schedule_meets_limit(winch, scene.ropes[0].length_m)
     if met is not None:
         when, limit = met
-        name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
+        name = "max_line_out_m" if limit == winch.max_line_out_m else "min_line_out_m"
         problem = f"it drives the paid-out length to {name} ({limit:g} m) after {when:.0f} s"
         remedy = "the winch stops there; let the schedule return, or change the limit"
         yield phrase("winch.schedule", problem, remedy)

@@ -73,10 +73,10 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
             if row.payload_depth_m is None:
                 continue
             where = f"schedule of winch '{name}', row {number}"
-            deepest_m = winch.most_line_out_m - z
+            deepest_m = winch.max_line_out_m - z
             if row.payload_depth_m > deepest_m:
                 problem = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
-                remedy = f"give at most {deepest_m:g} m, or raise most_line_out_m"
+                remedy = f"give at most {deepest_m:g} m, or raise max_line_out_m"
                 yield phrase(where, problem, remedy)
             elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
                 problem = f"a depth of {row.payload_depth_m:g} m is below the seabed"
@@ -230,7 +230,7 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _through(scene, current, part, factor)
     if current.layers is not None:  # two layers are complete
         return
-    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    length = scene.winch.max_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]
     bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
     if moored_up(scene, figures):
@@ -272,7 +272,7 @@ def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     params = scene.listed(DepthProfilesParams)
     if params is None:
         return
-    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    length = scene.winch.max_line_out_m if scene.winch else scene.ropes[0].length_m
     fixed, top = scene.ropes[0].fixed_at_m, scene.ship.hang_off_m[2]
     bottom = fixed[2] if fixed else top - length
     for name in ("density_kg_per_m3", "drag_factor"):
@@ -291,7 +291,7 @@ def check_depth_profiles(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def is_air(scene: Scene) -> bool:
     """Return whether the whole scene is in air, whose density then replaces the water's."""
-    longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    longest = scene.winch.max_line_out_m if scene.winch else scene.ropes[0].length_m
     density = scene.environment.water_density_kg_per_m3
     return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
 
@@ -357,7 +357,7 @@ def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if winch is None or winch.drum is None or figures.payload is None:
         return
     diameter = line.made_of[-1].rope.diameter_m
-    layer = winch.drum.layer_of(winch.most_line_out_m - line.length_m, diameter)
+    layer = winch.drum.layer_of(winch.max_line_out_m - line.length_m, diameter)
     radius, load = winch.drum.radius_m(layer, diameter), figures.top_tension_n(line.length_m)
     torques = {
         "drive": winch.drive.torque_limit_n_m if winch.drive else None,
@@ -379,13 +379,13 @@ def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     part = next((name for name in feeling if getattr(winch, name, None) is not None), None)
     if winch is None or part is None:
         return
-    travel = winch.least_line_out_m / figures.axial_wave_speed_m_per_s
+    travel = winch.min_line_out_m / figures.axial_wave_speed_m_per_s
     if scene.time.step_s > LONGEST_STEP * travel:
         problem = (
             f"a step of {scene.time.step_s:g} s delays the tension feedback too much on "
-            f"{winch.least_line_out_m:g} m of rope, with a wave travel time of {travel:.3f} s"
+            f"{winch.min_line_out_m:g} m of rope, with a wave travel time of {travel:.3f} s"
         )
-        remedy = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
+        remedy = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer min_line_out_m"
         yield phrase(f"winch.{part}", problem, remedy)
 
 

@@ -230,8 +230,8 @@ class Winch(SparingRepr):
 
     speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.0, 5.0)
     acceleration_limit_m_per_s2: float = quantity("maximum acceleration", "m/s²", 1e-3, 10.0)
-    least_line_out_m: float = quantity("minimum paid-out length", "m", 1.0, 2e4)
-    most_line_out_m: float = quantity("maximum paid-out length", "m", 1.0, 2e4)
+    min_line_out_m: float = quantity("minimum paid-out length", "m", 1.0, 2e4)
+    max_line_out_m: float = quantity("maximum paid-out length", "m", 1.0, 2e4)
     schedule: tuple[ScheduleRow, ...] = text("commands over time", ())
     schedule_repeats_every_s: float | None = quantity(
         "repetition period of the schedule", "s", 1.0, 1e6, default=None

@@ -23,20 +23,17 @@ from rope_twin.scene.winch import (
 def line_out_faults(scene: Scene) -> Iterator[Fault]:
     """Check the limits of each winch, and that its line is between them."""
     for path, winch in winches(scene):
-        least, most = winch.least_line_out_m, winch.most_line_out_m
+        least, most = winch.min_line_out_m, winch.max_line_out_m
         if least >= most:
-            problem = f"{least:g} m is not below most_line_out_m ({most:g} m)"
-            yield f"{path}.least_line_out_m", problem, "give a smaller one"
+            problem = f"{least:g} m is not below max_line_out_m ({most:g} m)"
+            yield f"{path}.min_line_out_m", problem, "give a smaller one"
             return
     for number, line in enumerate(scene.ropes):
         own_winch = winch_of(scene, line)
-        if (
-            own_winch
-            and not own_winch.least_line_out_m <= line.length_m <= own_winch.most_line_out_m
-        ):
-            reach = f"{own_winch.least_line_out_m:g} to {own_winch.most_line_out_m:g} m"
+        if own_winch and not own_winch.min_line_out_m <= line.length_m <= own_winch.max_line_out_m:
+            reach = f"{own_winch.min_line_out_m:g} to {own_winch.max_line_out_m:g} m"
             problem = f"{line.length_m:g} m is outside the winch's {reach}"
-            remedy = "change it, or least_line_out_m or most_line_out_m of the winch"
+            remedy = "change it, or min_line_out_m or max_line_out_m of the winch"
             yield f"ropes[{number}].length_m", problem, remedy
 
 
@@ -143,12 +140,12 @@ def _follows(winch: Winch) -> Iterator[Fault]:
 
 
 def _rows(winch: Winch) -> Iterator[Fault]:
-    least, most = winch.least_line_out_m, winch.most_line_out_m
+    least, most = winch.min_line_out_m, winch.max_line_out_m
     for number, row in enumerate(winch.schedule):
         path = f"schedule[{number}]"
         if row.line_out_m is not None and not least <= row.line_out_m <= most:
             problem = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
-            remedy = "change it, or least_line_out_m or most_line_out_m"
+            remedy = "change it, or min_line_out_m or max_line_out_m"
             yield f"{path}.line_out_m", problem, remedy
         if row.tension_n is not None and winch.constant_tension is None:
             problem = "this winch has no constant-tension mode"

@@ -65,12 +65,12 @@ def heave_response(hull: BoxHull, frequency_hz: NDArray[np.float64]) -> NDArray[
     return np.asarray(force / (1.0 - 2.0 * k * draught + 1j * damping))
 
 
-WAYS_FOLDER = "ways"
+MOTIONS_FOLDER = "motions"
 FASTEST_M_PER_S = 15.0  # largest plausible speed; the twin rejects faster input, too
 TRIALS = 8  # points between two rows where the spline's speed is checked
 
 
-class Way:
+class TimeHistory:
     """Splined time history; `end_s` is its last time.
 
     Raises:
@@ -123,13 +123,13 @@ class Way:
             raise InputError(self.source, problem, f"{remedy}; give more rows there")
 
 
-def read_way(name_or_path: str) -> Way:
-    """Read a time history from a table in config/ways/ or at a path.
+def read_time_history(name_or_path: str) -> TimeHistory:
+    """Read a time history from a table in config/motions/ or at a path.
 
     Raises:
         InputError: the table is invalid; one sentence.
     """
-    path = find_table(name_or_path, WAYS_FOLDER)
+    path = find_table(name_or_path, MOTIONS_FOLDER)
     columns = read_columns(path, ("t_s", "x_m", "y_m", "z_m"))
     place = np.stack([columns[name] for name in ("x_m", "y_m", "z_m")], axis=1)
-    return Way(columns["t_s"], place, str(path))
+    return TimeHistory(columns["t_s"], place, str(path))

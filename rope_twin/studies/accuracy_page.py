@@ -211,7 +211,7 @@ MIN_PCT = 1e-6
 
 
 def draw_accuracy(study: Study, path: Path) -> None:
-    """Write the plot: rms error on the left, error of the highest tension on the right.
+    """Write the plot: rms error on the left, error of the maximum tension on the right.
 
     Raises:
         InputError: matplotlib is not there, or the file cannot be written.

@@ -59,7 +59,7 @@ class Series:
 
     step_s: float
     tension_n: Vector  # top tension after each step
-    look_s: float
+    sampling_s: float
     depth_m: Vector  # of the lower end, or the first payload, at each look
     slack: NDArray[np.bool_]  # whether an element was without tension, at each look
     solves_per_step: float
@@ -74,8 +74,8 @@ class Course:
         RopeTwinError: the scene's sea is not there or ends before the window does.
     """
 
-    def __init__(self, scene: Scene, seconds: float, look_s: float) -> None:
-        self.scene, self.seconds, self.look_s = scene, seconds, look_s
+    def __init__(self, scene: Scene, seconds: float, sampling_s: float) -> None:
+        self.scene, self.seconds, self.sampling_s = scene, seconds, sampling_s
         sea = open_sea(scene)
         samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
         self._samples, self._heave = samples, series_of(samples)
@@ -160,13 +160,13 @@ class Trial:
         self._steps = self._motion.value.shape[-2] - 1
         self._tension = np.zeros(self._steps)
 
-    def look(self) -> Series:
-        """Run the course; sample depth and slack every `look_s`.
+    def run(self) -> Series:
+        """Run the course; sample depth and slack every `sampling_s`.
 
         Raises:
             SolverError: a step that is not finite.
         """
-        every = round(self._course.look_s / self.setting.step_s)
+        every = round(self._course.sampling_s / self.setting.step_s)
         samples = self._steps // every
         depth, slack = np.zeros(samples), np.zeros(samples, bool)
         self._body.begin()
@@ -179,7 +179,7 @@ class Trial:
         return Series(
             self.setting.step_s,
             self._tension[:steps].copy(),
-            self._course.look_s,
+            self._course.sampling_s,
             depth,
             slack,
             float(self._body.health[rows.SOLVES]) / steps,
@@ -303,11 +303,11 @@ def tension_scale(series: Series) -> float:
 def snap_peak_n(series: Series) -> float | None:
     """Return the mean of the peak top tensions after slack (snap loads); None: no snap."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], series.slack, [True]])))
-    every = round(series.look_s / series.step_s)
+    every = round(series.sampling_s / series.step_s)
     peaks = [
         series.tension_n[begin * every : end * every].max()
         for begin, end in zip(edges[::2], edges[1::2], strict=True)
-        if begin > 0 and (end - begin) * series.look_s >= TAUT_S
+        if begin > 0 and (end - begin) * series.sampling_s >= TAUT_S
     ]
     return float(np.mean(peaks)) if peaks else None
 
@@ -344,7 +344,7 @@ class Body(ABC):
 def body_of(scene: Scene) -> Body:
     """Return the model of a scene. Raises SceneError: it cannot be built, or has no equilibrium."""
     body = JoinedBody(scene) if is_joined(scene) else RopeBody(scene)
-    return body if model_beside(scene) is None else ShakenBody(scene, body)
+    return body if model_beside(scene) is None else VibratingSystem(scene, body)
 
 
 class RopeBody(Body):
@@ -406,7 +406,7 @@ class JoinedBody(Body):
         return float(rope.state.nodes[rows.POSITION + 2, :count].max())
 
 
-class ShakenBody(Body):
+class VibratingSystem(Body):
     """Line or multi-line system with a VIV model outside the time step, updated as in a twin."""
 
     def __init__(self, scene: Scene, body: RopeBody | JoinedBody) -> None:
@@ -434,7 +434,7 @@ class ShakenBody(Body):
             if self._viv_drag.steps_to_sampling(self._steps) == 0:
                 first = (table if table.ndim == 2 else table[0] for table in motion)
                 boundary = Boundary(*(table[done:] for table in first))
-                self._viv_drag.look(self.ropes, boundary, self._steps, 0)
+                self._viv_drag.observe(self.ropes, boundary, self._steps, 0)
         return done, tension
 
     def _shake(self) -> None:

@@ -73,7 +73,7 @@ class Plan:
 
     seconds: float
     own: Setting
-    look_s: float  # a whole number of every step
+    sampling_s: float  # a whole number of every step
     settings: tuple[Setting, ...]
     reference: Setting
     ropes: float = 1.0  # all ropes' elements over the first one's
@@ -113,10 +113,10 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     setting = Setting(scene.ropes[0].elements, scene.time.step_s)
     h = setting.step_s
     factors = [factor for factor in reach.step_factors if factor * h <= LONGEST_STEP_S]
-    look_s = _whole(math.lcm(*(round(2.0 * multiple) for multiple in factors)) * 0.5 * h)
+    sampling_s = _whole(math.lcm(*(round(2.0 * multiple) for multiple in factors)) * 0.5 * h)
     span = _window_s(scene, reach) if seconds is None else seconds
-    span = _whole(math.floor(span / look_s + 1e-6) * look_s)
-    min_s = _whole(SHORTEST_WINDOW * look_s)
+    span = _whole(math.floor(span / sampling_s + 1e-6) * sampling_s)
+    min_s = _whole(SHORTEST_WINDOW * sampling_s)
     if span < min_s:
         raise InputError("--duration", f"{seconds:g} s is too short", f"give {min_s:g} or more")
     counts = _counts(setting.elements, reach.doublings)
@@ -130,7 +130,7 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     finer = 2 ** math.floor(math.log2(max(max_multiple, 1.0)))
     elements = counts[-1] * min(max(finer, 2), MAX_FINER)
     fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
-    return Plan(span, setting, look_s, (*grid, *others), fine, ropes)
+    return Plan(span, setting, sampling_s, (*grid, *others), fine, ropes)
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:
@@ -200,7 +200,7 @@ def find_reference(course: Course, setting: Setting, report: Callable[[str], Non
     for elements, step_s in grids:
         grid_setting = Setting(elements, step_s, tolerance)
         report(f"reference, {grid_setting}")
-        runs.append(Trial(course, grid_setting).look())
+        runs.append(Trial(course, grid_setting).run())
     return judge(setting, runs)
 
 
@@ -281,7 +281,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
     computer = this_machine()
-    course = Course(scene, plan.seconds, plan.look_s)
+    course = Course(scene, plan.seconds, plan.sampling_s)
     total, done = 5 + 1 + len(plan.settings), 0
 
     def tell(activity: str) -> None:
@@ -350,7 +350,7 @@ def _as_row(row: StudyLevel) -> dict[str, Any]:
 
 def _level(course: Course, setting: Setting, reference: Reference, timed: bool) -> StudyLevel:
     trial = Trial(course, setting)
-    series = trial.look()
+    series = trial.run()
     figures = {}
     for name, error in differences(series, reference.series).items():
         doubt = reference.doubts[name].uncertainty

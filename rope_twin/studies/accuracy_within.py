@@ -154,12 +154,12 @@ def _check_scene(
         nothing = (None,) * 6
         return Selected(scene.name, quantity.name, within, *nothing, "", refusal)
     plan = make_plan(scene, seconds or study.seconds)
-    course = Course(scene, plan.seconds, plan.look_s)
+    course = Course(scene, plan.seconds, plan.sampling_s)
     elements, step_s, tolerance_n = plan.reference
     times = 1 if elements > ENOUGH else 2
     finer = Setting(times * elements, 0.5 * step_s, tolerance_n)
-    result = Trial(course, level.setting).look()
-    error = differences(result, Trial(course, finer).look())[quantity.name]
+    result = Trial(course, level.setting).run()
+    error = differences(result, Trial(course, finer).run())[quantity.name]
     return Selected(
         scene.name, quantity.name, within, plan.seconds, level.elements, level.step_s,
         level.real_time_factor, level.bound(quantity.name), error,

@@ -54,7 +54,7 @@ class Witness:
         )
 
 
-def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witness | str:
+def call_witness(scene: Scene, step_s: float, max_s: float = math.inf) -> Witness | str:
     """Run both codes for this time, the solver with this step; or return why it is impossible.
 
     Raises:
@@ -69,10 +69,10 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
     if rope is None:
         return f"none: its steps would be shorter than {1e3 * SHORTEST_S:g} ms"
     scene = rope.scene
-    seconds = min(math.ceil(scene.ship.motion_ramp_s + AFTER_RAMP_S), most_s)
+    seconds = min(math.ceil(scene.ship.motion_ramp_s + AFTER_RAMP_S), max_s)
     course = Course(scene, seconds, step_s)
     count = scene.ropes[0].elements
-    tension = Trial(course, Setting(count, step_s)).look().tension_n
+    tension = Trial(course, Setting(count, step_s)).run().tension_n
     inner = math.ceil(step_s / (SHARE * rope.largest_step()))
     exact = rope.run(course.motion(step_s / inner), step_s / inner)[inner - 1 :: inner]
     deviation, scale = tension - exact[: len(tension)], float(tension.std())

@@ -105,7 +105,7 @@ def _lowest_m(scene: Scene) -> float:
     line = scene.ropes[0]
     if line.fixed_at_m is not None:
         return line.fixed_at_m[2]
-    max_line_m = scene.winch.most_line_out_m if scene.winch else line.length_m
+    max_line_m = scene.winch.max_line_out_m if scene.winch else line.length_m
     return scene.ship.hang_off_m[2] - max_line_m
 
 
@@ -231,7 +231,7 @@ def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
     scene_course = copy.copy(course)
     scene_course.scene = scene
     trial = Trial(scene_course, Setting(scene.ropes[0].elements, scene.time.step_s))
-    tension = trial.look().tension_n
+    tension = trial.run().tension_n
     us_per_step = 1e6 * scene.time.step_s / trial.real_time_factor()
     return Ran(us_per_step, float(np.mean(tension)), float(np.max(tension)))
 

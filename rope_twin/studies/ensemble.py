@@ -166,7 +166,7 @@ def run_study(
     scene: Scene,
     plan: Plan,
     seconds: float,
-    look_s: float,
+    slack_interval_s: float,
     report: Callable[[float, float], None],
     threads: int | None = None,
 ) -> StudyResult:
@@ -177,10 +177,10 @@ def run_study(
     """
     start_s = time.perf_counter()
     whole_steps("--duration", seconds, scene.time.step_s)
-    whole_steps("--slack-interval", look_s, scene.time.step_s)
+    whole_steps("--slack-interval", slack_interval_s, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET_S for axis in plan.axes):
         raise InputError("--sea-offset", "the scene's ship lies still", "leave it out")
-    ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
+    ensemble = Ensemble(scene, variations(scene, plan, seconds), slack_interval_s, threads)
     lanes = ensemble.lanes()
     ensemble.make_ready()
     started = time.perf_counter()

@@ -78,7 +78,7 @@ class AtRest(StillLine):
     first: int  # free node
     tangent: Floats  # at the free nodes, (3, n)
     rest: Floats  # unstretched lengths of the elements [m]
-    body: HungBody | None  # below node 0, whose mass is then that of rope and hook alone
+    body: SuspendedBody | None  # below node 0, whose mass is then that of rope and hook alone
 
     @property
     def free_mass(self) -> Floats:
@@ -140,12 +140,12 @@ def _check_taut(scene: Scene, number: int, tension: Floats) -> None:
         raise SceneError(f"{scene.path}: ropes[{number}]", problem, remedy)
 
 
-def _body_of(scene: Scene, rope: Rope) -> HungBody | None:
+def _body_of(scene: Scene, rope: Rope) -> SuspendedBody | None:
     """Return the rigid body that hangs at rest below a rope; None if there is none."""
     body = body_of(rope)
     if body is None:
         return None
-    return hung_body(scene, body, rope.state.nodes[POSITION : POSITION + 3, 0])
+    return suspended_body(scene, body, rope.state.nodes[POSITION : POSITION + 3, 0])
 
 
 def water_at(scene: Scene, z: Floats) -> Floats:
@@ -196,7 +196,7 @@ class StillSystem:
     joint_mass: Floats  # what sheaves weigh themselves and wheels turn with, of each unknown [kg]
     tied: Any  # sparse stiffness of bars, tethers and slings [N/m], (unknowns, unknowns)
     system: System  # in equilibrium
-    body: HungBody | None = None  # its six unknowns are the last ones
+    body: SuspendedBody | None = None  # its six unknowns are the last ones
     body_mass: Any = None  # sparse mass of it, (unknowns, unknowns)
 
 
@@ -226,7 +226,7 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     return still
 
 
-def _with_body(still: StillSystem, r: int, body: HungBody) -> StillSystem:
+def _with_body(still: StillSystem, r: int, body: SuspendedBody) -> StillSystem:
     """Return the system with six more unknowns for the body below rope r."""
     from scipy.sparse import csr_array, hstack
 
@@ -363,7 +363,7 @@ def _tied(held: Floats, position: Floats, size: int) -> Any:
     return matrix
 
 
-class HungBody(NamedTuple):
+class SuspendedBody(NamedTuple):
     """A body at rest; the first three unknowns are the hook's."""
 
     stiffness: Floats  # (9, 9) [N/m], [N], [N·m]
@@ -371,7 +371,7 @@ class HungBody(NamedTuple):
     reach: float  # largest distance of its points from G [m]
 
 
-def hung_body(scene: Scene, body: RigidBody, hook: Floats) -> HungBody:
+def suspended_body(scene: Scene, body: RigidBody, hook: Floats) -> SuspendedBody:
     """Return the body at rest below a hook at this position [m], (3,).
 
     Raises:
@@ -391,10 +391,10 @@ def hung_body(scene: Scene, body: RigidBody, hook: Floats) -> HungBody:
         K[TURN, TURN] += _turned(arm, force)
     lift = np.array([0.0, 0.0, body.displaced * body.g])
     K[TURN, TURN] += _turned(pose.turn @ body.buoyed, lift)
-    return HungBody(0.5 * (K + K.T), _mass(body, pose), float(body.reach))
+    return SuspendedBody(0.5 * (K + K.T), _mass(body, pose), float(body.reach))
 
 
-class HungMotion(NamedTuple):
+class SuspendedMotion(NamedTuple):
     """Motion of a rigid body in a mode; energies are twice the kinetic energy at ω = 1."""
 
     centre: Floats  # of gravity, (3,)
@@ -403,7 +403,7 @@ class HungMotion(NamedTuple):
     largest: float  # motion of a point of it
 
     @classmethod
-    def of(cls, body: HungBody | None, vector: Floats) -> HungMotion:
+    def of(cls, body: SuspendedBody | None, vector: Floats) -> SuspendedMotion:
         """Return the motion of the body, whose unknowns are the last six; at rest without one."""
         if body is None:
             return cls(np.zeros(3), np.zeros((3, 3)), 0.0, 0.0)

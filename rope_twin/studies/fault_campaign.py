@@ -141,7 +141,7 @@ def profiles(scene: Scene, until_s: float) -> list[Message]:
 
 EPOCH_NS = 1_700_000_000 * SECOND_NS  # ROS time of t = 0: any that leaves room for wrong clocks
 DELAY_NS = 150_000_000  # the twin runs behind ROS time by this, as `input_delay_s` has it
-LOOK_NS = SECOND_NS // 2  # between two looks for commanders that are gone
+CHECK_NS = SECOND_NS // 2  # between two checks for commanders that are gone
 SEED = 1
 FROM_S, UNTIL_S = 20.0, 50.0
 PATIENCE_S = 2.0
@@ -164,7 +164,7 @@ class LoneTwin:
         self._steps = steps_in_slot(self._twin.step_s)
         self._last = self._twin.snapshot()
         self._senders: set[str] = set()
-        self._looked_ns = 0
+        self._checked_ns = 0
 
     @property
     def now_ns(self) -> int:
@@ -195,16 +195,16 @@ class LoneTwin:
         """Twin time [ns]."""
         return self._twin.time_ns
 
-    def look(self) -> Snapshot:
+    def snapshot(self) -> Snapshot:
         """Return the current snapshot."""
         self._last = self._inputs.snapshot()
         return self._last
 
     def step_slot(self) -> None:
         """Step on by one publish period. Raises SolverError where a run would end."""
-        if self._twin.time_ns >= self._looked_ns + LOOK_NS:
-            self._looked_ns = self._twin.time_ns
-            self._border.seats.look(self._senders, self._twin.time_ns)
+        if self._twin.time_ns >= self._checked_ns + CHECK_NS:
+            self._checked_ns = self._twin.time_ns
+            self._border.seats.check(self._senders, self._twin.time_ns)
         self._inputs.advance(self._steps)
 
     def rows(self) -> list[Status]:
@@ -267,7 +267,7 @@ def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MO
             following = next(waiting, None)
         try:
             twin.step_slot()
-            snapshot = twin.look()
+            snapshot = twin.snapshot()
         except Exception as error:  # whatever ends a run is what the campaign is to find
             course.ended = f"{type(error).__name__}: {error}"
             break
@@ -456,7 +456,7 @@ def sound_run(
     """
     twin = LoneTwin(instrumented(scene), ERROR_INTERVAL)
     rng, traffic, drops = random.Random(SEED), _traffic(scene), []
-    following, look_ns = next(traffic), SNAPSHOT_NS
+    following, sample_ns = next(traffic), SNAPSHOT_NS
     max_index: dict[str, float] = {}
     low: set[str] = set()
     while twin.time_ns < seconds * SECOND_NS:
@@ -464,10 +464,10 @@ def sound_run(
             twin.deliver(following)
             following = next(traffic)
         twin.step_slot()
-        if twin.time_ns < look_ns:
+        if twin.time_ns < sample_ns:
             continue
-        look_ns += SNAPSHOT_NS
-        snapshot = twin.look()
+        sample_ns += SNAPSHOT_NS
+        snapshot = twin.snapshot()
         cell, depth = twin.scene.measured.tension, twin.scene.measured.payload_depth
         tension_n, depth_m = snapshot.tension_top_n, -float(snapshot.payload_position_m[2])
         tension_n += rng.gauss(0.0, cell.uncertainty(tension_n) or 0.0) + cell.bias

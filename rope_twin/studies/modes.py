@@ -28,9 +28,9 @@ from rope_twin.scene.vortex import strouhal_number
 from rope_twin.studies.equilibrium import (
     CENTRE,
     AtRest,
-    HungMotion,
     StillLine,
     StillSystem,
+    SuspendedMotion,
     bring_system_to_rest,
     bring_to_rest,
     node_diameters,
@@ -151,7 +151,7 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     for w, vector in zip(omega, vectors.T, strict=True):
         motion, body_motion = (
             vector[: 3 * rest.free_count].reshape(-1, 3).T,
-            HungMotion.of(rest.body, vector),
+            SuspendedMotion.of(rest.body, vector),
         )
         energy = _energy(rest, motion) + body_motion.energy
         axial_motion = (motion * rest.tangent).sum(axis=0)
@@ -370,7 +370,7 @@ def _system_modes(
             np.einsum("nk,nkc,nc->nk", motion, mass, motion)
             for motion, mass in zip(motions, masses, strict=True)
         ]
-        body_motion = HungMotion.of(still.body, vector)
+        body_motion = SuspendedMotion.of(still.body, vector)
         kinetic = sum(energy.sum(axis=0) for energy in energies)
         kinetic = kinetic + body_motion.centre * (body_motion.mass @ body_motion.centre)
         turning = body_motion.turning / (float(kinetic.sum()) + body_motion.turning)

@@ -132,12 +132,12 @@ class LatinHypercube:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FatigueWish:
+class FatigueRequest:
     """Damage along the rope, counted in every run."""
 
     curve: str = text(f"one of {', '.join(CURVES)}, or {OWN}, that of the rope in the scene")
     piece_m: float = quantity("length of a piece of rope", "m", 0.5, 1e4, default=20.0)
-    sample_s: float = quantity("how often its tension is looked at", "s", 1e-3, 10.0, default=0.1)
+    sample_s: float = quantity("sampling interval of the tension", "s", 1e-3, 10.0, default=0.1)
 
     def check(self) -> str | None:
         """Check that the S-N curve is known."""
@@ -157,11 +157,11 @@ class Study:
     about: str = text("one line: what is asked")
     scene: str = text("a scene's name, or its path from this file")
     seconds: float = quantity("twin time of each run", "s", 1e-2, 1e6)
-    look_s: float = quantity("how often each rope is looked along for slack", "s", 1e-3, 100.0,
+    slack_interval_s: float = quantity("sampling interval for slack detection", "s", 1e-3, 100.0,
                              default=0.5)  # fmt: skip
     vary: tuple[Variable, ...] = text("what differs from run to run")
     latin_hypercube: LatinHypercube | None = text("drawn runs; absent: a grid of all values", None)
-    fatigue: FatigueWish | None = text("count damage along the rope", None)
+    fatigue: FatigueRequest | None = text("count damage along the rope", None)
 
     def check(self) -> str | None:
         """Check that the variables are consistent."""
@@ -334,7 +334,7 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
     return dataclasses.replace(variant, digest=hashlib.sha256(key.encode()).hexdigest())
 
 
-def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
+def new_counts(scene: Scene, wish: FatigueRequest) -> Counts:
     """Return the fatigue counts of a scene's ropes.
 
     Raises:
@@ -346,7 +346,9 @@ def new_counts(scene: Scene, wish: FatigueWish) -> Counts:
     return {r: count for r, count in counts if count is not None}
 
 
-def run_system(run: StudyRun, seconds: float, look_s: float, wish: FatigueWish | None) -> Row:
+def run_system(
+    run: StudyRun, seconds: float, slack_interval_s: float, wish: FatigueRequest | None
+) -> Row:
     """Make a run of a multi-line scene by its own twin, and return its results.
 
     Raises:
@@ -356,7 +358,9 @@ def run_system(run: StudyRun, seconds: float, look_s: float, wish: FatigueWish |
     sea = replace(run_scene.sea_state, start_s=run_scene.sea_state.start_s + run.sea_offset_s)
     run_scene = replace(run_scene, sea_state=sea)
     counts = new_counts(run_scene, wish) if wish is not None else {}
-    checks = Monitors(slack_steps=whole_steps("look_s", look_s, run_scene.time.step_s))
+    checks = Monitors(
+        slack_steps=whole_steps("slack_interval_s", slack_interval_s, run_scene.time.step_s)
+    )
     try:
         twin = Twin(run_scene, checks)
     except SceneError as error:
@@ -383,8 +387,8 @@ def run_together(
     scene: Scene,
     variations: Sequence[Variation],
     seconds: float,
-    look_s: float,
-    wish: FatigueWish | None,
+    slack_interval_s: float,
+    wish: FatigueRequest | None,
 ) -> list[Row]:
     """Run a scene once for each variation, together, and return their results.
 
@@ -394,8 +398,12 @@ def run_together(
         RopeTwinError: the sea is too short, or the curve does not fit a rope.
     """
     joined, step_s = is_joined(scene), scene.time.step_s
-    checks = Monitors(slack_steps=whole_steps("look_s", look_s, step_s)) if joined else NO_MONITORS
-    ensemble = Ensemble(scene, variations, look_s, threads=1, monitors=checks)
+    checks = (
+        Monitors(slack_steps=whole_steps("slack_interval_s", slack_interval_s, step_s))
+        if joined
+        else NO_MONITORS
+    )
+    ensemble = Ensemble(scene, variations, slack_interval_s, threads=1, monitors=checks)
     scenes = [ensemble.scene_of(number) for number in range(len(variations))]
     counts = [new_counts(member_scene, wish) if wish is not None else {} for member_scene in scenes]
     every = round(wish.sample_s / step_s) if wish is not None else BATCH_STEPS
@@ -430,7 +438,7 @@ def _rope_row(scene: Scene, member: MemberResults, counts: Counts) -> Row:
         "elements": scene.ropes[0].elements,
         "step_s": scene.time.step_s,
         **tensions,
-        "highest_over_breaking_load": None if max_n is None else max_n / breaking_load_n,
+        "max_utilisation": None if max_n is None else max_n / breaking_load_n,
         **_damage(scene, counts),
     }
 
@@ -456,7 +464,7 @@ def _row(scene: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
     return {**fixed, **_top(results), **_by_rope(scene, tension), **_damage(scene, counts)}
 
 
-def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueWish | None) -> None:
+def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueRequest | None) -> None:
     """Step the twin to the end; its ropes are sampled for fatigue at the requested intervals."""
     slot = steps_in_slot(twin.step_s)
     every = round(wish.sample_s / twin.step_s) if wish is not None else slot
@@ -495,7 +503,7 @@ def _by_rope(scene: Scene, tension: TensionMonitor | None) -> Row:
         row[f"{line.name}.tension_mean_n"] = None if upper is None else json_value(upper.mean)
         row[f"{line.name}.tension_min_n"] = None if upper is None else json_value(upper.low)
         shares.append(math.nan if upper is None else upper.high / line.breaking_load_n)
-    return {"highest_over_breaking_load": json_value(float(np.max(shares))), **row}
+    return {"max_utilisation": json_value(float(np.max(shares))), **row}
 
 
 def _damage(scene: Scene, counts: Counts) -> Row:

@@ -25,7 +25,7 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import (
-    FatigueWish,
+    FatigueRequest,
     Row,
     Study,
     StudyRun,
@@ -50,8 +50,8 @@ class Batch:
     runs: tuple[StudyRun, ...]
     columns: tuple[str, ...]  # names of the variables
     seconds: float
-    look_s: float
-    fatigue: FatigueWish | None
+    slack_interval_s: float
+    fatigue: FatigueRequest | None
 
 
 def cut_into_batches(study: Study, runs: Sequence[StudyRun], at_once: int = LANES) -> list[Batch]:
@@ -62,7 +62,7 @@ def cut_into_batches(study: Study, runs: Sequence[StudyRun], at_once: int = LANE
     columns = tuple(variable.column for variable in study.vary)
     return [
         Batch(group[0].scene, tuple(group[first : first + at_once]), columns, study.seconds,
-              study.look_s, study.fatigue)
+              study.slack_interval_s, study.fatigue)
         for group in groups.values() for first in range(0, len(group), at_once)
     ]  # fmt: skip
 
@@ -104,10 +104,12 @@ def _results(batch: Batch) -> Iterator[Row]:
         for variation in variations
     )
     if not (posed and is_joined(batch.scene)):
-        yield from run_together(batch.scene, variations, batch.seconds, batch.look_s, batch.fatigue)
+        yield from run_together(
+            batch.scene, variations, batch.seconds, batch.slack_interval_s, batch.fatigue
+        )
         return
     for run in batch.runs:
-        yield run_system(run, batch.seconds, batch.look_s, batch.fatigue)
+        yield run_system(run, batch.seconds, batch.slack_interval_s, batch.fatigue)
 
 
 WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
@@ -309,7 +311,7 @@ def run_parameter_study(
 def _check_times(study: Study, steps_s: set[float]) -> None:
     for step_s in steps_s:
         whole_steps(f"{study.path}: seconds", study.seconds, step_s)
-        whole_steps(f"{study.path}: look_s", study.look_s, step_s)
+        whole_steps(f"{study.path}: slack_interval_s", study.slack_interval_s, step_s)
         if study.fatigue is not None:
             whole_steps(f"{study.path}: fatigue.sample_s", study.fatigue.sample_s, step_s)
             samples = study.seconds / study.fatigue.sample_s

@@ -95,7 +95,7 @@ def run_lines(
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
             snapshot = twin.snapshot()
-            clearance, new_events = watch.look(snapshot)
+            clearance, new_events = watch.observe(snapshot)
             tensions = [snapshot.ropes[number].tension_top_n for number in tops]
             crossings = [crossing.depth_m for crossing in watch.crossings]
             samples.append(_Sample(snapshot.time_s, tensions, clearance, crossings))

@@ -351,7 +351,7 @@ def _new_damage(scene: Scene, line: RopeLine, sampler: Sampler, curve: str) -> R
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
     winch = winch_of(scene, line)
-    max_line_m = winch.most_line_out_m if winch else line.length_m
+    max_line_m = winch.max_line_out_m if winch else line.length_m
     return RopeDamage(line, ends_m(line), max_line_m, DamageSettings(curve, True), EI)
 
 

@@ -32,12 +32,12 @@ from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import GridBed, PlaneBed
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.joined.joints import System
-from rope_twin.core.joined.line_contact import touch_of
-from rope_twin.core.joined.payload_contact import payload_touch_of
+from rope_twin.core.joined.line_contact import rope_contact_of
+from rope_twin.core.joined.payload_contact import payload_contact_of
 from rope_twin.core.state import ELEMENTS, POSITION, VELOCITY, Rope
 from rope_twin.effects.hull_contact import HullContact, contact_forces
 from rope_twin.effects.seabed import normal_push
-from rope_twin.twin.snapshot import BedContact, PressedPlace, Touchdown, Vector
+from rope_twin.twin.snapshot import BedContact, ContactForce, Touchdown, Vector
 from rope_twin.twin.snapshot_builder import RopeShape, body_of, midpoints
 
 NO_CONTACT = (math.nan, math.nan, math.nan)
@@ -70,9 +70,9 @@ def seabed_contact(rope: Rope) -> BedContact | None:
     along = normal_push(bed, bed.soil.k * work[rows.FRONTAL, :n], x[:, :n], v[:, :n])
     return BedContact(
         payload_height_m=float(np.min(load_height)),
-        payload_push_n=float(np.sum(load_push)),
+        payload_reaction_n=float(np.sum(load_push)),
         rope_on_bed_m=float(lying.sum()),
-        rope_push_n=float(along.sum()),
+        rope_reaction_n=float(along.sum()),
     )
 
 
@@ -139,7 +139,7 @@ def touchdown_at(position: Vector, arc: Vector, height: Vector) -> tuple[float, 
     )
 
 
-def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
+def hull_contacts(rope: Rope) -> tuple[ContactForce, ...]:
     """Return the present contact with the hull; none if the scene does not list the effect.
 
     The position is the middle of the element with the largest normal force.
@@ -152,16 +152,16 @@ def hull_contacts(rope: Rope) -> tuple[PressedPlace, ...]:
     normal = contact_forces(hull, x, v, state.s[:nodes])[3]
     e = int(np.argmax(normal))
     if not normal[e] > 0.0:
-        return (PressedPlace("hull", 0.0, NO_CONTACT),)
+        return (ContactForce("hull", 0.0, NO_CONTACT),)
     a, b, c = (0.5 * (x[:, e] + x[:, e + 1])).tolist()
-    return (PressedPlace("hull", float(normal.sum()), (a, b, c)),)
+    return (ContactForce("hull", float(normal.sum()), (a, b, c)),)
 
 
-def system_contacts(system: System) -> tuple[PressedPlace, ...]:
+def system_contacts(system: System) -> tuple[ContactForce, ...]:
     """Return the present contact between ropes and between payloads, of the effects listed."""
-    contacts = (("ropes", touch_of(system.stack)), ("payloads", payload_touch_of(system)))
+    contacts = (("ropes", rope_contact_of(system.stack)), ("payloads", payload_contact_of(system)))
     return tuple(
-        PressedPlace(name, touch.push, touch.at if touch.contacts else NO_CONTACT)
+        ContactForce(name, touch.push, touch.at if touch.contacts else NO_CONTACT)
         for name, touch in contacts
         if touch is not None
     )

@@ -18,7 +18,7 @@ from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside, shedding_model
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
-from rope_twin.twin.snapshot import CutShot, InputHealth
+from rope_twin.twin.snapshot import CutSnapshot, InputHealth
 
 ANY = "rope"  # name in a message that means no particular rope
 MIN_LENGTH_M = 1.0  # minimum length left at the hang-off, and at the lower end
@@ -44,7 +44,7 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
         raise InputError(f"cut {words}", *fault)
     line = scene.ropes[rope_number(scene, plan.rope)]
     winch = winch_of(scene, line)
-    max_m = winch.most_line_out_m if winch else line.length_m
+    max_m = winch.max_line_out_m if winch else line.length_m
     if max_m < plan.below_m < AT_LOWER_END:
         problem = f"this rope is never longer than {max_m:g} m"
         raise InputError(f"cut {words}", problem, f"give up to {max_m - MIN_LENGTH_M:g} m, or end")
@@ -56,7 +56,7 @@ class CutInput:
 
     def __init__(self, scene: Scene) -> None:
         self.counter = InputCounter("cut")
-        self.done: CutShot | None = None
+        self.done: CutSnapshot | None = None
         self._whole = _reason_not_possible(scene)  # reason why no rope can be cut; "": possible
         self._scene = scene
         # due time [ns], metres below the upper end, number of the rope

@@ -301,7 +301,7 @@ class CoarseSolution:
         if viv_drag is None or self._waiting or viv_drag.steps_to_sampling(chunk.steps) > 0:
             return
         boundary = Boundary(*(table[0, chunk.done :] for table in chunk.boundary))
-        viv_drag.look(self.ropes, boundary, chunk.steps, chunk.currents)
+        viv_drag.observe(self.ropes, boundary, chunk.steps, chunk.currents)
 
     def share_winches(self, responding: Mapping[int, Winch]) -> None:
         """Copy winches that respond to the tension in the next step, by rope, if not yet there.

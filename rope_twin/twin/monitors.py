@@ -30,7 +30,7 @@ from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.regrid import element_tension, is_slack
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.snapshot import CutShot, EnergyBalance, Snapshot, amended
+from rope_twin.twin.snapshot import CutSnapshot, EnergyBalance, Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes
 from rope_twin.twin.state import Clock, SavedState
 from rope_twin.twin.winch.commands import WinchCommand
@@ -68,7 +68,7 @@ class TwinView(NamedTuple):
         return float(value[0, rows.LINE]), float(rate[0, rows.LINE])
 
     @property
-    def cut(self) -> CutShot | None:
+    def cut(self) -> CutSnapshot | None:
         """Position and time of the cut; None if no rope was cut."""
         return self.inputs.cut.done
 

@@ -28,11 +28,11 @@ from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line_snapshot import (
     SystemState,
     contact,
-    payload_shots,
+    payload_snapshots,
     report_on,
-    rope_shots,
-    sheave_shots,
-    strut_shots,
+    rope_snapshots,
+    sheave_snapshots,
+    strut_snapshots,
 )
 from rope_twin.twin.regrid import element_tension, joined_as, state_arrays
 from rope_twin.twin.rope_cut import CutPosition, advance_in_substeps, cut_system, scene_of_parts
@@ -197,7 +197,7 @@ class MultiLineRopes(OtherRopes):
         self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # force on upper ends now
         self.pulls = self.pull[:, None]  # after each step of the last call
         self.moved = self._boundary  # boundary conditions of the last call
-        self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
+        self._max_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
         self._is_cut = self._fresh = False  # whether a rope was cut; whether no step followed
 
     def solve_statics(self) -> Floats:
@@ -265,7 +265,7 @@ class MultiLineRopes(OtherRopes):
         if done:
             self.pull = pull[:, done - 1].copy()
             max_n = pull[:, :done, rows.PULL].max(axis=1)
-            self._highest_n = np.maximum(self._highest_n, max_n)
+            self._max_n = np.maximum(self._max_n, max_n)
         self.first = first
 
     def system(self, first: Rope) -> System:
@@ -326,7 +326,7 @@ class MultiLineRopes(OtherRopes):
         self._boundary.value[-1, :, rows.LINE] = lost_m
         self._boundary.value[r, :, rows.LINE] -= lost_m
         self.pull = np.vstack([self.pull, np.zeros(rows.PULL_COLUMNS)])
-        self._highest_n = np.append(self._highest_n, 0.0)
+        self._max_n = np.append(self._max_n, 0.0)
         return self, lost_m
 
     def replace(self, ropes: Sequence[Rope]) -> None:
@@ -359,17 +359,17 @@ class MultiLineRopes(OtherRopes):
             splits=shot.solver.splits + int(health[rows.SPLITS]),
             merges=shot.solver.merges + int(health[rows.MERGES]),
         )
-        ropes = rope_shots(state, shot)
+        ropes = rope_snapshots(state, shot)
         strength = [
             strength_of(line, max(max_n, rope.tension_top_n), rope.element_tension_n)
-            for line, max_n, rope in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
+            for line, max_n, rope in zip(self._scene.ropes, self._max_n, ropes, strict=True)
         ]
         completed = amended(
             shot,
             ropes=ropes,
-            payloads=payload_shots(state),
-            struts=strut_shots(state),
-            sheaves=sheave_shots(state),
+            payloads=payload_snapshots(state),
+            struts=strut_snapshots(state),
+            sheaves=sheave_snapshots(state),
             winches=(*shot.winches, *filter(None, (w.shot() for w in self._winches[1:]))),
             winch_at_limit="; ".join(limit for limit in limits if limit),
             inputs=inputs,
@@ -384,10 +384,10 @@ class MultiLineRopes(OtherRopes):
         """Return the shapes of all ropes."""
         ropes = zip(self._scene.ropes, self.all_with(first), shot.ropes, strict=True)
         return tuple(
-            shape_from_sheave(line, rope, rope_shot)
+            shape_from_sheave(line, rope, rope_snapshot)
             if runs_over_sheave(self._scene, line)
-            else shape_from_top(line, rope, rope_shot, loose=not line.from_)
-            for line, rope, rope_shot in ropes
+            else shape_from_top(line, rope, rope_snapshot, loose=not line.from_)
+            for line, rope, rope_snapshot in ropes
         )
 
     def lowest(self, first: Rope) -> Rope:
@@ -402,7 +402,7 @@ class MultiLineRopes(OtherRopes):
             "joined/boundary": self._boundary,
             "joined/pull": self.pull,
             "joined/winches": self._winches,
-            "joined/highest": self._highest_n,
+            "joined/highest": self._max_n,
         }
         if self._is_cut:
             values["joined/fresh"], values["rope/model"] = self._fresh, self.first.model
@@ -424,7 +424,7 @@ class MultiLineRopes(OtherRopes):
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
         self._boundary = values.pop("joined/boundary")
         self.pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
-        self._highest_n = values.pop("joined/highest")
+        self._max_n = values.pop("joined/highest")
         self._fresh = bool(values.pop("joined/fresh", False))
         if self._lines is not None:
             self._lines.restore(values.pop("joined/lines"))

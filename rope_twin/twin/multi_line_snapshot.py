@@ -30,17 +30,17 @@ from rope_twin.twin.snapshot import (
     BedContact,
     Crossing,
     LineEvent,
-    LinesShot,
+    LinesSnapshot,
     Nearest,
-    PayloadShot,
-    RopeShot,
-    SheaveShot,
+    PayloadSnapshot,
+    RopeSnapshot,
+    SheaveSnapshot,
     Snapshot,
-    StrutShot,
+    StrutSnapshot,
     amended,
     first_rope,
 )
-from rope_twin.twin.snapshot_builder import body_of, rope_shot
+from rope_twin.twin.snapshot_builder import body_of, rope_snapshot
 from rope_twin.vortex.results import RopeVibration
 
 SHEAVE_ZONE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
@@ -66,10 +66,10 @@ class SystemState(NamedTuple):
         return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
 
 
-def rope_shots(state: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
+def rope_snapshots(state: SystemState, first: Snapshot) -> tuple[RopeSnapshot, ...]:
     """Return the state of every rope; first: snapshot of the first one."""
     names = [line.name for line in state.scene.ropes]
-    further = (_rope_shot(state, r, name) for r, name in enumerate(names[1:], start=1))
+    further = (_rope_snapshot(state, r, name) for r, name in enumerate(names[1:], start=1))
     return first_rope(first, names[0]), *further
 
 
@@ -86,7 +86,7 @@ def with_vibration(scene: Scene, shot: Snapshot, responses: Sequence[RopeVibrati
     return amended(shot, vibration=responses[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
 
 
-def payload_shots(state: SystemState) -> tuple[PayloadShot, ...]:
+def payload_snapshots(state: SystemState) -> tuple[PayloadSnapshot, ...]:
     """Return the state of every payload: that of the lower end, or of a rigid body's middle."""
     shots = []
     for payload in state.scene.payloads:
@@ -97,21 +97,21 @@ def payload_shots(state: SystemState) -> tuple[PayloadShot, ...]:
         else:
             pose = pose_of(body)
             ends = (motion(body.middle) for motion in (pose.place, pose.speed))
-        shots.append(PayloadShot(payload.name, *ends))
+        shots.append(PayloadSnapshot(payload.name, *ends))
     return tuple(shots)
 
 
-def strut_shots(state: SystemState) -> tuple[StrutShot, ...]:
+def strut_snapshots(state: SystemState) -> tuple[StrutSnapshot, ...]:
     """Return the state of every bar."""
     joints = state.system.joints
     shots = []
     for k, strut in enumerate(state.scene.struts):
         ends = [joints.nodes[: rows.VELOCITY, int(joints.ties[end, k])] for end in (FIRST, SECOND)]
-        shots.append(StrutShot(strut.name, np.array(ends), float(joints.ties[PULL, k])))
+        shots.append(StrutSnapshot(strut.name, np.array(ends), float(joints.ties[PULL, k])))
     return tuple(shots)
 
 
-def sheave_shots(state: SystemState) -> tuple[SheaveShot, ...]:
+def sheave_snapshots(state: SystemState) -> tuple[SheaveSnapshot, ...]:
     """Return the state of every sheave."""
     sheaves, nodes, shots = state.system.sheaves, state.system.joints.nodes, []
     for k, sheave in enumerate(state.scene.sheaves):
@@ -119,7 +119,7 @@ def sheave_shots(state: SystemState) -> tuple[SheaveShot, ...]:
         point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
         position_m = nodes[: rows.VELOCITY, point].copy()
         passed_m, speed = float(nodes[rows.POSITION, flow]), float(nodes[rows.VELOCITY, flow])
-        shots.append(SheaveShot(sheave.name, position_m, passed_m, speed))
+        shots.append(SheaveSnapshot(sheave.name, position_m, passed_m, speed))
     return tuple(shots)
 
 
@@ -132,25 +132,25 @@ def contact(state: SystemState) -> BedContact | None:
     below_payloads = [contacts[state.owners[payload.name]] for payload in state.scene.payloads]
     return BedContact(
         payload_height_m=min(bed.payload_height_m for bed in below_payloads),
-        payload_push_n=sum(bed.payload_push_n for bed in below_payloads),
+        payload_reaction_n=sum(bed.payload_reaction_n for bed in below_payloads),
         rope_on_bed_m=sum(bed.rope_on_bed_m for bed in contacts),
-        rope_push_n=sum(bed.rope_push_n for bed in contacts),
+        rope_reaction_n=sum(bed.rope_reaction_n for bed in contacts),
     )
 
 
-def _rope_shot(state: SystemState, r: int, name: str) -> RopeShot:
+def _rope_snapshot(state: SystemState, r: int, name: str) -> RopeSnapshot:
     rope = state.system.ropes[r]
     lower_n = lower_end_tension(rope, state.effects, state.time_s)
     ends_n = lower_n, float(state.pull[r, rows.PULL])
     if not runs_over_sheave(state.scene, state.scene.ropes[r]):
         line = float(state.payout.value[r]), float(state.payout.rate[r])
-        return rope_shot(name, rope, ends_n, line)
+        return rope_snapshot(name, rope, ends_n, line)
     sheaves = state.system.sheaves
     assert sheaves is not None
     flow, side = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), float(sheaves.side[r])
     passed, speed = state.system.joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
     line = float(sheaves.base[r] + side * passed), float(side * speed)
-    return rope_shot(name, rope, ends_n, line, from_sheave=True)
+    return rope_snapshot(name, rope, ends_n, line, from_sheave=True)
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
@@ -201,7 +201,7 @@ class ClearanceMonitor:
         self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
         self.turned_up = 0  # number of snapshots in which a line turned upward
 
-    def look(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
+    def observe(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
         """Return the minimum distance in a snapshot, and events since the last one: crossings that
         began or ended.
         """
@@ -295,7 +295,7 @@ class ClearanceReport:
     def __init__(self, watch: ClearanceMonitor) -> None:
         self._watch = watch
         self._sampled_second = -1  # second of the last sampling
-        self._shot: LinesShot | None = None
+        self._shot: LinesSnapshot | None = None
 
     def complete(self, shot: Snapshot) -> Snapshot:
         """Add the results of the lines to the snapshot.
@@ -305,9 +305,9 @@ class ClearanceReport:
         second = shot.stamp_ns // SAMPLING_NS
         if shot.step == 0 or second == self._sampled_second:
             return replace(shot, lines=self._shot)
-        nearest, events = self._watch.look(shot)
+        nearest, events = self._watch.observe(shot)
         self._sampled_second = second
-        self._shot = LinesShot(nearest, self._watch.crossings)
+        self._shot = LinesSnapshot(nearest, self._watch.crossings)
         return replace(shot, lines=self._shot, line_events=tuple(events))
 
     def state(self) -> list[Any]:
@@ -325,7 +325,7 @@ class ClearanceReport:
         crossings = (Crossing(depth, angle, gap, (x, y, z)) for depth, angle, gap, x, y, z in rows)
         self._watch.crossings = tuple(crossings)
         sampled = self._sampled_second >= 0
-        self._shot = LinesShot(Nearest(*last), self._watch.crossings) if sampled else None
+        self._shot = LinesSnapshot(Nearest(*last), self._watch.crossings) if sampled else None
 
 
 def report_on(scene: Scene) -> ClearanceReport | None:

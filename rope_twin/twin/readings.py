@@ -332,7 +332,7 @@ class WinchReadings(Readings):
         name = MOTOR_TENSION if is_motor else WINCH_MEASURED
         super().__init__(name + suffix, "winch/motor_tension" if is_motor else "winch/measured")
         winch, counter = winch_of(scene, line), scene.measured.line_out
-        self._most_m = line.length_m if winch is None else winch.most_line_out_m
+        self._max_m = line.length_m if winch is None else winch.max_line_out_m
         self._jump_m = self._slip_m = JUMP_M + counter.resolution_m
         self._bias_m = counter.bias_m
         self._speed = fastest_m_per_s(winch)
@@ -342,8 +342,8 @@ class WinchReadings(Readings):
         _, line_out, speed, tension = row
         low_n, high_n = self._loads
         slack = self._jump_m
-        if line_out is not None and not -slack <= line_out - self._bias_m <= self._most_m + slack:
-            remedy = f"this winch has 0 to {self._most_m:g} m out; set unit, sign and zero of it"
+        if line_out is not None and not -slack <= line_out - self._bias_m <= self._max_m + slack:
+            remedy = f"this winch has 0 to {self._max_m:g} m out; set unit, sign and zero of it"
             return "impossible", f"line out {line_out:g} m", remedy
         if speed is not None and abs(speed) > self._speed + JUMP_M:
             remedy = f"this line moves at {self._speed:g} m/s at most"
@@ -365,7 +365,7 @@ class DepthReadings(Readings):
     def __init__(self, scene: Scene) -> None:
         super().__init__("payload_depth", "payload/measured_depth")
         line, winch = scene.ropes[0], winch_of(scene, scene.ropes[0])
-        max_length_m = line.length_m if winch is None else winch.most_line_out_m
+        max_length_m = line.length_m if winch is None else winch.max_line_out_m
         max_length_m += sum(other.length_m for other in scene.ropes[1:])
         lowest_z = min(position[2] for position in places(scene).values())
         self._sensor = scene.measured.payload_depth

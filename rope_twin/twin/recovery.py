@@ -28,7 +28,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.step import HALVINGS
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.scene.error_bound import AccuracyLevel
-from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+from rope_twin.twin.snapshot import CutSnapshot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import Extremes
 from rope_twin.twin.state import SavedState
 
@@ -51,7 +51,7 @@ class Checkpoint(NamedTuple):
 
     time_ns: int
     level: AccuracyLevel
-    cut: CutShot | None
+    cut: CutSnapshot | None
     boundary: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
     arrays: dict[str, rows.Floats]
     effects: tuple[Any, ...]
@@ -105,7 +105,7 @@ class Recovery:
         while True:
             try:
                 twin.advance(end - twin.steps)
-                if not math.isfinite(twin.top_pull_n):
+                if not math.isfinite(twin.top_tension_n):
                     raise SolverError(_not_finite(twin.time_ns))
             except InputError:
                 raise

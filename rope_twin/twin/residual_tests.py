@@ -176,7 +176,7 @@ class SlowDrift:
         spread_n: minimum standard deviation of the offsets [N], so that a few similar blocks do not
             make all others improbable.
         """
-        self._least_n = spread_n
+        self._min_n = spread_n
         self._limit = limit_for(run_length_blocks)
         _normal_of_t(0.0, 1)  # imports SciPy now: a step must not wait for it
         self.restart()
@@ -203,7 +203,7 @@ class SlowDrift:
             return None
         n, drift = self._count, None
         if n >= MIN_BLOCKS:
-            spread = max(math.sqrt(self._squares / (n - 1)), self._least_n)
+            spread = max(math.sqrt(self._squares / (n - 1)), self._min_n)
             ratio = math.sqrt(n / (n + 1.0)) * (offset_n - self._mean) / spread
             deviate = max(-MAX_DEVIATE, min(MAX_DEVIATE, _normal_of_t(ratio, n - 1)))
             drift = self._accumulate(deviate, offset_n - self._mean)

@@ -122,7 +122,7 @@ class Comparison:
         """Drop the readings that wait for their time."""
         self._waiting.clear()
 
-    def look(self, history: History, twin: float | None, rms_share: float | None) -> None:
+    def update(self, history: History, twin: float | None, rms_share: float | None) -> None:
         """Compare the readings whose time has come.
 
         twin: its standard uncertainty; rms_share: that over the standard deviation of the computed
@@ -347,10 +347,10 @@ class MeasuredInputs:
                 interval = shot.ropes[number].error_interval
             twin = None if interval is None else interval.bound_n / COVERAGE
             rms_pct = shot.study_error.rms_pct if r == 0 else math.nan
-            comparison.look(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
+            comparison.update(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
         for comparison in self._lengths:  # prescribed to the rope: it has no error of its own
-            comparison.look(self._history, 0.0, None)
-        self._depths.look(self._history, None, None)
+            comparison.update(self._history, 0.0, None)
+        self._depths.update(self._history, None, None)
         comparisons = (*self._tensions, *self._lengths, self._depths)
         return tuple(filter(None, (comparison.result() for comparison in comparisons)))
 

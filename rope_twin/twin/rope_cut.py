@@ -190,7 +190,7 @@ class CutPosition(NamedTuple):
     """Position and time of a cut."""
 
     at_m: float  # unstretched length of the part below the cut
-    least_m: float  # minimum payout of the winch above
+    min_m: float  # minimum payout of the winch above
     time: float  # now [s]
     rope: int = 0  # its number in a multi-line scene
 
@@ -212,7 +212,7 @@ def cut_rope(
     V = float(boundary.rate[0, rows.LINE])
     nodes, k = nodes_of(rope, V).with_node_at(_severable_position(rope, position.at_m))
     lost_m = float(nodes.s[k])
-    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.least_m):
+    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.min_m):
         nodes, _ = nodes.with_node_at(lost_m + inserted_m)
     nodes.motion[:, -1] = rope.state.nodes[:, len(rope_s(rope)) - 1]
     upper = upper_part(rope, nodes, k, bare_effects)
@@ -285,12 +285,12 @@ def nodes_of(rope: Rope, V: float) -> Nodes:
     return Nodes(motion, s, rope.state.offset[:n].copy(), rope.work[rows.TENSION, :n].copy())
 
 
-def inserted_nodes(s: Floats, least_m: float) -> list[float]:
+def inserted_nodes(s: Floats, min_m: float) -> list[float]:
     """Return nodes to insert in the lowest element, as in a whole rope hauled in this far.
 
     The uppermost element shrinks at the sheave and must not be the lowest one too.
     """
-    min_length_m = min(least_m, float(s[-1]))
+    min_length_m = min(min_m, float(s[-1]))
     wanted = halvings(min_length_m, float(s[1])) if ROOM * min_length_m < s[1] else []
     return [position for position in wanted if position < (1.0 - NODE_TOL) * s[1]]
 
@@ -440,7 +440,7 @@ def cut_system(system: System, boundary: Boundary, position: CutPosition) -> tup
         rope, float(boundary.rate[r, 0, rows.LINE]) if at_ship else 0.0
     ).with_node_at(position.at_m)
     lost_m = float(nodes.s[k])
-    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.least_m) if at_ship else ():
+    for inserted_m in inserted_nodes(nodes.s[k:] - lost_m, position.min_m) if at_ship else ():
         nodes, _ = nodes.with_node_at(lost_m + inserted_m)
     nodes, k = _with_two_elements(nodes, k)
     nodes.motion[:, -1] = rope.state.nodes[:, int(rope.state.counts[rows.ELEMENTS])]

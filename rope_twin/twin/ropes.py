@@ -57,13 +57,18 @@ from rope_twin.twin.rope_cut import (
 )
 from rope_twin.twin.snapshot import (
     BedContact,
-    PayloadShot,
+    PayloadSnapshot,
     Snapshot,
     SolverHealth,
     amended,
     first_rope,
 )
-from rope_twin.twin.snapshot_builder import RopeShape, payload_depth_m, rope_shot, shape_from_top
+from rope_twin.twin.snapshot_builder import (
+    RopeShape,
+    payload_depth_m,
+    rope_snapshot,
+    shape_from_top,
+)
 from rope_twin.twin.state import changing_parts
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.vortex.coupled import VivDragAmplification
@@ -193,7 +198,7 @@ class CutRope(OtherRopes):
         lower = without_massless_section(self._lower)
         name = f"{self._scene.ropes[0].name}/lower"
         ends_n = lower_end_tension(lower, effects, now_ns * 1e-9), 0.0
-        lower_shot = rope_shot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
+        lower_snapshot = rope_snapshot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
@@ -202,11 +207,11 @@ class CutRope(OtherRopes):
             x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
         return replace(
             shot,
-            tension_payload_n=float(lower_shot.node_tension_n[-1]),
+            tension_payload_n=float(lower_snapshot.node_tension_n[-1]),
             payload_position_m=x,
             payload_velocity_m_per_s=v,
-            ropes=(first_rope(shot, self._scene.ropes[0].name), lower_shot),
-            payloads=tuple(PayloadShot(payload.name, x, v) for payload in self._scene.payloads),
+            ropes=(first_rope(shot, self._scene.ropes[0].name), lower_snapshot),
+            payloads=tuple(PayloadSnapshot(payload.name, x, v) for payload in self._scene.payloads),
             seabed=self._contact(lower),
             solver=_combined_health(shot.solver, lower.state.health),
             doubtful=doubtful,
@@ -270,7 +275,7 @@ class CutRope(OtherRopes):
         return replace(
             lower_bed,
             rope_on_bed_m=lower_bed.rope_on_bed_m + upper_bed.rope_on_bed_m,
-            rope_push_n=with_free_end.rope_push_n + upper_bed.rope_push_n,
+            rope_reaction_n=with_free_end.rope_reaction_n + upper_bed.rope_reaction_n,
         )
 
 

@@ -118,7 +118,7 @@ class LoadRules:
         figures, _ = self._static[0]
         if figures is None or len(self.ropes) > 1:
             return 0.0
-        reaction_n = figures.hung.weight_n(self.lengths_m[0]) - end_n
+        reaction_n = figures.suspended.weight_n(self.lengths_m[0]) - end_n
         return reaction_n if reaction_n > SUPPORT_TOL * abs(end_n) else 0.0
 
     def static_n(self, r: int, start_n: float, line_out_m: float) -> float:
@@ -138,7 +138,7 @@ class LoadRecord:
         """Start from `start_n`, the static tension at the upper end of each rope [N]."""
         ropes = len(rules.ropes)
         self._start_n = list(start_n)
-        self._highest_n = [0.0] * ropes
+        self._max_n = [0.0] * ropes
         self._static_n = list(start_n)
         self._static_at_m = list(rules.lengths_m)
         self._amplification = [0.0] * ropes
@@ -149,7 +149,7 @@ class LoadRecord:
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
         self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
 
-    def look(
+    def observe(
         self, shot: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
     ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
         """Return the strength results of each rope and the limits exceeded since the start."""
@@ -160,7 +160,7 @@ class LoadRecord:
         ]
         limits = rules.limits
         if limits.min_tension_n is not None:
-            for r, low_n in enumerate(lowest_n(shot)[:count]):
+            for r, low_n in enumerate(minimum_tensions_n(shot)[:count]):
                 if low_n < limits.min_tension_n:
                     self._record_breach(self._row(r, 3), -low_n, shot.time_s)
         if limits.bend_radius:
@@ -188,12 +188,12 @@ class LoadRecord:
             now_n, line_out_m = shot.ropes[r].tension_top_n, shot.ropes[r].line_out_m
         else:
             # the first snapshot's maximum includes the static equilibrium, which no step computed
-            now_n = shot.tension_top_max_n if self._begun else strength.highest_n
+            now_n = shot.tension_top_max_n if self._begun else strength.max_n
             line_out_m = shot.line_out_m
-        has_grown = strength.highest_n > self._highest_n[r]
-        current_n = max(now_n, strength.highest_n) if has_grown else now_n
+        has_grown = strength.max_n > self._max_n[r]
+        current_n = max(now_n, strength.max_n) if has_grown else now_n
         peak_n = current_n if r > 0 and self._begun else now_n
-        highest_n = self._highest_n[r] = max(self._highest_n[r], current_n)
+        max_n = self._max_n[r] = max(self._max_n[r], current_n)
         if current_n > rules.allowed_n[r]:
             self._check_tension(r, current_n, strength.breaking_load_n, (shot.time_s, rules))
         if shot.cut is None:
@@ -204,7 +204,7 @@ class LoadRecord:
             if static_n > 0.0 and peak_n > self._amplification[r] * static_n:
                 self._amplification[r] = peak_n / static_n
         name, mbl_n, amplification = strength.name, strength.breaking_load_n, self._amplification[r]
-        return RopeStrength(name, highest_n, mbl_n, self._static_n[r], amplification or None)
+        return RopeStrength(name, max_n, mbl_n, self._static_n[r], amplification or None)
 
     def _check_tension(
         self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
@@ -312,7 +312,7 @@ def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
     return high
 
 
-def lowest_n(shot: Snapshot) -> list[float]:
+def minimum_tensions_n(shot: Snapshot) -> list[float]:
     """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
     if not shot.ropes:
         return [min(shot.tension_top_min_n, float(shot.element_tension_n.min()))]
@@ -367,7 +367,7 @@ class BendMonitor:
         self._tightest = np.zeros((len(scene.ropes) + 1, len(_STORED)))
         self._tightest[:, 0] = math.inf
 
-    def look(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
+    def observe(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
         """Return the bend of each monitored rope now; time_s: twin time [s]."""
         return tuple(
             self._bend_of(number, shape, time_s)
@@ -523,8 +523,8 @@ class RunRecord:
                 touchdowns = (touchdown_of(shape, bed) for shape in shapes)
                 added["touchdowns"] = tuple(filter(None, touchdowns))
             if self.bends is not None:
-                added["bends"] = self.bends.look(shapes, shot.time_s)
-        results = self.loads.look(shot, self._rules, added.get("bends", ()))
+                added["bends"] = self.bends.observe(shapes, shot.time_s)
+        results = self.loads.observe(shot, self._rules, added.get("bends", ()))
         added["strength"], added["breaches"] = results
         added["landings"] = self.loads.landings
         return amended(shot, **added)

@@ -70,7 +70,7 @@ class InputHealth(NamedTuple):
 
 
 @dataclass(frozen=True)
-class PressedPlace:
+class ContactForce:
     """Contact with the hull, between ropes or between payloads."""
 
     name: str  # hull, ropes or payloads
@@ -84,14 +84,14 @@ class BedContact:
     """Contact of payload and rope with the seabed."""
 
     payload_height_m: float  # above the bed; negative: penetration
-    payload_push_n: float  # reaction of the bed, normal to it
+    payload_reaction_n: float  # reaction of the bed, normal to it
     rope_on_bed_m: float  # unstretched length of rope on the bed
-    rope_push_n: float
+    rope_reaction_n: float
 
     @property
     def payload_landed(self) -> bool:
         """Whether the bed carries any of the payload."""
-        return self.payload_push_n > 0.0
+        return self.payload_reaction_n > 0.0
 
 
 @dataclass(frozen=True)
@@ -112,17 +112,17 @@ class Landings:
 
 
 @dataclass(frozen=True)
-class BodyShot:
+class BodySnapshot:
     """State of a rigid-body payload; its slings or pin in the order of the scene."""
 
     quaternion: Vector  # x, y, z, w: rotation from its axes to those of the frame, (4,)
     angular_velocity_rad_per_s: Vector  # in its own axes, (3,)
     size_m: Vector  # its extent along its own axes, (3,)
-    leg_pull_n: Vector  # tension of each sling, (legs,)
+    leg_tension_n: Vector  # tension of each sling, (legs,)
     leg_length_m: Vector  # from the hook to the body, (legs,)
     leg_end_m: Vector  # attachment points on the body, in the frame, (legs, 3)
     hook_m: Vector  # position of the hook that they lead to, (3,)
-    deck_push_n: float | None = None  # reaction of the deck, or None if there is no deck
+    deck_reaction_n: float | None = None  # reaction of the deck, or None if there is no deck
     deck_clearance_m: float | None = None  # of its lowest corner; negative: penetration
 
     @property
@@ -134,7 +134,7 @@ class BodyShot:
 
 
 @dataclass(frozen=True)
-class CompensatorShot:
+class CompensatorSnapshot:
     """State of the heave compensator at the hook; its forces are positive in tension."""
 
     stroke_m: float  # extension beyond the retracted length; beyond its range: a stop deforms
@@ -167,7 +167,7 @@ CONTROL_MODES = {  # unit of each control mode
 
 
 @dataclass(frozen=True)
-class WinchShot:
+class WinchSnapshot:
     """Command in force and component states of a winch."""
 
     name: str
@@ -179,7 +179,7 @@ class WinchShot:
 
 
 @dataclass(frozen=True)
-class CutShot:
+class CutSnapshot:
     """Position and time of a cut."""
 
     at_s: float  # twin time
@@ -193,7 +193,7 @@ class RopeStrength:
     """Maximum tension of a rope, its MBL and its static tension."""
 
     name: str
-    highest_n: float  # at its upper end in every step since the start, along it at snapshots
+    max_n: float  # at its upper end in every step since the start, along it at snapshots
     breaking_load_n: float  # MBL of its weakest section
     static_n: float | None = None  # static tension at its upper end at the present payout
     dynamic_amplification: float | None = None  # maximum tension over static since the start
@@ -201,7 +201,7 @@ class RopeStrength:
     @property
     def utilisation(self) -> float:
         """Maximum tension over MBL; above 1 a real rope has parted, the simulated one has not."""
-        return self.highest_n / self.breaking_load_n
+        return self.max_n / self.breaking_load_n
 
 
 @dataclass(frozen=True)
@@ -328,7 +328,7 @@ class RopeBend:
 
 
 @dataclass(frozen=True)
-class RopeShot:
+class RopeSnapshot:
     """State of one of several ropes; rows run from its upper end (row 0) down."""
 
     name: str
@@ -344,7 +344,7 @@ class RopeShot:
 
 
 @dataclass(frozen=True)
-class PayloadShot:
+class PayloadSnapshot:
     """State of one of several payloads."""
 
     name: str
@@ -353,7 +353,7 @@ class PayloadShot:
 
 
 @dataclass(frozen=True)
-class StrutShot:
+class StrutSnapshot:
     """State of a bar between two payloads or connections."""
 
     name: str
@@ -362,7 +362,7 @@ class StrutShot:
 
 
 @dataclass(frozen=True)
-class SheaveShot:
+class SheaveSnapshot:
     """State of a sheave that a rope runs over."""
 
     name: str
@@ -414,22 +414,24 @@ class Snapshot:
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
     landings: Landings | None = None  # None: it has not landed
-    contacts: tuple[PressedPlace, ...] = ()  # of the effects of contact
+    contacts: tuple[ContactForce, ...] = ()  # of the effects of contact
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
-    body: BodyShot | None = None  # only of a scene whose payload is a rigid body
-    compensator: CompensatorShot | None = None  # only of a scene with one
-    winches: tuple[WinchShot, ...] = ()  # winches of the scene
+    body: BodySnapshot | None = None  # only of a scene whose payload is a rigid body
+    compensator: CompensatorSnapshot | None = None  # only of a scene with one
+    winches: tuple[WinchSnapshot, ...] = ()  # winches of the scene
     energy: EnergyBalance | None = None  # only of a run with an energy balance
     error_interval: TensionInterval | None = None  # if a run asks for it, once it is known
     no_error_interval: str = ""  # why a run that asks for it has none at present
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
     fatigue: MaterialFatigue | None = None  # only of a run that asks for it; of the first rope
-    ropes: tuple[RopeShot, ...] = ()  # all ropes of a multi-line scene or after a cut; else none
-    payloads: tuple[PayloadShot, ...] = ()  # likewise
-    struts: tuple[StrutShot, ...] = ()  # likewise
-    sheaves: tuple[SheaveShot, ...] = ()  # likewise
-    cut: CutShot | None = None  # if a rope was cut
-    lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
+    ropes: tuple[
+        RopeSnapshot, ...
+    ] = ()  # all ropes of a multi-line scene or after a cut; else none
+    payloads: tuple[PayloadSnapshot, ...] = ()  # likewise
+    struts: tuple[StrutSnapshot, ...] = ()  # likewise
+    sheaves: tuple[SheaveSnapshot, ...] = ()  # likewise
+    cut: CutSnapshot | None = None  # if a rope was cut
+    lines: LinesSnapshot | None = None  # two lines around one sheave, at their last sampling
     line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
     # force of the rope on its lower end, x, y, z, where the scene moves that end; else none
     lower_end_force_n: tuple[float, ...] = ()
@@ -452,9 +454,9 @@ def amended(shot: Snapshot, **fields: Any) -> Snapshot:
     return shot
 
 
-def first_rope(shot: Snapshot, name: str) -> RopeShot:
+def first_rope(shot: Snapshot, name: str) -> RopeSnapshot:
     """Return the first rope of a snapshot in the form of the other ropes."""
-    return RopeShot(
+    return RopeSnapshot(
         name=name,
         node_position_m=shot.node_position_m,
         node_tension_n=shot.node_tension_n,
@@ -556,7 +558,7 @@ class Nearest:
 
 
 @dataclass(frozen=True)
-class LinesShot:
+class LinesSnapshot:
     """Clearance of two lines around a sheave."""
 
     nearest: Nearest

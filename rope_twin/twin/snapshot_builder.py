@@ -22,9 +22,9 @@ from rope_twin.effects.compensator import Compensator, forces
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
-    BodyShot,
-    CompensatorShot,
-    RopeShot,
+    BodySnapshot,
+    CompensatorSnapshot,
+    RopeSnapshot,
     RopeStrength,
     Snapshot,
     SolverHealth,
@@ -77,14 +77,14 @@ class RunStatistics:
     tension_top_min_n: float
 
 
-def rope_shot(
+def rope_snapshot(
     name: str,
     rope: Rope,
     ends_n: tuple[float, float],
     line: tuple[float, float],
     *,
     from_sheave: bool = False,
-) -> RopeShot:
+) -> RopeSnapshot:
     """Return the state of a rope, which shares no memory with the solver.
 
     ends_n: tension at its lower and upper end [N]; line: unstretched length [m] and its rate [m/s];
@@ -94,7 +94,7 @@ def rope_shot(
     downward = slice(None) if from_sheave else slice(None, None, -1)
     tension, (lower_n, upper_n) = rope.work[rows.TENSION, :n], ends_n
     interior = 0.5 * (tension[1:] + tension[:-1])
-    return RopeShot(
+    return RopeSnapshot(
         name=name,
         node_position_m=_node_vectors(rope.state, rows.POSITION, downward),
         node_tension_n=np.concatenate(([lower_n], interior, [upper_n]))[downward].copy(),
@@ -135,7 +135,7 @@ def build_snapshot(
     time_s, state, upper_n = stamp_ns * 1e-9, rope.state, float(pull[rows.PULL])
     lower_n = lower_end_tension(rope, rope.effects, time_s)
     line = float(boundary.value[rows.LINE]), float(boundary.rate[rows.LINE])
-    first = rope_shot(scene.ropes[0].name, rope, (lower_n, upper_n), line)
+    first = rope_snapshot(scene.ropes[0].name, rope, (lower_n, upper_n), line)
     n = len(first.element_tension_n)
     low_n, high_n = (upper_n, upper_n) if recent.empty else (recent.low, recent.high)
     max_n = max(run.high, upper_n)
@@ -169,8 +169,8 @@ def build_snapshot(
 
 def strength_of(line: RopeLine, max_n: float, element_tension_n: Vector) -> RopeStrength:
     """Return a rope's maximum tension and MBL; max_n: maximum at its top since the start [N]."""
-    highest_n = max(float(max_n), float(element_tension_n.max()))
-    return RopeStrength(line.name, highest_n, line.breaking_load_n)
+    peak_n = max(float(max_n), float(element_tension_n.max()))
+    return RopeStrength(line.name, peak_n, line.breaking_load_n)
 
 
 def _solver_health(health: Ints) -> SolverHealth:
@@ -220,15 +220,15 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
         shot,
         payload_position_m=pose.place(body.middle),
         payload_velocity_m_per_s=pose.speed(body.middle),
-        body=BodyShot(
+        body=BodySnapshot(
             quaternion=pose.quaternion,
             angular_velocity_rad_per_s=pose.spin,
             size_m=body.size.copy(),
-            leg_pull_n=np.sqrt((force * force).sum(axis=1)),
+            leg_tension_n=np.sqrt((force * force).sum(axis=1)),
             leg_length_m=np.sqrt((legs * legs).sum(axis=1)),
             leg_end_m=ends,
             hook_m=hook.copy(),
-            deck_push_n=reaction_n,
+            deck_reaction_n=reaction_n,
             deck_clearance_m=clearance_m,
         ),
     )
@@ -242,7 +242,7 @@ def with_compensator(shot: Snapshot, rope: Rope) -> Snapshot:
     return shot
 
 
-def _compensator(compensator: Compensator, rope: Rope) -> CompensatorShot:
+def _compensator(compensator: Compensator, rope: Rope) -> CompensatorSnapshot:
     """Return the state of the compensator that is the lowest element of a rope."""
     state, rest_length = rope.state, float(rope.state.s[1] - rope.state.s[0])
     low, high = (state.nodes[:, k] for k in (0, 1))
@@ -252,7 +252,7 @@ def _compensator(compensator: Compensator, rope: Rope) -> CompensatorShot:
     depth = -0.5 * float(low[rows.POSITION + 2] + high[rows.POSITION + 2])
     k = float(rope.sections[rows.EA, 0]) / rest_length
     force = forces(compensator, length - rest_length, rate, k, depth)
-    return CompensatorShot(
+    return CompensatorSnapshot(
         stroke_m=length - rest_length,
         stroke_limit_m=compensator.stroke,
         stroke_rate_m_per_s=rate,
@@ -268,7 +268,7 @@ def _compensator(compensator: Compensator, rope: Rope) -> CompensatorShot:
 
 
 class RopeShape(NamedTuple):
-    """Shape of one rope; rows run from its upper end (row 0) down, as in a RopeShot."""
+    """Shape of one rope; rows run from its upper end (row 0) down, as in a RopeSnapshot."""
 
     name: str
     line: RopeLine
@@ -279,14 +279,16 @@ class RopeShape(NamedTuple):
     loose: bool = False  # whether its upper end is free: the part below a cut
 
 
-def shape_from_top(line: RopeLine, core: Rope, shot: RopeShot, *, loose: bool = False) -> RopeShape:
+def shape_from_top(
+    line: RopeLine, core: Rope, shot: RopeSnapshot, *, loose: bool = False
+) -> RopeShape:
     """Return the shape of a rope whose last node in the core is its upper end."""
     position, tension = shot.node_position_m, shot.element_tension_n
     s = core.state.s[: len(position)]
     return RopeShape(shot.name, line, core, position, (s[-1] - s)[::-1].copy(), tension, loose)
 
 
-def shape_from_sheave(line: RopeLine, core: Rope, shot: RopeShot) -> RopeShape:
+def shape_from_sheave(line: RopeLine, core: Rope, shot: RopeSnapshot) -> RopeShape:
     """Return the shape of a rope that ends at a sheave, where its elements come and go."""
     arc = core.state.s[: len(shot.node_position_m)] - core.state.s[0]
     arc[-1] = shot.line_out_m

@@ -18,7 +18,7 @@ from rope_twin.core.step import advance
 from rope_twin.core.still_rope import Equilibrium
 from rope_twin.errors import SceneError, phrase
 from rope_twin.quantity import kilonewtons
-from rope_twin.scene.lift import hung_together
+from rope_twin.scene.lift import suspended_weights
 from rope_twin.scene.rigging import places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import Scene
@@ -114,7 +114,7 @@ def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
     tensions: of the elements of each rope [N]. The first rope is left out if it alone carries the
     suspended load: the sense checks of the scene cover it.
     """
-    suspended = hung_together(scene)
+    suspended = suspended_weights(scene)
     alone = suspended is not None and len(suspended.lines) == 1
     for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
         if number == 0 and alone:

@@ -36,7 +36,7 @@ from rope_twin.twin.monitors import (
     chunk_of,
     new_monitors,
 )
-from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, GivenMotion, Present
+from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, PrescribedMotion, Present
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
@@ -44,7 +44,7 @@ from rope_twin.twin.recovery import Checkpoint, step_failure
 from rope_twin.twin.rope_cut import CutPosition
 from rope_twin.twin.ropes import OpenSteps, RopeSystem, new_viv_drag
 from rope_twin.twin.run_record import RunRecord
-from rope_twin.twin.snapshot import SPEED, CutShot, Snapshot, amended
+from rope_twin.twin.snapshot import SPEED, CutSnapshot, Snapshot, amended
 from rope_twin.twin.snapshot_builder import RunStatistics, build_snapshot
 from rope_twin.twin.state import (
     Clock,
@@ -213,7 +213,7 @@ class Twin:
         return self._system.joined
 
     @property
-    def cut(self) -> CutShot | None:
+    def cut(self) -> CutSnapshot | None:
         """Position and time of the cut; None if no rope was cut."""
         return self.inputs.cut.done
 
@@ -223,7 +223,7 @@ class Twin:
         return self.inputs.validity.claim(self._study_error, self.time_ns)
 
     @property
-    def top_pull_n(self) -> float:
+    def top_tension_n(self) -> float:
         """Tension of the first rope at its hang-off after the newest step [N]."""
         return float(self._system.pull[rows.PULL])
 
@@ -278,7 +278,7 @@ class Twin:
         self._complete(pulls, steps, begin_s)
         return len(pulls)
 
-    def follow(self, motion: GivenMotion) -> None:
+    def follow(self, motion: PrescribedMotion) -> None:
         """Use this prescribed motion for all hang-offs from the next step on."""
         motion.restore(self._motion.state())
         self._motion = motion
@@ -329,7 +329,7 @@ class Twin:
                 for monitor in self._monitors:
                     monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
-            present = Present(clock.time_ns, self.step_ns, system.first, self.top_pull_n)
+            present = Present(clock.time_ns, self.step_ns, system.first, self.top_tension_n)
             steps = self._motion.fill(steps, inputs, present)
             if inputs.lower_end is not None:
                 effects = inputs.current.effects
@@ -344,7 +344,7 @@ class Twin:
         viv_drag, steps, measured = self.viv_drag, self._clock.steps, self.inputs.measured
         if viv_drag is not None and viv_drag.steps_to_sampling(steps) == 0:
             changes = self.inputs.current.changes
-            viv_drag.look(self.all_ropes, self._motion.boundary, steps, changes)
+            viv_drag.observe(self.all_ropes, self._motion.boundary, steps, changes)
         if measured.active and measured.is_due(steps, self.step_ns):
             measured.record(self.time_ns, self._system.computed(self._motion.boundary))
         if self._monitors:
@@ -388,7 +388,7 @@ class Twin:
         shot = ropes.complete(shot, self.time_ns, effects)
         if self.viv_drag is not None:
             shot = with_vibration(self.scene, shot, self.viv_drag.shots(self.all_ropes))
-        inputs.validity.look(shot, inputs.motion_judged)
+        inputs.validity.observe(shot, inputs.motion_judged)
         shot = amended(record.add_loads(shot, first, ropes), study_error=self.study_error)
         for monitor in self._monitors:
             shot = monitor.amend(self.inspect(), shot)
@@ -432,13 +432,13 @@ class Twin:
         else:
             self._system.ropes.adapt_to_cut(rope, lost_m, left_m)
         name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
-        self.inputs.cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
+        self.inputs.cut.done = CutSnapshot(self.time_ns * 1e-9, left_m, lost_m, name)
 
     def split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
         ropes, now_s = self.all_ropes, self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
-        position = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
+        position = CutPosition(lost_m, winch.min_line_out_m if winch else math.inf, now_s, rope)
         system, boundary = self._system, self._motion.boundary
         lost_m = system.cut(ropes[0], boundary, position)
         self.inputs.ropes, self.inputs.current.effects = system.ropes, system.first.effects
@@ -521,7 +521,7 @@ class Twin:
             elements=int(system.first.state.counts[rows.ELEMENTS]),
             line_out_m=float(value[0, rows.LINE]),
             payout_speed_m_per_s=float(rate[0, rows.LINE]),
-            tension_top_n=self.top_pull_n,
+            tension_top_n=self.top_tension_n,
             payload_position_m=tuple(payload.tolist()),
             cut_lost_m=cut.lost_m if cut else 0.0,
             cut_left_m=cut.left_m if cut else 0.0,

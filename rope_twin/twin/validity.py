@@ -139,10 +139,10 @@ class ModelRange:
         winch = self._winch
         if winch is None or shot.cut is not None or LINE_FOLLOWING not in shot.inputs:
             return
-        low_m, high_m = winch.least_line_out_m - LINE_TOL_M, winch.most_line_out_m + LINE_TOL_M
+        low_m, high_m = winch.min_line_out_m - LINE_TOL_M, winch.max_line_out_m + LINE_TOL_M
         if not low_m <= shot.line_out_m <= high_m:
             text = f"line out of {shot.line_out_m:.1f} m, the scene's winch has "
-            text += f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m"
+            text += f"{winch.min_line_out_m:g} to {winch.max_line_out_m:g} m"
             yield Finding(DOUBTED, text)
         speed = abs(shot.payout_speed_m_per_s)
         if speed > SPEED_TOL * winch.speed_limit_m_per_s:
@@ -274,7 +274,7 @@ class StudyValidity:
             reason = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
             self._strange = (since_ns, reason)
 
-    def look(self, shot: Snapshot, compared: bool) -> None:
+    def observe(self, shot: Snapshot, compared: bool) -> None:
         """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
         now_ns = shot.stamp_ns
         if self._why or now_ns == 0:

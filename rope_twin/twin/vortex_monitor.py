@@ -293,7 +293,7 @@ def damage_of(
                     settings, path=groove.places(-0.5 * groove.arc_m), wires=_wires(line, groove)
                 )
     if (winch := winch_of(scene, line)) is not None:
-        max_m, path = winch.most_line_out_m, winch.bend_path()
+        max_m, path = winch.max_line_out_m, winch.bend_path()
         wires = _wires(line, winch.sheave) if winch.sheave else ()
         for sheave in winch.inboard_sheaves:
             wires += _wires(line, sheave, sheave.inboard_m)

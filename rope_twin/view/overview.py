@@ -37,7 +37,7 @@ _NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
 _SEA = (70, 130, 200)
 _SPOT = (255, 255, 255)
 ROPE_WIDTH = 2.5  # of a rope [points of the user interface]
-# For a hang-off at the water [m]; above it all but SCALE is multiplied by `SurfaceSight.size`.
+# For a hang-off at the water [m]; above it all but SCALE is multiplied by `SurfaceView.size`.
 PATCH = 7.0  # half the side of the drawn sea surface
 SCALE = 6.0  # extent of the height scale below the water and above the hang-off
 EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # camera, relative to the middle of the view
@@ -209,7 +209,7 @@ def eye(frame: Frame) -> tuple[list[float], list[float]]:
 
 
 @dataclass(frozen=True)
-class SurfaceSight:
+class SurfaceView:
     """Visible region, which includes hang-off and water."""
 
     above_m: float = 0.0  # height of the hang-off above mean water level
@@ -232,7 +232,7 @@ class Surface:
     def __init__(self, stream: Any, path: str) -> None:
         self._canvas = Canvas(stream, path)
         self._at: Points | None = None
-        self.sight = SurfaceSight()
+        self.sight = SurfaceView()
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """Draw the upper end of the rope, nodes (n, 3) from the top; return if the view is new."""
@@ -242,7 +242,7 @@ class Surface:
         below = position_m[0] * [1.0, 1.0, 0.0]
         if self._at is None:
             self._at = below
-            self.sight = SurfaceSight(max(float(position_m[0, 2]), 0.0))
+            self.sight = SurfaceView(max(float(position_m[0, 2]), 0.0))
             self._draw_scale()
         if np.linalg.norm(below - self._at) > PATCH * self.sight.size:
             self._at = below  # the drawn sea surface follows a ship under way
@@ -302,7 +302,7 @@ _GROWN = 1.2  # the camera moves when the extent has grown by this factor
 
 
 @dataclass(frozen=True)
-class LowerEndSight:
+class LowerEndView:
     """Visible region around the lower end [m]."""
 
     below: float = _MIN_M
@@ -357,7 +357,7 @@ class LowerEnd:
         self._scale_n = 0.0
         self._falls = 0  # > 0: the body falls with the part below a cut, which was just drawn
         self._at_water = False  # whether the sea surface is visible
-        self.sight: LowerEndSight | None = None
+        self.sight: LowerEndView | None = None
 
     def take_body(self, name: str, outline_m: Points) -> None:
         """Set name and side lengths of a 6-DOF payload."""
@@ -380,7 +380,7 @@ class LowerEnd:
             self._focus = position_m[-1].copy()
         first = self.sight is None
         if first:
-            self._take(LowerEndSight())
+            self._take(LowerEndView())
         self._draw("rope", position_m, elements_n, scale_n)
         if self._falls:  # the payload is drawn with the rope that carries it
             return first
@@ -414,7 +414,7 @@ class LowerEnd:
     @property
     def _bounds(self) -> float:
         """Return the distance from the lower end up to which lines are drawn."""
-        return 2.0 * (self.sight or LowerEndSight()).half
+        return 2.0 * (self.sight or LowerEndView()).half
 
     def _widen(self, offset: Points) -> bool:
         """Widen the view to include points (n, 3) relative to the lower end; return if it moved."""
@@ -429,11 +429,11 @@ class LowerEnd:
             east, north = (float(part) / max(lateral, 1e-9) for part in offset[farthest, :2])
             direction = (east, north) if east >= 0.0 else (-east, -north)
         self._take(
-            LowerEndSight(max(below, self.sight.below), max(lateral, self.sight.beside), direction)
+            LowerEndView(max(below, self.sight.below), max(lateral, self.sight.beside), direction)
         )
         return True
 
-    def _take(self, sight: LowerEndSight) -> None:
+    def _take(self, sight: LowerEndView) -> None:
         """Set the visible region, and draw its scale bar."""
         self.sight = sight
         bar_m = round_step(0.5 * sight.half, most=1) / 2.0
@@ -478,7 +478,7 @@ class LowerEnd:
         self._canvas.payloads(centres, half, list(inside), named=bool(self.payloads))
         return False
 
-    def _draw_water(self, sight: LowerEndSight) -> None:
+    def _draw_water(self, sight: LowerEndView) -> None:
         """Draw the mean water level where it is visible."""
         height = -float(self._focus[2]) - sight.middle
         before, self._at_water = self._at_water, abs(height) < sight.half

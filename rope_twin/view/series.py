@@ -330,7 +330,7 @@ def layout(shown: Shown, live: bool) -> Any:
         _space(LOWER_END, "Lower end (to scale)", shown.close),
         row_shares=[5, 3],
     )
-    upper = shown.upper or overview.SurfaceSight().eye()
+    upper = shown.upper or overview.SurfaceView().eye()
     below: Any = _space(SURFACE, "Hang-off and sea surface (to scale)", upper)
     if shown.charts:
         charts = (_CHARTS[name] for name in shown.charts)

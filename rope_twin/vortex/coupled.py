@@ -133,8 +133,8 @@ class CoupledModel:
             self._since_s = 0.0 if self._search is None else self._since_s - self._every_s
             self._follow(rope)
         elif self._search is not None:
-            looks = max(1, round((self._every_s - self._since_s) / sample_s))
-            for _ in range(ceil(self._search.left / looks)):
+            samplings = max(1, round((self._every_s - self._since_s) / sample_s))
+            for _ in range(ceil(self._search.left / samplings)):
                 self._search.go_on()
         self._response.advance(sample_s)
 
@@ -277,7 +277,7 @@ class VivDragState(NamedTuple):
     trackers: tuple[CoupledModelState, ...]  # of each rope
     hz: float
     currents: int
-    looked: int
+    sampled: int
     second: int
     step_since: tuple[int, float]
 
@@ -301,7 +301,7 @@ class VivDragAmplification:
         real-time cycle.
         """
         self.hz, self._currents = 0.0, 0  # vortex frequency of the interval, current profiles
-        self._looked, self._second = 0, -1  # step of the last sampling, second of its time
+        self._sampled, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = settings.strouhal, settings.step_s
         self._step_since = (0, 0.0)  # steps and time [s] at which the step became this long
         self._cycle, self._rarer = cycle, 1
@@ -310,7 +310,7 @@ class VivDragAmplification:
         self._loaded = tuple(loaded)
         self.trackers: tuple[CoupledModel, ...] = tuple(_tracker(settings, rope) for rope in ropes)
         self.amplify(ropes)  # compile now, not at the first sampling
-        self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
+        self._took_s = self._sampled_s = 0.0  # CPU time of the model, and twin time covered
 
     @property
     def notice(self) -> str:
@@ -319,23 +319,23 @@ class VivDragAmplification:
 
     def steps_to_sampling(self, steps: int) -> int:
         """Return the number of steps left until the next sampling, after `steps` steps."""
-        return self._looked + self.every - steps
+        return self._sampled + self.every - steps
 
-    def look(self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int) -> None:
+    def observe(self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int) -> None:
         """Advance by the time since the last sampling, and set the drag amplification.
 
         boundary: of the first rope, row 0 is the present; steps: done by the twin; currents: number
         of profiles accepted. Ropes beyond those of the start, parts below a cut, have no vibration.
         """
         started = time.perf_counter()
-        since_s = (steps - self._looked) * self._step_s
-        self._looked = steps
+        since_s = (steps - self._sampled) * self._step_s
+        self._sampled = steps
         followed = ropes[: len(self.trackers)]
         self._update_interval(followed, boundary, currents)
         for tracker, rope in zip(self.trackers, followed, strict=True):
             tracker.take(rope, since_s, self.hz)
         self.amplify(followed)
-        self._looked_s += since_s
+        self._sampled_s += since_s
         self._took_s += time.perf_counter() - started
 
     def amplify(self, ropes: Sequence[Rope]) -> None:
@@ -350,12 +350,12 @@ class VivDragAmplification:
         self, ropes: Sequence[Rope], boundary: Boundary, steps: int, currents: int
     ) -> None:
         """Sample at once, unless the present is sampled already; arguments as of `look`."""
-        if steps > self._looked:
-            self.look(ropes, boundary, steps, currents)
+        if steps > self._sampled:
+            self.observe(ropes, boundary, steps, currents)
 
     def set_step(self, step_s: float, cycle: int) -> None:
         """Continue with another step from the newest sampling on; cycle: steps of a cycle."""
-        self._step_since = self._looked, self._time_s
+        self._step_since = self._sampled, self._time_s
         self._step_s, self._cycle = step_s, cycle
         self.every = self._rarer * sampling_steps(self.hz, step_s, cycle)
 
@@ -363,7 +363,7 @@ class VivDragAmplification:
     def _time_s(self) -> float:
         """Time of the newest sampling [s]."""
         step, time_s = self._step_since
-        return time_s + (self._looked - step) * self._step_s
+        return time_s + (self._sampled - step) * self._step_s
 
     def coarse_copy(self, rarer: int) -> Self:
         """Return an independent copy that samples `rarer` times less often.
@@ -385,7 +385,7 @@ class VivDragAmplification:
 
     def shots(self, ropes: Sequence[Rope]) -> tuple[RopeVibration, ...]:
         """Return the VIV response at the nodes of each rope, from its last node down."""
-        cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
+        cost_pct = 100.0 * self._took_s / max(self._sampled_s, self._step_s)
         return tuple(
             replace(
                 tracker.shot(rope),
@@ -415,7 +415,7 @@ class VivDragAmplification:
         """Return the state from which `take_back` resumes."""
         trackers = tuple(tracker.kept() for tracker in self.trackers)
         return VivDragState(
-            trackers, self.hz, self._currents, self._looked, self._second, self._step_since
+            trackers, self.hz, self._currents, self._sampled, self._second, self._step_since
         )
 
     def take_back(self, saved: VivDragState) -> None:
@@ -423,7 +423,7 @@ class VivDragAmplification:
         for tracker, state in zip(self.trackers, saved.trackers, strict=True):
             tracker.take_back(state)
         self.hz, self._currents = saved.hz, saved.currents
-        self._looked, self._second = saved.looked, saved.second
+        self._sampled, self._second = saved.sampled, saved.second
         self._step_since = saved.step_since
         self.every = self._rarer * sampling_steps(self.hz, self._step_s, self._cycle)
 

@@ -196,7 +196,7 @@ class ModalResponse:
         if search is None:
             search = self._search(span, self._recent.fastest(span), MAX_MODES)
         fine, modes = search.span, search.found()
-        self._fastest = search.highest_hz * self.shedding.band[0]
+        self._fastest = search.max_hz * self.shedding.band[0]
         self._recent.add(self.time_s, span)
         self.given, self.span, self.modes = span, fine, modes
         self._elements = len(fine.tension)

@@ -53,22 +53,22 @@ class ModeSearch:
         InputError: the rope is slack somewhere, or has too many modes below that frequency.
     """
 
-    def __init__(self, span: Span, highest_hz: float, part: int = MAX_MODES) -> None:
+    def __init__(self, span: Span, max_hz: float, part: int = MAX_MODES) -> None:
         """Set up the search; `part`: approximate number of modes per call."""
         if not (span.tension > 0.0).all():
             slack = int((span.tension <= 0.0).sum())
             problem = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
             raise InputError("rope", problem, "give it weight, tension or a payload")
-        expected = modes_below(span, highest_hz)
+        expected = modes_below(span, max_hz)
         if expected > MAX_MODES:
-            problem = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
+            problem = f"about {expected:.0f} modes lie below {max_hz:.3g} Hz"
             raise InputError("rope", problem, f"at most {MAX_MODES} are taken; lower the current")
-        self.span, self.highest_hz = span, highest_hz
+        self.span, self.max_hz = span, max_hz
         self._first = 1 if span.end_mass is None else 0
         self._mass = span.node_mass[self._first : -1]
         parts = max(1, ceil(expected / part))
         # the frequencies of a string are equally spaced
-        edges = 2.0 * pi * highest_hz * np.arange(parts + 1) / parts
+        edges = 2.0 * pi * max_hz * np.arange(parts + 1) / parts
         self._bands = [(-1.0 if low == 0.0 else low * low, high * high)
                        for low, high in pairwise(edges.tolist())]  # fmt: skip
         self._parts: list[tuple[Floats, Floats]] = []

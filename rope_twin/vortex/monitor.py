@@ -390,7 +390,7 @@ class RopeMonitor:
         if self._tracker is not None and self._viv_drag is None:
             state["model"] = self._asked.vibration
             state["tracker"] = self._tracker.kept()
-            state["looks"] = [self._hz, self._profiles]
+            state["samples"] = [self._hz, self._profiles]
         return state
 
     def take_back(
@@ -407,7 +407,7 @@ class RopeMonitor:
             )
         self._tracker = self._coupled_model(rope)
         if self._asked.vibration and state.get("model") == self._asked.vibration:
-            self._hz, self._profiles = state["looks"]
+            self._hz, self._profiles = state["samples"]
             self.set_step(self._step_s, self._cycle)
             tracker = self._tracker or self._measured_vibration(rope)
             tracker.take_back(read("tracker", tracker.kept()))

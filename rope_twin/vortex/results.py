@@ -184,13 +184,13 @@ class RopeDamage:
         self,
         line: RopeLine,
         ends_m: Sequence[float],
-        most_line_out_m: float,
+        max_line_out_m: float,
         settings: DamageSettings,
         EI: float,
     ) -> None:
         """Start without damage; ends_m: upper ends of the sections, from the lower end up [m]."""
-        pieces = max(1, round(most_line_out_m / settings.piece_m))
-        length_m = most_line_out_m / pieces
+        pieces = max(1, round(max_line_out_m / settings.piece_m))
+        length_m = max_line_out_m / pieces
         pieces += ceil(settings.reach_m / length_m)
         self.middles: Floats = (np.arange(pieces) + np.float64(0.5)) * length_m
         self.name = settings.curve
@@ -216,7 +216,7 @@ class RopeDamage:
         self._over: BendCount | None = None
         if settings.path:
             self._over = BendCount(
-                settings.path, settings.endurance, section_of, length_m, most_line_out_m
+                settings.path, settings.endurance, section_of, length_m, max_line_out_m
             )
 
     @property

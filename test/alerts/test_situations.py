@@ -27,7 +27,7 @@ from rope_twin.twin.snapshot import (
     RopeBend,
     RopeStrength,
     Snapshot,
-    WinchShot,
+    WinchSnapshot,
 )
 
 STEP_NS = 20_000_000
@@ -61,7 +61,7 @@ class Course:
         for _ in range(max(1, round(seconds * 1e9 / STEP_NS))):
             self.time_ns += STEP_NS
             shot: Snapshot = replace(self.quiet, stamp_ns=self.time_ns, **fields)
-            self.last, found = shot, self.watch.look(shot)
+            self.last, found = shot, self.watch.observe(shot)
         return {(one.identifier, one.where): one.priority for one in found}
 
 
@@ -130,7 +130,7 @@ def test_a_payload_near_the_bed_is_a_clearance(with_bed: Any) -> None:
     course, key = Course(with_bed), (10018, "bed")
 
     def at_height(height_m: float) -> Any:
-        return replace(hanging_rope().seabed, payload_height_m=height_m, payload_push_n=0.0)
+        return replace(hanging_rope().seabed, payload_height_m=height_m, payload_reaction_n=0.0)
 
     assert course.see(0.02, seabed=at_height(22.0)) == {}
     assert course.see(0.02, seabed=at_height(20.5)) == {key: Priority.WARNING}
@@ -152,7 +152,7 @@ def test_a_crews_limits_along_the_rope_and_of_a_landing(with_bed: Any) -> None:
     assert course.see(0.2) == {}
     falling = course.quiet.payload_velocity_m_per_s.copy()
     falling[2] = -0.4
-    above = replace(hanging_rope().seabed, payload_push_n=0.0, payload_height_m=30.0)
+    above = replace(hanging_rope().seabed, payload_reaction_n=0.0, payload_height_m=30.0)
     course.see(0.1, seabed=above, payload_velocity_m_per_s=falling)
     found = course.see(0.02, seabed=hanging_rope().seabed)
     assert [where for number, where in found if number == 10011] == ["tool landing_speed_m_per_s"]
@@ -173,7 +173,7 @@ def test_a_crews_bend_radius(tmp_path: Any) -> None:
     assert course.see(1.0, bends=bends(400.5)) == {}
     key = (10011, "hoist bend_radius")
     assert course.see(0.02, bends=bends(399.5)) == {key: Priority.ALARM}
-    (one,) = course.watch.look(course.last)
+    (one,) = course.watch.observe(course.last)
     assert one.text.startswith("bend radius of 'hoist' 399.5 m, below the limit of 400 m")
     assert course.see(11.0, bends=bends(500.0)) == {}
 
@@ -194,7 +194,7 @@ def test_a_limit_that_each_wave_exceeds_is_one_alert(scene: Any) -> None:
     for k in range(3000):
         tension = 9e4 + 1.5e4 * math.sin(2.0 * math.pi * k * 0.1 / 12.0)
         shot = replace(course.quiet, stamp_ns=(k + 1) * 100_000_000, tension_top_max_n=tension)
-        changed = alerts.update(course.watch.look(shot), shot.stamp_ns)
+        changed = alerts.update(course.watch.observe(shot), shot.stamp_ns)
         if any(one.state is State.UNACKNOWLEDGED and one.escalation == 0 for one in changed):
             raised += 1
             alerts.act("acknowledge", "all")
@@ -251,7 +251,7 @@ def test_an_alert_names_its_input_once(scene: Any, name: str, words: str, text: 
     course = Course(scene)
     inputs = {name: InputHealth(accepted=9, warning=words)}
     assert course.see(2.0, inputs=inputs) == {(10007, name): Priority.CAUTION}
-    (found,) = course.watch.look(replace(course.last, stamp_ns=course.time_ns + STEP_NS))
+    (found,) = course.watch.observe(replace(course.last, stamp_ns=course.time_ns + STEP_NS))
     assert found.text == text
 
 
@@ -274,7 +274,7 @@ def test_inputs_quality_and_diagnostics(scene: Any) -> None:
     poor = [replace(QUALITY, element=one, index=0.6) for one in ("top_tension", "slack", "fatigue")]
     fine = replace(QUALITY, element="payload_depth", index=0.9)
     assert course.see(11.0, quality=(*poor, fine)) == {(10008, "twin"): Priority.CAUTION}
-    (one,) = course.watch.look(course.last)
+    (one,) = course.watch.observe(course.last)
     assert one.text.startswith("quality of top tension, slack, fatigue 0.6"), "one situation"
     course.see(11.0)
     late = Status("simulation: pacing", Level.WARN, "2 missed deadlines, worst 1.5 ms late")
@@ -295,7 +295,7 @@ def test_a_fault_alarm_lasts_until_its_service_ends_it(scene: Any) -> None:
     words = "load pin offset or snag since 312 s"
     watch.take_rows([Status("simulation: faults", Level.ERROR, words)])
     assert course.see(0.02) == {key: Priority.WARNING}
-    (found,) = watch.look(replace(course.quiet, stamp_ns=course.time_ns))
+    (found,) = watch.observe(replace(course.quiet, stamp_ns=course.time_ns))
     assert (found.name, found.category, found.text) == ("fault alarm", "A", words)
     watch.take_rows([Status("simulation: faults", Level.OK, "no fault, tested until 400 s")])
     assert course.see(0.02) == {}
@@ -346,7 +346,7 @@ def test_events_and_modes(scene: Any) -> None:
         (10011, "tool landing_speed_m_per_s"): Priority.ALARM
     }
     assert course.see(6.0, breaches=(landing,)) == {}
-    stopped = WinchShot("winch", "emergency_stop", 0.0, "no motion is obeyed", ())
+    stopped = WinchSnapshot("winch", "emergency_stop", 0.0, "no motion is obeyed", ())
     assert course.see(9.0, winches=(stopped,), winch_at_limit=stopped.at_limit) == {
         (10012, "winch"): Priority.WARNING
     }, "one situation has one alert"
@@ -357,7 +357,7 @@ def test_a_drum_that_is_nearly_empty_and_its_layers(tmp_path: Any) -> None:
     path = tmp_path / "drum.yaml"
     drum = "drum: {core_radius_m: 0.5, turns_per_layer: 10}"
     path.write_text(
-        SMALL_SCENE.replace("most_line_out_m: 400.0", f"most_line_out_m: 250.0\n  {drum}")
+        SMALL_SCENE.replace("max_line_out_m: 400.0", f"max_line_out_m: 250.0\n  {drum}")
     )
     made = load_scene(path)
     diameter_m = made.ropes[0].made_of[0].rope.diameter_m
@@ -380,7 +380,7 @@ def test_a_compensation_that_leaves_much_of_the_heave(scene: Any) -> None:
         for _ in range(round(seconds / 0.5)):
             rate = math.cos(0.7 * course.time_ns * 1e-9)
             figures = (("compensation_on", 1.0), ("compensation_m_per_s", (1.0 - left) * rate))
-            winch = WinchShot("winch", "speed", 0.0, "", figures)
+            winch = WinchSnapshot("winch", "speed", 0.0, "", figures)
             seen = course.see(
                 0.5, winches=(winch,), hang_off_velocity_m_per_s=np.array([0, 0, rate])
             )
@@ -394,10 +394,10 @@ def test_a_compensation_that_leaves_much_of_the_heave(scene: Any) -> None:
 def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
     monitor = AlertMonitor(scene)
     shot = replace(Course(scene).quiet, stamp_ns=STEP_NS, tension_top_max_n=2e5)
-    assert monitor.look(shot)
-    assert not monitor.look(replace(shot, stamp_ns=2 * STEP_NS)), "nothing has changed"
+    assert monitor.observe(shot)
+    assert not monitor.observe(replace(shot, stamp_ns=2 * STEP_NS)), "nothing has changed"
     assert monitor.command("acknowledge 10001.1") == "alert 10001.1 acknowledged"
-    assert monitor.look(replace(shot, stamp_ns=3 * STEP_NS)), "a command is published"
+    assert monitor.observe(replace(shot, stamp_ns=3 * STEP_NS)), "a command is published"
     now_ns, listed = monitor.listed()
     back = decode_alerts(encode_alerts(10**18 + now_ns, now_ns, listed))
     assert back == (10**18 + now_ns, now_ns, tuple(listed))
@@ -415,9 +415,9 @@ def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
 def test_the_first_list_is_published_though_it_is_empty(scene: Any) -> None:
     """The topic is latched: without it the alerts of a run before would stand there for ever."""
     monitor, shot = AlertMonitor(scene), Course(scene).quiet
-    assert monitor.look(replace(shot, stamp_ns=STEP_NS))
+    assert monitor.observe(replace(shot, stamp_ns=STEP_NS))
     assert monitor.listed() == (STEP_NS, [])
-    assert not monitor.look(replace(shot, stamp_ns=20 * STEP_NS))
+    assert not monitor.observe(replace(shot, stamp_ns=20 * STEP_NS))
 
 
 def test_an_ordinary_lift_calls_for_nobody(tmp_path: Any) -> None:
@@ -450,6 +450,6 @@ def test_rates_count_each_activation_once() -> None:
     found = rates(lists, 1800 * SECOND)
     assert (len(found.comings), found.cautions) == (12, 1)
     assert found.per_window == pytest.approx(4.0)
-    assert (found.most_in_window, found.flood) == (10, False)
+    assert (found.max_in_window, found.flood) == (10, False)
     assert found.comings[0].acknowledged_after_s == 0.0
     assert found.chattering == ()

@@ -49,7 +49,7 @@ def test_a_variant_has_its_factors_on_the_values_of_the_scene() -> None:
     assert scene.sea_state.start_s == own.sea_state.start_s + 7.0
     assert scene.winch is not None
     assert own.winch is not None
-    assert scene.winch.most_line_out_m == 0.8 * own.winch.most_line_out_m
+    assert scene.winch.max_line_out_m == 0.8 * own.winch.max_line_out_m
 
 
 @pytest.mark.parametrize("name", ["landing", "riser_300m", "two_line_lift"])

@@ -22,7 +22,7 @@ from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
-    CutShot,
+    CutSnapshot,
     EnergyBalance,
     InputHealth,
     LimitBreach,
@@ -99,9 +99,9 @@ def snapshots() -> dict[str, tuple[Snapshot, PacingHealth | None]]:
         "shape of the rope": (replace(rope, touchdowns=(TDP,), bends=(bend,)), None),
         "shape not resolved": (replace(rope, bends=(coarse,)), None),
         "straight rope": (replace(rope, bends=(straight,)), None),
-        "rope cut": (replace(rope, cut=CutShot(12.0, 45.0, 55.0), error_interval=None,
+        "rope cut": (replace(rope, cut=CutSnapshot(12.0, 45.0, 55.0), error_interval=None,
                              no_error_interval="unknown: the rope was cut"), None),
-        "one of several ropes cut": (replace(rope, cut=CutShot(12.0, 45.0, 55.0, "aft")), None),
+        "one of several ropes cut": (replace(rope, cut=CutSnapshot(12.0, 45.0, 55.0, "aft")), None),
         "no input yet": (with_input("heave", InputHealth()), None),
         "input stale": (with_input("heave", InputHealth(accepted=7, age_s=4.2, stale=True)), None),
         "input rejected": (
@@ -124,8 +124,8 @@ def seats() -> dict[str, Status]:
     for seat in (held, lost):
         seat.judge("bench", WinchCommand("speed", 0.2), 0.0)
     held.judge("other", WinchCommand("speed", 0.1), 1.0)
-    lost.look(set(), 0, 1.0)
-    lost.look(set(), 2_000_000_000, 3.0)
+    lost.check(set(), 0, 1.0)
+    lost.check(set(), 2_000_000_000, 3.0)
     return {"seat free": free.row(0.0), "seat held": held.row(2.0), "seat lost": lost.row(4.0)}
 
 

@@ -63,7 +63,7 @@ class Served:
         self.commander = FakeCommander(self.source)
         self.desk = Desk(self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic))
         self.desk.further["what_if"] = self.source.compare
-        self.pages.before_tick.append(self.desk.look)
+        self.pages.before_tick.append(self.desk.update)
         Requests(self.pages, self.desk, self.commander)
         log = Log(self.pages)
         log.connect(self.desk)

@@ -70,7 +70,7 @@ class Bench:
         until_s = self.now_s + for_s
         while self.now_s < until_s:
             self.now_s += 0.05
-            self.commander.look(("winch",))
+            self.commander.prepare(("winch",))
 
 
 STOP = "winch/emergency_stop"

@@ -291,7 +291,7 @@ def test_casts_hold_their_extremes_and_markers_their_time() -> None:
     first, second = rig.log.casts
     assert not first.open
     assert second.open
-    assert first.ropes[0].highest_n == pytest.approx(rig.source.shot.tension_top_n)
+    assert first.ropes[0].max_n == pytest.approx(rig.source.shot.tension_top_n)
     assert first.ropes[0].deepest_m == pytest.approx(-rig.source.shot.payload_position_m[2])
     rows = list(csv.DictReader(io.StringIO(rig.log.markers_csv())))
     assert [row["text"] for row in rows] == ["lift off", "'=1+1"]

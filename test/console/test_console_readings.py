@@ -167,7 +167,7 @@ def test_tension_along_the_rope_and_its_range() -> None:
     (second,) = profile.update(encoder.encode("ropes/nodes", shot), 1.0)
     assert np.array(second["high_n"]) == pytest.approx(1.5 * np.array(first["high_n"]), rel=1e-5)
     assert second["low_n"] == first["low_n"]
-    assert second["least_n"] == pytest.approx(min(first["low_n"]), abs=1.0)
+    assert second["min_n"] == pytest.approx(min(first["low_n"]), abs=1.0)
     (third,) = profile.update(encoder.encode("ropes/nodes", shot), 61.5)
     assert third["low_n"] == third["tension_n"]  # what is older than 60 s does not count
 

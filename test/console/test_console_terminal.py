@@ -89,8 +89,8 @@ def test_payload_and_risk() -> None:
     values, profile = rig.pages.readings.values, rig.pages.profile
     rows = {one.label: one for one in payload_figures(values, profile, FACTS, KN_M_PER_MIN)}
     assert rows["Payload depth"].text == f"{-rig.source.shot.payload_position_m[2]:.1f}"
-    least_n = min(profile[0]["low_n"])
-    assert rows["Slack margin"].text == f"{(least_n - 1e4) / 1e3:.1f}"
+    min_n = min(profile[0]["low_n"])
+    assert rows["Slack margin"].text == f"{(min_n - 1e4) / 1e3:.1f}"
     assert risk_lines(values, KN_M_PER_MIN) == [
         "P(> 500.0 kN) in 10/20/30 s: 2/4/6 %",
         "P(slack) in 10/20/30 s: 1/2/3 %, the last by climatology",
@@ -112,7 +112,7 @@ def test_a_rope_has_its_own_winch_payload_and_limit() -> None:
         "residuals": [{"quantity": "top_tension_n", "name": "winch", "measured": 1e5, "age_s": 0.1,
                        "residual": 0.0}],
     }  # fmt: skip
-    view = of_rope(View(values, facts, [{"least_n": 1e3}, {"least_n": 2e3}]), 1)
+    view = of_rope(View(values, facts, [{"min_n": 1e3}, {"min_n": 2e3}]), 1)
     out, speed, tension, _ = big_figures(view.values, view.facts, KN_M_PER_MIN)
     assert (out.text, tension.text, tension.warns) == ("601.0", "300.0", False)
     assert "±30.0" in speed.note

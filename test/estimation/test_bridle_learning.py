@@ -34,7 +34,7 @@ from rope_twin.estimation.noise import bar_of, top_impedance
 from rope_twin.estimation.report import base_values, derived_mass_kg
 from rope_twin.estimation.worker import Begin, Motion, Reading
 from rope_twin.scene.instruments import Learning
-from rope_twin.scene.lift import hung_together
+from rope_twin.scene.lift import suspended_weights
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
@@ -145,7 +145,7 @@ def test_figures_are_those_of_all_that_hangs() -> None:
     assert base["submerged_weight"] == pytest.approx(weight_n, rel=1e-3)
     derived = derived_mass_kg(base, prior().gaussian, scene)
     assert derived["mass_in_air_kg"] == pytest.approx(800.0 + 100.0 + 1500.0 + 16000.0)
-    whole = hung_together(scene)
+    whole = suspended_weights(scene)
     assert whole is not None
     assert static_tops_n(scene)[0] == pytest.approx(whole.weight_n, rel=0.01)
     ((_, (metre_kg,), _),) = hanging_of(scene).ropes
@@ -217,12 +217,12 @@ def test_a_live_bridle_takes_over_what_was_learned() -> None:
     while learner.work():
         pass
     assert learner.trouble == ""
-    before_n = twin.top_pull_n
+    before_n = twin.top_tension_n
     assert not twin.offer_figures(ramp_s=20.0, **learner.factors_to_apply())
     after_n = []
     for _ in range(60):  # the last half is a mean over the ringing
         twin.advance(100)
-        after_n.append(twin.top_pull_n)
+        after_n.append(twin.top_tension_n)
     learned = learner.newest
     assert learned is not None
     weight = next(one for one in learned.figures if one.name == "submerged_weight")

@@ -99,14 +99,14 @@ def test_means_near_the_bed_are_left_out_until_the_rope_has_forgotten_it() -> No
 def test_open_water_lies_between_splash_zone_and_bed() -> None:
     """The slope counts over the reach of the payload; a scene with neither has no limits."""
     water = open_water(landing(), NOISE_N)
-    assert water.least_m == -np.inf
-    assert water.most_m == pytest.approx(400.0 - CLEAR_OF_BED_M - 0.02 * LEAN * 400.0)
+    assert water.min_m == -np.inf
+    assert water.max_m == pytest.approx(400.0 - CLEAR_OF_BED_M - 0.02 * LEAN * 400.0)
     calm = change_scene(
         load_scene("splash_zone"), [Change("effects.waves.jonswap.significant_height_m", 0.01)]
     )
     wet = open_water(calm, NOISE_N)
-    assert wet.least_m == CLEAR_OF_SURFACE_M + 1.25
-    assert wet.most_m == np.inf
+    assert wet.min_m == CLEAR_OF_SURFACE_M + 1.25
+    assert wet.max_m == np.inf
     deep = open_water(load_scene("deep_lift"), NOISE_N)
     assert not deep.without(np.array([-5.0, 5.0, 5000.0])).any()
     assert wet.without(np.array([-5.0, 11.0, 12.0])).tolist() == [True, True, False]
@@ -121,7 +121,7 @@ def test_open_water_lies_below_the_waves(tmp_path: Path) -> None:
     omega, noise_n = 2.0 * np.pi / 8.0, 500.0
     force_n = np.sqrt(0.5) * omega**2 * hanging_of(scene).mass_kg
     exact = np.log(force_n / (0.3 * noise_n)) * 9.80665 / omega**2
-    assert open_water(scene, noise_n).least_m == pytest.approx(exact, rel=0.01)
+    assert open_water(scene, noise_n).min_m == pytest.approx(exact, rel=0.01)
 
 
 def test_too_little_water_is_refused() -> None:

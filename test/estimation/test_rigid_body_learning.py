@@ -39,7 +39,7 @@ def deep(seed: int = 7) -> Scene:
         load_scene("manifold_lift"),
         [
             Change("ropes[0].length_m", 200.0),
-            Change("winch.most_line_out_m", 900.0),
+            Change("winch.max_line_out_m", 900.0),
             Change("effects.seabed.depth_m", 1000.0),
             Change("effects.waves.depth_m", 1000.0),
             Change("effects.waves.seed", float(seed)),
@@ -66,7 +66,7 @@ def test_waves_that_move_a_rigid_body_are_kept_out() -> None:
     """A manifold above a bed at 45 m is moved by waves wherever it hangs."""
     check_learnable(deep())
     noise_n = scene_prior(deep()).pin_noise_n
-    assert 40.0 < open_water(deep(), noise_n).least_m < 120.0
+    assert 40.0 < open_water(deep(), noise_n).min_m < 120.0
     with pytest.raises(InputError, match="deeper water"):
         open_water(load_scene("manifold_lift"), noise_n)
 

@@ -21,10 +21,10 @@ from rope_twin.forecast.orders import (
     LineState,
     below_main_m,
     check_lift_order,
-    hung_ropes,
     read_order,
     read_orders,
     scene_at_line,
+    suspended_ropes,
     winch_directions,
 )
 from rope_twin.forecast.recorded_lift import line_to_contact_m, nominal_states, read_lift
@@ -67,8 +67,8 @@ def test_winches_go_together(scene: Scene) -> None:
     assert winch_directions(scene) == {"aft_sheave": 1.0}
     assert winch_directions(load_scene("two_line_14km")) == {"haulback_sheave": -1.0}
     assert winch_directions(load_scene("bridle_lift")) == {}
-    assert hung_ropes(scene) == ["fore", "aft"]
-    assert hung_ropes(load_scene("bridle_lift")) == ["hoist"]
+    assert suspended_ropes(scene) == ["fore", "aft"]
+    assert suspended_ropes(load_scene("bridle_lift")) == ["hoist"]
 
 
 def test_line_out_at_the_beginning(scene: Scene) -> None:
@@ -204,7 +204,7 @@ def test_the_forecast_is_what_then_happens(scene: Scene, made: Made) -> None:
         truth = record.suspended_tension_n[name][first:, 0][9::10]
         error = band[1] - truth
         assert np.mean(error[:20] ** 2) < 0.05 * np.var(truth)
-    least = record.least_tension_n[first // 10 :, 0]
+    least = record.min_tension_n[first // 10 :, 0]
     assert np.median(going.values[MARGIN][:10], axis=1) == pytest.approx(least[:10], rel=0.03)
 
 

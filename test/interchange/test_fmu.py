@@ -71,7 +71,7 @@ def test_every_variable_has_its_si_unit(fmu: Path) -> None:
     assert units["time"] == "s"
     assert {name for name, unit in units.items() if unit == "N"} == {
         "hook_force_x_n", "hook_force_y_n", "hook_force_z_n", "hook_load_n", "payload_tension_n",
-        "least_tension_n",
+        "min_tension_n",
     }  # fmt: skip
     assert (units["tip_x_m"], units["line_out_m"], units["payload_z_m"]) == ("m", "m", "m")
     assert (units["tip_vz_m_per_s"], units["winch_speed_m_per_s"]) == ("m/s", "m/s")

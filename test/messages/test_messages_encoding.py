@@ -143,9 +143,9 @@ def contact(snapshot: Snapshot) -> object:
     assert bed is not None
     return cloud(
         snapshot, ("payload_height_m", "<f8", [bed.payload_height_m]),
-        ("payload_reaction_n", "<f8", [bed.payload_push_n]),
+        ("payload_reaction_n", "<f8", [bed.payload_reaction_n]),
         ("rope_on_seabed_m", "<f8", [bed.rope_on_bed_m]),
-        ("rope_reaction_n", "<f8", [bed.rope_push_n]),
+        ("rope_reaction_n", "<f8", [bed.rope_reaction_n]),
     )  # fmt: skip
 
 

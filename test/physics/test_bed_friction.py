@@ -23,8 +23,8 @@ CHAIN = Rig(
     length=LENGTH, elements=200, mass=100.0, EA=2e6, diameter=0.1, damping=2e4, load=0.0,
     fixed_at=(0.0, 0.0, -DEPTH - SUNK), hang_off=(LENGTH, 0.0, -DEPTH - SUNK), density=1025.0,
     drag=(1.0, 0.1), step=0.02, winch=Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=190.0,
-        most_line_out_m=210.0,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=190.0,
+        max_line_out_m=210.0,
     ),
 )  # fmt: skip
 PULL_M, SPEED = 0.5, 0.01  # slow: at the end of a faster pull the chain springs back

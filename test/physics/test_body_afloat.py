@@ -58,7 +58,7 @@ def test_a_box_floats_at_its_draught() -> None:
     """It rests upright on a slack sling; 1e-6 m."""
     shot = Twin(between(AT_SEA, BARGE, DEEP)).snapshot()
     assert shot.body is not None
-    assert shot.body.leg_pull_n.max() == 0.0
+    assert shot.body.leg_tension_n.max() == 0.0
     assert shot.payload_position_m[2] == pytest.approx(RESTS, abs=1e-6)
     assert shot.body.turn[2, 2] == pytest.approx(1.0, abs=1e-12)
 

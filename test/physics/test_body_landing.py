@@ -48,8 +48,8 @@ def test_a_box_at_rest_on_a_flat_bed() -> None:
     assert shot.body is not None
     assert shot.seabed is not None
     assert shot.seabed.payload_landed
-    assert shot.body.leg_pull_n.max() == 0.0
-    assert shot.seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-4)
+    assert shot.body.leg_tension_n.max() == 0.0
+    assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-4)
     own = body_in(twin)
     pose = pose_of(own)
     _, push, _ = bed_forces(component_of(own, PlaneBed), own, pose)
@@ -97,7 +97,7 @@ def test_a_tilted_box_falls_flat_and_makes_no_energy() -> None:
     assert drop > 0.5 * WEIGHT
     assert np.diff(energy).max() < 2e-4 * drop
     assert hung.pose().turn[2, 2] > 1.0 - 1e-8, "it lies flat"
-    assert hung.twin.snapshot().seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-3)
+    assert hung.twin.snapshot().seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-3)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
@@ -132,8 +132,8 @@ def test_a_box_creeps_on_a_slope_below_the_friction_angle(length_m: float) -> No
         springs = WEIGHT / 0.02 * np.array([2.0, 1.5]) ** 2 - WEIGHT * 0.6
         assert (normal @ pose.turn)[:2] == pytest.approx(-pull[:2] * 0.6 / springs, rel=1e-3)
         assert pose.turn[1, 0] == pytest.approx(0.0, abs=0.02), "it keeps its heading"
-        assert shot.body.leg_pull_n.max() == 0.0
-        assert shot.seabed.payload_push_n == pytest.approx(WEIGHT / math.sqrt(1.05), rel=1e-6)
+        assert shot.body.leg_tension_n.max() == 0.0
+        assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT / math.sqrt(1.05), rel=1e-6)
         twin.advance(400)
 
 
@@ -145,7 +145,7 @@ def test_a_box_above_the_friction_angle_needs_slings() -> None:
         Twin(between(SUBMERGED, long, steep))  # it would slide for 480 m
     short = replace(LOOSE, slings=(replace(SLACK, length_m=12.0),))
     twin = Twin(between(SUBMERGED, short, steep))
-    assert twin.snapshot().body.leg_pull_n.max() > 0.2 * WEIGHT
+    assert twin.snapshot().body.leg_tension_n.max() > 0.2 * WEIGHT
     assert np.abs(pose_of(body_in(twin)).velocity).max() == 0.0
 
 
@@ -179,8 +179,8 @@ def test_acceleration_of_a_sliding_box() -> None:
 
 def test_rope_and_slings_go_slack_after_landing() -> None:
     """Lowered 1 m: the bed carries the body, the rope the hook; tension is never negative."""
-    winch = Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, least_line_out_m=5.0,
-                  most_line_out_m=30.0)  # fmt: skip
+    winch = Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, min_line_out_m=5.0,
+                  max_line_out_m=30.0)  # fmt: skip
     rig = replace(SUBMERGED, mass=1.0, EA=2e7, damping=2e4, ramp=1.0, winch=winch)
     body = replace(LOOSE, slings=SLINGS, hook_mass_kg=50.0)
     twin = Twin(between(rig, body, replace(BED, depth_m=26.3)))
@@ -189,8 +189,8 @@ def test_rope_and_slings_go_slack_after_landing() -> None:
     assert 0.4 < first.seabed.payload_height_m < 1.0
     lowered = march(twin, still, 8.0, every=40, speeds=[(0.5, 0.3), (4.5, 0.0)])
     for shot in lowered:
-        assert shot.seabed.payload_push_n >= 0.0
-        assert shot.body.leg_pull_n.min() >= 0.0
-    assert shot.body.leg_pull_n.max() == 0.0
-    assert shot.seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-3)
+        assert shot.seabed.payload_reaction_n >= 0.0
+        assert shot.body.leg_tension_n.min() >= 0.0
+    assert shot.body.leg_tension_n.max() == 0.0
+    assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-3)
     assert shot.solver.unconverged_substeps == 0

@@ -270,8 +270,8 @@ def test_an_active_cylinder_respects_force_speed_and_stroke_limits() -> None:
 def test_steady_lowering_returns_the_unit_to_mid_stroke() -> None:
     """Minutes of steady payout are not taken for heave."""
     winch = Winch(
-        speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.2, least_line_out_m=20.0,
-        most_line_out_m=300.0,
+        speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.2, min_line_out_m=20.0,
+        max_line_out_m=300.0,
     )  # fmt: skip
     unit = replace(PASSIVE, active=active(washout_s=10.0))
     twin = Twin(compensated(unit, replace(RIG, winch=winch)))

@@ -10,7 +10,7 @@ from test_elimination import Vector, chain, solve
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.pentadiagonal import eliminate_coupled, push_coupled, take_links
+from rope_twin.core.pentadiagonal import eliminate_coupled, reduce_coupled, take_links
 
 
 @jit_entry
@@ -22,7 +22,7 @@ def solve_coupled(work: Any, first: int, n: int) -> None:
 @jit_entry
 def solve_again(work: Any, first: int, n: int) -> None:
     """Solve for another R by the existing factors."""
-    push_coupled(work, first, n)
+    reduce_coupled(work, first, n)
 
 
 @jit_entry

@@ -151,7 +151,7 @@ def test_terminal_velocity_of_body_hook_and_rope() -> None:
     assert shot.body is not None
     assert -shot.payload_velocity_m_per_s[2] == pytest.approx(math.sqrt(weight / k), rel=1e-4)
     assert abs(shot.body.turn[2, 2]) == pytest.approx(1.0, abs=1e-6), "level"
-    assert (shot.body.leg_pull_n > 0.0).all(), "the rope trails taut"
+    assert (shot.body.leg_tension_n > 0.0).all(), "the rope trails taut"
 
 
 def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
@@ -172,6 +172,6 @@ def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
     assert shot.seabed is not None
     assert shot.seabed.payload_landed
     weight = (rig.load - RHO * rig.volume) * G
-    assert shot.seabed.payload_push_n == pytest.approx(weight, rel=0.02)
+    assert shot.seabed.payload_reaction_n == pytest.approx(weight, rel=0.02)
     assert shot.payload_position_m[2] == pytest.approx(-30.0 + 0.6, abs=0.1)
     assert np.abs(shot.payload_velocity_m_per_s).max() < 1e-2

@@ -25,8 +25,8 @@ WEIGHTLESS = Rig(
     length=LENGTH, elements=80, mass=1025.0 * 0.25 * np.pi * 0.03**2, EA=2e7, diameter=0.03,
     density=1025.0, load=WEIGHT / 9.80665, current=((0.0, (SPEED, 0.0)),), drag=(1.2, 0.0),
     added_mass=1.0, step=0.01, tolerance=0.01,
-    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
-                most_line_out_m=60.0),
+    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=5.0,
+                max_line_out_m=60.0),
 )  # fmt: skip
 
 

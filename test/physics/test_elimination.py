@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.decorators import jit_entry
-from rope_twin.core.tridiagonal import eliminate, push
+from rope_twin.core.tridiagonal import eliminate, reduce
 
 Vector = NDArray[np.float64]
 
@@ -24,7 +24,7 @@ def solve(work: Any, first: int, n: int) -> None:
 @jit_entry
 def solve_again(work: Any, first: int, n: int) -> None:
     """Solve for another residual by the factors of `solve`."""
-    push(work, first, n)
+    reduce(work, first, n)
 
 
 def chain(n: int, stiffness: float, seed: int) -> Vector:

@@ -28,7 +28,7 @@ STRAIGHT = ((0.0, 0.0), (0.1, 0.1 * STATIC))
 SYROPE = StiffnessTable(
     table=((0.0, 0.0), (0.01, 0.1e6), (0.05, 1.5e6)),
     dynamic=DynamicStiffness(constant_n=60e6, per_mean_tension=50.0, relaxation_s=1.5),
-    working_curve=WorkingCurve(permanent=0.3, curvature=0.2, highest_mean_tension_n=0.15e6),
+    working_curve=WorkingCurve(permanent=0.3, curvature=0.2, max_mean_tension_n=0.15e6),
 )
 LENGTH = 100.0
 
@@ -134,7 +134,7 @@ def test_dynamic_stiffness_falls_with_amplitude() -> None:
 def test_working_curve_after_a_high_mean_tension() -> None:
     """Up the original curve, down the working curve, up again and on: the slow loop of Syrope."""
     table = ((0.0, 0.0), (0.02, 0.3e6), (0.06, 1.5e6))
-    own = WorkingCurve(permanent=0.4, curvature=0.3, highest_mean_tension_n=0.2e6)
+    own = WorkingCurve(permanent=0.4, curvature=0.3, max_mean_tension_n=0.2e6)
     fibre = StiffnessTable(
         table=table, dynamic=DynamicStiffness(constant_n=90e6, relaxation_s=2.0), working_curve=own
     )

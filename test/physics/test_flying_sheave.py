@@ -31,8 +31,8 @@ SPRING = EXPONENT * FALLS * TOP_N * AREA / VOLUME  # at mid stroke [N/m]
 
 def winch(unit: PassiveCompensation) -> Winch:
     return Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=20.0,
-        most_line_out_m=300.0, passive_compensation=unit,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, min_line_out_m=20.0,
+        max_line_out_m=300.0, passive_compensation=unit,
     )  # fmt: skip
 
 

@@ -31,8 +31,8 @@ from rope_twin.scene.schema import Scene, Winch
 from rope_twin.twin.monitors import Monitors
 
 WINCH = Winch(
-    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=50.0,
-    most_line_out_m=200.0,
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=50.0,
+    max_line_out_m=200.0,
 )  # fmt: skip
 RIG = Rig(
     length=100.0, elements=20, mass=10.0, EA=5e7, diameter=0.05, damping=1e6, load=5000.0,

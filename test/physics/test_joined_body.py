@@ -13,7 +13,7 @@ from small_scene import not_finite
 from rope_twin import Snapshot, Twin, load_scene, messages
 from rope_twin.errors import SceneError
 from rope_twin.scene.error_bound import AccuracyLevel
-from rope_twin.scene.lift import hung_together
+from rope_twin.scene.lift import suspended_weights
 from rope_twin.scene.schema import Damping, Joint, Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.modes import find_modes, find_system_modes
@@ -117,8 +117,8 @@ def test_a_body_on_a_rope_in_two_parts_equals_one_on_a_single_rope(tmp_path: Pat
         assert other.tension_top_n == pytest.approx(one.tension_top_n, rel=1e-6)
         assert other.payload_position_m == pytest.approx(one.payload_position_m, abs=1e-6)
         assert other.body.quaternion == pytest.approx(one.body.quaternion, abs=1e-7)
-        assert other.body.leg_pull_n == pytest.approx(one.body.leg_pull_n, abs=1.0)
-    assert shots[0][0].body.leg_pull_n != pytest.approx(shots[0][1].body.leg_pull_n, rel=0.01)
+        assert other.body.leg_tension_n == pytest.approx(one.body.leg_tension_n, abs=1.0)
+    assert shots[0][0].body.leg_tension_n != pytest.approx(shots[0][1].body.leg_tension_n, rel=0.01)
 
 
 @pytest.mark.long
@@ -134,8 +134,8 @@ def test_shipped_lifts_equal_lifts_on_a_rope_in_two_parts(name: str, low_m: floa
     below = replace(line, name="below", length_m=low_m, elements=round(20 * share), from_="ring")
     above = replace(line, length_m=line.length_m - low_m, elements=20 - below.elements, to="ring")
     assert scene.winch is not None
-    winch = replace(scene.winch, least_line_out_m=2.0)
-    winch = replace(winch, most_line_out_m=scene.winch.most_line_out_m - low_m)
+    winch = replace(scene.winch, min_line_out_m=2.0)
+    winch = replace(winch, max_line_out_m=scene.winch.max_line_out_m - low_m)
     parts = replace(
         scene, ropes=(above, below), joints=(Joint(name="ring", mass_kg=0.0),), winch=winch
     )
@@ -145,8 +145,8 @@ def test_shipped_lifts_equal_lifts_on_a_rope_in_two_parts(name: str, low_m: floa
         assert two.body is not None
         assert two.tension_top_n == pytest.approx(one.tension_top_n, rel=1e-6)
         assert two.payload_position_m == pytest.approx(one.payload_position_m, abs=1e-6)
-        assert two.body.leg_pull_n == pytest.approx(one.body.leg_pull_n, abs=1.0)
-        assert two.body.deck_push_n == pytest.approx(one.body.deck_push_n, abs=1.0)
+        assert two.body.leg_tension_n == pytest.approx(one.body.leg_tension_n, abs=1.0)
+        assert two.body.deck_reaction_n == pytest.approx(one.body.deck_reaction_n, abs=1.0)
 
 
 @pytest.mark.long
@@ -187,7 +187,7 @@ def test_static_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
     wet = wire.mass_kg_per_m - RHO * 0.25 * math.pi * wire.hydrodynamic_diameter_m**2
     weight = (MASS - RHO * VOLUME) * G + 300.0 * (1.0 - RHO / 7850.0) * G + 145.0 * wet * G
     assert -pulls[:, 2].sum() == pytest.approx(weight, rel=1e-6)
-    reported = hung_together(scene)
+    reported = suspended_weights(scene)
     assert reported is not None
     assert reported.weight_n == pytest.approx(weight, rel=1e-9)
     assert pulls[:, 0].sum() == pytest.approx(0.0, abs=1e-3 * weight)
@@ -201,7 +201,7 @@ def test_energy_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
     """One crane pays out; both ropes, hook, slings and body in flowing water."""
     winch = (
         "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.3, "
-        "least_line_out_m: 40.0, most_line_out_m: 120.0}\n"
+        "min_line_out_m: 40.0, max_line_out_m: 120.0}\n"
     )
     twin = Twin(scene_of(TWO_CRANES + winch + effects(), tmp_path), ENERGY)
     twin.offer_speed(0, 0.5)

@@ -26,7 +26,7 @@ from rope_twin.core.joined.joints import (
     gather_ends,
     renew_plan,
 )
-from rope_twin.core.joined.linear_solver import push_system, solve_system
+from rope_twin.core.joined.linear_solver import reduce_system, solve_system
 from rope_twin.core.joined.plan import (
     A_WAY,
     B_WAY,
@@ -71,7 +71,7 @@ def solve(system: Any, again: bool) -> None:
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
     if again:
-        push_system(system)
+        reduce_system(system)
     else:
         solve_system(system)
 

@@ -225,7 +225,7 @@ def test_wakes_survive_remeshing_and_cuts(model: str, tmp_path: Path) -> None:
     for one in (twin, cut):
         one.advance(2)
     assert coarse.time_ns == twin.time_ns
-    assert coarse.top_pull_n == pytest.approx(twin.top_pull_n, rel=1e-3)
+    assert coarse.top_tension_n == pytest.approx(twin.top_tension_n, rel=1e-3)
     for one in (twin, cut):
         one.advance(48)
     assert len(coarse.snapshot().ropes[1].node_position_m) < 16

@@ -32,8 +32,8 @@ payloads:
     mass_kg: 20000.0
     shape: {box: {length_m: 4.0, width_m: 3.0, height_m: 2.5}}
     displaced_volume_m3: 6.0
-winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.5, least_line_out_m: 3.0,
-        most_line_out_m: 40.0}
+winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.5, min_line_out_m: 3.0,
+        max_line_out_m: 40.0}
 ship: {hang_off_m: [0.0, 0.0, 9.0]}
 sea_state: {bag: sea_1p2m}
 effects:
@@ -69,14 +69,14 @@ def lowered(text: str, path: Path) -> list[Snapshot]:
 
 
 def seen(shots: list[Snapshot]) -> Floats:
-    """Top tension now, its extremes in the last second, the load's place, the bed's push."""
+    """Top tension now, its extremes in the last second, the load's place, the seabed reaction."""
     rows = []
     for shot in shots:
         assert shot.seabed is not None
         assert not shot.doubtful
         extremes = shot.tension_top_min_n, shot.tension_top_max_n
         end = (shot.ropes[-1] if shot.ropes else shot).node_position_m[-1]
-        bed = shot.seabed.payload_push_n, shot.seabed.payload_height_m
+        bed = shot.seabed.payload_reaction_n, shot.seabed.payload_height_m
         rows.append([shot.tension_top_n, *extremes, *end, *bed])
     return np.array(rows)
 

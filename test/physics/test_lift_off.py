@@ -26,8 +26,8 @@ SLINGS = tuple(
 MODULE = RigidBodyParams(size_m=(4.0, 3.0, 1.2), slings=SLINGS, hook_mass_kg=50.0, deck=DECK)
 HOISTED = replace(
     LINE, mass=1.0, EA=2e7, damping=2e4, step=0.0025, ramp=4.0,
-    winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, least_line_out_m=5.0,
-                most_line_out_m=30.0),
+    winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, min_line_out_m=5.0,
+                max_line_out_m=30.0),
 )  # fmt: skip
 
 
@@ -35,8 +35,8 @@ def test_static_deck_reaction_with_slack_slings() -> None:
     """The deck carries m·g at the given penetration; the rope carries the hook; 1e-6."""
     shot = Twin(scene_of(LINE, MODULE)).snapshot()
     assert shot.body is not None
-    assert shot.body.leg_pull_n.max() == 0.0
-    assert shot.body.deck_push_n == pytest.approx(MASS * G, rel=1e-6)
+    assert shot.body.leg_tension_n.max() == 0.0
+    assert shot.body.deck_reaction_n == pytest.approx(MASS * G, rel=1e-6)
     assert shot.body.deck_clearance_m == pytest.approx(-DECK.penetration_m, rel=1e-6)
     assert shot.tension_payload_n == pytest.approx(50.0 * G, rel=1e-2)
 
@@ -51,7 +51,7 @@ def test_deck_reaction_of_a_heaving_deck() -> None:
         push, time = [], []
         for shot in march(Twin(scene), heave, 14.0, every=5):
             assert shot.body is not None
-            push.append(shot.body.deck_push_n)
+            push.append(shot.body.deck_reaction_n)
             time.append(shot.time_s)
         settled = np.array(time) > 6.0
         expected = MASS * (G - amplitude * omega**2 * np.sin(omega * np.array(time)))
@@ -71,7 +71,7 @@ def test_peak_reaction_of_a_fall_onto_an_undamped_deck() -> None:
         hung.twin.advance(1)
         shot = hung.twin.snapshot()
         assert shot.body is not None
-        push.append(shot.body.deck_push_n or 0.0)
+        push.append(shot.body.deck_reaction_n or 0.0)
     assert max(push) == pytest.approx(MASS * G * (1.0 + math.sqrt(1.0 + 2.0 * fall / p)), rel=3e-3)
 
 
@@ -84,9 +84,9 @@ def lifted(seconds: float) -> Vector:
     for shot in march(Twin(scene_of(HOISTED, body)), sine(0.1, 7.0), seconds, speeds=speeds):
         own: Any = shot.body
         toward = shot.node_position_m[-1] - own.leg_end_m
-        lift = float(own.leg_pull_n @ (toward[:, 2] / own.leg_length_m))
+        lift = float(own.leg_tension_n @ (toward[:, 2] / own.leg_length_m))
         v = float(shot.payload_velocity_m_per_s[2])
-        rows.append((shot.time_s, own.deck_push_n, lift, v, own.deck_clearance_m))
+        rows.append((shot.time_s, own.deck_reaction_n, lift, v, own.deck_clearance_m))
     return np.array(rows)
 
 

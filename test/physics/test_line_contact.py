@@ -13,7 +13,7 @@ from rigs import Rig
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
-from rope_twin.core.joined.line_contact import Touch, touch_of
+from rope_twin.core.joined.line_contact import RopeContact, rope_contact_of
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.twin.contact import system_contacts
 
@@ -46,8 +46,8 @@ def crossed(
     return bench
 
 
-def touch(bench: JointBench) -> Touch:
-    computed = touch_of(bench.system.stack)
+def touch(bench: JointBench) -> RopeContact:
+    computed = rope_contact_of(bench.system.stack)
     assert computed is not None
     return computed
 

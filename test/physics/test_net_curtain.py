@@ -34,8 +34,8 @@ RIG = Rig(
     length=100.0, elements=50, mass=0.3, diameter=0.01, damping=1e5, load=800.0, density=RHO,
     step=0.02, EA=1e8, current=((0.0, (U, 0.0)), (-200.0, (U, 0.0))),
     winch=Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=70.0,
-        most_line_out_m=140.0,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=70.0,
+        max_line_out_m=140.0,
     ),
 )  # fmt: skip
 

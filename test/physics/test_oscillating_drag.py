@@ -13,7 +13,7 @@ from rigs import Rig, march, march_to_end, sine, still, with_nothing_below
 from rope_twin import Twin
 from rope_twin.core.state import ELEMENTS
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.drag import DragParams, KeuleganCarpenter, OscillatingDrag, RoughTable
+from rope_twin.effects.drag import DragParams, KeuleganCarpenter, OscillatingDrag, RoughnessTable
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -21,8 +21,8 @@ from rope_twin.twin.monitors import Monitors
 from rope_twin.vortex.drag_amplification import MEAN, MORE, RATE2, SQUARE
 
 D = 0.25
-SMOOTH = RoughTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.6), (60.0, 0.7)))
-ROUGH = RoughTable(roughness=1e-2, rows=((2.0, 1.2), (12.0, 2.0), (80.0, 1.1)))
+SMOOTH = RoughnessTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.6), (60.0, 0.7)))
+ROUGH = RoughnessTable(roughness=1e-2, rows=((2.0, 1.2), (12.0, 2.0), (80.0, 1.1)))
 # A stiff upright pipe that holds still: what moves is the water.
 PIPE = Rig(
     length=20.0, elements=8, mass=60.0, EA=1e9, diameter=D, density=1025.0, drag=(1.0, 0.0),
@@ -31,7 +31,7 @@ PIPE = Rig(
 WINDOW_S = 40.0
 
 
-def drag_of(*tables: RoughTable, roughness: float | None = None) -> DragParams:
+def drag_of(*tables: RoughnessTable, roughness: float | None = None) -> DragParams:
     by_number = KeuleganCarpenter(tables=tables, roughness=roughness, window_s=WINDOW_S)
     return DragParams(normal=1.0, tangential=0.0, over_keulegan_carpenter=by_number)
 
@@ -112,7 +112,7 @@ def test_keulegan_carpenter_number_of_known_motions(
     ],
 )
 def test_peak_drag_has_the_tabulated_factor(
-    tables: tuple[RoughTable, ...], roughness: float | None, factor: float
+    tables: tuple[RoughnessTable, ...], roughness: float | None, factor: float
 ) -> None:
     """At KC 12 the peak of the pull on the hang-off is that of the table's row; half-way between.
 

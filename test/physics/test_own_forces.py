@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scene_text import GOOD, assert_refused, written
 
-from rope_twin.effects.coupled_vibration import DecomposedForceParams, OwnTable
+from rope_twin.effects.coupled_vibration import CustomForceTable, DecomposedForceParams
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -139,7 +139,7 @@ def riser(speed: float = SPEED, n: int = 180) -> Span:
 
 def test_the_default_table_given_explicitly_changes_nothing() -> None:
     """Band 0.125 to 0.2, centre 0.17: the zeros and the largest value of that table, to the bit."""
-    own = DecomposedForceParams(table=OwnTable(path="fitted_forces"))
+    own = DecomposedForceParams(table=CustomForceTable(path="fitted_forces"))
     models = [decomposed_of(params, DENSITY) for params in (own, DecomposedForceParams())]
     assert models[0].band == models[1].band
     assert models[0].centre == models[1].centre
@@ -157,7 +157,7 @@ def test_steady_amplitude_by_a_tabulated_lift(tmp_path: Path) -> None:
             for f in knots for a in (0.0, 1.5, 2.0)]  # fmt: skip
     path = tmp_path / "flat.csv"
     path.write_text(HEAD + "".join(f"{f},{a},{value},1.0\n" for f, a, value in rows))
-    table = OwnTable(path=str(path), band=(0.1, 0.3))
+    table = CustomForceTable(path=str(path), band=(0.1, 0.3))
     assert table.check() is None
     params = DecomposedForceParams(table=table, damping_fraction=ZETA)
     span, model = riser(), decomposed_of(params, DENSITY)

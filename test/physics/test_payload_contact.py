@@ -18,9 +18,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import SystemBorder, measure_system
 from rope_twin.core.jit.decorators import assembly, jit_entry
 from rope_twin.core.joined.joints import Joined
-from rope_twin.core.joined.payload_contact import PayloadContact, payload_touch_of
+from rope_twin.core.joined.payload_contact import PayloadContact, payload_contact_of
 from rope_twin.core.joined.stage import gather_connections
-from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody, placed
+from rope_twin.effects.payload_contact import ContactSphere, PayloadContactParams, placed
 from rope_twin.twin.contact import system_contacts
 
 Vector = NDArray[np.float64]
@@ -31,7 +31,7 @@ MASSES = np.array([1e4, 4e3])  # kg
 REDUCED = float(MASSES.prod() / MASSES.sum())
 K = 1e6  # N/m
 CONTACT = PayloadContactParams(
-    bodies=tuple(TouchingBody(name=str(k), radius_m=radius) for k, radius in enumerate(RADII)),
+    bodies=tuple(ContactSphere(name=str(k), radius_m=radius) for k, radius in enumerate(RADII)),
     stiffness_n_per_m=K, damping_s_per_m=0.0, friction=0.0,
 )  # fmt: skip
 # Payloads that fly: no weight, and ropes that weigh and hold next to nothing.
@@ -94,7 +94,7 @@ def meet(bench: JointBench, seconds: float) -> tuple[float, int, float]:
     deepest, inside, rubbed = 0.0, 0, [border(bench).rubbed]
     for _ in range(round(seconds / bench.step)):
         bench.hold(1)
-        touch = payload_touch_of(bench.system)
+        touch = payload_contact_of(bench.system)
         assert touch is not None
         deepest, inside = max(deepest, touch.deepest), inside + touch.contacts
         rubbed.append(border(bench).rubbed)

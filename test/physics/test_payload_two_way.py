@@ -27,7 +27,7 @@ from rope_twin.scene.schema import RegularHeave, Rising, Scene, ScheduleRow, Sea
 from rope_twin.scene.shapes import Grab, PayloadFigures, payload_figures
 from rope_twin.studies.ensemble import make_plan, read_axis, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble
-from rope_twin.twin.snapshot import RopeShot
+from rope_twin.twin.snapshot import RopeSnapshot
 from rope_twin.twin.twin import Twin
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)
@@ -109,7 +109,7 @@ def towed(speed: float) -> float:
         length=60.0, elements=6, mass=2.0, load=500.0, volume=0.1, density=1025.0, area=(4.0,) * 3,
         added=(500.0,) * 3, damping=1e5, step=0.02,
         winch=Winch(speed_limit_m_per_s=1.5, acceleration_limit_m_per_s2=0.5,
-                    least_line_out_m=5.0, most_line_out_m=200.0,
+                    min_line_out_m=5.0, max_line_out_m=200.0,
                     schedule=(ScheduleRow(at_s=0.0, speed_m_per_s=speed),)),
     )  # fmt: skip
     scene = rig.scene()
@@ -130,7 +130,7 @@ def test_tension_of_steady_lowering_and_hauling() -> None:
     assert towed(-1.0) - at_rest == pytest.approx(rising, rel=5e-3)
 
 
-def hauled(text: str, folder: Path) -> list[RopeShot]:
+def hauled(text: str, folder: Path) -> list[RopeSnapshot]:
     """Ropes after 12 s in which every winch hauls at 0.8 m/s."""
     path = folder / "scene.yaml"
     path.write_text(text, encoding="utf-8")
@@ -148,8 +148,8 @@ SET = (
 )
 RISES = ", rising: {drag_area_m2: 1.0, added_mass_kg: 500.0}"
 WINCH = (
-    "{speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.4, least_line_out_m: 20.0, "
-    "most_line_out_m: 120.0}"
+    "{speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.4, min_line_out_m: 20.0, "
+    "max_line_out_m: 120.0}"
 )
 ROPE = "rope: steel_wire_40mm, elements: 12, damping: {newton_seconds: 1.0e+5}"
 LISTED = (

@@ -24,7 +24,7 @@ def hauled_in(heave: float) -> tuple[Twin, Snapshot]:
 def test_the_minimum_payout_is_never_passed() -> None:
     """It brakes within its acceleration limit and stops at the limit, not beyond."""
     _, shot = hauled_in(0.0)
-    least = WINCH.least_line_out_m
+    least = WINCH.min_line_out_m
     assert least - 1e-9 <= shot.line_out_m <= least + 0.02
     assert shot.payout_speed_m_per_s == pytest.approx(0.0, abs=1e-6)
     assert "12 m" in shot.winch_at_limit
@@ -33,7 +33,7 @@ def test_the_minimum_payout_is_never_passed() -> None:
 @pytest.mark.parametrize(("step", "speed"), [(0.01, 1.0), (0.02, 2.0), (0.1, 3.0)])
 def test_the_maximum_payout_is_never_passed(step: float, speed: float) -> None:
     """Braking at the upper limit is as at the lower one, at any speed and step."""
-    rig = replace(SHORT, step=step, winch=replace(WINCH, most_line_out_m=80.0))
+    rig = replace(SHORT, step=step, winch=replace(WINCH, max_line_out_m=80.0))
     twin = rig.twin()
     assert twin.offer_speed(0, speed) == ""
     longest = max(shot.line_out_m for shot in march(twin, sine(0.0, 8.0), 90.0))

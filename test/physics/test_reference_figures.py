@@ -11,7 +11,7 @@ from rigs import top_tension
     ("elements", "step"), [(100, 0.02), pytest.param(250, 0.01, marks=pytest.mark.long)]
 )
 def test_top_tension_of_smooth_2km(elements: int, step: float) -> None:
-    """Mean, highest and lowest top tension from 40 to 120 s within 0.05 %.
+    """Mean, highest and minimum top tension from 40 to 120 s within 0.05 %.
 
     Explicit integration with 1000 elements: 167.573, 205.23 and 129.86 kN; three outside codes
     (MoorDyn and two others) 167.57, 204.6 and 130.4 kN.

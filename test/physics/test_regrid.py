@@ -23,8 +23,8 @@ COARSE, TWICE, TOP = (
 WINCH = Winch(
     speed_limit_m_per_s=2.0,
     acceleration_limit_m_per_s2=0.5,
-    least_line_out_m=50.0,
-    most_line_out_m=700.0,
+    min_line_out_m=50.0,
+    max_line_out_m=700.0,
 )
 
 

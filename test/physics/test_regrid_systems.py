@@ -119,7 +119,7 @@ def test_coarser_step_and_mesh_stay_close(moving: Twin) -> None:
         for run in (same, other):
             run.advance(SECOND_NS // run.step_ns)
         assert other.time_ns == same.time_ns
-        assert other.top_pull_n == pytest.approx(same.top_pull_n, rel=2e-3)
+        assert other.top_tension_n == pytest.approx(same.top_tension_n, rel=2e-3)
     shots = [run.snapshot() for run in (same, other)]
     assert shots[1].solver.unconverged_substeps == shots[0].solver.unconverged_substeps
     if shots[0].body is not None and shots[1].body is not None:

@@ -145,8 +145,8 @@ def test_landing_and_lift_off() -> None:
     rig = Rig(
         length=95.0, elements=19, mass=6.4, damping=1e6, load=20e3, volume=2.0, density=1025.0,
         added=(5e3,) * 3, area=(10.0,) * 3, drag=(1.2, 0.01), added_mass=1.0,
-        winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.3, least_line_out_m=10.0,
-                    most_line_out_m=200.0),
+        winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.3, min_line_out_m=10.0,
+                    max_line_out_m=200.0),
     )  # fmt: skip
     twin = Twin(on_bed(rig, BED))
     speeds = [(0.0, 0.5), (14.0, 0.0), (24.0, -0.5), (38.0, 0.0)]
@@ -158,8 +158,8 @@ def test_landing_and_lift_off() -> None:
     assert reported[0].payload_height_m == pytest.approx(100.0 + height[0])
     assert not reported[0].payload_landed
     assert reported[215].payload_landed
-    assert reported[215].payload_push_n == pytest.approx(rig.load_weight, rel=0.01)
-    assert reported[-1].payload_push_n == reported[-1].rope_on_bed_m == 0.0
+    assert reported[215].payload_reaction_n == pytest.approx(rig.load_weight, rel=0.01)
+    assert reported[-1].payload_reaction_n == reported[-1].rope_on_bed_m == 0.0
     assert tension[0] == pytest.approx(rig.load_weight, rel=0.05)
     rest = slice(190, 240)  # set down, before the winch hauls
     assert np.abs(tension[rest]).max() < 1e-2 * rig.load_weight

@@ -126,7 +126,7 @@ def test_mass_and_momentum_at_the_section_junction(low: Rig, high: Rig) -> None:
 
 def test_hauling_in_to_two_metres_and_paying_out() -> None:
     """Under heave, past the joint: nearly the payload's weight, then what a fresh rope shows."""
-    winch = replace(WINCH, least_line_out_m=2.0)
+    winch = replace(WINCH, min_line_out_m=2.0)
     rig = replace(SEA, length=40.0, elements=8, damping=SEA.EA * KELVIN_VOIGT_S, winch=winch)
     twin = Twin(joined(rig, replace(HMPE, diameter=0.08), 20.0))
     speeds = [(0.0, -1.0), (50.0, 1.0), (80.0, 0.0)]

@@ -19,8 +19,8 @@ MESH = (
     " damping: {newton_seconds: 2.0e+3}"
 )
 WINCH = (
-    "{speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, least_line_out_m: 9.5,"
-    " most_line_out_m: 20.0, schedule: [{at_s: 0.1, line_out_m: 13.0}]}"
+    "{speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, min_line_out_m: 9.5,"
+    " max_line_out_m: 20.0, schedule: [{at_s: 0.1, line_out_m: 13.0}]}"
 )
 TEXT = f"""about: nets between two lines
 source: made up for a test

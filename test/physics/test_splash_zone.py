@@ -76,8 +76,8 @@ def lowered(waves: WavesParams, slamming: float = 0.0) -> Any:
         length=10.0, elements=5, mass=6.4, EA=65e6, damping=4e5, load=20e3, volume=6.0,
         added=(8e3, 9e3, 1e4), area=(10.0, 12.0, 14.0), density=RHO, hang_off=(0.0, 0.0, 15.0),
         step=2e-3, ramp=4.0,
-        winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.3, least_line_out_m=5.0,
-                    most_line_out_m=40.0),
+        winch=Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.3, min_line_out_m=5.0,
+                    max_line_out_m=40.0),
     )  # fmt: skip
     scene = rig.scene()
     zone = replace(ZONE, slamming=slamming)

@@ -26,8 +26,8 @@ from rope_twin.vortex.shedding import Shedding
 from validation.rigs import sine
 
 WINCH = Winch(
-    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
-    most_line_out_m=240.0,
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=5.0,
+    max_line_out_m=240.0,
 )  # fmt: skip
 
 

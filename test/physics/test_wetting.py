@@ -61,9 +61,9 @@ def test_static_tension_of_a_surface_piercing_rope(above_m: float) -> None:
     wet = np.interp(0.0, position[2], s)
     wet_weight = (WIRE.mass - 1025.0 * AREA) * WIRE.gravity
     expected = WIRE.load_weight + wet_weight * wet + WIRE.mass * WIRE.gravity * (200.0 - wet)
-    assert twin.top_pull_n == pytest.approx(expected, rel=1e-6)
+    assert twin.top_tension_n == pytest.approx(expected, rel=1e-6)
     by_hand_n = lift_figures(scene).top_tension_n(200.0)  # without stretch, of 5e-5 here
-    assert by_hand_n == pytest.approx(twin.top_pull_n, rel=1e-4)
+    assert by_hand_n == pytest.approx(twin.top_tension_n, rel=1e-4)
 
 
 def test_wetting_leaves_a_submerged_rope_unchanged() -> None:

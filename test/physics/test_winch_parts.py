@@ -44,8 +44,8 @@ payloads:
 winch:
   speed_limit_m_per_s: 1.5
   acceleration_limit_m_per_s2: 0.3
-  least_line_out_m: 20.0
-  most_line_out_m: 1000.0
+  min_line_out_m: 20.0
+  max_line_out_m: 1000.0
 ship: {motion_ramp_s: 2.0}
 effects:
   - current: {profile: [[0.0, [0.0, 0.0]], [-900.0, [0.0, 0.0]]]}

@@ -263,7 +263,7 @@ phases:
         ("jonswap: {significant_height_m: 1.5, peak_period_s: 7.5}\n      components: 100",
          "regular: {height_m: 1.0, period_s: 8.0}", HEAD_SEAS,
          "line 1, scene: the waves of 'own' are not one JONSWAP system"),
-        ("most_line_out_m: 60.0", "most_line_out_m: 20.0", HEAD_SEAS,
+        ("max_line_out_m: 60.0", "max_line_out_m: 20.0", HEAD_SEAS,
          "line 7, phases[0].splash_zone.below_m: 6 m below the water is beyond the line"),
         ("spreading: 6.0", "spreading: 6.0", HEAD_SEAS.replace("above_m: 4.0", "above_m: 16.0"),
          "line 7, phases[0].splash_zone.above_m: 16 m is not below the crane tip"),

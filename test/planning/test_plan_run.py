@@ -539,5 +539,5 @@ def test_rows_hold_finite_numbers(small: Path) -> None:
     for row in store.rows.values():
         assert all(
             math.isfinite(row[key])
-            for key in ("top_max_n", "top_min_n", "payload_min_n", "least_n", "at_s", "stroke_m")
+            for key in ("top_max_n", "top_min_n", "payload_min_n", "min_n", "at_s", "stroke_m")
         )

@@ -12,7 +12,7 @@ import pytest
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.planning.cells import RowStore
-from rope_twin.planning.phases import Leg, hung_at, legs_of
+from rope_twin.planning.phases import Leg, legs_of, suspended_at
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
@@ -143,7 +143,7 @@ def test_lateral_offset_in_a_uniform_current() -> None:
     assert right < 0.05 * L
     assert lateral_offset_m(leg, lift) == pytest.approx(right, rel=0.005)
     assert leg.offset_m == pytest.approx(right, rel=0.01)
-    assert hung_at(moved, depth).offset_m == leg.offset_m
+    assert suspended_at(moved, depth).offset_m == leg.offset_m
 
 
 def test_offset_is_a_criterion(tmp_path: Path) -> None:

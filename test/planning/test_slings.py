@@ -120,7 +120,7 @@ def test_shifted_centre_of_gravity_tilts() -> None:
         four(skew_load_factor=1.0, centre_of_gravity_within_m=(0.1, 0.0), axial_stiffness_n=1e11), W
     )
     height = 1.0 + math.sqrt(36.0 - 6.25)
-    assert math.tan(math.radians(shifted.most_tilt_deg)) == pytest.approx(0.1 / height, rel=0.02)
+    assert math.tan(math.radians(shifted.max_tilt_deg)) == pytest.approx(0.1 / height, rel=0.02)
     assert shifted.largest.max() > shifted.nominal.max()
 
 

@@ -167,7 +167,8 @@ def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
     assert process.wait() == 0
     summary = last_line(process.text)
     elements, step_s = summary["elements"], summary["step_s"]
-    assert isinstance(elements, int) and isinstance(step_s, float)
+    assert isinstance(elements, int)
+    assert isinstance(step_s, float)
     assert round(0.02 / step_s) * step_s == pytest.approx(0.02)
     share = summary["core_share"]
     assert isinstance(share, dict)

@@ -96,10 +96,10 @@ def test_a_commander_that_leaves_the_network_is_lost() -> None:
     own = seat("brake")
     own.judge("console", SPEED, 0.0)
     own.note(SPEED, None, 0, 0.0)
-    assert own.look(set(), S, 1.0) == ()
-    assert own.look({"console"}, S, 1.2) == ()
-    assert own.look(set(), S, 2.0) == ()
-    assert own.look(set(), 3 * S, 2.0 + GONE_S) == (COMMANDER_LOST,)
+    assert own.check(set(), S, 1.0) == ()
+    assert own.check({"console"}, S, 1.2) == ()
+    assert own.check(set(), S, 2.0) == ()
+    assert own.check(set(), 3 * S, 2.0 + GONE_S) == (COMMANDER_LOST,)
     assert own.words() == "winch: free (console left the network at 3.0 s: brake)"
     assert own.row(4.0).level == Level.ERROR
     assert own.judge("bench", SPEED, 5.0).is_new
@@ -118,14 +118,14 @@ def test_a_commander_whose_stream_ends_is_lost() -> None:
     """Seen twice: what waits in the middleware is taken before the second look."""
     own = seat()
     last_ns = streamed(own, "console")
-    assert own.look({"console"}, last_ns + SILENT_NS, 3.0) == ()
-    assert own.look({"console"}, last_ns + SILENT_NS + 1, 3.5) == ()
+    assert own.check({"console"}, last_ns + SILENT_NS, 3.0) == ()
+    assert own.check({"console"}, last_ns + SILENT_NS + 1, 3.5) == ()
     for k in range(STREAM_COMMANDS):  # which waited
         own.note(SPEED, last_ns + k * S // 10, last_ns + SILENT_NS + 2, 3.6)
     later_ns = last_ns + 2 * SILENT_NS + 3
-    assert own.look({"console"}, later_ns - 2, 4.0) == ()
-    assert own.look({"console"}, later_ns, 5.0) == ()
-    assert own.look({"console"}, later_ns, 5.5) == (COMMANDER_LOST,)
+    assert own.check({"console"}, later_ns - 2, 4.0) == ()
+    assert own.check({"console"}, later_ns, 5.0) == ()
+    assert own.check({"console"}, later_ns, 5.5) == (COMMANDER_LOST,)
     assert "console stopped sending" in own.words()
 
 
@@ -140,7 +140,7 @@ def test_a_quiet_commander_without_need_to_speak_is_not_lost(order: WinchCommand
     else:
         streamed(own, "console", order)
     for k in range(100):
-        assert own.look({"console"}, k * S, float(k)) == ()
+        assert own.check({"console"}, k * S, float(k)) == ()
     assert own.holder == "console"
 
 
@@ -150,19 +150,19 @@ def test_a_schedule_that_yields_is_not_lost() -> None:
     last_ns = streamed(own, "winch_schedule")
     for k in range(10):
         at_ns = last_ns + SILENT_NS + k * S
-        assert own.look({"winch_schedule", "bench"}, at_ns, float(k)) == ()
+        assert own.check({"winch_schedule", "bench"}, at_ns, float(k)) == ()
     row = own.row(20.0)
     assert row.level == Level.WARN
     assert "until bench commands" in row.message
-    assert own.look({"winch_schedule"}, last_ns + 20 * S, 20.0) == (COMMANDER_LOST,)
+    assert own.check({"winch_schedule"}, last_ns + 20 * S, 20.0) == (COMMANDER_LOST,)
 
 
 def test_a_commander_does_not_yield_to_a_publisher_that_may_be_its_own() -> None:
     """A schedule that was killed and starts again has no name in the graph at first."""
     own = seat()
     present, late_ns = {"winch_schedule", "publisher 010f78fd"}, streamed(own, "winch_schedule")
-    assert own.look(present, late_ns + 2 * SILENT_NS, 5.0) == ()
-    assert own.look(present, late_ns + 2 * SILENT_NS, 5.5) == (COMMANDER_LOST,)
+    assert own.check(present, late_ns + 2 * SILENT_NS, 5.0) == ()
+    assert own.check(present, late_ns + 2 * SILENT_NS, 5.5) == (COMMANDER_LOST,)
     assert "winch_schedule stopped sending" in own.words()
 
 
@@ -172,10 +172,10 @@ def test_after_a_restart_a_winch_that_runs_awaits_its_commander() -> None:
     for own in (lost, found):
         own.await_former(60 * S)
         assert own.watched
-        assert own.look({"console"}, 60 * S + AWAITED_NS - 1, 5.0) == ()
+        assert own.check({"console"}, 60 * S + AWAITED_NS - 1, 5.0) == ()
     found.judge("console", SPEED, 5.0)
-    assert found.look({"console"}, 60 * S + AWAITED_NS, 6.0) == ()
-    assert lost.look({"console"}, 60 * S + AWAITED_NS, 6.0) == (COMMANDER_LOST,)
+    assert found.check({"console"}, 60 * S + AWAITED_NS, 6.0) == ()
+    assert lost.check({"console"}, 60 * S + AWAITED_NS, 6.0) == (COMMANDER_LOST,)
     words = "the commander of before the restart has not come back at 65.0 s: brake"
     assert lost.words() == f"winch: free ({words})"
     assert lost.row(7.0).level == Level.ERROR
@@ -187,7 +187,7 @@ def test_after_a_pause_silence_counts_from_then_on() -> None:
     last_ns = streamed(own, "console")
     own.resume(last_ns + 10 * S)
     for _ in range(2):
-        assert own.look({"console"}, last_ns + 11 * S, 3.0) == ()
+        assert own.check({"console"}, last_ns + 11 * S, 3.0) == ()
 
 
 def test_each_winch_of_a_scene_has_a_seat() -> None:

@@ -18,7 +18,7 @@ ONE_SECTION = "  - name: hoist\n    rope: steel_wire_40mm\n"
 REFUSED = [
     (UNIT + "      - {rope: steel_wire_40mm}\n", ONE_SECTION,
      "`compensator` is the rope's lowest section, and it has one"),
-    ("least_line_out_m: 100.0", "least_line_out_m: 10.0",
+    ("min_line_out_m: 100.0", "min_line_out_m: 10.0",
      "10 m hauls the compensator of 8 m in; give at least twice its length, 16 m"),
     ("  - weight: {}\n", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0e+4}\n",
      "`bending` acts on the whole rope, and its lowest section is a compensator"),

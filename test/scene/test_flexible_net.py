@@ -114,13 +114,13 @@ def test_adjacent_nets_share_the_rope_between_them(tmp_path: Path) -> None:
 
 def test_the_winch_of_a_rope_with_a_net_counts_from_its_upper_edge(tmp_path: Path) -> None:
     winch = (
-        "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, least_line_out_m: 9.5,"
-        " most_line_out_m: 20.0, schedule: [{at_s: 1.0, line_out_m: 14.0}]}\n"
+        "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, min_line_out_m: 9.5,"
+        " max_line_out_m: 20.0, schedule: [{at_s: 1.0, line_out_m: 14.0}]}\n"
     )
     scene = scene_of(TEXT.replace("time: {", f"{winch}time: {{"), tmp_path)
     own = scene.winch
     assert own is not None
-    assert (own.least_line_out_m, own.most_line_out_m) == (1.5, 12.0)
+    assert (own.min_line_out_m, own.max_line_out_m) == (1.5, 12.0)
     assert [row.line_out_m for row in own.schedule] == [6.0]
     assert scene.ropes[0].length_m == 4.0
 
@@ -153,13 +153,13 @@ def test_panel_borders_are_exempt_from_rope_warnings(tmp_path: Path) -> None:
         ("name: left, rope: steel_wire_40mm",
          "name: left, sections: [{rope: steel_wire_40mm}]", "'left' has sections or a grading"),
         ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
-         "least_line_out_m: 8.5, most_line_out_m: 20.0}\ntime: {",
-         "of which its winch may leave no more than 8.5 m out; raise least_line_out_m to 9 m"),
+         "min_line_out_m: 8.5, max_line_out_m: 20.0}\ntime: {",
+         "of which its winch may leave no more than 8.5 m out; raise min_line_out_m to 9 m"),
         ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
-         "least_line_out_m: 9.0, most_line_out_m: 20.0, follows: measured}\ntime: {",
+         "min_line_out_m: 9.0, max_line_out_m: 20.0, follows: measured}\ntime: {",
          "the winch of 'left' follows a measured line out, which no net divides"),
         ("time: {", "winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 1.0, "
-         "least_line_out_m: 13.0, most_line_out_m: 20.0}\ntime: {",
+         "min_line_out_m: 13.0, max_line_out_m: 20.0}\ntime: {",
          "ropes[0].length_m: 12 m is outside the winch's 13 to 20 m"),
         ("from_m: 2.0, ", "", None),
         ("from_m: 2.0, to_m: 8.0", "to_m: 8.0", None),

@@ -295,6 +295,6 @@ def test_dynamic_amplification_refers_to_static_tension_at_the_same_line_out() -
     message = decode("ropes/utilisation", Encoder(0).encode("ropes/utilisation", shot))
     (reported,) = read_cloud(message)
     assert reported["name"] == b"hoist"
-    assert reported["utilisation"] == now.utilisation == now.highest_n / 1013440.0
+    assert reported["utilisation"] == now.utilisation == now.max_n / 1013440.0
     assert reported["dynamic_amplification"] == now.dynamic_amplification
     assert reported["static_tension_n"] == now.static_n

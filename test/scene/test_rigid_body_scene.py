@@ -19,7 +19,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_model import build_effects
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.twin.snapshot import BodyShot, Snapshot
+from rope_twin.twin.snapshot import BodySnapshot, Snapshot
 
 SLING = "{to_m: [1.0, 0.0, 0.7], length_m: 4.0, stiffness_n_per_m: 5.0e+6}"
 BODY = f"""\
@@ -160,12 +160,12 @@ def turned() -> Snapshot:
     """A body turned a third about a skew axis, on two slings, over a deck."""
     turn = Rotation.from_rotvec([0.7, -0.4, 1.1])
     shot = hanging_rope(length_m=200.0)
-    body = BodyShot(
+    body = BodySnapshot(
         quaternion=turn.as_quat(), angular_velocity_rad_per_s=np.array([0.1, -0.2, 0.3]),
-        size_m=np.array([4.0, 3.0, 2.0]), leg_pull_n=np.array([5e4, 0.0]),
+        size_m=np.array([4.0, 3.0, 2.0]), leg_tension_n=np.array([5e4, 0.0]),
         leg_length_m=np.array([6.0, 5.9]), leg_end_m=np.array([[1.0, 2.0, -3.0], [4.0, 5.0, -6.0]]),
         hook_m=shot.node_position_m[-1],
-        deck_push_n=1e3, deck_clearance_m=-0.002,
+        deck_reaction_n=1e3, deck_clearance_m=-0.002,
     )  # fmt: skip
     velocity = np.array([0.5, -0.1, 0.2])
     return replace(shot, body=body, payload_velocity_m_per_s=velocity)
@@ -198,7 +198,7 @@ def test_slings_and_deck_are_reported() -> None:
     ]
     assert table("payloads/body", shot) == [(b"payload", 4.0, 3.0, 2.0, -0.002, 1e3)]
     assert shot.body is not None
-    ashore = replace(shot, body=replace(shot.body, deck_push_n=None, deck_clearance_m=None))
+    ashore = replace(shot, body=replace(shot.body, deck_reaction_n=None, deck_clearance_m=None))
     ((*_, clearance_m, reaction_n),) = table("payloads/body", ashore)
     assert np.isnan([clearance_m, reaction_n]).all()
     with pytest.raises(InputError, match="no rigid body; list the effect `rigid_body`"):

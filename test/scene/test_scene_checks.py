@@ -8,7 +8,7 @@ import pytest
 from scene_text import GOOD, spoilt, written
 
 from rope_twin.effects.bending import BendingParams
-from rope_twin.scene.lift import hung_together, lift_figures, schedule_meets_limit, stretch_m
+from rope_twin.scene.lift import lift_figures, schedule_meets_limit, stretch_m, suspended_weights
 from rope_twin.scene.load import load_scene, rope_preset
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Damping, Payload, Rope, RopeLine, Scene, ScheduleRow, Winch
@@ -54,8 +54,8 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         ("breaks", "stronger rope"),
     ),
     "too heavy with all rope out": (
-        spoilt("most_line_out_m: 800.0", "most_line_out_m: 6000.0").replace("-900.0", "-9000.0"),
-        "winch.most_line_out_m: ",
+        spoilt("max_line_out_m: 800.0", "max_line_out_m: 6000.0").replace("-900.0", "-9000.0"),
+        "winch.max_line_out_m: ",
         ("with 6000 m out", "safety factor"),
     ),
     "coarse elements": (
@@ -153,12 +153,12 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "schedule past the rope there is": (
         spoilt(SECOND_ROW, "{at_s: 20.0, speed_m_per_s: 0.0}"),
         "winch.schedule: ",
-        ("most_line_out_m (800 m) after 1200 s", "stops there"),
+        ("max_line_out_m (800 m) after 1200 s", "stops there"),
     ),
     "schedule past the least line out": (
         spoilt(FIRST_ROW, "{at_s: 0.0, speed_m_per_s: 0.0}"),
         "winch.schedule: ",
-        ("least_line_out_m (50 m) after 1820 s",),
+        ("min_line_out_m (50 m) after 1820 s",),
     ),
     "lowering faster than the payload sinks": (
         spoilt("mass_kg: 20000.0", "mass_kg: 9800.0\n    drag_area_m2: [9.0, 9.0, 90.0]"),
@@ -344,8 +344,8 @@ def winch(*rows: tuple[float, float], repeat: float | None = None) -> Winch:
     return Winch(
         speed_limit_m_per_s=2.0,
         acceleration_limit_m_per_s2=0.3,
-        least_line_out_m=50.0,
-        most_line_out_m=150.0,
+        min_line_out_m=50.0,
+        max_line_out_m=150.0,
         schedule=tuple(ScheduleRow(at_s=at, speed_m_per_s=speed) for at, speed in rows),
         schedule_repeats_every_s=repeat,
     )
@@ -374,7 +374,7 @@ def test_two_ropes_carry_a_load_together(tmp_path: Path) -> None:
     scene = load_scene("two_line_lift")
     line = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665 * 600.0
     load = (25000.0 - 1025.0 * 5.0) * 9.80665
-    held = hung_together(scene)
+    held = suspended_weights(scene)
     assert held is not None
     assert held.weight_n == pytest.approx(load + 2.0 * line)
     assert held.breaking_load_n == pytest.approx(2.0 * 6.334e8 * 0.04**2)
@@ -396,14 +396,14 @@ def test_the_hoist_carries_everything_below_the_hook() -> None:
     per_metre = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
     steel = (800.0 + 2 * 50.0 + 1500.0) * (1.0 - 1025.0 / 7850.0) * 9.80665
     loads = 2.0 * (8000.0 - 1025.0 * 1.5) * 9.80665
-    held = hung_together(scene)
+    held = suspended_weights(scene)
     assert held is not None
     assert held.weight_n == pytest.approx(loads + steel + per_metre * (1000.0 + 28.0))
     assert held.weight_at(1200.0) - held.weight_n == pytest.approx(200.0 * per_metre)
 
 
 def test_no_static_tension_is_estimated_with_a_fixed_end_or_tether() -> None:
-    assert hung_together(load_scene("two_line_loop")) is None
+    assert suspended_weights(load_scene("two_line_loop")) is None
 
 
 def test_a_moored_float_is_not_taken_for_a_floating_lift(tmp_path: Path) -> None:
@@ -430,7 +430,7 @@ def test_a_payload_above_the_water_has_its_weight_in_air(tmp_path: Path) -> None
     assert figures.top_tension_n(500.0) == pytest.approx(in_air + 500.0 * per_metre)
     assert figures.top_tension_n(600.0) == pytest.approx(in_air - 0.5 * lift + 600.0 * per_metre)
     assert figures.top_tension_n(700.0) == pytest.approx(in_air - lift + 700.0 * per_metre)
-    assert figures.hung.dry_share(500.0) == 1.0
+    assert figures.suspended.dry_share(500.0) == 1.0
 
 
 @pytest.mark.parametrize(

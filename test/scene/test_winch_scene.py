@@ -10,7 +10,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.winch import ScheduleRow
 
-LEAST = "  least_line_out_m: 50.0\n"
+LEAST = "  min_line_out_m: 50.0\n"
 SECOND_ROW = "{at_s: 20.0, speed_m_per_s: -0.5}"
 DRUM = "  drum: {core_radius_m: 0.8, turns_per_layer: 40}\n"
 DRIVE = "  drive: {inertia_kg_m2: 3000.0, torque_limit_n_m: 300000.0}\n"

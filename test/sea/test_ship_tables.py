@@ -21,7 +21,7 @@ from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.scene.schema import Ship
 from rope_twin.sea.rao_files import COLUMNS, read_responses
 from rope_twin.sea.raos import Responses
-from rope_twin.sea.ship_motion import read_way
+from rope_twin.sea.ship_motion import read_time_history
 from rope_twin.sea.spectrum import DEEP, irregular_waves, jonswap
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_motion import ShipPose
@@ -49,7 +49,7 @@ def test_invalid_motion_tables_are_rejected(tmp_path: Path, fault: str) -> None:
     path = tmp_path / "way.csv"
     path.write_text(text)
     with pytest.raises(InputError) as caught:
-        read_way(str(path))
+        read_time_history(str(path))
     assert words in str(caught.value)
     assert str(path) in str(caught.value)
 
@@ -96,11 +96,11 @@ def test_invalid_rao_tables_are_rejected(tmp_path: Path, spoil, words: str) -> N
     assert words in str(caught.value)
 
 
-def heaving(folder: Path, lowest_hz: float, highest_hz: float) -> Responses:
+def heaving(folder: Path, lowest_hz: float, max_hz: float) -> Responses:
     """A ship whose heave is that of the water, a quarter late, between two frequencies."""
     one = ",".join("1" if name == "heave_m_per_m" else "0" for name in COLUMNS[2:8])
     late = ",".join("-90" if name == "heave_phase_deg" else "0" for name in COLUMNS[8:])
-    lines = [f"{heading},{f},{one},{late}" for heading in (0, 180) for f in (lowest_hz, highest_hz)]
+    lines = [f"{heading},{f},{one},{late}" for heading in (0, 180) for f in (lowest_hz, max_hz)]
     path = folder / "heaving.csv"
     path.write_text("\n".join([",".join(COLUMNS), *lines]))
     return read_responses(str(path))
@@ -163,13 +163,13 @@ def test_neglected_variance_refers_to_the_hang_off(tmp_path: Path) -> None:
     assert turned == pytest.approx(share)
 
 
-def cut_table(folder: Path, lowest_hz: float, highest_hz: float) -> Path:
+def cut_table(folder: Path, lowest_hz: float, max_hz: float) -> Path:
     """ship_6dof with its vessel's table cut at both ends."""
     config = share_dir() / "config"
     kept = []
     for line in (config / "responses" / "vessel_120m.csv").read_text().splitlines():
         numbers = line.split(",")
-        if line[0].isdigit() and not lowest_hz <= float(numbers[1]) <= highest_hz:
+        if line[0].isdigit() and not lowest_hz <= float(numbers[1]) <= max_hz:
             continue
         kept.append(line)
     (folder / "cut.csv").write_text("\n".join(kept))

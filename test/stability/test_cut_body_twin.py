@@ -60,11 +60,11 @@ def test_the_falling_body_is_reported(run: list[Snapshot]) -> None:
     before, after = run[3], run[-1]
     assert before.cut is None
     assert before.body is not None
-    assert (before.body.leg_pull_n > 0.0).all()
+    assert (before.body.leg_tension_n > 0.0).all()
     assert after.cut is not None
     upper, lower = after.ropes
     assert after.body is not None
-    assert len(after.body.leg_pull_n) == 4
+    assert len(after.body.leg_tension_n) == 4
     hook = lower.node_position_m[-1]
     legs = np.linalg.norm(hook - after.body.leg_end_m, axis=1)
     np.testing.assert_allclose(after.body.leg_length_m, legs, rtol=1e-12)

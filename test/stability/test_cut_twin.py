@@ -171,7 +171,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
     rope = scene.ropes[0].rope
     assert rope is not None
     weight = rope.mass_kg_per_m - 1025.0 * 0.25 * math.pi * rope.hydrodynamic_diameter_m**2
-    assert bed.payload_push_n + bed.rope_push_n == pytest.approx(
+    assert bed.payload_reaction_n + bed.rope_reaction_n == pytest.approx(
         ((8000.0 - 1025.0 * 1.5) + weight * 50.0) * 9.80665, rel=2e-3
     )
     assert bed.rope_on_bed_m == pytest.approx(50.0, abs=6.0), "the last node may lean on others"

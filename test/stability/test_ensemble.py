@@ -34,7 +34,7 @@ def test_each_member_equals_a_single_twin(
 ) -> None:
     """In any division of the ten seconds, and with members of other sizes on the same threads."""
     scene = small_scene(tmp_path_factory.mktemp("scene"))
-    ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
+    ensemble = Ensemble(scene, members, slack_interval_s=0.07, threads=2)
     ensemble.advance(cut)
     ensemble.advance(10 - cut)
     for number, variation in enumerate(members):
@@ -105,7 +105,7 @@ def test_members_have_separate_bodies_and_wakes(tmp_path: Path, instead: str) ->
         Variation((Change("payloads[0].mass_kg", 9000.0),)),
         Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 20.0))),
     ]
-    ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
+    ensemble = Ensemble(scene, members, slack_interval_s=0.07, threads=2)
     for seconds in (1, 3, 2):
         ensemble.advance(seconds)
     shots = [ensemble.snapshot(number) for number in range(4)]
@@ -146,7 +146,7 @@ def test_multi_line_members_equal_single_twins(name: str) -> None:
         Variation(heavier, HeaveSeries.of(sea(0.8, 7.0, 20.0)), commands=commands),
         Variation(commands=commands),
     ]
-    ensemble = Ensemble(scene, members, look_s=0.1, threads=2)
+    ensemble = Ensemble(scene, members, slack_interval_s=0.1, threads=2)
     assert ensemble.lanes().alone == {"": 3}
     for seconds in (1, 3):
         ensemble.advance(seconds)
@@ -266,8 +266,10 @@ def test_invalid_members_are_rejected(tmp_path: Path, path: str, value: float, w
 
 def test_invalid_times_are_rejected(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
-    with pytest.raises(InputError, match=r"look_s: 0\.0 s is not possible; give a whole number"):
-        Ensemble(scene, [Variation()], look_s=0.0)
+    with pytest.raises(
+        InputError, match=r"slack_interval_s: 0\.0 s is not possible; give a whole number"
+    ):
+        Ensemble(scene, [Variation()], slack_interval_s=0.0)
     with pytest.raises(InputError, match="ensemble: 2 threads, 0 members; give at least one"):
         Ensemble(scene, [], threads=2)
     ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 2.0)))])

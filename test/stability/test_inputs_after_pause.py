@@ -17,8 +17,8 @@ PAUSE_NS = 4_000_000_000
 SCENE = WinchScene(
     speed_limit_m_per_s=2.0,
     acceleration_limit_m_per_s2=0.5,
-    least_line_out_m=10.0,
-    most_line_out_m=200.0,
+    min_line_out_m=10.0,
+    max_line_out_m=200.0,
 )
 
 

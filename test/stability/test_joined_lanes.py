@@ -23,7 +23,7 @@ from lone_twins import (
 
 from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.joined.payload_contact import payload_touch_of
+from rope_twin.core.joined.payload_contact import payload_contact_of
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
 from rope_twin.core.state import ELEMENTS, RELAXATION, TENSION, VELOCITY, Floats
 from rope_twin.effects.wake_oscillator import WakeOscillator
@@ -85,8 +85,8 @@ def test_slack_and_snapping_systems_in_lanes(name: str) -> None:
     """Some need more corrections than others, the line search, or a halved step."""
     scene = load_scene(name)
     members = [member(number, 0.2 if number % 2 else SLACK_M[name]) for number in range(LANES)]
-    ensemble = Ensemble(scene, members, look_s=0.07, threads=1)
-    lone = Ensemble(scene, members, look_s=0.07, threads=1, max_lanes=1)
+    ensemble = Ensemble(scene, members, slack_interval_s=0.07, threads=1)
+    lone = Ensemble(scene, members, slack_interval_s=0.07, threads=1, max_lanes=1)
     for seconds in (2, 4):
         ensemble.advance(seconds)
         lone.advance(seconds)
@@ -172,7 +172,7 @@ def over_the_sheave(number: int, speed: float) -> Variation:
         Change("ropes[0].length_m", 1470.0),
         Change("ropes[1].length_m", 30.0),
         Change("ropes[1].elements", 3),
-        Change("winch.most_line_out_m", 1600.0),
+        Change("winch.max_line_out_m", 1600.0),
         Change("sheaves[0].friction", 0.01 + 0.02 * number),
         Change("sheaves[0].mass_kg", 1000.0 + 100.0 * number),
         Change("sheaves[0].wheel_inertia_kg", 50.0 + 20.0 * number),
@@ -201,7 +201,7 @@ def test_meshes_change_at_a_sheave_in_lanes() -> None:
 POLYESTER = """{diameter_m: 0.1, mass_kg_per_m: 6.8, hydrodynamic_diameter_m: 0.08,
       axial_stiffness: {table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]],
         dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, relaxation_s: 20.0},
-        working_curve: {permanent: 0.3, highest_mean_tension_n: 6.0e+4}},
+        working_curve: {permanent: 0.3, max_mean_tension_n: 6.0e+4}},
       breaking_load_n: 3082000.0}"""
 
 
@@ -373,7 +373,7 @@ def _touches(ensemble: Ensemble, number: int) -> int:
     """Return how many contacts between payloads there are now."""
     one = ensemble._members[number]
     assert isinstance(one, TwinMember)
-    touch = payload_touch_of(one.system)
+    touch = payload_contact_of(one.system)
     assert touch is not None
     return touch.contacts
 

@@ -266,7 +266,7 @@ POLYESTER_BELOW_WIRE = """\
             table: [[0.0, 0.0], [0.01, 2.5e+5], [0.05, 2.2e+6]]
             dynamic: {constant_n: 3.6e+7, per_mean_tension: 40.0, per_tension_amplitude: 30.0,
                       relaxation_s: 20.0}
-            working_curve: {permanent: 0.3, curvature: 0.4, highest_mean_tension_n: 7.0e+4}
+            working_curve: {permanent: 0.3, curvature: 0.4, max_mean_tension_n: 7.0e+4}
           breaking_load_n: 3082000.0
       - rope: {diameter_m: 0.05, mass_kg_per_m: 9.0, hydrodynamic_diameter_m: 0.05,
                axial_stiffness: {table: [[0.0, 0.0], [0.001, 6.0e+4], [0.01, 8.0e+5]]},
@@ -278,7 +278,7 @@ POLYESTER_BELOW_WIRE = """\
 def test_fibre_rope_below_wire_in_lanes(tmp_path: Path) -> None:
     """Where the wire has yet to come over the sheave, or comes; calm, moving, and slack ones.
 
-    Some are loaded beyond their highest tension so far, others below it on working curves.
+    Some are loaded beyond their maximum tension so far, others below it on working curves.
     """
     path = tmp_path / "polyester.yaml"
     text = SMALL_SCENE.replace("    rope: steel_wire_40mm\n", POLYESTER_BELOW_WIRE)

@@ -28,8 +28,8 @@ from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.pentadiagonal import (
     eliminate_coupled,
     eliminate_coupled_wide,
-    push_coupled,
-    push_coupled_wide,
+    reduce_coupled,
+    reduce_coupled_wide,
     take_links,
     take_links_wide,
 )
@@ -45,7 +45,7 @@ from rope_twin.core.state import (
     WORK_ROWS,
     Rope,
 )
-from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, push_wide, substitute_wide
+from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, reduce_wide, substitute_wide
 from rope_twin.effects.bed_friction import CARRIED, PlaneFriction
 from rope_twin.effects.hull_contact import HullContact
 from rope_twin.errors import InputError
@@ -219,7 +219,7 @@ def test_splits_slack_and_calm_members_in_one_group(tmp_path: Path) -> None:
     scene = small_scene(tmp_path)
     kinds = (calm, paying, snapping)
     members = [kinds[number % 3](number) for number in range(2 * LANES)]
-    ensemble = Ensemble(scene, members, look_s=0.07)
+    ensemble = Ensemble(scene, members, slack_interval_s=0.07)
     for seconds in (1, 15, 8):
         ensemble.advance(seconds)
     assert not unequal(scene, ensemble, members, 24)
@@ -234,10 +234,10 @@ def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.Monk
     """Extremes, means and sampled values equal those of members that step alone."""
     scene = small_scene(tmp_path)
     members = [snapping(number) for number in range(LANES)] + [paying(1)]
-    together = Ensemble(scene, members, look_s=0.07)
+    together = Ensemble(scene, members, slack_interval_s=0.07)
     together.advance(6)
     monkeypatch.setattr(lanes_module, "MIN_GROUP", LANES + 1)
-    lone = Ensemble(scene, members, look_s=0.07)
+    lone = Ensemble(scene, members, slack_interval_s=0.07)
     lone.advance(6)
     assert together.figures() == lone.figures()
     assert any(0.0 < figures.slack_share < 1.0 for figures in together.figures())
@@ -254,7 +254,7 @@ def test_random_members_in_lanes(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(ensemble_module, "MIN_MEMBERS", 1)
         patch.setattr(lanes_module, "MIN_GROUP", 1)
-        ensemble = Ensemble(scene, members, look_s=0.07, threads=2)
+        ensemble = Ensemble(scene, members, slack_interval_s=0.07, threads=2)
         assert ensemble.lanes().members == len(members)
         ensemble.advance(cut)
         ensemble.advance(10 - cut)
@@ -508,7 +508,7 @@ def eliminate_bent(work: Any, first: int, n: int, moved: int) -> None:
 @jit_entry
 def push_bent(work: Any, first: int, n: int, tried: int) -> None:
     """For another residual, from which the effect of the couplings is subtracted in some lanes."""
-    push_coupled_wide(tiles(work, COUPLED_ROWS), first, n)
+    reduce_coupled_wide(tiles(work, COUPLED_ROWS), first, n)
     take_links_wide(tiles(work, COUPLED_ROWS), n, mask_of(tried))
 
 
@@ -521,7 +521,7 @@ def eliminate_bent_one(work: Any, first: int, n: int) -> None:
 @jit_entry
 def push_bent_one(work: Any, first: int, n: int) -> None:
     """Solve one bent rope for another residual; return the effect of its couplings."""
-    push_coupled(end_to_end(work), first, n)
+    reduce_coupled(end_to_end(work), first, n)
     take_links(work, n)
 
 
@@ -535,7 +535,7 @@ def eliminate_many(work: Any, first: int, n: int, moved: int) -> None:
 @jit_entry
 def push_many(work: Any, first: int, n: int) -> None:
     """For another residual, by the factors of each lane."""
-    push_wide(tiles(work, WORK_ROWS), first, n)
+    reduce_wide(tiles(work, WORK_ROWS), first, n)
     _substitute_many(work, first, n)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody
+from rope_twin.effects.payload_contact import ContactSphere, PayloadContactParams
 from rope_twin.scene.lift import point_figures
 from rope_twin.scene.relations import faults
 from rope_twin.scene.schema import Scene
@@ -24,7 +24,7 @@ RADIUS_M = 4.2
 def touching(names: tuple[str, ...] = HALVES, name: str = "bridle_lift") -> Scene:
     """The two loads pressed apart, in still water."""
     scene = load_scene(name)
-    bodies = tuple(TouchingBody(name=name, radius_m=RADIUS_M) for name in names)
+    bodies = tuple(ContactSphere(name=name, radius_m=RADIUS_M) for name in names)
     calm = CurrentParams(profile=((0.0, (0.0, 0.0)),))
     effects = [calm if isinstance(e, CurrentParams) else e for e in scene.effects]
     return replace(scene, effects=(*effects, PayloadContactParams(bodies=bodies)))

@@ -66,8 +66,8 @@ def started(rig: Rig, weather: Weather) -> Twin:
     winch = Winch(
         speed_limit_m_per_s=2.0,
         acceleration_limit_m_per_s2=1.0,
-        least_line_out_m=min(2.0, rig.length),
-        most_line_out_m=rig.length + 100.0,
+        min_line_out_m=min(2.0, rig.length),
+        max_line_out_m=rig.length + 100.0,
     )
     profile = ((0.0, weather.current_m_per_s), (-rig.length, (0.0, 0.0)))
     return that_rests(replace(rig, winch=winch, current=profile).twin)

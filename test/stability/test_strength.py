@@ -22,7 +22,7 @@ def test_maximum_tension_at_rest_is_the_suspended_weight() -> None:
     (strength,) = Twin(scene).snapshot().strength
     weight = (20000.0 - 1025.0 * 4.0 + (6.38352 - 1025.0 * 8.0424772e-4) * 1000.0) * 9.80665
     assert strength.name == "hoist"
-    assert strength.highest_n == pytest.approx(weight, rel=1e-2)  # without the uppermost half
+    assert strength.max_n == pytest.approx(weight, rel=1e-2)  # without the uppermost half
     assert strength.breaking_load_n == pytest.approx(6.334e8 * 0.04**2)
 
 
@@ -38,7 +38,7 @@ def test_a_peak_between_two_snapshots_is_reported_and_saved(tmp_path: Path) -> N
     twin.advance(1500)
     shot = twin.snapshot()
     (strength,) = shot.strength
-    assert strength.highest_n == twin.statistics().tension_top_max_n > shot.tension_top_n
+    assert strength.max_n == twin.statistics().tension_top_max_n > shot.tension_top_n
     assert strength.utilisation > 1.0
     message = summarise(twin, shot, None).as_text()
     assert "MBL exceeded" in message
@@ -57,7 +57,7 @@ def test_each_rope_has_its_own_maximum_tension(tmp_path: Path) -> None:
     first, second = shot.strength
     assert [first.name, second.name] == ["fore", "aft"]
     assert first.utilisation < 0.5
-    assert second.highest_n >= shot.ropes[1].tension_top_n > 200e3
+    assert second.max_n >= shot.ropes[1].tension_top_n > 200e3
     message = summarise(twin, shot, None).as_text()
     assert "maximum tension of 'aft' " in message
     assert "maximum tension of 'fore' " not in message

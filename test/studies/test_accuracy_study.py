@@ -138,7 +138,7 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
     """Sea, winch and ramp of deep_lift: the same top tension, to the bit, as --speed 0."""
     scene = load_scene("deep_lift")
     course = Course(scene, 12.0, 0.1)
-    seen = Trial(course, Setting(25, 0.02)).look()
+    seen = Trial(course, Setting(25, 0.02)).run()
     run = UnpacedRun(RunOptions(scene="deep_lift", speed=0.0, elements=25, step_s=0.02))
     for _ in range(600):
         run.advance_slot()
@@ -160,14 +160,14 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
     scene = load_scene(name)
     elements, step_s = 20, 0.01
     trial = Trial(Course(scene, 6.0, 0.1), Setting(elements, step_s))
-    first, again = trial.look(), trial.look()
+    first, again = trial.run(), trial.run()
     run = UnpacedRun(RunOptions(scene=name, speed=0.0, elements=elements, step_s=step_s))
     run.advance_blindly(6.0)
     assert run.twin.snapshot().tension_top_n == first.tension_n[-1]
     assert run.twin.statistics().tension_top_max_n == first.tension_n.max()
     assert np.array_equal(again.tension_n, first.tension_n)
     bare = replace(scene, effects=tuple(one for one in scene.effects if not sheds(one)))
-    without = Trial(Course(bare, 6.0, 0.1), Setting(elements, step_s)).look()
+    without = Trial(Course(bare, 6.0, 0.1), Setting(elements, step_s)).run()
     assert not np.array_equal(without.tension_n, first.tension_n), "the model is at work"
 
 
@@ -175,7 +175,7 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
 def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
     """Both winches' schedules and the sea; elements of both ropes halved."""
     scene = load_scene("two_line_lift")
-    seen = Trial(Course(scene, 12.0, 0.1), Setting(30, 0.02)).look()
+    seen = Trial(Course(scene, 12.0, 0.1), Setting(30, 0.02)).run()
     run = UnpacedRun(RunOptions(scene="two_line_lift", speed=0.0, elements=30, step_s=0.02))
     assert [line.elements for line in run.twin.scene.ropes] == [30, 30]
     run.advance_blindly(12.0)
@@ -206,7 +206,7 @@ def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
     assert [one.tolerance_n for one in plan.settings if one.tolerance_n] == [50.0, 5000.0]
     assert plan.reference.elements == 800
     assert plan.reference.step_s == 0.0025
-    assert all(round(plan.look_s / one.step_s, 6).is_integer() for one in plan.settings)
+    assert all(round(plan.sampling_s / one.step_s, 6).is_integer() for one in plan.settings)
     waves = make_plan(load_scene("wave_zone"))  # dear: fewer settings over a shorter window
     assert waves.seconds == 30.0
     assert waves.own in waves.settings
@@ -238,7 +238,7 @@ def test_the_witness_can_object(snap_witness: Witness) -> None:
     light = load_scene("snap_2km")
     heavy = change_scene(light, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
     course = [Course(replace(one, winch=None), 14.0, 0.0025) for one in (light, heavy)]
-    seen = [Trial(one, Setting(snap_witness.elements, 0.0025)).look() for one in course]
+    seen = [Trial(one, Setting(snap_witness.elements, 0.0025)).run() for one in course]
     apart = differences(*seen)["tension_rms"]
     assert apart is not None
     assert apart > 10.0 * snap_witness.rms_pct
@@ -295,9 +295,9 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
     content = json.loads(convergence.study_path(scene).read_text(encoding="utf-8"))
     good = [row for row in content["rows"] if row["error_rms_pct"] <= 0.3]
     course = Course(scene, 6.0, 0.1)
-    truth = Trial(course, Setting(400, 0.00125)).look()
+    truth = Trial(course, Setting(400, 0.00125)).run()
     for row in good:
-        seen = Trial(course, Setting(row["elements"], row["step_s"])).look()
+        seen = Trial(course, Setting(row["elements"], row["step_s"])).run()
         error = differences(seen, truth)["tension_rms"]
         assert error is not None
         assert error < 0.3

@@ -68,7 +68,7 @@ def test_what_the_scene_knows_is_taken_and_else_what_is_usual() -> None:
     assert suggested(BY_NAME["splash_zone"], scene).height_m == 2.5
     assert suggested(BY_NAME["added_mass"], scene).normal == 1.0
     assert suggested(BY_NAME["drag"], scene).normal == 1.2
-    lowest = scene.ship.hang_off_m[2] - scene.winch.most_line_out_m
+    lowest = scene.ship.hang_off_m[2] - scene.winch.max_line_out_m
     assert suggested(BY_NAME["current"], scene).profile[-1] == (lowest, (0.1, 0.0))
     assert suggested(BY_NAME["seabed"], scene).depth_m == 10.0 - lowest
     rope = scene.ropes[0].rope

@@ -95,10 +95,8 @@ def test_damage_of_stress_at_many_places() -> None:
     assert damage_of_series(stress, StressCurve(1e12, 3.0).used) == pytest.approx(expected)
 
 
-def counted(line: RopeLine, most_m: float, piece_m: float, curve: str) -> RopeDamage:
-    return RopeDamage(
-        line, ends_m(line), most_m, DamageSettings(curve, False, piece_m=piece_m), 0.0
-    )
+def counted(line: RopeLine, max_m: float, piece_m: float, curve: str) -> RopeDamage:
+    return RopeDamage(line, ends_m(line), max_m, DamageSettings(curve, False, piece_m=piece_m), 0.0)
 
 
 def used(count: RopeDamage) -> Vector:

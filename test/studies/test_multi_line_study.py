@@ -18,7 +18,7 @@ from rope_twin.files import share_dir
 from rope_twin.scene.load import Change, load_scene
 from rope_twin.studies.ensemble import Seas
 from rope_twin.studies.study_design import (
-    FatigueWish,
+    FatigueRequest,
     StudyRun,
     new_counts,
     run_system,
@@ -90,8 +90,8 @@ def test_a_rope_in_two_parts_has_the_rows_of_the_rope(tmp_path: Path) -> None:
             top = one[f"tension_top_{end}_n"]
             assert ours[f"tension_top_{end}_n"] == pytest.approx(top, rel=1e-5)
             assert ours[f"upper.tension_{end}_n"] == ours[f"tension_top_{end}_n"]
-        share = one["highest_over_breaking_load"]
-        assert ours["highest_over_breaking_load"] == pytest.approx(share, rel=1e-5)
+        share = one["max_utilisation"]
+        assert ours["max_utilisation"] == pytest.approx(share, rel=1e-5)
         damage = ours["lower.damage"] + ours["upper.damage"]
         assert damage[:7] == pytest.approx(one["damage"][:7], rel=1e-3)
         assert ours["damage_worst"] == max(damage)
@@ -117,7 +117,7 @@ vary:
 """
     light, heavy = rows_of(tmp_path, "bridle", scene, study)
     shown = capsys.readouterr().out
-    assert "highest tension of sling_starboard [kN]" in shown
+    assert "maximum tension of sling_starboard [kN]" in shown
     for row in (light, heavy):
         legs, slings = (
             [row[f"{kind}_{side}.tension_mean_n"] for side in ("port", "starboard")]
@@ -128,7 +128,7 @@ vary:
         highest = max(row[name] for name in row if name.endswith("tension_max_n"))
         line = load_scene("bridle_lift").ropes[0]
         share = highest / line.breaking_load_n
-        assert row["highest_over_breaking_load"] == pytest.approx(share, rel=1e-12)
+        assert row["max_utilisation"] == pytest.approx(share, rel=1e-12)
     for kind, slope in (("leg", math.cos(math.radians(30.0))), ("sling", 1.0)):
         more = heavy[f"{kind}_port.tension_mean_n"] - light[f"{kind}_port.tension_mean_n"]
         assert more == pytest.approx(3000.0 * 9.80665 / slope, rel=2e-3)
@@ -136,8 +136,8 @@ vary:
     assert more == pytest.approx(6000.0 * 9.80665, rel=2e-3)
 
 
-@pytest.mark.parametrize("wish", [None, FatigueWish(curve="six_strand_tension", piece_m=50.0)])
-def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueWish | None) -> None:
+@pytest.mark.parametrize("wish", [None, FatigueRequest(curve="six_strand_tension", piece_m=50.0)])
+def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueRequest | None) -> None:
     """To the bit: in lanes, each with its own drag and from elsewhere in the sea."""
     scene = load_scene("bridle_lift")
     runs = [
@@ -155,7 +155,7 @@ def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueWish | None) -> N
 def test_ropes_over_a_sheave_are_one_material_in_a_row() -> None:
     """The loop: 1,500 m of the two ropes on its lower sheave are counted with the first of them."""
     scene = load_scene("two_line_loop")
-    wish = FatigueWish(curve="six_strand_tension", piece_m=20.0)
+    wish = FatigueRequest(curve="six_strand_tension", piece_m=20.0)
     counts = new_counts(scene, wish)
     assert [len(count.middles) for count in counts.values()] == [65, 75, 65]
     row = run_system(StudyRun(0, (), scene, (), 0.0), 0.5, 0.1, wish)

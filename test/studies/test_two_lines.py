@@ -29,7 +29,7 @@ from rope_twin.twin.multi_line_snapshot import (
     lines_of,
     report_on,
 )
-from rope_twin.twin.snapshot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.snapshot import Crossing, LineEvent, LinesSnapshot, Nearest
 
 DEPTH = 1000.0
 
@@ -68,11 +68,11 @@ def test_each_line_goes_from_its_winch_to_the_sheave(scene: Scene) -> None:
 def test_lines_that_cross_are_reported_where_and_at_which_angle(scene: Scene) -> None:
     """The upper halves meet where x = -8 + (lean + 8)·s and 8 - 4·s agree: s = 16/(lean + 12)."""
     watch = ClearanceMonitor(scene)
-    near, happened = watch.look(seen(0.0, -4.0))
+    near, happened = watch.observe(seen(0.0, -4.0))
     assert happened == []
     assert near.distance_m == pytest.approx(8.0 * 0.04, rel=0.1), "near the sheave"
     lean, half = 20.0, 0.5 * DEPTH
-    _, (event,) = watch.look(seen(1.0, lean, wave=0.0))
+    _, (event,) = watch.observe(seen(1.0, lean, wave=0.0))
     share = 16.0 / (lean + 12.0)
     assert (event.what, event.time_s) == ("cross", 1.0)
     assert event.depth_m == pytest.approx(share * half, abs=1e-6)
@@ -81,8 +81,8 @@ def test_lines_that_cross_are_reported_where_and_at_which_angle(scene: Scene) ->
     assert event.gap_m == 0.0
     (crossing,) = watch.crossings
     assert crossing.position_m == pytest.approx((8.0 - 4.0 * share, 0.0, -share * half), abs=1e-9)
-    assert watch.look(seen(2.0, lean + 0.5))[1] == [], "it has moved by less than 5 %"
-    _, (gone,) = watch.look(seen(3.0, -4.0))
+    assert watch.observe(seen(2.0, lean + 0.5))[1] == [], "it has moved by less than 5 %"
+    _, (gone,) = watch.observe(seen(3.0, -4.0))
     assert gone.what == "part"
     assert watch.crossings == ()
 
@@ -90,7 +90,7 @@ def test_lines_that_cross_are_reported_where_and_at_which_angle(scene: Scene) ->
 def test_lines_that_pass_each_other_at_a_distance_say_so(scene: Scene) -> None:
     """The main line is 6 m aside at mid-depth, so 6·s where they cross."""
     watch = ClearanceMonitor(scene)
-    near, (event,) = watch.look(seen(0.0, 20.0, aside=6.0))
+    near, (event,) = watch.observe(seen(0.0, 20.0, aside=6.0))
     assert event.gap_m == pytest.approx(6.0 * 0.5, rel=1e-6)
     assert near.distance_m < 3.0
 
@@ -99,7 +99,7 @@ def test_a_line_that_turns_up_again_is_counted(scene: Scene) -> None:
     """A loop of slack rope."""
     watch, shot = ClearanceMonitor(scene), seen(0.0, -4.0)
     shot.ropes[0].node_position_m[10, 2] = -300.0
-    watch.look(shot)
+    watch.observe(shot)
     assert watch.turned_up == 1
 
 
@@ -151,7 +151,7 @@ def test_crossings_are_reported_in_topics() -> None:
     near = Nearest(2.0, 900.0, 0.5)
     crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
     event = LineEvent(121.4, "cross", 836.0, 0.08, 0.02)
-    shot = replace(hanging_rope(), lines=LinesShot(near, (crossing,)), line_events=(event,))
+    shot = replace(hanging_rope(), lines=LinesSnapshot(near, (crossing,)), line_events=(event,))
     assert {"lines/crossings", "lines/events"} <= set(due_topics(10, 20_000_000, shot))
     assert "lines/events" not in due_topics(10, 20_000_000, replace(shot, line_events=()))
     encoder = messages.Encoder(0)

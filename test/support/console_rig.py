@@ -39,7 +39,7 @@ FACTS: Values = {
     ],
     "payloads": [{"name": "payload", "mass_kg": 2e4, "submerged_n": 1.6e5}],
     "winches": {"winch": {"speed_limit_m_per_s": 1.0, "acceleration_limit_m_per_s2": 0.3,
-                          "least_line_out_m": 100.0, "most_line_out_m": 3200.0,
+                          "min_line_out_m": 100.0, "max_line_out_m": 3200.0,
                           "follows": "commands", "when_commander_lost": "ramp_to_zero",
                           "switches": ["emergency_stop", "reset", "set_brake", "release_brake"],
                           "modes": ["speed", "length", "depth"]}},
@@ -181,7 +181,7 @@ class FakeCommander:
     known: tuple[str, ...] = ()
     called: list[str] = field(default_factory=list)
 
-    def look(self, winches: Sequence[str]) -> None:
+    def prepare(self, winches: Sequence[str]) -> None:
         self.known = tuple(winches)
 
     def take(self, winch: str) -> None:
@@ -221,7 +221,7 @@ class ConsoleRig:
         token = Token(TOKEN, self.clock) if control else None
         self.desk = Desk(self.pages, self.clock, self.commander, token)
         self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
-        self.pages.before_tick.append(self.desk.look)
+        self.pages.before_tick.append(self.desk.update)
         if control:
             Requests(self.pages, self.desk, self.commander)
         self.log = Log(self.pages)

@@ -35,7 +35,7 @@ from rope_twin.effects.compensator import ActiveCylinder, CompensatorParams
 from rope_twin.effects.coupled_vibration import DecomposedForceParams, ModalVibrationParams
 from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.depth_profiles import DepthProfilesParams
-from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
+from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughnessTable
 from rope_twin.effects.fluid_ramp import FluidRampParams, LoadCurve
 from rope_twin.effects.hull_contact import (
     BEFORE,
@@ -48,7 +48,7 @@ from rope_twin.effects.hull_contact import (
 from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.effects.net_curtain import NetCurtainParams
 from rope_twin.effects.payload import PayloadParams, SplashZoneParams
-from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody
+from rope_twin.effects.payload_contact import ContactSphere, PayloadContactParams
 from rope_twin.effects.payload_faces import FairingParams, NetParams
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.effects.payload_shedding import PayloadSheddingParams
@@ -122,7 +122,7 @@ PARAMS: dict[str, Any] = {
         distance_m=0.5, stiffness_n_per_m=2e3, damping_s_per_m=0.2, friction=0.3
     ),
     "payload_contact": PayloadContactParams(
-        bodies=(TouchingBody(name="skip", radius_m=9.0), TouchingBody(name="hook", radius_m=7.0)),
+        bodies=(ContactSphere(name="skip", radius_m=9.0), ContactSphere(name="hook", radius_m=7.0)),
         stiffness_n_per_m=2e3,
         damping_s_per_m=0.2,
         friction=0.3,
@@ -197,8 +197,8 @@ VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its
         tangential=0.02,
         over_keulegan_carpenter=KeuleganCarpenter(
             tables=(
-                RoughTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.4), (60.0, 0.7))),
-                RoughTable(roughness=2e-2, rows=((2.0, 1.2), (15.0, 1.9), (80.0, 1.1))),
+                RoughnessTable(roughness=1e-4, rows=((2.0, 0.8), (12.0, 1.4), (60.0, 0.7))),
+                RoughnessTable(roughness=2e-2, rows=((2.0, 1.2), (15.0, 1.9), (80.0, 1.1))),
             ),
             roughness=3e-3,
             window_s=8.0,
@@ -215,8 +215,8 @@ SMALL = Rig(
     added=(150.0, 200.0, 260.0), area=(0.8, 1.1, 1.5), density=1025.0, step=0.05, tolerance=1e-3,
     hang_off=(1.0, -2.0, 0.0),
     winch=Winch(
-        speed_limit_m_per_s=3.0, acceleration_limit_m_per_s2=5.0, least_line_out_m=10.0,
-        most_line_out_m=80.0,
+        speed_limit_m_per_s=3.0, acceleration_limit_m_per_s2=5.0, min_line_out_m=10.0,
+        max_line_out_m=80.0,
     ),
 )  # fmt: skip
 

@@ -27,10 +27,10 @@ class Driven:
     twin: Twin
     inputs: FleetInputs  # at its step borders
     top_n: Floats  # (steps,) of the main winch's rope
-    least_n: Floats
+    min_n: Floats
     depth_m: Floats
     sinking_m_per_s: Floats
-    lowest_n: Floats
+    payload_n: Floats
     live: LiveState | None  # after the step that was asked for
     hung_n: dict[str, Floats]  # as top_n, of each rope from a hang-off
 
@@ -76,9 +76,9 @@ def driven(
         heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
         samples = np.array([sample_of(rope) for rope in ropes(twin)])
         outputs.append(
-            (twin.top_pull_n, samples[:, MIN_TENSION].min(), *samples[payload_rope(scene), 1:])
+            (twin.top_tension_n, samples[:, MIN_TENSION].min(), *samples[payload_rope(scene), 1:])
         )
-        tops.append([twin.top_pull_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
+        tops.append([twin.top_tension_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
     value, rate = np.array(borders).transpose(1, 2, 0, 3)
     rest_z = scene.ship.hang_off_m[2]
     assert np.array_equal(value[0, :, rows.Z], rest_z + np.array(heaves))

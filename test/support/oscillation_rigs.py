@@ -12,11 +12,11 @@ from typing import Any
 from rigs import CALM
 
 from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughTable
+from rope_twin.effects.drag import DragParams, KeuleganCarpenter, RoughnessTable
 from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.scene.schema import Scene
 
-ONE = RoughTable(roughness=1e-3, rows=((5.0, 1.0),))  # whatever the number
+ONE = RoughnessTable(roughness=1e-3, rows=((5.0, 1.0),))  # whatever the number
 EVEN = ((3.0, 1.0),)
 
 

@@ -11,8 +11,8 @@ from rope_twin.scene.schema import Winch
 WINCH = Winch(
     speed_limit_m_per_s=3.0,
     acceleration_limit_m_per_s2=0.3,
-    least_line_out_m=12.0,
-    most_line_out_m=3000.0,
+    min_line_out_m=12.0,
+    max_line_out_m=3000.0,
 )
 STEEL = Rig(length=1000.0, elements=100, mass=6.4, EA=65e6, ramp=8.0, winch=WINCH)
 HMPE = replace(STEEL, mass=2.9, EA=206e6)

@@ -10,17 +10,17 @@ from rope_twin.scene.error_bound import KnownError
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.snapshot import (
     BedContact,
-    BodyShot,
-    CompensatorShot,
+    BodySnapshot,
+    CompensatorSnapshot,
+    ContactForce,
     InputHealth,
-    PayloadShot,
-    PressedPlace,
+    PayloadSnapshot,
     Quality,
     Residual,
-    RopeShot,
+    RopeSnapshot,
     Snapshot,
     SolverHealth,
-    StrutShot,
+    StrutSnapshot,
     TensionInterval,
 )
 from rope_twin.vortex.fatigue import BendResult
@@ -80,10 +80,12 @@ def hanging_rope(
         solver=SolverHealth(steps=250, solves=500),
         study_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
-        compensator=CompensatorShot(2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0),
+        compensator=CompensatorSnapshot(
+            2.1, 4.0, -0.3, 1.7e5, 8.1e6, 1.72e5, -2e3, -500.0, 0.0, 500.0
+        ),
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         residuals=(RESIDUAL,),
-        contacts=(PressedPlace("hull", 1.3e4, (0.5, -1.0, -16.0)),),
+        contacts=(ContactForce("hull", 1.3e4, (0.5, -1.0, -16.0)),),
         quality=(QUALITY,),
         error_interval=TensionInterval(
             float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0
@@ -119,15 +121,15 @@ def hanging_body(nodes: int = 11) -> Snapshot:
     shot = hanging_rope(nodes)
     return replace(
         shot,
-        body=BodyShot(
+        body=BodySnapshot(
             quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
             angular_velocity_rad_per_s=np.zeros(3),
             size_m=np.array([4.0, 3.0, 2.5]),
-            leg_pull_n=np.array([5e4, 6e4]),
+            leg_tension_n=np.array([5e4, 6e4]),
             leg_length_m=np.array([7.0, 7.1]),
             leg_end_m=shot.payload_position_m + np.array([[1.8, 0.0, 1.25], [-1.8, 0.0, 1.25]]),
             hook_m=shot.node_position_m[-1],
-            deck_push_n=1e3,
+            deck_reaction_n=1e3,
             deck_clearance_m=-0.01,
         ),
     )
@@ -144,7 +146,7 @@ def lifted() -> Snapshot:
     """Return a hoist and two slings, a bar and two payloads."""
     first = hanging_rope(5, length_m=100.0)
     ropes = [
-        RopeShot(
+        RopeSnapshot(
             name="hoist",
             node_position_m=first.node_position_m,
             node_tension_n=first.node_tension_n,
@@ -158,7 +160,7 @@ def lifted() -> Snapshot:
         end = first.node_position_m[-1]
         nodes = end + np.linspace(0.0, 1.0, 3 + k)[:, None] * [2.0 * k - 1.0, 0.0, -8.0]
         ropes.append(
-            RopeShot(
+            RopeSnapshot(
                 name=name,
                 node_position_m=nodes,
                 node_tension_n=np.linspace(6e3, 5e3, 3 + k),
@@ -169,7 +171,7 @@ def lifted() -> Snapshot:
             )
         )
     payloads = [
-        PayloadShot(
+        PayloadSnapshot(
             name=rope.name,
             position_m=rope.node_position_m[-1],
             velocity_m_per_s=np.array([0.1, 0.0, -0.2]) * (k + 1),
@@ -181,5 +183,5 @@ def lifted() -> Snapshot:
         first,
         ropes=tuple(ropes),
         payloads=tuple(payloads),
-        struts=(StrutShot(name="bar", ends_m=ends, pull_n=-4e3),),
+        struts=(StrutSnapshot(name="bar", ends_m=ends, pull_n=-4e3),),
     )

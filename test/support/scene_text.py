@@ -25,8 +25,8 @@ payloads:
 winch:
   speed_limit_m_per_s: 1.0
   acceleration_limit_m_per_s2: 0.3
-  least_line_out_m: 50.0
-  most_line_out_m: 800.0
+  min_line_out_m: 50.0
+  max_line_out_m: 800.0
   schedule:
     - {at_s: 0.0, speed_m_per_s: 0.5}
     - {at_s: 20.0, speed_m_per_s: -0.5}

@@ -16,8 +16,8 @@ from rope_twin.scene.schema import Winch
 G = 9.80665
 FIXED = 1e30  # kg: what nothing moves
 DRUM = Winch(
-    speed_limit_m_per_s=5.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=5.0,
-    most_line_out_m=400.0,
+    speed_limit_m_per_s=5.0, acceleration_limit_m_per_s2=1.0, min_line_out_m=5.0,
+    max_line_out_m=400.0,
 )  # fmt: skip
 
 

@@ -20,8 +20,8 @@ HAULED = Rig(
     density=DENSITY, current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.01,
 )  # fmt: skip
 HAULING = Winch(
-    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
-    most_line_out_m=60.0,
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=5.0,
+    max_line_out_m=60.0,
 )  # fmt: skip
 
 

@@ -30,8 +30,8 @@ payloads:
 winch:
   speed_limit_m_per_s: 1.5
   acceleration_limit_m_per_s2: 0.3
-  least_line_out_m: 50.0
-  most_line_out_m: 400.0
+  min_line_out_m: 50.0
+  max_line_out_m: 400.0
 ship:
   motion_ramp_s: 2.0
   max_hang_off_speed_m_per_s: 15.0  # heave is drawn up to there
@@ -70,7 +70,7 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
         for field in dataclasses.fields(shot)
         if field.name not in NO_FIGURES
     }
-    reported["strength"] = [one.highest_n for one in shot.strength]
+    reported["strength"] = [one.max_n for one in shot.strength]
     for one in shot.touchdowns:
         place = (*one.position_m, one.line_out_m, one.layback_m)
         reported[f"touchdown of {one.name}"] = (*place, one.tension_n, one.angle_deg)

@@ -27,11 +27,11 @@ class Weather:
     current_m_per_s: tuple[float, float]
 
 
-def weathers(most_m: float, longest_s: float) -> st.SearchStrategy[Weather]:
-    """Draw heave up to `most_m` in periods from 4 s to `longest_s`, payout and current."""
+def weathers(max_m: float, longest_s: float) -> st.SearchStrategy[Weather]:
+    """Draw heave up to `max_m` in periods from 4 s to `longest_s`, payout and current."""
     return st.builds(
         Weather,
-        st.floats(0.0, most_m),
+        st.floats(0.0, max_m),
         st.floats(4.0, longest_s),
         st.floats(-2.0, 2.0),
         st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),

@@ -128,8 +128,8 @@ def test_miner_by_hand() -> None:
 def test_a_drum_has_the_diameter_of_its_layer() -> None:
     """Layer 1 holds 2π·10·(0.5 + 0.45·0.05) = 32.8 m; layer 2 is wider by 2·0.9·d."""
     path = Winch(
-        speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=10.0,
-        most_line_out_m=90.0, drum=Drum(core_radius_m=0.5, turns_per_layer=10.0),
+        speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=1.0, min_line_out_m=10.0,
+        max_line_out_m=90.0, drum=Drum(core_radius_m=0.5, turns_per_layer=10.0),
     ).bend_path()  # fmt: skip
     low = counted(path, [80.0, 70.0])  # 10 to 20 m stored
     high = counted(path, [50.0, 45.0])  # 40 to 45 m
@@ -149,8 +149,8 @@ DATA = FatigueData(
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     winch = Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=10.0,
-        most_line_out_m=80.0, sheave=TopSheave(diameter_m=0.8),
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=10.0,
+        max_line_out_m=80.0, sheave=TopSheave(diameter_m=0.8),
         inboard_sheaves=(InboardSheave(diameter_m=0.64, inboard_m=5.0, bends=2.0),),
         drum=Drum(core_radius_m=0.4, turns_per_layer=20.0, inboard_m=30.0),
     )  # fmt: skip
@@ -173,7 +173,7 @@ def test_a_lift_is_counted_and_goes_on_from_a_state_to_the_bit(scene: Scene) -> 
     winch, (line,) = scene.winch, scene.ropes
     assert winch is not None
     other = BendCount(
-        winch.bend_path(), endurance(line), np.zeros(110, np.int64), 1.0, winch.most_line_out_m
+        winch.bend_path(), endurance(line), np.zeros(110, np.int64), 1.0, winch.max_line_out_m
     )
     shots = list(march(twin, still, 9.0, 2, SPEEDS))
     state = twin.capture()

@@ -60,10 +60,10 @@ def test_members_equal_a_twin(fleet: Fleet, paying: Driven) -> None:
     ends = slice(LOOK - 1, None, LOOK)
     for k in range(len(fleet)):
         assert np.array_equal(record.top_tension_n[:, k], paying.top_n)
-        least = paying.least_n.reshape(-1, LOOK).min(axis=1)
-        assert np.array_equal(record.least_tension_n[:, k], least)
+        least = paying.min_n.reshape(-1, LOOK).min(axis=1)
+        assert np.array_equal(record.min_tension_n[:, k], least)
         assert np.array_equal(record.payload_depth_m[:, k], paying.depth_m[ends])
-        assert np.array_equal(record.payload_tension_n[:, k], paying.lowest_n[ends])
+        assert np.array_equal(record.payload_tension_n[:, k], paying.payload_n[ends])
         assert np.array_equal(nodes(fleet, k), state.nodes[:, : n + 1])
         assert np.array_equal(fleet.state(k).rope.health, state.health)
     assert -state.nodes[rows.POSITION + 2, 0] == paying.depth_m[-1]
@@ -82,7 +82,7 @@ def test_members_equal_the_live_twin_that_they_begin_from(fleet: Fleet, paying: 
     record = fleet.advance(own, 7)
     for k in range(len(fleet)):
         assert np.array_equal(record.top_tension_n[:, k], paying.top_n[LIVE:])
-    assert record.least_tension_n.shape == (50, len(fleet))
+    assert record.min_tension_n.shape == (50, len(fleet))
 
 
 def test_a_coarse_fleet_follows_the_twin_that_it_begins_from(scene: Scene, paying: Driven) -> None:
@@ -228,7 +228,7 @@ def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
     assert list(record.failures) == [2]
     assert "the rope's next state is not finite" in record.failures[2]
     assert np.isnan(record.top_tension_n[:, 2]).all()
-    assert np.isnan(record.least_tension_n[:, 2]).all()
+    assert np.isnan(record.min_tension_n[:, 2]).all()
     others = [0, 1, 3, 4]
     assert np.array_equal(record.top_tension_n[:, others], whole.top_tension_n[:, others])
     figured.advance(still)
@@ -236,27 +236,27 @@ def test_a_member_that_fails_leaves_the_others_alone(figured: Fleet) -> None:
     assert not figured.advance(still).failures
 
 
-def check_equal_to_twin(fleet: Fleet, expected: Driven, at: int, look: int) -> None:
+def check_equal_to_twin(fleet: Fleet, expected: Driven, at: int, interval: int) -> None:
     """Assert that all values are the twin's to the bit, also after step `at` from it, and again."""
-    runs = [(fleet.advance(expected.inputs, look), 0)]
+    runs = [(fleet.advance(expected.inputs, interval), 0)]
     assert expected.live is not None
     fleet.begin_from(expected.live)
     start = fleet.state(0)
-    runs.append((fleet.advance(cut(expected.inputs, at), look), at))
+    runs.append((fleet.advance(cut(expected.inputs, at), interval), at))
     fleet.restore(start)
-    runs.append((fleet.advance(cut(expected.inputs, at), look), at))
+    runs.append((fleet.advance(cut(expected.inputs, at), interval), at))
     for record, first in runs:
         assert not record.failures
-        ends = slice(first + look - 1, None, look)
+        ends = slice(first + interval - 1, None, interval)
         for k in range(len(fleet)):
             assert np.array_equal(record.top_tension_n[:, k], expected.top_n[first:])
-            least = expected.least_n[first:].reshape(-1, look).min(axis=1)
-            assert np.array_equal(record.least_tension_n[:, k], least)
+            least = expected.min_n[first:].reshape(-1, interval).min(axis=1)
+            assert np.array_equal(record.min_tension_n[:, k], least)
             assert np.array_equal(record.payload_depth_m[:, k], expected.depth_m[ends])
             assert np.array_equal(
                 record.payload_speed_m_per_s[:, k], expected.sinking_m_per_s[ends]
             )
-            assert np.array_equal(record.payload_tension_n[:, k], expected.lowest_n[ends])
+            assert np.array_equal(record.payload_tension_n[:, k], expected.payload_n[ends])
 
 
 VORTICES = """\
@@ -351,8 +351,8 @@ def test_orders_side_by_side(scene: Scene, paying: Driven) -> None:
     record = fleet.advance(FleetInputs(*own), LOOK)
     for member, k in enumerate(order):
         assert np.array_equal(record.top_tension_n[:, member], runs[k].top_n)
-        least = runs[k].least_n.reshape(-1, LOOK).min(axis=1)
-        assert np.array_equal(record.least_tension_n[:, member], least)
+        least = runs[k].min_n.reshape(-1, LOOK).min(axis=1)
+        assert np.array_equal(record.min_tension_n[:, member], least)
     counts = [int(fleet.state(k).rope.counts[rows.ELEMENTS]) for k in range(3)]
     assert counts == [21, 20, 19]
 

@@ -53,11 +53,11 @@ def check_equal(fleet: Fleet, record: FleetRecord, expected: Driven, first: int 
         assert np.array_equal(record.top_tension_n[:, k], expected.top_n[first:])
         for name, hung_n in expected.hung_n.items():
             assert np.array_equal(record.suspended_tension_n[name][:, k], hung_n[first:])
-        least = expected.least_n[first:].reshape(-1, LOOK).min(axis=1)
-        assert np.array_equal(record.least_tension_n[:, k], least)
+        least = expected.min_n[first:].reshape(-1, LOOK).min(axis=1)
+        assert np.array_equal(record.min_tension_n[:, k], least)
         assert np.array_equal(record.payload_depth_m[:, k], expected.depth_m[ends])
         assert np.array_equal(record.payload_speed_m_per_s[:, k], expected.sinking_m_per_s[ends])
-        assert np.array_equal(record.payload_tension_n[:, k], expected.lowest_n[ends])
+        assert np.array_equal(record.payload_tension_n[:, k], expected.payload_n[ends])
         state = fleet.state(k)
         for mine, rope in zip((state.rope, *state.others), own, strict=True):
             n = elements(rope)
@@ -212,7 +212,7 @@ def test_members_at_speeds_of_their_own(two_lines: Scene) -> None:
     for k in range(5):
         lone = Fleet(two_lines, 1, elements=4 * ELEMENTS, step_s=STEP_S)
         own = lone.advance(mapped(inputs, lambda one, k=k: one[:, k : k + 1]), LOOK)
-        for name in ("top_tension_n", "least_tension_n", "payload_depth_m", "payload_tension_n"):
+        for name in ("top_tension_n", "min_tension_n", "payload_depth_m", "payload_tension_n"):
             assert np.array_equal(getattr(record, name)[:, k], getattr(own, name)[:, 0]), name
         assert np.array_equal(together.state(k).rope.health, lone.state(0).rope.health)
         counts.append(int(lone.state(0).rope.counts[rows.ELEMENTS]))
@@ -253,8 +253,8 @@ def test_a_bridle_on_another_mesh() -> None:
     record = fleet.advance(cut(expected.inputs, 100), LOOK)
     away = record.top_tension_n[:, 0] - expected.top_n[100:]
     assert np.sqrt(np.mean(away**2)) < 0.02 * float(np.std(expected.top_n))
-    slings = record.payload_tension_n[:, 0] - expected.lowest_n[100 + LOOK - 1 :: LOOK]
-    assert np.sqrt(np.mean(slings**2)) < 0.02 * float(np.std(expected.lowest_n))
+    slings = record.payload_tension_n[:, 0] - expected.payload_n[100 + LOOK - 1 :: LOOK]
+    assert np.sqrt(np.mean(slings**2)) < 0.02 * float(np.std(expected.payload_n))
 
 
 def test_a_member_that_fails_leaves_the_others_alone(two_lines: Scene) -> None:
@@ -267,7 +267,7 @@ def test_a_member_that_fails_leaves_the_others_alone(two_lines: Scene) -> None:
     fleet.restore([start, start, broken, start])
     record = fleet.advance(inputs)
     assert list(record.failures) == [2]
-    for values in (record.top_tension_n, record.least_tension_n, record.suspended_tension_n["aft"]):
+    for values in (record.top_tension_n, record.min_tension_n, record.suspended_tension_n["aft"]):
         assert np.isnan(values[:, 2]).all()
     others = [0, 1, 3]
     assert np.array_equal(record.top_tension_n[:, others], whole.top_tension_n[:, others])

@@ -27,13 +27,13 @@ def twin(tmp_path: Path) -> Twin:
 
 def test_the_rope_comes_to_the_equilibrium_of_its_new_weight(twin: Twin) -> None:
     """5 % more weight ends at 5 % of it more tension; after a jump it would reach twice as much."""
-    before = twin.top_pull_n
+    before = twin.top_tension_n
     weight_n = 9.80665 * (8000.0 - 1.5 * 1025.0)
     assert twin.offer_figures(ramp_s=4.0, submerged_weight=1.05) == ""
     seen = []
     for _ in range(60):
         twin.advance(20)
-        seen.append(twin.top_pull_n - before)
+        seen.append(twin.top_tension_n - before)
     assert seen[-1] == pytest.approx(0.05 * weight_n, rel=0.01)
     assert max(seen) < 1.1 * 0.05 * weight_n
     assert seen[9] == pytest.approx(0.5 * 0.05 * weight_n, rel=0.1)  # half of the ramp
@@ -182,9 +182,9 @@ def test_a_rigid_body_takes_figures_over() -> None:
     again = Twin.restore(scaled.capture(), scene)
     for twin in (scaled, again, plain):
         twin.advance(600 if twin is not plain else 800)
-    assert scaled.top_pull_n == again.top_pull_n
+    assert scaled.top_tension_n == again.top_tension_n
     weight_n = (before.m - before.displaced) * before.g + before.hook_weight
-    assert scaled.top_pull_n - plain.top_pull_n == pytest.approx(0.05 * weight_n, rel=0.05)
+    assert scaled.top_tension_n - plain.top_tension_n == pytest.approx(0.05 * weight_n, rel=0.05)
     body = body_of(scaled.rope)
     assert body is not None
     moved_kg = before.hook + before.m + before.added[2]

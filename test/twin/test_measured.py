@@ -255,7 +255,7 @@ def test_no_input_breaks_it(scene: Scene, rows: list[tuple[int, float, float, fl
             refusal = inputs.offer(one, 10**9)
             assert refusal == "" or refusal.endswith(".")
     for channel in (*inputs._tensions, *inputs._lengths, inputs._depths):
-        channel.look(inputs._history, None, None)
+        channel.update(inputs._history, None, None)
         if (found := channel.result()) is not None:
             assert math.isfinite(found.mean)
             assert math.isfinite(found.rms)

@@ -14,7 +14,14 @@ from small_scene import small_scene
 from rope_twin.files import share_dir
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rope_warnings import sense_checks, validity_warnings
-from rope_twin.twin.snapshot import BedContact, Crossing, InputHealth, LinesShot, Nearest, Snapshot
+from rope_twin.twin.snapshot import (
+    BedContact,
+    Crossing,
+    InputHealth,
+    LinesSnapshot,
+    Nearest,
+    Snapshot,
+)
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.validity import DOUBTED, OUTSIDE, Finding, ModelRange
 
@@ -89,7 +96,7 @@ def test_a_payload_below_the_bed() -> None:
 def test_a_line_that_is_followed_beyond_the_winch() -> None:
     scene = load_scene("shallow_lift")
     assert scene.winch is not None
-    most, limit = scene.winch.most_line_out_m, scene.winch.speed_limit_m_per_s
+    most, limit = scene.winch.max_line_out_m, scene.winch.speed_limit_m_per_s
     inputs = {"line_following": InputHealth(accepted=5)}
     for length_m, speed, words in (
         (most + 2.0, 0.0, f"line out of {most + 2.0:.1f} m"),
@@ -118,7 +125,7 @@ def test_a_current_that_ends_far_above_the_payload(tmp_path: Path) -> None:
 
 
 def test_lines_that_cross_without_contact() -> None:
-    lines = LinesShot(Nearest(2.0, 836.0, 0.02), (Crossing(836.0, 1.0, 0.02),))
+    lines = LinesSnapshot(Nearest(2.0, 836.0, 0.02), (Crossing(836.0, 1.0, 0.02),))
     only(findings("shallow_lift", at_depth(100.0, lines=lines)), DOUBTED, "cross at 836 m")
 
 

@@ -260,7 +260,7 @@ def test_switches_of_the_schedule_are_part_of_it() -> None:
 def test_the_scenes_own_schedule_never_differs() -> None:
     """Check every shipped winch, over two rounds."""
     watch = ScheduleMonitor(None)
-    watch.look(SECOND_NS, WinchCommand(SPEED, 0.0), False)
+    watch.observe(SECOND_NS, WinchCommand(SPEED, 0.0), False)
     assert watch.differs_s is None
     for name in ("deep_lift", "emergency_stop", "two_line_lift", "landing"):
         winch = load_scene(name).winch

@@ -40,7 +40,7 @@ def heaves(members: int, amplitude_m: float) -> list[HeaveSeries]:
 def test_watched_steps_are_those_of_a_fleet(
     name: str, elements: int, step_s: float, amplitude_m: float, slack: bool, members: int
 ) -> None:
-    """Top tension, least tension, depth, speed and payload tension agree to the bit."""
+    """Top tension, minimum tension, depth, speed and payload tension agree to the bit."""
     scene = at_setting(load_scene(name), elements, step_s)
     moved = heaves(members, amplitude_m)
     ensemble = Ensemble(scene, [Variation((), one) for one in moved], threads=1, watched=True)
@@ -61,11 +61,11 @@ def test_watched_steps_are_those_of_a_fleet(
         top, *samples, line_out = np.concatenate(own).T
         np.testing.assert_array_equal(line_out, inputs[k][2][1:])
         np.testing.assert_array_equal(top, record.top_tension_n[:, k])
-        np.testing.assert_array_equal(samples[MIN_TENSION], record.least_tension_n[:, k])
+        np.testing.assert_array_equal(samples[MIN_TENSION], record.min_tension_n[:, k])
         np.testing.assert_array_equal(samples[PAYLOAD_DEPTH], record.payload_depth_m[:, k])
         np.testing.assert_array_equal(samples[PAYLOAD_DESCENT], record.payload_speed_m_per_s[:, k])
         np.testing.assert_array_equal(samples[LOWEST_TENSION], record.payload_tension_n[:, k])
-        share = float((record.least_tension_n[:, k] <= 0.0).mean())
+        share = float((record.min_tension_n[:, k] <= 0.0).mean())
         assert ensemble.figures()[k].slack_share == pytest.approx(share, abs=1e-12)
     slackest = max(one.slack_share for one in ensemble.figures())
     assert (slackest > 0.0) == slack

@@ -37,8 +37,8 @@ STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, dampi
 AREA = 6.4 / 7850.0  # of metal
 STRANDED = STRESS_CURVES["stranded_wire"]
 WINCH = Winch(
-    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=10.0,
-    most_line_out_m=130.0,
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, min_line_out_m=10.0,
+    max_line_out_m=130.0,
 )  # fmt: skip
 WORN = MonitorSettings(fatigue="stranded_wire")
 
@@ -326,7 +326,7 @@ def test_nothing_is_reported_before_the_filter_has_settled() -> None:
 CABLE = replace(
     STEEL, length=60.0, elements=60, load=1e3, density=1025.0, current=((0.0, (0.5, 0.0)),),
     drag=(1.2, 0.02), added_mass=1.0, step=0.004, damping=1e4,
-    winch=replace(WINCH, most_line_out_m=80.0),
+    winch=replace(WINCH, max_line_out_m=80.0),
 )  # fmt: skip
 
 

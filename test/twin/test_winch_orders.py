@@ -27,12 +27,12 @@ from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 S = 1_000_000_000
 PLAIN = WinchScene(
-    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=20.0,
-    most_line_out_m=200.0,
+    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, min_line_out_m=20.0,
+    max_line_out_m=200.0,
 )  # fmt: skip
 EQUIPPED = WinchScene(
-    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=20.0,
-    most_line_out_m=200.0, drum=Drum(core_radius_m=0.5, turns_per_layer=30.0),
+    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, min_line_out_m=20.0,
+    max_line_out_m=200.0, drum=Drum(core_radius_m=0.5, turns_per_layer=30.0),
     drive=Drive(inertia_kg_m2=500.0, torque_limit_n_m=60e3),
     brake=Brake(holding_torque_n_m=90e3, delay_s=0.6),
     emergency_stop=EmergencyStop(deceleration_m_per_s2=2.0),
@@ -170,7 +170,7 @@ def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_n
     winch, own = winch_of_rope(scene, line), winches_by_name(scene)[winch_name]
     EA = line.made_of[0].rope.axial_stiffness_n
     assert EA is not None
-    whole = own.most_line_out_m * (1.0 + line.made_of[0].rope.breaking_load_n / EA)
+    whole = own.max_line_out_m * (1.0 + line.made_of[0].rope.breaking_load_n / EA)
     reach = whole - places(scene)[winch_name][2]
     assert winch.take(None, WinchCommand("depth", reach - 0.1), 0) == ""
     sentence = winch.take(None, WinchCommand("depth", reach + 0.1), 0)

@@ -24,7 +24,7 @@ STEPS = st.sampled_from([0.01, 0.02, 0.05])
 def winch_of(speed: float, acceleration: float, jerk: float | None, start: float) -> Winch:
     scene = WinchScene(
         speed_limit_m_per_s=speed, acceleration_limit_m_per_s2=acceleration,
-        least_line_out_m=MIN_M, most_line_out_m=MAX_M, jerk_limit_m_per_s3=jerk,
+        min_line_out_m=MIN_M, max_line_out_m=MAX_M, jerk_limit_m_per_s3=jerk,
     )  # fmt: skip
     return Winch(scene, start)
 

@@ -23,8 +23,8 @@ def winch(rows: list[tuple[float, float]], repeat_s: float | None = None) -> Win
     return Winch(
         speed_limit_m_per_s=1.0,
         acceleration_limit_m_per_s2=0.3,
-        least_line_out_m=10.0,
-        most_line_out_m=100.0,
+        min_line_out_m=10.0,
+        max_line_out_m=100.0,
         schedule=tuple(ScheduleRow(at_s=at, speed_m_per_s=speed) for at, speed in rows),
         schedule_repeats_every_s=repeat_s,
     )

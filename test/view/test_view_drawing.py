@@ -171,7 +171,7 @@ def test_a_ship_under_way_stays_in_the_picture() -> None:
 @given(st.floats(0.0, 80.0))
 def test_hang_off_and_water_are_in_one_picture(above_m: float) -> None:
     """And a hang-off at the water is seen as ever."""
-    position, target = (np.array(point) for point in overview.SurfaceSight(above_m).eye())
+    position, target = (np.array(point) for point in overview.SurfaceView(above_m).eye())
     forward = (target - position) / np.linalg.norm(target - position)
     up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
     for height in (0.0, above_m):

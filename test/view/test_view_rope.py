@@ -16,15 +16,15 @@ from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
 from rope_twin.twin.snapshot import (
-    BodyShot,
+    BodySnapshot,
     Crossing,
     LineEvent,
-    LinesShot,
+    LinesSnapshot,
     Nearest,
-    PayloadShot,
-    RopeShot,
-    StrutShot,
-    WinchShot,
+    PayloadSnapshot,
+    RopeSnapshot,
+    StrutSnapshot,
+    WinchSnapshot,
 )
 from rope_twin.view import charts
 from rope_twin.view.sinks import FileSink
@@ -105,7 +105,7 @@ def test_the_parts_of_a_winch_are_curves_by_their_unit(session: Session) -> None
     }  # fmt: skip
     shot = replace(
         hanging_rope(21, time_s=1.0),
-        winches=(WinchShot("winch", "speed", 0.5, "", tuple(figures.items())),),
+        winches=(WinchSnapshot("winch", "speed", 0.5, "", tuple(figures.items())),),
     )
     session.show("winch/state", session.encoder.encode("winch/state", shot), EPOCH_NS)
     found = session.finish()
@@ -150,7 +150,7 @@ def test_two_lines_are_shown_with_their_crossings(session: Session) -> None:
     session.epoch()
     session.rope(1.0)
     crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
-    lines = LinesShot(Nearest(1.0, 900.0, 0.5), (crossing,))
+    lines = LinesSnapshot(Nearest(1.0, 900.0, 0.5), (crossing,))
     event = LineEvent(1.0, "cross", 836.0, 0.08, 0.02)
     shot = replace(hanging_rope(21, time_s=1.0), lines=lines, line_events=(event,))
     for topic in ("lines/crossings", "lines/events"):
@@ -169,13 +169,13 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
     end = first.node_position_m[-1]
     sling = end + np.array([[0.0, 0.0, 0.0], [2.0, 0.0, -4.0], [4.0, 0.0, -8.0]])
     ropes = (
-        RopeShot("hoist", first.node_position_m, first.node_tension_n, first.element_tension_n,
+        RopeSnapshot("hoist", first.node_position_m, first.node_tension_n, first.element_tension_n,
                  1e5, 3000.0, 0.0),
-        RopeShot("sling", sling, np.full(3, 5e4), np.full(2, 5e4), 5e4, 9.0, 0.0),
+        RopeSnapshot("sling", sling, np.full(3, 5e4), np.full(2, 5e4), 5e4, 9.0, 0.0),
     )  # fmt: skip
     shot = replace(
-        first, ropes=ropes, payloads=(PayloadShot("load", sling[-1], np.zeros(3)),),
-        struts=(StrutShot("bar", sling[:2], 1.0),),
+        first, ropes=ropes, payloads=(PayloadSnapshot("load", sling[-1], np.zeros(3)),),
+        struts=(StrutSnapshot("bar", sling[:2], 1.0),),
     )  # fmt: skip
     session.epoch()
     session.rope(1.0)
@@ -208,9 +208,9 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     shot = hanging_rope(21, time_s=1.0)
     hook = shot.node_position_m[-1]
     ends = hook + np.array([[2.0, 1.5, -5.0], [-2.0, -1.5, -5.0]])
-    body = BodyShot(
+    body = BodySnapshot(
         quaternion=np.array([0.0, 0.0, 0.0, 1.0]), angular_velocity_rad_per_s=np.zeros(3),
-        size_m=np.array([4.0, 3.0, 2.0]), leg_pull_n=np.array([5e4, 0.0]),
+        size_m=np.array([4.0, 3.0, 2.0]), leg_tension_n=np.array([5e4, 0.0]),
         leg_length_m=np.array([5.6, 5.6]), leg_end_m=ends, hook_m=hook,
     )  # fmt: skip
     session.epoch()

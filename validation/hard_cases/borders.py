@@ -35,8 +35,8 @@ CHAIN = Rig(
     length=CHAIN_M, elements=200, mass=100.0, EA=2e6, diameter=0.1, damping=2e4, load=0.0,
     fixed_at=(0.0, 0.0, -DEPTH_M - SUNK_M), hang_off=(CHAIN_M, 0.0, -DEPTH_M - SUNK_M),
     density=WATER, drag=(1.0, 0.1), step=0.02, winch=Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=190.0,
-        most_line_out_m=210.0,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, min_line_out_m=190.0,
+        max_line_out_m=210.0,
     ),
 )  # fmt: skip
 PULL_M, SPEED, CYCLES = 0.6, 0.01, 4

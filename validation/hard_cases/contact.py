@@ -13,13 +13,13 @@ from scipy.optimize import brentq
 from rope_twin.core import state as rows
 from rope_twin.core.energy import measure_system
 from rope_twin.core.joined.joints import LOOSE, System, new_system
-from rope_twin.core.joined.line_contact import touch_of
-from rope_twin.core.joined.payload_contact import PayloadContact, payload_touch_of
+from rope_twin.core.joined.line_contact import rope_contact_of
+from rope_twin.core.joined.payload_contact import PayloadContact, payload_contact_of
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance_joined
 from rope_twin.effects.hull_contact import HullBox, HullContact, HullContactParams, contact_forces
 from rope_twin.effects.line_contact import LineContactParams
-from rope_twin.effects.payload_contact import PayloadContactParams, TouchingBody, placed
+from rope_twin.effects.payload_contact import ContactSphere, PayloadContactParams, placed
 from rope_twin.scene.rope_model import build
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.twin.monitors import Monitors
@@ -196,7 +196,7 @@ def _strings(speed: float, step: float, elements: int) -> tuple[System, Callable
     def advance() -> float:
         advance_joined(system, boundary, pull, time[0], 1)
         time[0] += step
-        touch = touch_of(system.stack)
+        touch = rope_contact_of(system.stack)
         assert touch is not None, "the scene lists it"
         return touch.push
 
@@ -230,7 +230,7 @@ def _ropes() -> list[Finding]:
 
 def _two_payloads(chi: float) -> tuple[System, Callable[[], None]]:
     """Return two payloads, of which one flies at the other, and the step."""
-    bodies = tuple(TouchingBody(name=name, radius_m=1.0) for name in ("one", "other"))
+    bodies = tuple(ContactSphere(name=name, radius_m=1.0) for name in ("one", "other"))
     params = PayloadContactParams(
         bodies=bodies, stiffness_n_per_m=K_PAYLOAD, damping_s_per_m=chi, friction=0.0
     )
@@ -278,7 +278,7 @@ def _payloads() -> list[Finding]:
     start, deepest = measure_system(system, *boundary).store.total, 0.0
     for _ in range(300):
         advance()
-        touch = payload_touch_of(system)
+        touch = payload_contact_of(system)
         assert touch is not None, "the scene lists it"
         deepest = max(deepest, touch.deepest)
     after = system.joints.nodes[rows.VELOCITY].copy()

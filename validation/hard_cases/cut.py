@@ -81,7 +81,7 @@ class Parts:
     def push_of_bed(self) -> float:
         """Return the seabed reaction on the lower part [N]."""
         bed = seabed_contact(self._ropes.lowest(self.upper.rope))
-        return bed.payload_push_n + bed.rope_push_n if bed is not None else math.nan
+        return bed.payload_reaction_n + bed.rope_reaction_n if bed is not None else math.nan
 
     def energy(self) -> float:
         """Return the energy of both parts [J]."""
@@ -236,7 +236,7 @@ def land(below: int) -> list[Finding]:
     parts.hold(round(SINK_S / rig.step))
     push = parts.push_of_bed()
     weight = rig.load_weight + rig.weight * parts.lower.length
-    return [off("the bed's push on what has fallen against its weight", push, weight, 0.5)]
+    return [off("the seabed reaction on what has fallen against its weight", push, weight, 0.5)]
 
 
 def cut_at_payload() -> list[Finding]:

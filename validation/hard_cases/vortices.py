@@ -34,15 +34,15 @@ FINE = Rig(
     length=200.0, elements=100, mass=6.4, EA=65e6, diameter=0.04, density=WATER, load=100.0,
     volume=0.02, added=(20.0, 20.0, 20.0), area=(0.5, 0.5, 0.5), drag=(1.2, 0.01), added_mass=1.0,
     damping=5e4, step=0.01,
-    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=50.0,
-                most_line_out_m=250.0),
+    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, min_line_out_m=50.0,
+                max_line_out_m=250.0),
 )  # fmt: skip
 COARSE = Rig(
     length=100.0, elements=20, mass=10.0, EA=120e6, diameter=0.08, density=WATER, load=1000.0,
     volume=0.1, added=(100.0, 100.0, 100.0), area=(1.0, 1.0, 1.0), drag=(1.2, 0.01),
     added_mass=1.0, damping=1e5, step=0.02,
-    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=25.0,
-                most_line_out_m=125.0),
+    winch=Winch(speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.5, min_line_out_m=25.0,
+                max_line_out_m=125.0),
 )  # fmt: skip
 SPEED = 1.5  # of the current that comes at once [m/s]
 SELF_LIMIT = 2.0  # diameters; the models limit themselves at about one
@@ -96,7 +96,7 @@ def _slack(shots: list[Snapshot]) -> list[Finding]:
     smallest_n = min(float(shot.element_tension_n.min()) for shot in shots)
     return [
         limited("largest push of an element", max(0.0, -smallest_n), 0.0, "N"),
-        limited("least tension: the rope must go slack", smallest_n, 0.0, "N"),
+        limited("minimum tension: the rope must go slack", smallest_n, 0.0, "N"),
     ]
 
 

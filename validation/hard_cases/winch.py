@@ -35,8 +35,8 @@ def bar_of(rig: Rig) -> HangingBar:
 def haul_to_two_metres() -> list[Finding]:
     """Haul from 60 m at 1 m/s until 2 m are left, and pay out again."""
     winch = Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.3, least_line_out_m=2.0,
-        most_line_out_m=200.0,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.3, min_line_out_m=2.0,
+        max_line_out_m=200.0,
     )  # fmt: skip
     rig = replace(STEEL, length=60.0, elements=60, damping=65e4, winch=winch)
     twin = rig.twin()
@@ -121,8 +121,8 @@ def vanishing_element() -> list[Finding]:
 def emergency_stop() -> list[Finding]:
     """Stop 20 t at 2 m/s within 0.2 s, lowering and hauling; compare with the exact solution."""
     winch = Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=10.0, least_line_out_m=12.0,
-        most_line_out_m=3000.0,
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=10.0, min_line_out_m=12.0,
+        max_line_out_m=3000.0,
     )  # fmt: skip
     rig = replace(STEEL, winch=winch)
     checks: list[Finding] = []

@@ -45,8 +45,8 @@ from rope_twin.core.elimination import (
     nothing_at,
     onto_next,
     pair_of_nodes,
-    push_pair,
     pushed_on,
+    reduce_pair,
     scaled,
     set_column,
     six,
@@ -81,7 +81,7 @@ from rope_twin.core.state import (
     RESIDUAL,
     ZERO,
 )
-from rope_twin.core.tridiagonal import pivot_of, push_wide_node, substitute_wide_node
+from rope_twin.core.tridiagonal import pivot_of, reduce_wide_node, substitute_wide_node
 
 _FAR_RECORD = 18  # numbers: pairs of H by rows
 # The record of the middle node: y, H of either end by columns, and its matrix.
@@ -195,7 +195,7 @@ def eliminate_between(work: Any, n: int) -> Any:
 
 
 @jit_ordered
-def push_between(work: Any, n: int) -> Any:
+def reduce_between(work: Any, n: int) -> Any:
     """Condense the residuals with the existing factors: return the force at node n and node 0."""
     pairs, rounds, middle = ends_of(n)
     records, zero = row(work, ELIMINATED, 0), pair(0.0, 0.0)
@@ -203,12 +203,12 @@ def push_between(work: Any, n: int) -> Any:
     for k in range(pairs):
         f = pushed_on(work, 1 + k, n - 1 - k, f)
         g = plus_product(g, _far(work, k), f)
-        f = push_pair(records, RECORD * k, f)
+        f = reduce_pair(records, RECORD * k, f)
     a, low = lanes(f, 0), lanes(g, 0)
     if rounds > pairs:
         f = pushed_on(work, middle, middle + 1, f)
         g = plus_product(g, _far(work, pairs), f)
-        f = push_pair(records, RECORD * pairs, f)
+        f = reduce_pair(records, RECORD * pairs, f)
     b, high = lanes(f, 1), lanes(g, 1)
     record = row(work, ELIMINATED, RECORD * rounds)
     S = _three(record, _MATRIX) + _three(record, _MATRIX + 3)
@@ -491,19 +491,19 @@ def eliminate_between_wide(work: Any, n: int, moved: Any) -> Any:
 
 
 @jit_ordered
-def push_between_wide(work: Any, n: int) -> Any:
+def reduce_between_wide(work: Any, n: int) -> Any:
     """Push the residuals through the factors: return the force at node n and that at node 0."""
     pairs, rounds, middle = ends_of(n)
     f = g = p = q = nothing_at(work, middle)
     for k in range(pairs):
         i, j = 1 + k, n - 1 - k
         g = plus_product(g, nine(work, FAR, i), force_on(work, i, f))
-        f = push_wide_node(work, i, f)
+        f = reduce_wide_node(work, i, f)
         q = plus_product(q, nine(work, FAR, j), force_on(work, j, p))
-        p = push_wide_node(work, j, p)
+        p = reduce_wide_node(work, j, p)
     if rounds > pairs:
         q = plus_product(q, nine(work, FAR, middle + 1), force_on(work, middle + 1, p))
-        p = push_wide_node(work, middle + 1, p)
+        p = reduce_wide_node(work, middle + 1, p)
     force = add(add(f, p), column(work, RESIDUAL, middle))
     set_column(work, _WIDE_OWN, middle, solve_symmetric(six(work, INVERSE, middle), force))
     H = nine(work, ELIMINATED, middle)

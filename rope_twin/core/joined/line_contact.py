@@ -266,7 +266,7 @@ has_active_set(LineContact)
 add_interactions = calls_of("interact", "system, stage")
 
 
-class Touch(NamedTuple):
+class RopeContact(NamedTuple):
     """Contact between ropes at a step boundary."""
 
     stored: float  # elastic energy [J]
@@ -318,12 +318,12 @@ def _measure(contact: Any, nodes: Any, counts: Any, result: Any) -> None:
                         result[6], result[7], result[8] = position
 
 
-def touch_of(stack: Any) -> Touch | None:
+def rope_contact_of(stack: Any) -> RopeContact | None:
     """Return the present contact between the ropes of a stack, or None if not modelled."""
     return measured(stack, LineContact, _measure, stack.nodes, stack.counts)
 
 
-def measured(stack: Any, kind: type, measure: Any, *arrays: Any) -> Touch | None:
+def measured(stack: Any, kind: type, measure: Any, *arrays: Any) -> RopeContact | None:
     """Return the contact that `measure` evaluates for an effect of this type, or None."""
     contact = next((effect for effect in stack.effects if isinstance(effect, kind)), None)
     if contact is None:
@@ -331,4 +331,4 @@ def measured(stack: Any, kind: type, measure: Any, *arrays: Any) -> Touch | None
     result: Floats = np.zeros(9)
     measure(contact, *arrays, result)
     stored, lost, push, deepest, contacts, _, x, y, z = result.tolist()
-    return Touch(stored, lost, push, deepest, int(contacts), (x, y, z))
+    return RopeContact(stored, lost, push, deepest, int(contacts), (x, y, z))

@@ -3,7 +3,7 @@
 A plan (core/joined/plan) determines which ropes are eliminated as trees and which connections
 remain in a dense system, solved by LDLᵀ. The cost is O(nodes). Where an effect couples second
 neighbours (bending), every connection belongs to the dense system and ropes are condensed onto them
-in one direction. `push_system` solves for another residual with the factors of the last
+in one direction. `reduce_system` solves for another residual with the factors of the last
 elimination, for plans without bending and sheaves.
 """
 
@@ -22,8 +22,8 @@ from rope_twin.core.joined.chains import (
     eliminate_coupled_between,
     eliminate_coupled_downward,
     eliminate_coupled_upward,
-    push_between,
-    push_between_wide,
+    reduce_between,
+    reduce_between_wide,
     substitute_between,
     substitute_between_wide,
     substitute_coupled_between,
@@ -37,8 +37,8 @@ from rope_twin.core.joined.stack import effects_at, work_of
 from rope_twin.core.joined.trees import (
     eliminate_trees,
     eliminate_trees_wide,
-    push_trees,
-    push_trees_wide,
+    reduce_trees,
+    reduce_trees_wide,
     substitute_trees,
     substitute_trees_wide,
 )
@@ -116,11 +116,15 @@ def substitute_dense(M: Any, b: Any) -> None:
 _eliminate_trees = by_width(
     jit(lambda work, plan, moved: eliminate_trees(end_to_end(work), plan)), eliminate_trees_wide
 )
-_push_trees = by_width(jit(lambda work, plan: push_trees(end_to_end(work), plan)), push_trees_wide)
+_reduce_trees = by_width(
+    jit(lambda work, plan: reduce_trees(end_to_end(work), plan)), reduce_trees_wide
+)
 _eliminate_between = by_width(
     jit(lambda work, n, moved: eliminate_between(end_to_end(work), n)), eliminate_between_wide
 )
-_push_between = by_width(jit(lambda work, n: push_between(end_to_end(work), n)), push_between_wide)
+_reduce_between = by_width(
+    jit(lambda work, n: reduce_between(end_to_end(work), n)), reduce_between_wide
+)
 _substitute_between = by_width(
     jit(lambda work, n: substitute_between(end_to_end(work), n)), substitute_between_wide
 )
@@ -212,7 +216,7 @@ def _keep_factor(joints: Any, moved: Any) -> None:
 
 
 @jit
-def _push_condensed(system: Any) -> None:
+def _reduce_condensed(system: Any) -> None:
     """Add the condensed forces of trees and of ropes between dense connections."""
     stack, joints, plan = system.stack, system.joints, system.joints.plan
     chains = plan.dense.shape[0]
@@ -220,19 +224,19 @@ def _push_condensed(system: Any) -> None:
         push_force(joints, plan.onto[m, 1], column(plan.sums, FORCE, chains + plan.onto[m, 0]))
     for m in range(plan.sizes[BETWEEN]):
         r = plan.between[m]
-        f, g = _push_between(work_of(stack, r)[0], stack.counts[r, ELEMENTS])
+        f, g = _reduce_between(work_of(stack, r)[0], stack.counts[r, ELEMENTS])
         push_force(joints, joints.upper[r], f)
         push_force(joints, joints.lower[r], g)
 
 
 @jit_noinline
-def push_system(system: Any) -> None:
+def reduce_system(system: Any) -> None:
     """Solve for all corrections from the residuals, with the factors of the last elimination."""
     joints = system.joints
-    _push_trees(work_of(system.stack, ZERO)[0], joints.plan)
+    _reduce_trees(work_of(system.stack, ZERO)[0], joints.plan)
     if joints.plan.sizes[DENSE] > 0:
         begin_forces(joints)
-        _push_condensed(system)
+        _reduce_condensed(system)
         substitute_dense(joints.factor, joints.work)
     _substitute(system)
 
@@ -281,7 +285,7 @@ _solve = selected_by(
     lambda effects, system, moved: _solve_by_plan(system, moved),
 )
 _push = selected_by(
-    couples, lambda effects, system: None, lambda effects, system: push_system(system)
+    couples, lambda effects, system: None, lambda effects, system: reduce_system(system)
 )
 
 
@@ -298,7 +302,7 @@ def solve_lanes(system: Any, moved: Any) -> None:
 
 
 @jit_noinline
-def push_lanes(system: Any) -> None:
+def reduce_lanes(system: Any) -> None:
     """Solve for all corrections from the residuals, with each lane's existing factors.
 
     Does nothing with bending, where factors are not reused.

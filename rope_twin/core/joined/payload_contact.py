@@ -21,7 +21,7 @@ from rope_twin.core.jit.rows import column
 from rope_twin.core.jit.wide import choose, whole
 from rope_twin.core.joined.joints import System, add_block, couple_blocks
 from rope_twin.core.joined.line_contact import (
-    Touch,
+    RopeContact,
     contact_block,
     difference,
     measured,
@@ -111,6 +111,6 @@ def _measure(contact: Any, nodes: Any, result: Any) -> None:
                     result[6 + k] = low - 0.5 * deep * n[k]
 
 
-def payload_touch_of(system: System) -> Touch | None:
+def payload_contact_of(system: System) -> RopeContact | None:
     """Return the present contact between payloads, or None if not modelled."""
     return measured(system.stack, PayloadContact, _measure, system.joints.nodes)

@@ -109,7 +109,7 @@ def _settle_coarsely(system: System, place: Floats) -> None:
         coarse = coarsen(system, max_elements)
         boundary = _boundary(coarse, place)
         pull = np.zeros((len(coarse.ropes), 1, PULL_COLUMNS))
-        end, _ = _take_long_steps(coarse, boundary, pull, first, most_solves=HARD_SOLVES)
+        end, _ = _take_long_steps(coarse, boundary, pull, first, max_solves=HARD_SOLVES)
         if not end.found:
             set_initial_guess(coarse)
             _stop(coarse)
@@ -247,11 +247,11 @@ def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
 
 
 def _take_long_steps(
-    system: System, boundary: Boundary, pull: Floats, first: float, most_solves: float = np.inf
+    system: System, boundary: Boundary, pull: Floats, first: float, max_solves: float = np.inf
 ) -> tuple[Equilibrium, bool]:
     """Return the state of the static solution, and whether it ended for lack of progress.
 
-    most_solves: the iteration ends if this many solves were not enough to reach the longest steps.
+    max_solves: the iteration ends if this many solves were not enough to reach the longest steps.
     """
     tolerance = max(FORCE_TOL_N, _round_off(system))
     health, step, solves = system.ropes[0].state.health, first, 0
@@ -261,7 +261,7 @@ def _take_long_steps(
         _stop(system)
         done = advance_joined(_stopped(system, step, tolerance), boundary, pull, -step, 1)
         solves += int(health[SOLVES])
-        if step < STEP_LAST and solves > most_solves:
+        if step < STEP_LAST and solves > max_solves:
             break
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             _put(system, before)

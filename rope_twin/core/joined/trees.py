@@ -23,8 +23,8 @@ from rope_twin.core.elimination import (
     eliminate_pair,
     lanes,
     nothing_at,
-    push_pair,
     pushed_on,
+    reduce_pair,
     set_column,
     six,
     six_lanes,
@@ -62,7 +62,7 @@ from rope_twin.core.joined.plan import (
     B,
 )
 from rope_twin.core.state import BLOCK, CORRECTION, RESIDUAL, ZERO
-from rope_twin.core.tridiagonal import eliminate_wide_node, push_wide_node, substitute_wide_node
+from rope_twin.core.tridiagonal import eliminate_wide_node, reduce_wide_node, substitute_wide_node
 
 _records = table_rows("scratch 0", 1)
 _ZERO = (0.0, 0.0, 0.0)
@@ -182,7 +182,7 @@ def eliminate_trees(work: Any, plan: Any) -> None:
 
 
 @jit_ordered
-def push_trees(work: Any, plan: Any) -> None:
+def reduce_trees(work: Any, plan: Any) -> None:
     """Condense the residuals of all chains with their existing factors."""
     begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans, record = plan.sums, plan.spans, _records(plan.records)[0]
@@ -197,7 +197,7 @@ def push_trees(work: Any, plan: Any) -> None:
             force_b = force_a
         f = two(force_a, force_b)
         for _ in range(spans[s, COUNT]):
-            f = push_pair(record, at, pushed_on(work, i, j, f))
+            f = reduce_pair(record, at, pushed_on(work, i, j, f))
             i, j, at = i + direction_a, j + direction_b, at + RECORD
         force_a, force_b = lanes(f, 0), lanes(f, 1)
         add_force(sums, spans[s, A_INTO], force_a)
@@ -266,7 +266,7 @@ def eliminate_trees_wide(work: Any, plan: Any, moved: Any) -> None:
 
 
 @jit_ordered
-def push_trees_wide(work: Any, plan: Any) -> None:
+def reduce_trees_wide(work: Any, plan: Any) -> None:
     """Condense the residuals of all chains with their existing factors, in all lanes."""
     begin_sums(plan, work, FORCE, RESIDUAL, 3)
     sums, spans = plan.sums, plan.spans
@@ -280,9 +280,9 @@ def push_trees_wide(work: Any, plan: Any) -> None:
             force_b = begin_force(sums, spans[s, B_BEGIN], force_b, zero)
         for _ in range(spans[s, COUNT]):
             if active_a:
-                force_a = push_wide_node(work, i, force_a)
+                force_a = reduce_wide_node(work, i, force_a)
             if active_b:
-                force_b = push_wide_node(work, j, force_b)
+                force_b = reduce_wide_node(work, j, force_b)
             i, j = i + direction_a, j + direction_b
         add_force(sums, spans[s, A_INTO], force_a)
         add_force(sums, spans[s, B_INTO], force_b)

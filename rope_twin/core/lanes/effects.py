@@ -87,7 +87,7 @@ def make_wide(layout: Any) -> Any:
     return make(layout, lambda kind, shape: aligned(*shape, LANES))
 
 
-def make_each(layout: Any) -> Any:
+def make_lane_data(layout: Any) -> Any:
     """Return zeros in the layout with the lanes on the first axis."""
     return make(layout, lambda kind, shape: np.zeros((LANES, *shape), kind))
 
@@ -109,11 +109,11 @@ def put_wide(target: Any, source: Any, lane: int) -> None:
             field[..., lane] = value
 
 
-def put_each(target: Any, source: Any, lane: int) -> None:
+def put_lane_data(target: Any, source: Any, lane: int) -> None:
     """Copy the parts of one rope's data to its lane on the first axis."""
     for field, value in zip(target, source, strict=True):
         if isinstance(field, tuple):
-            put_each(field, value, lane)
+            put_lane_data(field, value, lane)
         else:
             field[lane] = value
 
@@ -151,7 +151,7 @@ LOWER_END = ("load_end", "unchanged", "predict", "settle")  # hooks of an effect
 _BY_LANE: set[type] = set()
 
 
-class Each(NamedTuple):
+class LaneData(NamedTuple):
     """Data of the lanes for kernels of a single rope."""
 
     work: Floats  # scratch of the batch, (columns, WORK_ROWS, LANES)
@@ -164,7 +164,7 @@ class Each(NamedTuple):
     effects: tuple[Any, ...]  # their arrays with the lanes on the first axis
 
 
-class EachOfRopes(NamedTuple):
+class SystemLaneData(NamedTuple):
     """Data of the lanes of a system for kernels of a single rope; arrays have the ropes in front.
 
     Scratch of one rope is shared by all.
@@ -182,7 +182,7 @@ class EachOfRopes(NamedTuple):
 
 @jit_within
 def _of_rope(each: Any, r: int) -> Any:
-    return Each(
+    return LaneData(
         each.work[r],
         each.own,
         each.s,
@@ -196,7 +196,7 @@ def _of_rope(each: Any, r: int) -> Any:
 
 # The lane data of rope r of a system; for a single rope the argument itself.
 each_of = by_type(
-    EachOfRopes,
+    SystemLaneData,
     lambda each, r: _of_rope(each, r),
     lambda each, r: each,
 )

@@ -13,14 +13,14 @@ from rope_twin.core.body import lanes as bodies
 from rope_twin.core.jit.decorators import compiled
 from rope_twin.core.jit.wide import ALL, LANES
 from rope_twin.core.lanes.effects import (
-    Each,
+    LaneData,
     aligned,
     any_by_lane,
     is_by_lane,
     layout_of,
-    make_each,
+    make_lane_data,
     make_wide,
-    put_each,
+    put_lane_data,
     put_wide,
 )
 from rope_twin.core.lanes.step import MIN_TENSION, SAMPLE_COLUMNS, TALLIES, Run, advance_lanes_steps
@@ -350,7 +350,7 @@ class Group(Lanes):
     def _put(self, lane: int, rope: Rope) -> None:
         put_properties(self._rope, lane, rope)
         if self._each is not None:
-            put_each(self._each.effects, rope.effects, lane)
+            put_lane_data(self._each.effects, rope.effects, lane)
             self._each.sections[lane] = rope.sections
             self._each.tolerance[lane] = rope.model.tolerance
         self.put(lane, rope)
@@ -363,7 +363,7 @@ class Group(Lanes):
             if variable_count(type(effect)):
                 self._late |= (count_initialised(effect) != n) << lane
                 if is_by_lane(type(effect)):
-                    put_each(self._each.effects[i], effect, lane)
+                    put_lane_data(self._each.effects[i], effect, lane)
         put_state(self._rope, lane, n, rope)
         self._lowest[lane] = rope.state.counts[LOWEST_OFFSET]
 
@@ -377,10 +377,10 @@ class Group(Lanes):
         take_state(self._rope, lane, self.kind.elements, rope)
         rope.state.counts[LOWEST_OFFSET] = self._lowest[lane]
 
-    def _new_each(self) -> Each:
+    def _new_each(self) -> LaneData:
         """Return zeros for the data of each lane alone."""
         kind, columns = self.kind, len(self._rope.work)
-        return Each(
+        return LaneData(
             work=self._rope.work,
             own=np.zeros((WORK_ROWS, columns)),
             s=np.zeros(columns),
@@ -388,7 +388,7 @@ class Group(Lanes):
             health=self._rope.state.health,
             tolerance=np.zeros(LANES),
             sections=np.zeros((LANES, SECTION_ROWS, kind.sections)),
-            effects=tuple(make_each(layout) for layout in kind.effects),
+            effects=tuple(make_lane_data(layout) for layout in kind.effects),
         )
 
     def advance(self, run: Run) -> tuple[int, list[int]]:

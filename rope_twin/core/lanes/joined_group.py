@@ -32,13 +32,13 @@ from rope_twin.core.joined.stack import (
     stacked_effects,
 )
 from rope_twin.core.lanes.effects import (
-    EachOfRopes,
+    SystemLaneData,
     aligned,
     any_by_lane,
     is_by_lane,
     layout_of,
     make,
-    put_each,
+    put_lane_data,
 )
 from rope_twin.core.lanes.group import (
     OWN_FIGURES,
@@ -270,7 +270,7 @@ class JoinedGroup(Lanes):
             lone_rope = rope._replace(effects=effects_at(effects, r), law=law)
             put_properties(wide_rope, lane, lone_rope)
             if self._each is not None:
-                put_each(_part(self._each.effects, r), lone_rope.effects, lane)
+                put_lane_data(_part(self._each.effects, r), lone_rope.effects, lane)
                 self._each.sections[r, lane, :, : rope.sections.shape[1]] = rope.sections
                 self._each.tolerance[r, lane] = rope.model.tolerance
         self._joints.ties[..., lane] = system.joints.ties
@@ -307,13 +307,13 @@ class JoinedGroup(Lanes):
             rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
             rope.work[TENSION, :n] = wide_rope.work[:n, TENSION, lane]
 
-    def _new_each(self, sections: int) -> EachOfRopes:
+    def _new_each(self, sections: int) -> SystemLaneData:
         """Return zeros for the data of each lane alone; sections: at most of a rope."""
         stack, count = self._stack, len(self.kind.ropes)
         ends = np.zeros((count, LANES, SECTION_ROWS, sections))
         ends[:, :, END] = np.inf
         columns = stack.s.shape[1]
-        return EachOfRopes(
+        return SystemLaneData(
             work=stack.work,
             own=np.zeros((WORK_ROWS, columns)),
             s=np.zeros(columns),

@@ -20,7 +20,7 @@ from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.jit.wide import ALL, bits, choose, mask_of
 from rope_twin.core.joined.chains import add_couplings
-from rope_twin.core.joined.linear_solver import push_lanes, solve_lanes
+from rope_twin.core.joined.linear_solver import reduce_lanes, solve_lanes
 from rope_twin.core.joined.stage import (
     begin_trial,
     by_system_type,
@@ -49,7 +49,11 @@ from rope_twin.core.loads.balance import (
 )
 from rope_twin.core.loads.hooks import couples, selected_by
 from rope_twin.core.newton import CHUNK, RESIDUAL_SHARE, SEARCH_FROM, count_left
-from rope_twin.core.pentadiagonal import eliminate_coupled_wide, push_coupled_wide, take_links_wide
+from rope_twin.core.pentadiagonal import (
+    eliminate_coupled_wide,
+    reduce_coupled_wide,
+    take_links_wide,
+)
 from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
@@ -60,7 +64,7 @@ from rope_twin.core.state import (
     TENSION,
     ZERO,
 )
-from rope_twin.core.tridiagonal import eliminate_wide, push_wide, substitute_wide
+from rope_twin.core.tridiagonal import eliminate_wide, reduce_wide, substitute_wide
 
 SPAN = 4
 
@@ -294,23 +298,23 @@ def _restore_loads(work: Any, upto: int, others: Any) -> None:
 
 
 @jit
-def _push_links(work: Any, first: int, n: int, tried: Any) -> None:
+def _reduce_links(work: Any, first: int, n: int, tried: Any) -> None:
     """Solve with the existing factors; subtract the effect of couplings in the lanes `tried`."""
-    push_coupled_wide(work, first, n)
+    reduce_coupled_wide(work, first, n)
     take_links_wide(work, n, tried)
 
 
 @jit
-def _push_chain(work: Any, first: int, n: int) -> None:
+def _reduce_chain(work: Any, first: int, n: int) -> None:
     """Solve with the existing factors."""
-    push_wide(work, first, n)
+    reduce_wide(work, first, n)
     substitute_wide(work, first, n, 0, (n - first - 1) // 2)
 
 
 _push = selected_by(
     couples,
-    lambda effects, work, first, n, tried: _push_links(work, first, n, tried),
-    lambda effects, work, first, n, tried: _push_chain(work, first, n),
+    lambda effects, work, first, n, tried: _reduce_links(work, first, n, tried),
+    lambda effects, work, first, n, tried: _reduce_chain(work, first, n),
 )
 
 
@@ -336,7 +340,7 @@ def _try_factors(system: Any, stage: Any, fraction: Any) -> Any:
 def _try_joined(sheaves: Any, system: Any, stage: Any, fraction: Any) -> int:
     if sheaves is not None:
         return ALL
-    push_lanes(system)
+    reduce_lanes(system)
     begin_trial(system, stage, fraction)
     remaining = 0
     for r in range(count_ropes(system)):

@@ -116,7 +116,7 @@ class Ensemble:
         self,
         scene: Scene,
         variations: Sequence[Variation],
-        look_s: float = SAMPLING_S,
+        slack_interval_s: float = SAMPLING_S,
         threads: int | None = None,
         max_lanes: int = LANES,
         watched: bool = False,
@@ -127,7 +127,7 @@ class Ensemble:
         Args:
             scene: scene that the members have in common.
             variations: one for each member.
-            look_s: interval at which each rope is checked for slack [s].
+            slack_interval_s: interval at which each rope is checked for slack [s].
             threads: number of parallel threads; None: as many as there are cores.
             max_lanes: maximum number of ropes in one SIMD step; 1: all step alone.
             watched: record every step of each rope (`watched`), and check it for slack.
@@ -142,7 +142,9 @@ class Ensemble:
         """
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
-        self._interval_steps = 1 if watched else whole_steps("look_s", look_s, self.step_s)
+        self._interval_steps = (
+            1 if watched else whole_steps("slack_interval_s", slack_interval_s, self.step_s)
+        )
         self._watched = watched
         self.threads = cores() if threads is None else threads
         if not 1 <= max_lanes <= LANES:

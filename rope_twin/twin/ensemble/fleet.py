@@ -420,7 +420,7 @@ class Fleet:
         payload_samples = samples[members.payload]
         return FleetRecord(
             top_tension_n=top[0],
-            least_tension_n=samples[:, :, MIN_TENSION].min(axis=0),
+            min_tension_n=samples[:, :, MIN_TENSION].min(axis=0),
             payload_depth_m=payload_samples[:, PAYLOAD_DEPTH],
             payload_speed_m_per_s=payload_samples[:, PAYLOAD_DESCENT],
             payload_tension_n=payload_samples[:, LOWEST_TENSION],
@@ -483,7 +483,7 @@ class Fleet:
         members, winch = self._members, winch_of(self.scene, self.scene.ropes[r])
         min_m = float(members.marks_m[r][1])
         element_length_m = members.ropes[r].model.element_length
-        max_m = winch.most_line_out_m + element_length_m if winch else np.inf
+        max_m = winch.max_line_out_m + element_length_m if winch else np.inf
         if not (min_m < line_m.min() and line_m.max() <= max_m):
             problem = f"{float(line_m.min()):g} to {float(line_m.max()):g} m"
             remedy = f"this mesh takes more than {min_m:g} m, and at most {max_m:g} m"

@@ -75,7 +75,7 @@ class FleetRecord:
     """
 
     top_tension_n: Floats  # of the main winch's rope at the end of each step, (steps, members)
-    least_tension_n: Floats  # of any element of any rope over each interval, (intervals, members)
+    min_tension_n: Floats  # of any element of any rope over each interval, (intervals, members)
     payload_depth_m: Floats  # at the end of each interval, (intervals, members), positive down
     payload_speed_m_per_s: Floats  # vertical, likewise, positive down
     payload_tension_n: Floats  # of the lowest element, likewise

@@ -41,7 +41,7 @@ from rope_twin.scene.load import Change
 from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
 from rope_twin.twin.motion.boundary_conditions import (
-    GivenMotion,
+    PrescribedMotion,
     SharedBoundary,
     WinchMotion,
     check_commands,
@@ -308,7 +308,7 @@ class Member:
             return stepped
         if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
             present = Boundary(*(table[done + count :] for table in batch.boundary))
-            self._viv_drag.look((rope,), present, self.steps, 0)
+            self._viv_drag.observe((rope,), present, self.steps, 0)
         if self.steps % interval_steps == 0:
             self.count_slack(1, is_slack((rope,)))
         if batch.samples is not None:  # then every step is sampled
@@ -401,10 +401,10 @@ class TwinMember:
         self.failure = ""
         self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
         self._boundaries = boundaries
-        self._motion: GivenMotion | None = None
+        self._motion: PrescribedMotion | None = None
         joined = self.twin.joined
         if boundaries is not None and joined is not None:
-            self._motion = GivenMotion(scene, joined.take_motion)
+            self._motion = PrescribedMotion(scene, joined.take_motion)
             self.twin.follow(self._motion)
             winches = {r: boundary.winch for r, boundary in boundaries.items()}
             self.twin.inputs.winch = winches[0]

@@ -190,7 +190,7 @@ class BoundaryConditions:
         inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)
 
 
-class GivenMotion(BoundaryConditions):
+class PrescribedMotion(BoundaryConditions):
     """Boundary conditions of all ropes of a multi-line system, given for a batch of steps.
 
     Members of an ensemble share them; inputs of the twin do not change them.

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core.interpolation import Samples, Times, add_motion
-from rope_twin.core.moved_end import LedEnd, led_of
+from rope_twin.core.moved_end import PrescribedEnd, prescribed_of
 from rope_twin.core.state import Boundary
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Scene
@@ -513,8 +513,8 @@ class LowerEndTrack(HeaveTrack):
 
     def prescribe(self, effects: Sequence[Any], time_ns: int, step_ns: int, steps: int) -> None:
         """Write the motion over the next steps to the effect that moves the rope's end."""
-        end = led_of(effects)
-        assert isinstance(end, LedEnd), "a scene that lets its end be led has one"
+        end = prescribed_of(effects)
+        assert isinstance(end, PrescribedEnd), "a scene that lets its end be led has one"
         known = {at_ns: (position, rate) for at_ns, position, rate in self._borders}
         self._borders = []
         for row in range(steps + 1):

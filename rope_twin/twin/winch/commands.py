@@ -87,7 +87,7 @@ def find_fault(command: WinchCommand, winch: WinchScene | None, rope: SpooledRop
 
 def _range_fault(command: WinchCommand, winch: WinchScene, rope: SpooledRope) -> Fault | None:
     kind, value = command
-    min_m, max_m = winch.least_line_out_m, winch.most_line_out_m
+    min_m, max_m = winch.min_line_out_m, winch.max_line_out_m
     if kind == SPEED and abs(value) > MAX_SPEED_M_PER_S:
         remedy = f"no winch runs faster than {MAX_SPEED_M_PER_S:g} m/s"
         return _impossible(f"speed {value:g} m/s", remedy)
@@ -302,7 +302,7 @@ class ScheduleMonitor:
         self._winch = winch
         self.differs_s: float | None = None  # twin time of the first difference
         self._motion_ns = 0  # time of the last motion command
-        self._looked_ns = 0
+        self._observed_ns = 0
         self._switches = 0  # number of switches executed
 
     def motion(self, command: WinchCommand, time_ns: int) -> None:
@@ -317,11 +317,11 @@ class ScheduleMonitor:
             self.differs_s = time_ns * 1e-9
         self._switches += len(kinds)
 
-    def look(self, time_ns: int, obeyed: WinchCommand, stopped: bool) -> None:
+    def observe(self, time_ns: int, obeyed: WinchCommand, stopped: bool) -> None:
         """Check for a missing command; obeyed: motion in force when this step began."""
-        if self.differs_s is not None or time_ns - self._looked_ns < COMMAND_PERIOD_NS:
+        if self.differs_s is not None or time_ns - self._observed_ns < COMMAND_PERIOD_NS:
             return
-        self._looked_ns = time_ns
+        self._observed_ns = time_ns
         due_ns = time_ns - MISSING_NS
         late = not stopped and self._motion_ns < due_ns
         if (late and self._scheduled(time_ns) != obeyed) or (

@@ -112,7 +112,7 @@ def drum_components(
     """Return the components that report the motion, and those that limit it, in their order."""
     if scene.drum is None:
         return (), ()
-    machine = WinchDrum(scene.drum, diameter_m, scene.most_line_out_m)
+    machine = WinchDrum(scene.drum, diameter_m, scene.max_line_out_m)
     reporting = (Layers(machine),)
     if scene.drive is None:
         return reporting, ()
@@ -218,9 +218,9 @@ SLIP_TOL_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
 class WinchDrum:
     """Drum with its layers of rope."""
 
-    def __init__(self, drum: winch_parts.Drum, diameter_m: float, most_line_out_m: float) -> None:
+    def __init__(self, drum: winch_parts.Drum, diameter_m: float, max_line_out_m: float) -> None:
         """Take the total length of the rope; the length not paid out is on the drum."""
-        self._drum, self._diameter, self.whole_m = drum, diameter_m, most_line_out_m
+        self._drum, self._diameter, self.whole_m = drum, diameter_m, max_line_out_m
 
     def layer(self, line_out_m: float) -> tuple[int, float]:
         """Return the layer from which rope leaves the drum, and its radius [m]."""

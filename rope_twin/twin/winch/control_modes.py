@@ -233,7 +233,7 @@ class LengthControl:
     kind = LENGTH
 
     def __init__(self, scene: WinchScene) -> None:
-        self._scene, self._length = scene, scene.least_line_out_m
+        self._scene, self._length = scene, scene.min_line_out_m
 
     def begin(self, value: float) -> None:
         """Start at a set-point of payout [m]."""
@@ -276,7 +276,7 @@ class DepthControl:
             beyond = self._beyond + weight * (beyond - self._beyond)
         self._beyond = beyond
         wanted_m = self._depth - beyond
-        min_m, max_m = self._scene.least_line_out_m, self._scene.most_line_out_m
+        min_m, max_m = self._scene.min_line_out_m, self._scene.max_line_out_m
         length_m = min(max(wanted_m, min_m), max_m)
         self._at_end = (
             f"a depth of {self._depth:g} m needs {wanted_m:.1f} m of line; the winch has {min_m:g} "
@@ -344,11 +344,11 @@ def control_modes(scene: WinchScene) -> tuple[ControlMode, ...]:
 
 def _limited(speed: float, scene: WinchScene) -> LineTarget:
     limit = scene.speed_limit_m_per_s
-    return LineTarget(min(max(speed, -limit), limit), scene.least_line_out_m, scene.most_line_out_m)
+    return LineTarget(min(max(speed, -limit), limit), scene.min_line_out_m, scene.max_line_out_m)
 
 
 def _towards(length: float, line: Payout, scene: WinchScene) -> LineTarget:
-    limit, low, high = scene.speed_limit_m_per_s, scene.least_line_out_m, scene.most_line_out_m
+    limit, low, high = scene.speed_limit_m_per_s, scene.min_line_out_m, scene.max_line_out_m
     if length > line.length_m:
         return LineTarget(limit, low, length)
     return LineTarget(-limit if length < line.length_m else 0.0, length, high)

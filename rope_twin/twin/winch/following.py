@@ -30,7 +30,7 @@ from rope_twin.twin.health import UNJUDGED
 from rope_twin.twin.motion.heave_track import NO_SEGMENT, STALE_NS, HeaveTrack
 from rope_twin.twin.motion.plausibility import SampleTiming, end_slope
 from rope_twin.twin.readings import fastest_m_per_s
-from rope_twin.twin.snapshot import InputHealth, WinchShot
+from rope_twin.twin.snapshot import InputHealth, WinchSnapshot
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     UNKNOWN_ROPE,
@@ -298,8 +298,8 @@ class FollowingWinch(Winch):
         self._last, self._begun_ns = (self._line, step_s), time_ns
         length, speed = self._track.at(time_ns + round(step_s * 1e9))
         length += self._offset
-        min_m = max(END_FRACTION * scene.least_line_out_m, self._end_m)
-        limited = min(max(length, min_m), scene.most_line_out_m)
+        min_m = max(END_FRACTION * scene.min_line_out_m, self._end_m)
+        limited = min(max(length, min_m), scene.max_line_out_m)
         messages = []
         if limited != length:
             messages.append(f"line out {length:.2f} m cannot be followed; held at {limited:g} m")
@@ -334,11 +334,11 @@ class FollowingWinch(Winch):
         track_health = track.counter.health(now_ns, track.stale(now_ns), judged)
         return super().health(now_ns) | {track.counter.name: track_health}
 
-    def shot(self) -> WinchShot | None:
+    def shot(self) -> WinchSnapshot | None:
         """Return its state for operators; it is off the schedule from its first reading on."""
         shot = super().shot()
         assert shot is not None
         since_s = 0.0 if self._track.counter.accepted else None
-        return WinchShot(
+        return WinchSnapshot(
             shot.name, FOLLOWS_MEASURED, self._line.length_m, shot.at_limit, shot.figures, since_s
         )

@@ -23,7 +23,7 @@ from rope_twin.scene.winch import (
     SWITCHES,
 )
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.twin.snapshot import CONTROL_MODES, DEPTH, LENGTH, SPEED, InputHealth, WinchShot
+from rope_twin.twin.snapshot import CONTROL_MODES, DEPTH, LENGTH, SPEED, InputHealth, WinchSnapshot
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     COMPENSATE,
@@ -275,18 +275,18 @@ class Winch:
             return
         scene = self._scene = replace(
             self._scene,
-            least_line_out_m=min(self._scene.least_line_out_m, left_m),
-            most_line_out_m=self._scene.most_line_out_m - lost_m,
+            min_line_out_m=min(self._scene.min_line_out_m, left_m),
+            max_line_out_m=self._scene.max_line_out_m - lost_m,
         )
-        self._modes, self._end_m = control_modes(scene), END_FRACTION * scene.least_line_out_m
+        self._modes, self._end_m = control_modes(scene), END_FRACTION * scene.min_line_out_m
         for part in self._components:
-            part.set_total_length(scene.most_line_out_m)
+            part.set_total_length(scene.max_line_out_m)
         continues = self._kind not in (LENGTH, DEPTH)
         self._set_mode(
             WinchCommand(self._kind, self._value) if continues else WinchCommand(SPEED, 0.0)
         )
 
-    def shot(self) -> WinchShot | None:
+    def shot(self) -> WinchSnapshot | None:
         """Return its state for operators; None without a winch."""
         if self._scene is None:
             return None
@@ -294,9 +294,9 @@ class Winch:
         for part in self._components:
             figures |= part.figures(self._line)
         mode = EMERGENCY_STOP if self._stopped else self._kind
-        self._monitor.look(self._begun_ns, WinchCommand(self._kind, self._value), self._stopped)
+        self._monitor.observe(self._begun_ns, WinchCommand(self._kind, self._value), self._stopped)
         fields = self._name, mode, self._value, self.at_limit, tuple(figures.items())
-        return WinchShot(*fields, self._monitor.differs_s)
+        return WinchSnapshot(*fields, self._monitor.differs_s)
 
     @property
     def _components(self) -> tuple[Component, ...]:
@@ -354,7 +354,7 @@ class Winch:
             return "emergency stop: no motion is obeyed until it is reset"
         outward = target.speed_m_per_s > 0.0
         self._nominal, brakes = profile.move(self._nominal, target, step_s)
-        limit = scene.most_line_out_m if outward else scene.least_line_out_m
+        limit = scene.max_line_out_m if outward else scene.min_line_out_m
         if (
             brakes
             and limit == (target.high_m if outward else target.low_m)
@@ -373,7 +373,7 @@ class Winch:
             line = limiting.hold(self._line, line, step)
         if line != wanted:
             assert self._scene is not None
-            max_m = self._scene.most_line_out_m
+            max_m = self._scene.max_line_out_m
             if line.length_m > max_m:  # a drum that renders until it is empty
                 line = Payout(max_m, 0.0)
             self._shift_nominal(line, wanted)
