@@ -108,13 +108,13 @@ class HangingRope:
         if number == self._last:
             return
         second = int(number / PUBLISHED_HZ) != int(self._last / PUBLISHED_HZ)
-        self._last, shot = number, _snapshot(number / PUBLISHED_HZ)
+        self._last, snapshot = number, _snapshot(number / PUBLISHED_HZ)
         for name in self._given:
-            readings.take(name, self._encoder.encode(name, shot), now_s)
+            readings.take(name, self._encoder.encode(name, snapshot), now_s)
         if second:
             rows = [Status(f"simulation: part {k}", Level.OK, "a sentence of some length", {})
                     for k in range(20)]  # fmt: skip
-            stamp_ns = self._epoch_ns + shot.stamp_ns
+            stamp_ns = self._epoch_ns + snapshot.stamp_ns
             readings.take("diagnostics", messages.encode_diagnostics(stamp_ns, rows), now_s)
 
     def state(self) -> Values:
@@ -125,9 +125,9 @@ class HangingRope:
         """Do nothing."""
 
 
-def _is_given(encoder: messages.Encoder, name: str, shot: Snapshot) -> bool:
+def _is_given(encoder: messages.Encoder, name: str, snapshot: Snapshot) -> bool:
     try:
-        encoder.encode(name, shot)
+        encoder.encode(name, snapshot)
     except InputError:
         return False
     return True

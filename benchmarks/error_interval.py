@@ -232,20 +232,20 @@ def series_of(twin: Twin, seconds: float) -> Series:
     Raises:
         SolverError: a run failed.
     """
-    shots = list(fed(twin, seconds))
-    tension = np.array([shot.tension_top_n for shot in shots])
-    intervals = [shot.error_interval for shot in shots]
-    reference = np.full(len(shots), np.nan)
+    snapshots = list(fed(twin, seconds))
+    tension = np.array([snapshot.tension_top_n for snapshot in snapshots])
+    intervals = [snapshot.error_interval for snapshot in snapshots]
+    reference = np.full(len(snapshots), np.nan)
     if any(intervals):
-        reference[:] = [shot.tension_top_n for shot in fed(_reference(twin.scene), seconds)]
+        reference[:] = [snapshot.tension_top_n for snapshot in fed(_reference(twin.scene), seconds)]
     return Series(
-        time_s=np.array([shot.time_s for shot in shots]),
+        time_s=np.array([snapshot.time_s for snapshot in snapshots]),
         tension_n=tension,
         reference_n=reference,
         bound_n=np.array(
             [np.nan if interval is None else interval.bound_n for interval in intervals]
         ),
-        unknown=shots[-1].no_error_interval,
+        unknown=snapshots[-1].no_error_interval,
         cost_pct=intervals[-1].cost_pct if intervals[-1] else np.nan,
     )
 

@@ -144,8 +144,8 @@ def _against(heave: Heave, steps_s: Sequence[float]) -> tuple[list[Finding], tup
     panels: tuple[Panel, ...] = ()
     for step in steps_s:
         rig = replace(SPRING, step=step)
-        shots = march(rig.twin(), heave.at, heave.seconds)
-        rows = [(s.time_s, s.payload_position_m[2], s.tension_top_n) for s in shots]
+        snapshots = march(rig.twin(), heave.at, heave.seconds)
+        rows = [(s.time_s, s.payload_position_m[2], s.tension_top_n) for s in snapshots]
         time, place, pull = np.array(rows).T
         z, exact, changes = Bounces(rig, heave).follow(time)
         places.append(float(np.sqrt(np.mean((place - z) ** 2))) / float(np.ptp(z)))

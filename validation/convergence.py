@@ -28,8 +28,8 @@ def twin_of(elements: int, step_s: float) -> Twin:
 
 def published(elements: int, step_s: float) -> Vector:
     """Return Snapshot.tension_top_n every EVERY_S [N]."""
-    shots = march(twin_of(elements, step_s), HEAVE, SECONDS, round(EVERY_S / step_s))
-    return np.array([shot.tension_top_n for shot in shots])
+    snapshots = march(twin_of(elements, step_s), HEAVE, SECONDS, round(EVERY_S / step_s))
+    return np.array([snapshot.tension_top_n for snapshot in snapshots])
 
 
 def rms(values: Vector) -> float:

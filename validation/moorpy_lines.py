@@ -146,20 +146,20 @@ def hauled(elements: int) -> Snapshot:
     return last
 
 
-def slope_on_bed(shot: Snapshot) -> float:
+def slope_on_bed(snapshot: Snapshot) -> float:
     """Return the mean growth of the tension along the lying line [N/m], 10 m to 150 m from A."""
-    from_a = shot.arc_length_m[-1] - shot.arc_length_m
+    from_a = snapshot.arc_length_m[-1] - snapshot.arc_length_m
     middle = 0.5 * (from_a[1:] + from_a[:-1])
     some = (middle > 10.0) & (middle < 150.0)
-    return float(np.polyfit(middle[some], shot.element_tension_n[some], 1)[0])
+    return float(np.polyfit(middle[some], snapshot.element_tension_n[some], 1)[0])
 
 
-def _ends(line: Lying, shot: Snapshot) -> list[Finding]:
+def _ends(line: Lying, snapshot: Snapshot) -> list[Finding]:
     """Return the tensions at both ends; a number that no file prints says what computed it."""
     lower, upper = line.tensions
     findings = [
-        within_pct(f"{line.name}: tension at A", shot.tension_payload_n, lower, 0.1, "N"),
-        within_pct(f"{line.name}: tension at B", shot.tension_top_n, upper, 0.1, "N"),
+        within_pct(f"{line.name}: tension at A", snapshot.tension_payload_n, lower, 0.1, "N"),
+        within_pct(f"{line.name}: tension at B", snapshot.tension_top_n, upper, 0.1, "N"),
     ]
     if line in PRINTED:
         return findings
@@ -172,49 +172,49 @@ def _lines(elements: int = 500, rubbing: int = 600) -> Found:
     findings: list[Finding] = []
     drawn: list[Line] = []
     for line in (*PRINTED, STRETCHING):
-        shot = Twin(scene_of(line, rig_of(line, elements))).snapshot()
-        findings += _ends(line, shot)
+        snapshot = Twin(scene_of(line, rig_of(line, elements))).snapshot()
+        findings += _ends(line, snapshot)
         if line is PRINTED[0]:
-            (touchdown,) = shot.touchdowns
+            (touchdown,) = snapshot.touchdowns
             lying_m = line.length - touchdown.line_out_m
             findings.append(within_pct(f"{line.name}: lying length", lying_m, LYING_M, 0.1, "m"))
         if line is STRETCHING:
             quantity = f"{line.name}: tension at A, beside the line that hardly stretches"
             findings.append(
-                shown(quantity, shot.tension_payload_n, f"{PRINTED[0].lower[0]:.6g}", "N")
+                shown(quantity, snapshot.tension_payload_n, f"{PRINTED[0].lower[0]:.6g}", "N")
             )
             continue
-        drawn.append(_drawn(line.name, shot))
-    shot = Twin(sectioned(elements)).snapshot()
-    findings += _ends(IN_SECTIONS, shot)
-    drawn.append(_drawn(IN_SECTIONS.name, shot))
-    shot = hauled(rubbing)
-    findings += _ends(RUBBING, shot)
+        drawn.append(_drawn(line.name, snapshot))
+    snapshot = Twin(sectioned(elements)).snapshot()
+    findings += _ends(IN_SECTIONS, snapshot)
+    drawn.append(_drawn(IN_SECTIONS.name, snapshot))
+    snapshot = hauled(rubbing)
+    findings += _ends(RUBBING, snapshot)
     quantity = "friction: growth of the tension along the lying line"
     exact = FRICTION * RUBBING.weight
-    slope = within_pct(quantity, slope_on_bed(shot), exact, 0.1, "N/m")
+    slope = within_pct(quantity, slope_on_bed(snapshot), exact, 0.1, "N/m")
     findings.append(replace(slope, published=f"{exact:g}, μ·w"))
     panels = (
         Panel("Lines of MoorPy's tests, and in two sections", "x [m]", "z [m]", tuple(drawn)),
         Panel(f"Hauled in on a bed with friction {FRICTION:g}", "from A [m]", "tension [kN]",
-              _tensions(shot)),
+              _tensions(snapshot)),
     )  # fmt: skip
     return Found(tuple(findings), panels, NOTES)
 
 
-def _drawn(name: str, shot: Snapshot) -> Line:
-    x, _, z = shot.node_position_m.T
+def _drawn(name: str, snapshot: Snapshot) -> Line:
+    x, _, z = snapshot.node_position_m.T
     return Line(x[0] - x, z - z[0], name)
 
 
-def _tensions(shot: Snapshot) -> tuple[Line, ...]:
-    from_a = shot.arc_length_m[-1] - shot.arc_length_m
+def _tensions(snapshot: Snapshot) -> tuple[Line, ...]:
+    from_a = snapshot.arc_length_m[-1] - snapshot.arc_length_m
     middle = 0.5 * (from_a[1:] + from_a[:-1])
     low = middle < 250.0
     on_bed = middle[middle < 200.0]
     moorpy_kn = 1e-3 * (RUBBING.lower[0] + FRICTION * RUBBING.weight * on_bed)
     return (
-        Line(middle[low], 1e-3 * shot.element_tension_n[low], "ours"),
+        Line(middle[low], 1e-3 * snapshot.element_tension_n[low], "ours"),
         Line(on_bed[::20], moorpy_kn[::20], "MoorPy's at A, and 80 N/m", "k."),
     )
 

@@ -95,8 +95,8 @@ def solve_line(net: NetCurtainParams, rig: Rig, s: Vector) -> Vector:
 
 
 def _hanging(net: NetCurtainParams, name: str) -> tuple[list[Finding], Line, Line]:
-    shot = Twin(_scene(net, BARE)).snapshot()
-    place = shot.node_position_m[::-1]
+    snapshot = Twin(_scene(net, BARE)).snapshot()
+    place = snapshot.node_position_m[::-1]
     steps = np.diff(place, axis=0)
     leans = np.degrees(np.arctan2(-steps[:, 0], steps[:, 2]))
     middles = (np.arange(BARE.elements) + 0.5) * BARE.length / BARE.elements
@@ -106,7 +106,9 @@ def _hanging(net: NetCurtainParams, name: str) -> tuple[list[Finding], Line, Lin
     findings = [
         within_pct(f"{name}: lean halfway up the net", leans[half], exact[half + 1], 0.3, "°"),
         within_pct(f"{name}: lean above the net", leans[-1], exact[-2], 0.3, "°"),
-        within_pct(f"{name}: top tension", shot.tension_top_n, math.hypot(H[-1], V[-1]), 0.1, "N"),
+        within_pct(
+            f"{name}: top tension", snapshot.tension_top_n, math.hypot(H[-1], V[-1]), 0.1, "N"
+        ),
     ]
     if net.heading_deg is None:  # closed form: H and V are linear in s
         k = 0.5 * BARE.density * net.width_m * SPEED**2

@@ -75,9 +75,9 @@ def respond(depths: Sequence[float]) -> list[Response]:
         windows.append((time + WAITED * PERIOD_S, time + (WAITED + FITTED) * PERIOD_S))
         time, length = windows[-1][1] + 1.0, depth
     heave = faded(sine(HEAVE_M, PERIOD_S), FADED * PERIOD_S)
-    shots = march(RIG.twin(), heave, time, EVERY, speeds)
+    snapshots = march(RIG.twin(), heave, time, EVERY, speeds)
     rows = np.array(
-        [(s.time_s, s.line_out_m, s.payload_position_m[2], s.tension_top_n) for s in shots]
+        [(s.time_s, s.line_out_m, s.payload_position_m[2], s.tension_top_n) for s in snapshots]
     )
     return [_fit(rows[(rows[:, 0] > begin) & (rows[:, 0] <= end)]) for begin, end in windows]
 

@@ -77,17 +77,17 @@ def drop(rig: Rig, height: float, seconds: float) -> Caught:
     speed = 0.0
     times: list[float] = []
     pulls: list[float] = []
-    for shot in march(rig.twin(), lift(-height, seconds), seconds + 4.0):
-        remaining = shot.payload_position_m[2] - taut_at
-        if before is not None and speed == 0.0 and remaining <= 0.0 and shot.time_s > seconds:
+    for snapshot in march(rig.twin(), lift(-height, seconds), seconds + 4.0):
+        remaining = snapshot.payload_position_m[2] - taut_at
+        if before is not None and speed == 0.0 and remaining <= 0.0 and snapshot.time_s > seconds:
             way = before.payload_position_m[2] - taut_at
             v = before.payload_velocity_m_per_s[2]
             speed = math.sqrt(v * v + 2.0 * weight / moving * way)
-        times.append(shot.time_s)
-        pulls.append(shot.tension_top_n)
-        before = shot
-        if speed and shot.payload_velocity_m_per_s[2] > 0.0:
-            if shot.solver.unconverged_substeps:
+        times.append(snapshot.time_s)
+        pulls.append(snapshot.tension_top_n)
+        before = snapshot
+        if speed and snapshot.payload_velocity_m_per_s[2] > 0.0:
+            if snapshot.solver.unconverged_substeps:
                 raise SolverError("snap", "a substep did not converge", "shorten the step")
             return Caught(speed, max(pulls), times, pulls)
     raise SolverError("snap", "the rope was never caught", "watch it for longer")
@@ -152,8 +152,8 @@ def _wave(share: float) -> tuple[list[Finding], Panel]:
     celerity = math.sqrt(rig.EA / rig.mass)
     transit = rig.length / celerity
     taut = LOWERING_S + 0.5 * GAINING_S + LOWERED / SNAP_SPEED
-    shots = march(rig.twin(), _jerk, taut + (WATCHED + 0.3) * transit)
-    time, pull = np.array([(shot.time_s, shot.tension_top_n) for shot in shots]).T
+    snapshots = march(rig.twin(), _jerk, taut + (WATCHED + 0.3) * transit)
+    time, pull = np.array([(snapshot.time_s, snapshot.tension_top_n) for snapshot in snapshots]).T
     speed = SNAP_SPEED + SINKING * taut
     times, exact = wave_pull(share)
     exact *= rig.mass * celerity * speed

@@ -66,21 +66,23 @@ def _catenaries() -> Found:
     lines: list[Line] = []
     for length in LENGTHS:
         rig = replace(LINE, length=length)
-        shot = rig.twin().snapshot()
+        snapshot = rig.twin().snapshot()
         H, V = solve_catenary(rig, CHORD[0], -CHORD[2])
-        x, z, tension = catenary(length - shot.arc_length_m, H, V, rig.weight, rig.EA)
+        x, z, tension = catenary(length - snapshot.arc_length_m, H, V, rig.weight, rig.EA)
         shape = np.stack([CHORD[0] - x, np.zeros_like(x), CHORD[2] + z], axis=1)
-        error_m = float(np.abs(shot.node_position_m - shape).max())
+        error_m = float(np.abs(snapshot.node_position_m - shape).max())
         error_pct = error_m / 10.0  # of the chord
-        lower = shot.tension_payload_n
+        lower = snapshot.tension_payload_n
         findings += [
             between(f"{length:g} m: shape off, of the chord", error_pct, (0.0, 0.1), "0", "%"),
-            within_pct(f"{length:g} m: upper tension", shot.tension_top_n, tension[0], 0.1, "N"),
+            within_pct(
+                f"{length:g} m: upper tension", snapshot.tension_top_n, tension[0], 0.1, "N"
+            ),
             within_pct(f"{length:g} m: lower tension", lower, tension[-1], 0.1, "N"),
         ]
         lines += [
             Line(shape[:, 0], shape[:, 2], f"{length:g} m, closed form"),
-            Line(shot.node_position_m[::5, 0], shot.node_position_m[::5, 2], "", "k."),
+            Line(snapshot.node_position_m[::5, 0], snapshot.node_position_m[::5, 2], "", "k."),
         ]
     picture = Panel("Elastic catenaries; dots: ours", "x [m]", "z [m]", tuple(lines))
     return Found(tuple(findings), (picture,))
@@ -108,14 +110,14 @@ def _critical_angles() -> Found:
     for speed, printed in CRITICAL_DEG.items():
         pressure = 0.5 * TOWED.density * TOWED.diameter * TOWED.drag[0] * speed**2
         angle = math.degrees(brentq(_lift_off, 0.0, 1.5, args=(pressure,)))
-        shot = replace(TOWED, current=((0.0, (speed, 0.0)),)).twin().snapshot()
-        chord = shot.node_position_m[60] - shot.node_position_m[20]
+        snapshot = replace(TOWED, current=((0.0, (speed, 0.0)),)).twin().snapshot()
+        chord = snapshot.node_position_m[60] - snapshot.node_position_m[20]
         ours = math.degrees(math.atan2(chord[0], -chord[2]))
         findings += [
             within(f"{speed:g} m/s: angle from the vertical", ours, printed, 0.2, "°"),
             within(f"{speed:g} m/s: against w·sin a = p·cos² a", ours, angle, 0.2, "°"),
         ]
-        x, _, z = shot.node_position_m.T
+        x, _, z = snapshot.node_position_m.T
         lines.append(Line(x, z, f"{speed:g} m/s: {ours:.2f}°"))
     picture = Panel("2 km of 17.3 mm cable towed", "x [m]", "z [m]", tuple(lines))
     return Found(tuple(findings), (picture,))

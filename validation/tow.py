@@ -64,25 +64,25 @@ def solve_tow(rig: Rig, s: Vector) -> Vector:
 
 
 def _turning_current() -> Found:
-    shot = TOWED.twin().snapshot()
-    s = TOWED.length - shot.arc_length_m[::-1]
+    snapshot = TOWED.twin().snapshot()
+    s = TOWED.length - snapshot.arc_length_m[::-1]
     s[0], s[-1] = 0.0, TOWED.length
     middle = 0.5 * (s[1:] + s[:-1])
     exact = solve_tow(TOWED, np.sort(np.concatenate([s, middle])))
     shape, pull = exact[:3, ::2], np.sqrt((exact[3:] ** 2).sum(axis=0))
-    error_m = float(np.abs(shot.node_position_m[::-1].T - shape).max())
-    tension_n = shot.element_tension_n[::-1]
+    error_m = float(np.abs(snapshot.node_position_m[::-1].T - shape).max())
+    tension_n = snapshot.element_tension_n[::-1]
     tension_error = float(np.abs(tension_n / pull[1::2] - 1.0).max())
-    payload = np.array(shot.payload_position_m)
+    payload = np.array(snapshot.payload_position_m)
     findings = (
         between("shape off, of the length", 100.0 * error_m / TOWED.length, (0.0, 0.05), "0", "%"),
         between("tension along the rope off, most", 100.0 * tension_error, (0.0, 0.5), "0", "%"),
-        within_pct("top tension", shot.tension_top_n, pull[-1], 0.5, "N"),
+        within_pct("top tension", snapshot.tension_top_n, pull[-1], 0.5, "N"),
         within_pct("payload: east of the hang-off", payload[0], shape[0, 0], 0.5, "m"),
         within_pct("payload: north of the hang-off", payload[1], shape[1, 0], 0.5, "m"),
         within_pct("payload: depth", -payload[2], -shape[2, 0], 0.5, "m"),
     )
-    sampled = shot.node_position_m[::5]
+    sampled = snapshot.node_position_m[::5]
     panels = (
         Panel("seen from the side; dots: ours", "east [m]", "z [m]",
               (Line(shape[0], shape[2], "shooting"), Line(sampled[:, 0], sampled[:, 2], "", "k."))),

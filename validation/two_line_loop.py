@@ -73,20 +73,20 @@ def _ascent() -> Found:
     calm = run_lines(strumming, ASCENT_SECONDS, None, _unheard)
     rough = run_lines(twin, ASCENT_SECONDS, record_of(SEA_STATE, SEED), _unheard)
     smooth = run_lines(quiet, ASCENT_SECONDS, None, _unheard)
-    shot = strumming.snapshot()
-    depth = {payload.name: -float(payload.position_m[2]) for payload in shot.payloads}
-    events = shot.solver.splits + shot.solver.merges
+    snapshot = strumming.snapshot()
+    depth = {payload.name: -float(payload.position_m[2]) for payload in snapshot.payloads}
+    events = snapshot.solver.splits + snapshot.solver.merges
     findings = [
         *_pulls(calm, rough),
         within("depth of the hauled skip at the end", depth["ascending"], 60.0, 5.0, "m"),
         between("elements born and merged meanwhile", events, (1.0, inf), "some"),
-        between("substeps accepted without convergence", shot.solver.unconverged_substeps,
+        between("substeps accepted without convergence", snapshot.solver.unconverged_substeps,
                 (0.0, 0.0), "none"),
     ]  # fmt: skip
     for k, line in enumerate(LINES):
         ratio = float(calm.tension_n[k].mean() / smooth.tension_n[k].mean())
         findings.append(shown(f"{line}: mean pull with strumming over without", ratio, ""))
-    for rope in shot.ropes:
+    for rope in snapshot.ropes:
         if rope.vibration is not None:
             largest = float(rope.vibration.cross_flow.max())
             findings.append(shown(f"{rope.name}: highest A/d at the end", largest, "in pictures"))

@@ -39,8 +39,8 @@ def _one_string(mass: float, diameter: float, Ca: float) -> tuple[list[Finding],
     per_metre = mass + Ca * rig.density * 0.25 * math.pi * diameter**2
     first = 0.5 / STRETCHED * math.sqrt(TENSION / (per_metre * rig.length / STRETCHED))
     duration = 0.8 / (MODES * first)
-    shots = march(rig.twin(), pluck(0.05, duration), duration + 12.0 / first, every=2)
-    free = np.array([s.node_position_m[:, 2] for s in shots if s.time_s > duration])
+    snapshots = march(rig.twin(), pluck(0.05, duration), duration + 12.0 / first, every=2)
+    free = np.array([s.node_position_m[:, 2] for s in snapshots if s.time_s > duration])
     s = np.linspace(0.0, 1.0, rig.elements + 1)
     findings, orders = [], range(1, MODES + 1)
     for n in orders:
@@ -73,8 +73,10 @@ def _period(rope: Rig, length: float) -> tuple[float, float, Vector, Vector]:
     )  # fmt: skip
     twin = rig.twin()
     rest_z = twin.snapshot().node_position_m[:, 2]
-    shots = march(twin, lift(0.2, 0.5 * period), 12.0 * period, every=5)
-    rows = [(s.time_s, s.node_position_m[:, 2] - rest_z) for s in shots if s.time_s > 0.5 * period]
+    snapshots = march(twin, lift(0.2, 0.5 * period), 12.0 * period, every=5)
+    rows = [
+        (s.time_s, s.node_position_m[:, 2] - rest_z) for s in snapshots if s.time_s > 0.5 * period
+    ]
     mass = np.full(rig.elements + 1, rope.mass * length / rig.elements)
     mass[0] *= 0.5
     mass[-1] = 0.5 * mass[-1] + MOVING

@@ -32,20 +32,20 @@ def stored_profiles() -> dict[str, dict[str, Any]]:
 
 def static_profile(name: str) -> dict[str, Any]:
     """Return lines, payloads and struts of a scene in static equilibrium: x, y, z [m]."""
-    shot = Twin(load_scene(name)).snapshot()
-    lines = [rope.node_position_m for rope in shot.ropes] or [shot.node_position_m]
+    snapshot = Twin(load_scene(name)).snapshot()
+    lines = [rope.node_position_m for rope in snapshot.ropes] or [snapshot.node_position_m]
     return {
         "lines": [_thinned(line) for line in lines],
-        "payloads": _payloads(shot),
-        "struts": [_rounded(strut.ends_m) for strut in shot.struts],
-        "tension_top_kn": round(shot.tension_top_n / 1e3, 1),
+        "payloads": _payloads(snapshot),
+        "struts": [_rounded(strut.ends_m) for strut in snapshot.struts],
+        "tension_top_kn": round(snapshot.tension_top_n / 1e3, 1),
     }
 
 
-def _payloads(shot: Snapshot) -> list[list[float]]:
-    if shot.ropes:
-        return [_rounded(payload.position_m) for payload in shot.payloads]
-    return [_rounded(shot.payload_position_m)]
+def _payloads(snapshot: Snapshot) -> list[list[float]]:
+    if snapshot.ropes:
+        return [_rounded(payload.position_m) for payload in snapshot.payloads]
+    return [_rounded(snapshot.payload_position_m)]
 
 
 def _thinned(line: Any) -> list[list[float]]:

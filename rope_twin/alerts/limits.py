@@ -234,22 +234,22 @@ class LimitWatch:
         self._broken: dict[tuple[str, str], LimitBreach] = {}  # of the crew's limits
         self._landed, self._sinking = True, 0.0  # what starts on the bed does not land
 
-    def tension(self, shot: Snapshot) -> Iterator[Measure]:
+    def tension(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find the tension at the top of each rope, against the least of its limits."""
         figures, crew = self._figures, self.crew
-        tops = {line.name: line.tension_top_n for line in shot.ropes[1:]}
+        tops = {line.name: line.tension_top_n for line in snapshot.ropes[1:]}
         max_n, max_utilisation = crew.get("tension_n"), crew.get("utilisation")
-        for number, rope in enumerate(shot.strength):
+        for number, rope in enumerate(snapshot.strength):
             used_up = (max_utilisation or math.inf) * rope.breaking_load_n
             own = figures.allowed_n.get(rope.name, rope.breaking_load_n)
             allowed = min(own, max_n or math.inf, used_up)
-            now = shot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
+            now = snapshot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
             is_limited = figures.limited or max_n is not None or max_utilisation is not None
             near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
             text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
             yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
 
-    def payload(self, shot: Snapshot) -> Iterator[Measure]:
+    def payload(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find speed and depth of the payloads."""
         fastest = self.crew.stricter("payload_speed_m_per_s")
         deepest = self.crew.stricter("payload_depth_m")
@@ -257,7 +257,7 @@ class LimitWatch:
             return
         names = self._figures.payloads or ("payload",)
         for name, (position, velocity) in zip(
-            names, payload_motions(shot, len(names)), strict=False
+            names, payload_motions(snapshot, len(names)), strict=False
         ):
             if fastest is not None:
                 speed = math.sqrt(float(velocity @ velocity))
@@ -268,28 +268,28 @@ class LimitWatch:
                 text = f"depth of '{name}' {depth:.1f} m, limit {deepest:g} m"
                 yield Measure(f"{name} depth", depth / deepest, _NEARING, text)
 
-    def clearance(self, shot: Snapshot) -> Iterator[Measure]:
+    def clearance(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find the height of the payload above the bed, and the distance of two lines."""
         height = self.crew.stricter("bed_clearance_m")
         min_m = self.crew.stricter("line_clearance_m")
-        if height is not None and shot.seabed is not None:
-            now = shot.seabed.payload_height_m
+        if height is not None and snapshot.seabed is not None:
+            now = snapshot.seabed.payload_height_m
             text = f"payload {now:.1f} m above the bed, limit {height:g} m"
             yield Measure("bed", _nearness(now, height), _NEARING, text)
-        if min_m is not None and shot.lines is not None:
-            now = shot.lines.nearest.distance_m
-            depth = f"{shot.lines.nearest.depth_m:.0f} m"
+        if min_m is not None and snapshot.lines is not None:
+            now = snapshot.lines.nearest.distance_m
+            depth = f"{snapshot.lines.nearest.depth_m:.0f} m"
             text = f"lines {now:.2f} m apart at {depth}, limit {min_m:g} m"
             yield Measure(LINES, _nearness(now, min_m), _NEARING, text)
 
-    def broken(self, shot: Snapshot) -> Iterator[Measure]:
+    def broken(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find limits broken in an instant or along the rope: the scene's, then the crew's."""
-        self._observe(shot)
-        for breach in (*shot.breaches, *self._broken.values()):
-            if breach.limit in _BROKEN and shot.time_s - breach.last_s <= EVENT_S:
+        self._observe(snapshot)
+        for breach in (*snapshot.breaches, *self._broken.values()):
+            if breach.limit in _BROKEN and snapshot.time_s - breach.last_s <= EVENT_S:
                 yield present(f"{breach.where} {breach.limit}", ALARM, breach_words(breach))
 
-    def _observe(self, shot: Snapshot) -> None:
+    def _observe(self, snapshot: Snapshot) -> None:
         """Record which of the crew's limits of this kind are broken now."""
         min_n, radius_m = self.crew.get("min_tension_n"), self.crew.get("bend_radius_m")
         landing = self.crew.get("landing_speed_m_per_s")
@@ -299,22 +299,22 @@ class LimitWatch:
             if in_force[limit] != self._broken[limit, where].allowed:
                 del self._broken[limit, where]
         if min_n is not None:
-            names = [rope.name for rope in shot.ropes or shot.strength]
-            for name, low_n in zip(names, minimum_tensions_n(shot), strict=False):
+            names = [rope.name for rope in snapshot.ropes or snapshot.strength]
+            for name, low_n in zip(names, minimum_tensions_n(snapshot), strict=False):
                 if low_n < min_n:
-                    self._break(shot.time_s, "min_tension_n", name, (low_n, min_n))
+                    self._break(snapshot.time_s, "min_tension_n", name, (low_n, min_n))
         if radius_m is not None:
-            for bend in shot.bends:
+            for bend in snapshot.bends:
                 if bend.now.radius_m < radius_m:
                     values = bend.now.radius_m, radius_m
-                    self._break(shot.time_s, "bend_radius", bend.now.name, values)
-        if landing is not None and shot.seabed is not None:
-            motions = payload_motions(shot, max(1, len(self._figures.payloads)))
+                    self._break(snapshot.time_s, "bend_radius", bend.now.name, values)
+        if landing is not None and snapshot.seabed is not None:
+            motions = payload_motions(snapshot, max(1, len(self._figures.payloads)))
             sinking = max((-float(speed[2]) for _, speed in motions), default=0.0)
-            fast, landed = max(sinking, self._sinking), shot.seabed.payload_landed
+            fast, landed = max(sinking, self._sinking), snapshot.seabed.payload_landed
             if landed and not self._landed and fast > landing:
                 where = ", ".join(self._figures.payloads) or "payload"
-                self._break(shot.time_s, "landing_speed_m_per_s", where, (fast, landing))
+                self._break(snapshot.time_s, "landing_speed_m_per_s", where, (fast, landing))
             self._landed, self._sinking = landed, sinking
 
     def _break(self, time_s: float, limit: str, where: str, values: tuple[float, float]) -> None:

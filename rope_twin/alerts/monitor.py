@@ -143,15 +143,15 @@ class AlertMonitor:
         with self._lock:
             self._watch.take_risks(rows)
 
-    def observe(self, shot: Snapshot) -> bool:
+    def observe(self, snapshot: Snapshot) -> bool:
         """Judge a snapshot; return whether the list is to be published."""
         with self._lock:
-            changed = bool(self._list.update(self._watch.observe(shot), shot.stamp_ns))
+            changed = bool(self._list.update(self._watch.observe(snapshot), snapshot.stamp_ns))
             changed = changed or self._commanded or not self._begun
             self._commanded, self._begun = False, True
-            due = shot.stamp_ns - self._refreshed_ns >= REFRESH_NS
+            due = snapshot.stamp_ns - self._refreshed_ns >= REFRESH_NS
             if changed or (due and self._list.listed()):
-                self._refreshed_ns = shot.stamp_ns
+                self._refreshed_ns = snapshot.stamp_ns
                 return True
             return False
 

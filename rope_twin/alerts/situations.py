@@ -57,7 +57,7 @@ RISK_AGE_NS = 5 * SECOND  # of the last forecast heard: an older one is of the p
 class Moment(NamedTuple):
     """Knowledge about the lift at one time."""
 
-    shot: Snapshot
+    snapshot: Snapshot
     rows: Mapping[str, Status]  # newest rows of the diagnostics by name, at times older
     scene: SceneFigures
     limits: LimitWatch
@@ -82,7 +82,7 @@ class Kind:
 
 def _slack(at: Moment) -> Iterator[Measure]:
     """Find the minimum tension at the payload in a minute, against its static weight."""
-    weight, least = at.scene.weight_n(at.shot.line_out_m), at.min_payload_n
+    weight, least = at.scene.weight_n(at.snapshot.line_out_m), at.min_payload_n
     if not (weight > 0.0 and math.isfinite(least)):
         return
     fraction = least / weight
@@ -100,7 +100,7 @@ def _winch(at: Moment) -> Iterator[Measure]:
     a movement.
     """
     if at.at_limit > 0.0:
-        words = at.shot.winch_at_limit or "at a limit of late"
+        words = at.snapshot.winch_at_limit or "at a limit of late"
         text = f"winch: {words}; at a limit for {at.at_limit:.0%} of a minute"
         yield Measure("winch", at.at_limit, ((AT_LIMIT_SHARE, WARNING),), text)
 
@@ -114,7 +114,7 @@ def _residual(at: Moment) -> Iterator[Measure]:
 
 def _drum(at: Moment) -> Iterator[Measure]:
     """Find a drum that is nearly empty, and one whose rope changes its layer soon."""
-    lengths = [at.shot.line_out_m, *(rope.line_out_m for rope in at.shot.ropes[1:])]
+    lengths = [at.snapshot.line_out_m, *(rope.line_out_m for rope in at.snapshot.ropes[1:])]
     for number, line_out_m in enumerate(lengths):
         store = at.scene.stores.get(number)
         if store is None:
@@ -129,7 +129,7 @@ def _drum(at: Moment) -> Iterator[Measure]:
 
 def _stroke(at: Moment) -> Iterator[Measure]:
     """Find a heave compensator at one of its stops."""
-    compensator = at.shot.compensator
+    compensator = at.snapshot.compensator
     if compensator is not None and compensator.at_stop:
         text = f"piston at its {compensator.at_stop} stop, {compensator.stop_n / 1e3:.1f} kN"
         yield present("compensator", WARNING, text)
@@ -137,7 +137,7 @@ def _stroke(at: Moment) -> Iterator[Measure]:
 
 def _apart(at: Moment) -> Iterator[Measure]:
     """Find measured values that lie apart from the computed ones."""
-    for residual in at.shot.residuals:
+    for residual in at.snapshot.residuals:
         if disagrees(residual):
             label = residual.quantity.rpartition("_")[0].replace("_", " ")
             text = f"{label} of '{residual.name}': measured {residual.measured:.6g}, "
@@ -149,7 +149,7 @@ def _apart(at: Moment) -> Iterator[Measure]:
 
 def _touchdown(at: Moment) -> Iterator[Measure]:
     """Find a payload that the bed carries."""
-    bed = at.shot.seabed
+    bed = at.snapshot.seabed
     if bed is not None and bed.payload_landed:
         text = f"payload on the seabed, which carries {bed.payload_reaction_n / 1e3:.1f} kN"
         yield present("payload", CAUTION, text)
@@ -157,7 +157,7 @@ def _touchdown(at: Moment) -> Iterator[Measure]:
 
 def _inputs(at: Moment) -> Iterator[Measure]:
     """Find inputs that fail or are doubtful."""
-    for name, health in at.shot.inputs.items():
+    for name, health in at.snapshot.inputs.items():
         if name == BORDER:
             continue
         label = name.replace("_", " ")
@@ -181,12 +181,14 @@ def _quality(at: Moment) -> Iterator[Measure]:
 
     The start-up, from which an index rises for some seconds more, is known to everybody.
     """
-    settled = (element for element in at.shot.quality if not element.reason.startswith(BUILD_UP))
+    settled = (
+        element for element in at.snapshot.quality if not element.reason.startswith(BUILD_UP)
+    )
     worst = min(settled, key=lambda element: element.index, default=None)
-    if worst is None or at.shot.motion_ramp < 1.0:
+    if worst is None or at.snapshot.motion_ramp < 1.0:
         return
     levels = (1.0 - POOR_INDEX + 1e-6, CAUTION), (1.0 - DOUBTFUL_INDEX + 1e-6, WARNING)
-    poor = [element.element for element in at.shot.quality if element.index < POOR_INDEX - 1e-6]
+    poor = [element.element for element in at.snapshot.quality if element.index < POOR_INDEX - 1e-6]
     labels = ", ".join(poor or [worst.element]).replace("_", " ")
     text = f"quality of {labels} {worst.index:.1f}, {worst.cause}: {worst.reason}"
     yield Measure("twin", 1.0 - worst.index, levels, text)
@@ -194,14 +196,14 @@ def _quality(at: Moment) -> Iterator[Measure]:
 
 def _stopped(at: Moment) -> Iterator[Measure]:
     """Find winches in emergency stop."""
-    for winch in at.shot.winches:
+    for winch in at.snapshot.winches:
         if winch.mode == EMERGENCY_STOP:
             yield present(winch.name, WARNING, f"'{winch.name}' is in emergency stop")
 
 
 def _cut(at: Moment) -> Iterator[Measure]:
     """Find a rope that was cut."""
-    cut = at.shot.cut
+    cut = at.snapshot.cut
     if cut is not None:
         text = f"rope cut at {cut.at_s:.1f} s, {cut.left_m:.1f} m left below the hang-off"
         yield present(cut.rope or "rope", ALARM, text)
@@ -211,7 +213,7 @@ def _numerics(at: Moment) -> Iterator[Measure]:
     """Find steps that did not converge, or that failed a short time ago."""
     row = at.rows.get("simulation: solver")
     failed = row is not None and row.level >= Level.ERROR
-    if at.shot.doubtful or failed:
+    if at.snapshot.doubtful or failed:
         words = row.message if row is not None and failed else "a step did not converge"
         yield present("solver", WARNING, words)
 
@@ -252,7 +254,10 @@ def _by_level(name: str) -> Callable[[Moment], Iterator[Measure]]:
 
 
 KINDS = (
-    Kind(10001, "top tension", lambda at: at.limits.tension(at.shot), hold_s=WAVES_S, category="A"),
+    Kind(
+        10001, "top tension", lambda at: at.limits.tension(at.snapshot), hold_s=WAVES_S,
+        category="A",
+    ),
     Kind(10002, "slack", _slack, category="A", deadband=0.05),
     Kind(10003, "winch at its limit", _winch, hold_s=10.0),
     Kind(10004, "end of stroke", _stroke, hold_s=60.0, category="A"),
@@ -262,9 +267,10 @@ KINDS = (
     Kind(10008, "quality", _quality, delay_s=10.0, hold_s=10.0, deadband=0.0),
     Kind(10009, "numerics", _numerics, hold_s=60.0),
     Kind(
-        10010, "payload limit", lambda at: at.limits.payload(at.shot), hold_s=WAVES_S, category="A"
+        10010, "payload limit", lambda at: at.limits.payload(at.snapshot), hold_s=WAVES_S,
+        category="A",
     ),
-    Kind(10011, "limit broken", lambda at: at.limits.broken(at.shot), hold_s=0.0, category="A"),
+    Kind(10011, "limit broken", lambda at: at.limits.broken(at.snapshot), hold_s=0.0, category="A"),
     Kind(10012, "emergency stop", _stopped, hold_s=0.0),
     Kind(10013, "rope cut", _cut, category="A"),
     Kind(10014, "twin late", _by_level("pacing"), delay_s=5.0, hold_s=10.0),
@@ -272,7 +278,10 @@ KINDS = (
     # while the twin learns; ends when the fault alarm is acknowledged by its service
     Kind(10016, "fault alarm", _by_level("faults"), hold_s=0.0, category="A"),
     Kind(10017, "forecast", _forecast, delay_s=3.0, hold_s=10.0, deadband=0.3),
-    Kind(10018, "clearance", lambda at: at.limits.clearance(at.shot), hold_s=WAVES_S, category="A"),
+    Kind(
+        10018, "clearance", lambda at: at.limits.clearance(at.snapshot), hold_s=WAVES_S,
+        category="A",
+    ),
     Kind(10019, "line on the drum", _drum, hold_s=10.0, deadband=0.2),
     Kind(10020, "residual heave", _residual, hold_s=10.0, deadband=0.1),
 )  # fmt: skip
@@ -338,13 +347,13 @@ class Watch:
         """Take the newest rows of the diagnostics."""
         self._rows = {row.name: row for row in rows}
 
-    def observe(self, shot: Snapshot) -> list[Situation]:
+    def observe(self, snapshot: Snapshot) -> list[Situation]:
         """Return the situations at the time of a snapshot."""
-        least, at_limit = self._min_payload_n(shot), self._share_at_limit(shot)
-        residual_heave = self._residual_heave(shot)
-        risk = self._risk if shot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
+        least, at_limit = self._min_payload_n(snapshot), self._share_at_limit(snapshot)
+        residual_heave = self._residual_heave(snapshot)
+        risk = self._risk if snapshot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
         moment = Moment(
-            shot, self._rows, self._scene, self._limits, least, at_limit, residual_heave, risk
+            snapshot, self._rows, self._scene, self._limits, least, at_limit, residual_heave, risk
         )
         situations: list[Situation] = []
         for name in self.crew.take_loosened():  # what exceeds the new limit begins at once
@@ -355,7 +364,7 @@ class Watch:
             measures = {measure.where: measure for measure in kind.find(moment)}
             active = {where for number, where in self._gates if number == kind.identifier}
             for where in (*measures, *sorted(active - measures.keys())):
-                measure = self._judge(kind, where, measures.get(where), shot.stamp_ns)
+                measure = self._judge(kind, where, measures.get(where), snapshot.stamp_ns)
                 situations += [measure] if measure is not None else []
         return situations
 
@@ -380,31 +389,33 @@ class Watch:
             return None
         return Situation(kind.identifier, kind.name, kind.category, where, highest, text)
 
-    def _share_at_limit(self, shot: Snapshot) -> float:
+    def _share_at_limit(self, snapshot: Snapshot) -> float:
         """Return the share of LIMIT_WINDOW_NS that the winch was at one of its limits."""
-        past_ns = 0 if self._seen_ns is None else shot.stamp_ns - self._seen_ns
-        self._seen_ns = shot.stamp_ns
-        stopped = any(winch.mode == EMERGENCY_STOP for winch in shot.winches)  # an alert of its own
-        if shot.winch_at_limit and past_ns > 0 and not stopped:
-            self._limited.append((shot.stamp_ns, past_ns))
-        while self._limited and self._limited[0][0] <= shot.stamp_ns - LIMIT_WINDOW_NS:
+        past_ns = 0 if self._seen_ns is None else snapshot.stamp_ns - self._seen_ns
+        self._seen_ns = snapshot.stamp_ns
+        stopped = any(
+            winch.mode == EMERGENCY_STOP for winch in snapshot.winches
+        )  # an alert of its own
+        if snapshot.winch_at_limit and past_ns > 0 and not stopped:
+            self._limited.append((snapshot.stamp_ns, past_ns))
+        while self._limited and self._limited[0][0] <= snapshot.stamp_ns - LIMIT_WINDOW_NS:
             self._limited.popleft()
         return sum(duration_ns for _, duration_ns in self._limited) / LIMIT_WINDOW_NS
 
-    def _residual_heave(self, shot: Snapshot) -> float:
+    def _residual_heave(self, snapshot: Snapshot) -> float:
         """Return the RMS rate of heave that is left over that of the heave, of a whole minute.
 
         NaN while the compensation of the first winch is off or was on for less.
         """
-        figures = dict(shot.winches[0].figures) if shot.winches else {}
-        if not figures.get("compensation_on") or shot.motion_ramp < 1.0:
+        figures = dict(snapshot.winches[0].figures) if snapshot.winches else {}
+        if not figures.get("compensation_on") or snapshot.motion_ramp < 1.0:
             self._heaving.clear()
             self._heave_left = math.nan
-        elif not self._heaving or shot.stamp_ns - self._heaved_ns >= HEAVE_EVERY_NS:
-            heave = float(shot.hang_off_velocity_m_per_s[2])
+        elif not self._heaving or snapshot.stamp_ns - self._heaved_ns >= HEAVE_EVERY_NS:
+            heave = float(snapshot.hang_off_velocity_m_per_s[2])
             residual = heave - figures["compensation_m_per_s"]
             self._heaving.append((heave * heave, residual * residual))
-            self._heaved_ns = shot.stamp_ns
+            self._heaved_ns = snapshot.stamp_ns
             if len(self._heaving) == HEAVE_SAMPLES:
                 moved, residual_ms = (
                     math.fsum(squares) / HEAVE_SAMPLES
@@ -414,20 +425,20 @@ class Watch:
                 self._heave_left = math.sqrt(residual_ms / moved) if moving else math.nan
         return self._heave_left
 
-    def _min_payload_n(self, shot: Snapshot) -> float:
+    def _min_payload_n(self, snapshot: Snapshot) -> float:
         """Return the minimum tension at the payload over SLACK_WINDOW_NS [N].
 
         NaN while the bed or a deck carries it or the rope is cut: then it may well be slack.
         """
-        carried = shot.seabed is not None and shot.seabed.payload_landed
-        deck = shot.body is not None and bool(shot.body.deck_reaction_n)
-        if carried or deck or shot.cut is not None or shot.motion_ramp < 1.0:
+        carried = snapshot.seabed is not None and snapshot.seabed.payload_landed
+        deck = snapshot.body is not None and bool(snapshot.body.deck_reaction_n)
+        if carried or deck or snapshot.cut is not None or snapshot.motion_ramp < 1.0:
             self._payload.clear()
             return math.nan
-        rising, tension = self._payload, shot.tension_payload_n
+        rising, tension = self._payload, snapshot.tension_payload_n
         while rising and rising[-1][1] >= tension:
             rising.pop()
-        rising.append((shot.stamp_ns, tension))
-        while rising[0][0] < shot.stamp_ns - SLACK_WINDOW_NS:
+        rising.append((snapshot.stamp_ns, tension))
+        while rising[0][0] < snapshot.stamp_ns - SLACK_WINDOW_NS:
             rising.popleft()
         return rising[0][1]

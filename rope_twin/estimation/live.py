@@ -366,13 +366,15 @@ class LiveLearning:
         """Stop the thread; what was learned is kept."""
         self.worker.stop()
 
-    def see(self, shot: Snapshot) -> None:
+    def see(self, snapshot: Snapshot) -> None:
         """Pass the motion of the hang-off and the line on."""
-        self._seen_ns = shot.stamp_ns
-        rate = float(shot.hang_off_velocity_m_per_s[2])
-        lines = {state.name: state.line_out_m for state in shot.ropes} if self._further else {}
+        self._seen_ns = snapshot.stamp_ns
+        rate = float(snapshot.hang_off_velocity_m_per_s[2])
+        lines = {state.name: state.line_out_m for state in snapshot.ropes} if self._further else {}
         lines_m = tuple(lines[name] for name in self._further)
-        self.worker.take(Motion(shot.stamp_ns * 1e-9, shot.heave_m, rate, shot.line_out_m, lines_m))
+        self.worker.take(
+            Motion(snapshot.stamp_ns * 1e-9, snapshot.heave_m, rate, snapshot.line_out_m, lines_m)
+        )
 
     def hear(self, measurement: Measurement) -> None:
         """Pass measured tension and line out of the winches that carry the load on.

@@ -96,7 +96,7 @@ class SceneModel:
         self.twin = Twin(load_scene(Path(path) / file))
         self.twin.prescribe_motion()
         self._speed: float | None = None
-        self.shot: Snapshot = self.twin.snapshot()
+        self.snapshot: Snapshot = self.twin.snapshot()
 
     def step(self, inputs: dict[str, float], time_s: float, step_s: float) -> None:
         """Advance from a communication point by this step.
@@ -127,22 +127,22 @@ class SceneModel:
             _raise_refusal(twin.offer_command(at_ns, WinchCommand(SPEED, speed)))
             self._speed = speed
         twin.advance(steps)
-        self.shot = twin.snapshot()
+        self.snapshot = twin.snapshot()
 
     def outputs(self) -> dict[str, float]:
         """Return the outputs at the present."""
-        shot = self.shot
-        force, place = shot.hang_off_force_n.tolist(), shot.payload_position_m.tolist()
+        snapshot = self.snapshot
+        force, place = snapshot.hang_off_force_n.tolist(), snapshot.payload_position_m.tolist()
         return {
             **{f"hook_force_{axis}_n": value for axis, value in zip(AXES, force, strict=True)},
-            "hook_load_n": float(shot.tension_top_n),
-            "payload_tension_n": float(shot.tension_payload_n),
+            "hook_load_n": float(snapshot.tension_top_n),
+            "payload_tension_n": float(snapshot.tension_payload_n),
             **{f"payload_{axis}_m": value for axis, value in zip(AXES, place, strict=True)},
-            "line_out_m": float(shot.line_out_m),
-            "min_tension_n": float(shot.element_tension_n.min()),
+            "line_out_m": float(snapshot.line_out_m),
+            "min_tension_n": float(snapshot.element_tension_n.min()),
             **{
                 f"low_force_{axis}_n": value
-                for axis, value in zip(AXES, shot.lower_end_force_n, strict=False)
+                for axis, value in zip(AXES, snapshot.lower_end_force_n, strict=False)
             },
         }
 

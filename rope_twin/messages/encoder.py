@@ -56,7 +56,9 @@ class Encoder:
             "ropes/element_tension": self._element_tension,
             "ropes/vibration": self._vibration,
             "ropes/fatigue": self._fatigue,
-            "ropes/markers": lambda shot: self._rope_markers.encode(shot, *all_elements(shot)),
+            "ropes/markers": lambda snapshot: self._rope_markers.encode(
+                snapshot, *all_elements(snapshot)
+            ),
             "hang_off/wrench": self._hang_off_wrench,
             "hang_off/odometry": self._hang_off_odometry,
             "lower_end/wrench": self._lower_end_wrench,

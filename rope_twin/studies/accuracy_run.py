@@ -135,12 +135,12 @@ def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
 
     All runs of a course get the same: what differs between them is then the solver's doing.
     """
-    shots = [(0.0, scene.ropes[0].length_m, 0.0)]
-    shots += [
+    snapshots = [(0.0, scene.ropes[0].length_m, 0.0)]
+    snapshots += [
         (snapshot.time_s, snapshot.line_out_m, snapshot.payout_speed_m_per_s)
         for snapshot in fed(Twin(scene), seconds + 1e-9 * AFTER_NS)
     ]
-    return CubicHermiteSpline(*np.array(shots).T)
+    return CubicHermiteSpline(*np.array(snapshots).T)
 
 
 class Trial:

@@ -510,7 +510,7 @@ def _damage(scene: Scene, counts: Counts) -> Row:
     """Return the damage of each rope's pieces, and the worst piece of all; empty: not counted."""
     if not counts:
         return {}
-    all_found = {r: count.shot(0.0, 0.0) for r, count in counts.items()}
+    all_found = {r: count.snapshot(0.0, 0.0) for r, count in counts.items()}
     worst_number = max(all_found, key=lambda r: float(all_found[r].used.max()))
     worst_rope = all_found[worst_number]
     joined = is_joined(scene)

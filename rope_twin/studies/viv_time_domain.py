@@ -243,7 +243,7 @@ class _SampledLine:
         curvature_rms = _worst_rms(curvature)
         fatigue = None
         if self.damage is not None:
-            fatigue = self.damage.shot(length_m, float(steady.sum() * every_s))
+            fatigue = self.damage.snapshot(length_m, float(steady.sum() * every_s))
             if low > top:  # the core counts from the upper end
                 fatigue = _upside_down(fatigue, length_m)
         return TimeDomainRun(

@@ -119,18 +119,18 @@ class ErrorInterval(Monitor):
         if self.coarse is not None:
             self.coarse.invalidate()
 
-    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, snapshot: Snapshot) -> Snapshot:
         """Return the snapshot with the interval of each rope, or why it is unknown."""
         if self._reason and (self.coarse is None or view.time_ns < self._known_from_ns):
-            return amended(shot, no_error_interval=self._reason)
+            return amended(snapshot, no_error_interval=self._reason)
         other_s = view.clock.computing_s - self.computing_s
         cost_pct = 100.0 * self.computing_s / other_s if other_s > 0.0 else 0.0
-        ropes = list(shot.ropes)
+        ropes = list(snapshot.ropes)
         for r in self.ropes if ropes else ():
-            interval = self.interval(r, ropes[r].tension_top_n, shot.time_s, cost_pct)
+            interval = self.interval(r, ropes[r].tension_top_n, snapshot.time_s, cost_pct)
             ropes[r] = replace(ropes[r], error_interval=interval)
-        first = self.interval(0, shot.tension_top_n, shot.time_s, cost_pct)
-        return amended(shot, error_interval=first, ropes=tuple(ropes))
+        first = self.interval(0, snapshot.tension_top_n, snapshot.time_s, cost_pct)
+        return amended(snapshot, error_interval=first, ropes=tuple(ropes))
 
     def _begin(self, view: TwinView, present: Chunk, at_rest: bool) -> None:
         if self._scene.listed(WakeOscillatorParams) is not None:

@@ -324,12 +324,12 @@ class TwinInputs:
             at_s = self._clock.time_ns * 1e-9
             self.validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
 
-    def complete(self, shot: Snapshot) -> Snapshot:
+    def complete(self, snapshot: Snapshot) -> Snapshot:
         """Add the residuals, and the score of a running forecast, to a snapshot."""
         with self.lock:
             if self.measured.active:
-                amended(shot, residuals=self.measured.residuals(shot))
-            return amended(shot, forecast_score=self.forecast.at(shot.time_s))
+                amended(snapshot, residuals=self.measured.residuals(snapshot))
+            return amended(snapshot, forecast_score=self.forecast.at(snapshot.time_s))
 
     def health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""

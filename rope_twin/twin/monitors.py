@@ -125,9 +125,9 @@ class Monitor:
     def observe(self, view: TwinView, chunk: Chunk) -> None:
         """Observe the steps just done, not more than `steps_to_observation` returned."""
 
-    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, snapshot: Snapshot) -> Snapshot:
         """Return the snapshot with its results."""
-        return shot
+        return snapshot
 
     def cut(self, view: TwinView) -> None:
         """Continue with a rope that was cut just now."""
@@ -289,9 +289,9 @@ class EnergyMonitor(Monitor):
         if chunk.done:
             self._account.take(view.step_s, _energy_state(view))
 
-    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, snapshot: Snapshot) -> Snapshot:
         """Return the snapshot with the energy balance."""
-        return amended(shot, energy=self._account.balance())
+        return amended(snapshot, energy=self._account.balance())
 
     def restart(self, view: TwinView, present: Chunk) -> None:
         """Open a new balance from the present state."""

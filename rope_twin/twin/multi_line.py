@@ -341,36 +341,36 @@ class MultiLineRopes(OtherRopes):
         pulls[0], speeds[0] = pull, speed
         return measure_system(self.system(first), pulls, speeds, time)
 
-    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
+    def complete(self, snapshot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
         payout = Boundary(*(table[:, 0, rows.LINE] for table in self._boundary))
         state = SystemState(
             self._scene, self.system(self.first), self._owners, self.pull, payout,
             now_ns * 1e-9, effects,
         )  # fmt: skip
-        limits = [shot.winch_at_limit]
-        inputs: dict[str, InputHealth] = dict(shot.inputs)
+        limits = [snapshot.winch_at_limit]
+        inputs: dict[str, InputHealth] = dict(snapshot.inputs)
         for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
             if winch_of(self._scene, line):
                 inputs |= winch.health(now_ns)
                 limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
         health = np.sum([rope.state.health for rope in self._ropes], axis=0)
-        solver = shot.solver._replace(
-            splits=shot.solver.splits + int(health[rows.SPLITS]),
-            merges=shot.solver.merges + int(health[rows.MERGES]),
+        solver = snapshot.solver._replace(
+            splits=snapshot.solver.splits + int(health[rows.SPLITS]),
+            merges=snapshot.solver.merges + int(health[rows.MERGES]),
         )
-        ropes = rope_snapshots(state, shot)
+        ropes = rope_snapshots(state, snapshot)
         strength = [
             strength_of(line, max(max_n, rope.tension_top_n), rope.element_tension_n)
             for line, max_n, rope in zip(self._scene.ropes, self._max_n, ropes, strict=True)
         ]
         completed = amended(
-            shot,
+            snapshot,
             ropes=ropes,
             payloads=payload_snapshots(state),
             struts=strut_snapshots(state),
             sheaves=sheave_snapshots(state),
-            winches=(*shot.winches, *filter(None, (w.shot() for w in self._winches[1:]))),
+            winches=(*snapshot.winches, *filter(None, (w.snapshot() for w in self._winches[1:]))),
             winch_at_limit="; ".join(limit for limit in limits if limit),
             inputs=inputs,
             solver=solver,
@@ -380,9 +380,9 @@ class MultiLineRopes(OtherRopes):
         )
         return completed if self._lines is None else self._lines.complete(completed)
 
-    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+    def shapes(self, first: Rope, snapshot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes."""
-        ropes = zip(self._scene.ropes, self.all_with(first), shot.ropes, strict=True)
+        ropes = zip(self._scene.ropes, self.all_with(first), snapshot.ropes, strict=True)
         return tuple(
             shape_from_sheave(line, rope, rope_snapshot)
             if runs_over_sheave(self._scene, line)

@@ -73,22 +73,24 @@ def rope_snapshots(state: SystemState, first: Snapshot) -> tuple[RopeSnapshot, .
     return first_rope(first, names[0]), *further
 
 
-def with_vibration(scene: Scene, shot: Snapshot, responses: Sequence[RopeVibration]) -> Snapshot:
+def with_vibration(
+    scene: Scene, snapshot: Snapshot, responses: Sequence[RopeVibration]
+) -> Snapshot:
     """Return the snapshot with the VIV response of its ropes, of those that have one.
 
     responses: from the last node of the core down, which at a sheave is the rope's lower end.
     """
-    pairs = zip(scene.ropes, shot.ropes, responses, strict=False)
+    pairs = zip(scene.ropes, snapshot.ropes, responses, strict=False)
     ropes = []
     for line, rope, response in pairs:
         ordered = response.upside_down() if runs_over_sheave(scene, line) else response
         ropes.append(replace(rope, vibration=ordered))
-    return amended(shot, vibration=responses[0], ropes=(*ropes, *shot.ropes[len(ropes) :]))
+    return amended(snapshot, vibration=responses[0], ropes=(*ropes, *snapshot.ropes[len(ropes) :]))
 
 
 def payload_snapshots(state: SystemState) -> tuple[PayloadSnapshot, ...]:
     """Return the state of every payload: that of the lower end, or of a rigid body's middle."""
-    shots = []
+    snapshots = []
     for payload in state.scene.payloads:
         r = state.owners[payload.name]
         body = body_of(state.system.ropes[r])
@@ -97,30 +99,30 @@ def payload_snapshots(state: SystemState) -> tuple[PayloadSnapshot, ...]:
         else:
             pose = pose_of(body)
             ends = (motion(body.middle) for motion in (pose.place, pose.speed))
-        shots.append(PayloadSnapshot(payload.name, *ends))
-    return tuple(shots)
+        snapshots.append(PayloadSnapshot(payload.name, *ends))
+    return tuple(snapshots)
 
 
 def strut_snapshots(state: SystemState) -> tuple[StrutSnapshot, ...]:
     """Return the state of every bar."""
     joints = state.system.joints
-    shots = []
+    snapshots = []
     for k, strut in enumerate(state.scene.struts):
         ends = [joints.nodes[: rows.VELOCITY, int(joints.ties[end, k])] for end in (FIRST, SECOND)]
-        shots.append(StrutSnapshot(strut.name, np.array(ends), float(joints.ties[PULL, k])))
-    return tuple(shots)
+        snapshots.append(StrutSnapshot(strut.name, np.array(ends), float(joints.ties[PULL, k])))
+    return tuple(snapshots)
 
 
 def sheave_snapshots(state: SystemState) -> tuple[SheaveSnapshot, ...]:
     """Return the state of every sheave."""
-    sheaves, nodes, shots = state.system.sheaves, state.system.joints.nodes, []
+    sheaves, nodes, snapshots = state.system.sheaves, state.system.joints.nodes, []
     for k, sheave in enumerate(state.scene.sheaves):
         assert sheaves is not None
         point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
         position_m = nodes[: rows.VELOCITY, point].copy()
         passed_m, speed = float(nodes[rows.POSITION, flow]), float(nodes[rows.VELOCITY, flow])
-        shots.append(SheaveSnapshot(sheave.name, position_m, passed_m, speed))
-    return tuple(shots)
+        snapshots.append(SheaveSnapshot(sheave.name, position_m, passed_m, speed))
+    return tuple(snapshots)
 
 
 def contact(state: SystemState) -> BedContact | None:
@@ -201,26 +203,26 @@ class ClearanceMonitor:
         self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
         self.turned_up = 0  # number of snapshots in which a line turned upward
 
-    def observe(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
+    def observe(self, snapshot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
         """Return the minimum distance in a snapshot, and events since the last one: crossings that
         began or ended.
         """
-        paths = [self._path(shot, line) for line in self.lines]
+        paths = [self._path(snapshot, line) for line in self.lines]
         self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
         depth, positions, slopes = _at_common_depths(paths)
-        sheave_depth = -float(shot.sheaves[0].position_m[2])
+        sheave_depth = -float(snapshot.sheaves[0].position_m[2])
         above = depth < (1.0 - SHEAVE_ZONE) * sheave_depth
         distance = np.linalg.norm(positions[0] - positions[1], axis=1)[above]
         k = int(distance.argmin())
         crossings = find_crossings(depth[above], positions[:, above], slopes[above], self.plane)
-        events = self._compare(crossings, shot.time_s, SAME_CROSSING_TOL * sheave_depth)
+        events = self._compare(crossings, snapshot.time_s, SAME_CROSSING_TOL * sheave_depth)
         self.crossings = tuple(crossings)
-        return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), events
+        return Nearest(snapshot.time_s, float(depth[above][k]), float(distance[k])), events
 
-    def _path(self, shot: Snapshot, line: list[int]) -> Floats:
+    def _path(self, snapshot: Snapshot, line: list[int]) -> Floats:
         """Position of the nodes of a line from the hang-off down [m], (nodes, 3)."""
-        parts = [shot.ropes[line[0]].node_position_m]
-        parts += [shot.ropes[number].node_position_m[1:] for number in line[1:]]
+        parts = [snapshot.ropes[line[0]].node_position_m]
+        parts += [snapshot.ropes[number].node_position_m[1:] for number in line[1:]]
         return np.concatenate(parts)
 
     def _compare(
@@ -297,18 +299,18 @@ class ClearanceReport:
         self._sampled_second = -1  # second of the last sampling
         self._shot: LinesSnapshot | None = None
 
-    def complete(self, shot: Snapshot) -> Snapshot:
+    def complete(self, snapshot: Snapshot) -> Snapshot:
         """Add the results of the lines to the snapshot.
 
         The first sampling follows the first step, since nothing subscribes before that.
         """
-        second = shot.stamp_ns // SAMPLING_NS
-        if shot.step == 0 or second == self._sampled_second:
-            return replace(shot, lines=self._shot)
-        nearest, events = self._watch.observe(shot)
+        second = snapshot.stamp_ns // SAMPLING_NS
+        if snapshot.step == 0 or second == self._sampled_second:
+            return replace(snapshot, lines=self._shot)
+        nearest, events = self._watch.observe(snapshot)
         self._sampled_second = second
         self._shot = LinesSnapshot(nearest, self._watch.crossings)
-        return replace(shot, lines=self._shot, line_events=tuple(events))
+        return replace(snapshot, lines=self._shot, line_events=tuple(events))
 
     def state(self) -> list[Any]:
         """Return the state that a restart needs, as plain numbers."""

@@ -185,62 +185,64 @@ class QualityIndex:
         self._failed_ns = now_ns
         self._at_ns -= EVALUATED_NS  # the next snapshot evaluates it
 
-    def judge(self, shot: Snapshot, outside: Iterable[Finding] = ()) -> Snapshot:
+    def judge(self, snapshot: Snapshot, outside: Iterable[Finding] = ()) -> Snapshot:
         """Return the snapshot with the index of each element, evaluated if that is due.
 
         outside: findings outside the model's range now; read only if an evaluation is due.
         """
-        if self._at_ns < 0 or shot.stamp_ns - self._at_ns >= EVALUATED_NS:
-            elapsed_s = 0.0 if self._at_ns < 0 else (shot.stamp_ns - self._at_ns) * 1e-9
-            self._at_ns = shot.stamp_ns
-            self._evaluate(shot, elapsed_s, validity_of(shot, outside))
+        if self._at_ns < 0 or snapshot.stamp_ns - self._at_ns >= EVALUATED_NS:
+            elapsed_s = 0.0 if self._at_ns < 0 else (snapshot.stamp_ns - self._at_ns) * 1e-9
+            self._at_ns = snapshot.stamp_ns
+            self._evaluate(snapshot, elapsed_s, validity_of(snapshot, outside))
         return amended(
-            shot, quality=tuple(element.result for element in self._elements if element.used)
+            snapshot, quality=tuple(element.result for element in self._elements if element.used)
         )
 
-    def _evaluate(self, shot: Snapshot, elapsed_s: float, validity: Component) -> None:
-        inputs, numerics = inputs_of(shot), self._numerics(shot)
-        damages = shot.fatigue, *(rope.fatigue for rope in shot.ropes)
+    def _evaluate(self, snapshot: Snapshot, elapsed_s: float, validity: Component) -> None:
+        inputs, numerics = inputs_of(snapshot), self._numerics(snapshot)
+        damages = snapshot.fatigue, *(rope.fatigue for rope in snapshot.ropes)
         has_fatigue = any(damage is not None for damage in damages)
-        building_up = shot.motion_ramp < 1.0
+        building_up = snapshot.motion_ramp < 1.0
         histories = {
-            quantity: self._history(k, quantity, shot, elapsed_s)
+            quantity: self._history(k, quantity, snapshot, elapsed_s)
             for k, quantity in enumerate((_TENSIONS, _DEPTHS))
         }
         for element in self._elements:
             name = element.name
             if name == FATIGUE and not has_fatigue:
                 continue
-            score = shot.forecast_score
+            score = snapshot.forecast_score
             if name == FORECAST and score is None:
                 element.deactivate()
                 continue
             if name == FORECAST and score is not None:
-                late, calibration = lateness_of(score, shot.time_s), calibration_of(score)
+                late, calibration = lateness_of(score, snapshot.time_s), calibration_of(score)
                 # The calibration covers the errors of its own numerics and mesh.
                 parts = (_worst((inputs, late)), _GOOD, _GOOD, validity, calibration, _UNKNOWN)
             else:
                 parts = (
-                    inputs, numerics, discretisation_of(name, shot), validity,
-                    residual_of(name, shot), histories[_JUDGED_BY[name]],
+                    inputs, numerics, discretisation_of(name, snapshot), validity,
+                    residual_of(name, snapshot), histories[_JUDGED_BY[name]],
                 )  # fmt: skip
-            element.take(parts, elapsed_s, shot.time_s, building_up)
+            element.take(parts, elapsed_s, snapshot.time_s, building_up)
 
-    def _numerics(self, shot: Snapshot) -> Component:
+    def _numerics(self, snapshot: Snapshot) -> Component:
         """Return the component of convergence and failed steps."""
-        count = shot.solver.unconverged_substeps
+        count = snapshot.solver.unconverged_substeps
         has_new, self._unconverged = count > self._unconverged, count
-        if shot.stamp_ns - self._failed_ns < FAILED_NS:
+        if snapshot.stamp_ns - self._failed_ns < FAILED_NS:
             return Component(0.0, f"a step failed at {self._failed_ns * 1e-9:.2f} s")
-        if has_new or shot.doubtful:
+        if has_new or snapshot.doubtful:
             return Component(0.0, "a step did not converge")
         return _GOOD
 
-    def _history(self, number: int, quantity: str, shot: Snapshot, elapsed_s: float) -> Component:
+    def _history(
+        self, number: int, quantity: str, snapshot: Snapshot, elapsed_s: float
+    ) -> Component:
         """Count the time in agreement with measurements, and return its component."""
-        of_quantity = [one for one in shot.residuals if one.quantity == quantity]
-        compared = [residual for residual in of_quantity if _compares(residual, shot)]
-        bins, hour = self._agreed[number], int(shot.time_s // 3600.0)
+        of_quantity = [one for one in snapshot.residuals if one.quantity == quantity]
+        compared = [residual for residual in of_quantity if _compares(residual, snapshot)]
+        bins, hour = self._agreed[number], int(snapshot.time_s // 3600.0)
         if compared and elapsed_s > 0.0:
             row = bins[hour % HISTORY_HOURS]
             if row[0] != hour:
@@ -257,17 +259,17 @@ class QualityIndex:
         return Component(value, text)
 
 
-def inputs_of(shot: Snapshot) -> Component:
+def inputs_of(snapshot: Snapshot) -> Component:
     """Return the component of the inputs that drive the twin: the worst of them."""
-    is_followed = any(name.startswith(LINE_FOLLOWING) for name in shot.inputs)
+    is_followed = any(name.startswith(LINE_FOLLOWING) for name in snapshot.inputs)
     comparing = _SENSORS[1:] if is_followed else _SENSORS  # a line that is followed drives the twin
     parts = [
         input_of("inputs" if name == BORDER else name.replace("_", " "), health)
-        for name, health in shot.inputs.items()
+        for name, health in snapshot.inputs.items()
         if not name.startswith(comparing) and name not in _COMMANDS_ONLY
     ]
-    if shot.winch_at_limit:
-        parts.append(Component(WARNING_VALUE, f"winch: {shot.winch_at_limit}"))
+    if snapshot.winch_at_limit:
+        parts.append(Component(WARNING_VALUE, f"winch: {snapshot.winch_at_limit}"))
     return _worst(parts)
 
 
@@ -291,56 +293,58 @@ def input_of(name: str, health: InputHealth) -> Component:
     return Component(WARNING_VALUE * falling(fraction, 0.0, MAX_REFUSED_FRACTION), text)
 
 
-def discretisation_of(element: str, shot: Snapshot) -> Component:
+def discretisation_of(element: str, snapshot: Snapshot) -> Component:
     """Return the component of the discretisation error: its bound against the tolerance.
 
     The bound is that of the error interval where a run has one, else of the convergence study; both
     are of the top tension, and the dynamic motion of the payload is as far off as its tension.
     """
     by_study, by_interval = TOLERANCES_PCT[element]
-    static_n = shot.strength[0].static_n if shot.strength else None
-    static_n = static_n or shot.tension_top_n
-    if shot.error_interval is not None and static_n > 0.0:
-        error_pct, tolerance = 100.0 * shot.error_interval.bound_n / static_n, by_interval
+    static_n = snapshot.strength[0].static_n if snapshot.strength else None
+    static_n = static_n or snapshot.tension_top_n
+    if snapshot.error_interval is not None and static_n > 0.0:
+        error_pct, tolerance = 100.0 * snapshot.error_interval.bound_n / static_n, by_interval
         text = f"discretisation error ±{error_pct:.2g} % of the static tension"
-    elif not math.isnan(shot.study_error.rms_pct):
-        error_pct, tolerance = shot.study_error.rms_pct, by_study
+    elif not math.isnan(snapshot.study_error.rms_pct):
+        error_pct, tolerance = snapshot.study_error.rms_pct, by_study
         text = f"discretisation error {error_pct:.2g} % of the standard deviation"
     else:
-        return Component(None, f"discretisation error {shot.study_error.words}")
+        return Component(None, f"discretisation error {snapshot.study_error.words}")
     value = falling(error_pct, tolerance, MAX_ERROR_RATIO * tolerance)
     return Component(value, f"{text}, tolerance {tolerance:g} %")
 
 
-def validity_of(shot: Snapshot, outside: Iterable[Finding] = ()) -> Component:
+def validity_of(snapshot: Snapshot, outside: Iterable[Finding] = ()) -> Component:
     """Return the component of the model's validity now; outside: findings outside its range."""
     parts = [
         Component(0.0, f"MBL of '{rope.name}' exceeded: a real rope would have parted")
-        for rope in shot.strength
+        for rope in snapshot.strength
         if rope.utilisation >= 1.0
     ]
-    if shot.motion_ramp < 1.0:
-        text = f"{BUILD_UP}: {min(shot.motion_ramp, 0.99):.0%} of the ship motion applied"
+    if snapshot.motion_ramp < 1.0:
+        text = f"{BUILD_UP}: {min(snapshot.motion_ramp, 0.99):.0%} of the ship motion applied"
         parts.append(Component(BUILD_UP_VALUE, text))
-    if any(factor != 1.0 for factor in shot.fluid_factors):
+    if any(factor != 1.0 for factor in snapshot.fluid_factors):
         text = "the forces of the water are not applied in full"
         parts.append(Component(BUILD_UP_VALUE, text))
     return _worst((*parts, *(Component(*finding) for finding in outside)))
 
 
-def residual_of(element: str, shot: Snapshot) -> Component:
+def residual_of(element: str, snapshot: Snapshot) -> Component:
     """Return the component of measured less computed values, or None without a measurement."""
     quantity = _JUDGED_BY[element]
-    compared = [residual for residual in shot.residuals if residual.quantity == quantity]
-    parts = [_residual(residual) for residual in compared if _compares(residual, shot)]
+    compared = [residual for residual in snapshot.residuals if residual.quantity == quantity]
+    parts = [_residual(residual) for residual in compared if _compares(residual, snapshot)]
     sensors = tuple({residual.sensors for residual in compared})
     known = [part for part in parts if part.value is not None]
     if element == DEPTH:  # a wrong line out makes the depth wrong, a right one does not prove it
-        lengths = [residual for residual in shot.residuals if residual.quantity == _LENGTHS]
-        length = _worst(_residual(residual) for residual in lengths if _compares(residual, shot))
+        lengths = [residual for residual in snapshot.residuals if residual.quantity == _LENGTHS]
+        length = _worst(
+            _residual(residual) for residual in lengths if _compares(residual, snapshot)
+        )
         if length.value is not None and length.value < UNPROVEN:
             known.append(length)
-    for name, health in shot.inputs.items():
+    for name, health in snapshot.inputs.items():
         if not name.startswith(sensors) or not (known or parts):
             continue
         sensor = input_of(name.replace("_", " "), health)
@@ -353,16 +357,16 @@ def residual_of(element: str, shot: Snapshot) -> Component:
     if parts:
         return parts[0]
     groups = (PAYLOAD_DEPTH,) if element == DEPTH else (WINCH_MEASURED, MOTOR_TENSION)
-    refusals = [health.refusal for name, health in shot.inputs.items()
+    refusals = [health.refusal for name, health in snapshot.inputs.items()
                 if name.startswith(groups) and health.recently_refused]  # fmt: skip
     missing = f"no measured {_WORDS[quantity]} to compare with"
     return Component(None, refusals[0].rstrip(".") if refusals else missing)
 
 
-def _compares(residual: Residual, shot: Snapshot) -> bool:
+def _compares(residual: Residual, snapshot: Snapshot) -> bool:
     """Return whether a comparison has enough readings, and a recent one."""
     wait_s = max(COMPARED_S, 3.0 * residual.span_s / residual.readings)
-    return residual.readings >= MIN_COMPARED and shot.time_s - residual.at_s <= wait_s
+    return residual.readings >= MIN_COMPARED and snapshot.time_s - residual.at_s <= wait_s
 
 
 def _residual(residual: Residual) -> Component:

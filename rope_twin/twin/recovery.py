@@ -121,17 +121,17 @@ class Recovery:
         Raises:
             SolverError: as `advance`.
         """
-        shot = self._twin.snapshot()
-        while not _is_finite(shot):
+        snapshot = self._twin.snapshot()
+        while not _is_finite(snapshot):
             self._recover(SolverError(_not_finite(self._twin.time_ns)), level=1)
-            shot = self._twin.snapshot()
+            snapshot = self._twin.snapshot()
         if not self.count:
-            return shot
-        ago_s = (shot.stamp_ns - self.newest_ns) * 1e-9
-        solver = shot.solver._replace(
+            return snapshot
+        ago_s = (snapshot.stamp_ns - self.newest_ns) * 1e-9
+        solver = snapshot.solver._replace(
             recoveries=self.count, recovered_ago_s=ago_s, recovery=self.reason
         )
-        return amended(shot, solver=solver)
+        return amended(snapshot, solver=solver)
 
     def _take_checkpoint(self) -> None:
         """Store a checkpoint if one is due, or if the stored ones do not fit the ropes."""
@@ -213,19 +213,22 @@ def _not_finite(time_ns: int) -> str:
     return phrase("the rope", problem, "its inputs may be impossible")
 
 
-def _is_finite(shot: Snapshot) -> bool:
+def _is_finite(snapshot: Snapshot) -> bool:
     """Return whether all published values of ropes and payloads are finite, by sums of them.
 
     Tensions along a rope follow from its nodes' positions.
     """
     values = [
-        shot.tension_top_n + shot.tension_payload_n + shot.line_out_m + shot.heave_m,
-        shot.payout_speed_m_per_s + sum(shot.payload_velocity_m_per_s.tolist()),
-        float(np.add.reduce(shot.node_position_m.ravel())),
+        snapshot.tension_top_n
+        + snapshot.tension_payload_n
+        + snapshot.line_out_m
+        + snapshot.heave_m,
+        snapshot.payout_speed_m_per_s + sum(snapshot.payload_velocity_m_per_s.tolist()),
+        float(np.add.reduce(snapshot.node_position_m.ravel())),
     ]
-    if shot.ropes:
-        values += [float(np.add.reduce(rope.node_position_m.ravel())) for rope in shot.ropes]
-        values += [sum(payload.position_m.tolist()) for payload in shot.payloads]
+    if snapshot.ropes:
+        values += [float(np.add.reduce(rope.node_position_m.ravel())) for rope in snapshot.ropes]
+        values += [sum(payload.position_m.tolist()) for payload in snapshot.payloads]
     return all(map(math.isfinite, values))
 
 

@@ -338,15 +338,15 @@ class MeasuredInputs:
         """Store the twin's values at a time: of each rope top tension and line out, then depth."""
         self._history.add(time_ns, row)
 
-    def residuals(self, shot: Snapshot) -> tuple[Residual, ...]:
+    def residuals(self, snapshot: Snapshot) -> tuple[Residual, ...]:
         """Compare the readings since the last snapshot, and return all residuals."""
         for r, comparison in enumerate(self._tensions):
-            interval = shot.error_interval if r == 0 else None
+            interval = snapshot.error_interval if r == 0 else None
             number = comparison.column // 2
-            if r > 0 and number < len(shot.ropes):
-                interval = shot.ropes[number].error_interval
+            if r > 0 and number < len(snapshot.ropes):
+                interval = snapshot.ropes[number].error_interval
             twin = None if interval is None else interval.bound_n / COVERAGE
-            rms_pct = shot.study_error.rms_pct if r == 0 else math.nan
+            rms_pct = snapshot.study_error.rms_pct if r == 0 else math.nan
             comparison.update(self._history, twin, None if math.isnan(rms_pct) else 0.01 * rms_pct)
         for comparison in self._lengths:  # prescribed to the rope: it has no error of its own
             comparison.update(self._history, 0.0, None)

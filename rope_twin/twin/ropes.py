@@ -108,17 +108,17 @@ class OneRope(OtherRopes):
         """Return energy and power of the rope now."""
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
-    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
+    def complete(self, snapshot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Add the force on the lower end, if the scene moves that end."""
         if self._scene.ropes[0].end_motion is None:
-            return shot
+            return snapshot
         force = lower_end_force(self.first, effects, now_ns * 1e-9)
-        return amended(shot, lower_end_force_n=tuple(force.tolist()))
+        return amended(snapshot, lower_end_force_n=tuple(force.tolist()))
 
-    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+    def shapes(self, first: Rope, snapshot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shape of the rope."""
         line = self._scene.ropes[0]
-        return (shape_from_top(line, first, first_rope(shot, line.name)),)
+        return (shape_from_top(line, first, first_rope(snapshot, line.name)),)
 
     def lowest(self, first: Rope) -> Rope:
         """Return the rope itself."""
@@ -193,33 +193,33 @@ class CutRope(OtherRopes):
         self._fresh, pull[:] = False, pulls[0]
         return True
 
-    def complete(self, shot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
+    def complete(self, snapshot: Snapshot, now_ns: int, effects: tuple[Any, ...]) -> Snapshot:
         """Complete the first rope's snapshot with both parts and the payload of the lower one."""
         lower = without_massless_section(self._lower)
         name = f"{self._scene.ropes[0].name}/lower"
         ends_n = lower_end_tension(lower, effects, now_ns * 1e-9), 0.0
         lower_snapshot = rope_snapshot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
-        doubtful = shot.doubtful or unconverged > self._unconverged
+        doubtful = snapshot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
         x, v = (lower.state.nodes[k : k + 3, 0].copy() for k in (rows.POSITION, rows.VELOCITY))
-        if shot.body is not None:  # the values are those of the lower part already
-            x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
+        if snapshot.body is not None:  # the values are those of the lower part already
+            x, v = snapshot.payload_position_m, snapshot.payload_velocity_m_per_s
         return replace(
-            shot,
+            snapshot,
             tension_payload_n=float(lower_snapshot.node_tension_n[-1]),
             payload_position_m=x,
             payload_velocity_m_per_s=v,
-            ropes=(first_rope(shot, self._scene.ropes[0].name), lower_snapshot),
+            ropes=(first_rope(snapshot, self._scene.ropes[0].name), lower_snapshot),
             payloads=tuple(PayloadSnapshot(payload.name, x, v) for payload in self._scene.payloads),
             seabed=self._contact(lower),
-            solver=_combined_health(shot.solver, lower.state.health),
+            solver=_combined_health(snapshot.solver, lower.state.health),
             doubtful=doubtful,
         )
 
-    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+    def shapes(self, first: Rope, snapshot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of both parts."""
-        line, (upper, lower) = self._scene.ropes[0], shot.ropes
+        line, (upper, lower) = self._scene.ropes[0], snapshot.ropes
         falling = without_massless_section(self._lower)
         return shape_from_top(line, first, upper), shape_from_top(line, falling, lower, loose=True)
 

@@ -150,53 +150,53 @@ class LoadRecord:
         self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
 
     def observe(
-        self, shot: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
+        self, snapshot: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
     ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
         """Return the strength results of each rope and the limits exceeded since the start."""
         count = len(rules.ropes)
         strength = [
-            self._load(shot, r, rope_strength, rules) if r < count else rope_strength
-            for r, rope_strength in enumerate(shot.strength)
+            self._load(snapshot, r, rope_strength, rules) if r < count else rope_strength
+            for r, rope_strength in enumerate(snapshot.strength)
         ]
         limits = rules.limits
         if limits.min_tension_n is not None:
-            for r, low_n in enumerate(minimum_tensions_n(shot)[:count]):
+            for r, low_n in enumerate(minimum_tensions_n(snapshot)[:count]):
                 if low_n < limits.min_tension_n:
-                    self._record_breach(self._row(r, 3), -low_n, shot.time_s)
+                    self._record_breach(self._row(r, 3), -low_n, snapshot.time_s)
         if limits.bend_radius:
             for bend in bends:
                 if bend.now.too_tight and bend.now.name in rules.ropes:
                     row = self._row(rules.ropes.index(bend.now.name), 4)
-                    self._record_breach(row, -bend.now.radius_m, shot.time_s)
+                    self._record_breach(row, -bend.now.radius_m, snapshot.time_s)
         if rules.watches_payload and rules.payloads:
-            self._check_payloads(shot, rules)
-        if shot.seabed is not None and rules.payloads:
-            self._check_landing(shot, rules)
+            self._check_payloads(snapshot, rules)
+        if snapshot.seabed is not None and rules.payloads:
+            self._check_landing(snapshot, rules)
         min_clearance_m = limits.line_clearance_m
-        if min_clearance_m is not None and shot.lines is not None:
-            distance_m = shot.lines.nearest.distance_m
+        if min_clearance_m is not None and snapshot.lines is not None:
+            distance_m = snapshot.lines.nearest.distance_m
             if distance_m < min_clearance_m:
-                self._record_breach(len(self._found) - 1, -distance_m, shot.time_s)
+                self._record_breach(len(self._found) - 1, -distance_m, snapshot.time_s)
         self._begun = True
         return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
 
     def _load(
-        self, shot: Snapshot, r: int, strength: RopeStrength, rules: LoadRules
+        self, snapshot: Snapshot, r: int, strength: RopeStrength, rules: LoadRules
     ) -> RopeStrength:
         """Return a rope's maximum tension, utilisation and dynamic amplification."""
-        if shot.ropes and r > 0:
-            now_n, line_out_m = shot.ropes[r].tension_top_n, shot.ropes[r].line_out_m
+        if snapshot.ropes and r > 0:
+            now_n, line_out_m = snapshot.ropes[r].tension_top_n, snapshot.ropes[r].line_out_m
         else:
             # the first snapshot's maximum includes the static equilibrium, which no step computed
-            now_n = shot.tension_top_max_n if self._begun else strength.max_n
-            line_out_m = shot.line_out_m
+            now_n = snapshot.tension_top_max_n if self._begun else strength.max_n
+            line_out_m = snapshot.line_out_m
         has_grown = strength.max_n > self._max_n[r]
         current_n = max(now_n, strength.max_n) if has_grown else now_n
         peak_n = current_n if r > 0 and self._begun else now_n
         max_n = self._max_n[r] = max(self._max_n[r], current_n)
         if current_n > rules.allowed_n[r]:
-            self._check_tension(r, current_n, strength.breaking_load_n, (shot.time_s, rules))
-        if shot.cut is None:
+            self._check_tension(r, current_n, strength.breaking_load_n, (snapshot.time_s, rules))
+        if snapshot.cut is None:
             if abs(line_out_m - self._static_at_m[r]) > LINE_OUT_TOL_M:
                 self._static_at_m[r] = line_out_m
                 self._static_n[r] = rules.static_n(r, self._start_n[r], line_out_m)
@@ -221,44 +221,46 @@ class LoadRecord:
             if limit is not None and value > limit:
                 self._record_breach(self._row(r, number), value, time_s)
 
-    def _check_payloads(self, shot: Snapshot, rules: LoadRules) -> None:
+    def _check_payloads(self, snapshot: Snapshot, rules: LoadRules) -> None:
         limits, deepest, deepest_number = rules.limits, -math.inf, 0
         first = len(rules.ropes) * len(ROPE_LIMITS)
-        for number, (position, velocity) in enumerate(payload_motions(shot, len(rules.payloads))):
+        for number, (position, velocity) in enumerate(
+            payload_motions(snapshot, len(rules.payloads))
+        ):
             row = first + number * len(PAYLOAD_LIMITS)
             x, y, z = velocity.tolist()
             depth_m = -float(position[2])
             if limits.payload_speed_m_per_s is not None:
                 speed = math.sqrt(x * x + y * y + z * z)
                 if speed > limits.payload_speed_m_per_s:
-                    self._record_breach(row, speed, shot.time_s)
+                    self._record_breach(row, speed, snapshot.time_s)
             if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
-                self._record_breach(row + 1, depth_m, shot.time_s)
+                self._record_breach(row + 1, depth_m, snapshot.time_s)
             if depth_m > deepest:
                 deepest, deepest_number = depth_m, number
-        if shot.seabed is None or limits.bed_clearance_m is None:
+        if snapshot.seabed is None or limits.bed_clearance_m is None:
             return
-        height_m = shot.seabed.payload_height_m
+        height_m = snapshot.seabed.payload_height_m
         if height_m < limits.bed_clearance_m:
             row = first + deepest_number * len(PAYLOAD_LIMITS) + 3
-            self._record_breach(row, -height_m, shot.time_s)
+            self._record_breach(row, -height_m, snapshot.time_s)
 
-    def _check_landing(self, shot: Snapshot, rules: LoadRules) -> None:
+    def _check_landing(self, snapshot: Snapshot, rules: LoadRules) -> None:
         """Record the sinking speed before contact, the larger of this snapshot and the last one, if
         the bed carries the payload now.
         """
-        assert shot.seabed is not None
-        motions = payload_motions(shot, len(rules.payloads))
+        assert snapshot.seabed is not None
+        motions = payload_motions(snapshot, len(rules.payloads))
         sinking, lowest = max((-float(v[2]), -k) for k, (_, v) in enumerate(motions))
-        sinking, landed = max(sinking, 0.0), shot.seabed.payload_landed
+        sinking, landed = max(sinking, 0.0), snapshot.seabed.payload_landed
         if landed and not self._landed:
             speed, known = max(sinking, self._sinking), self.landings
             limit = rules.limits.landing_speed_m_per_s
-            first = Landings(1, shot.time_s, speed, shot.time_s, speed)
-            self.landings = first if known is None else known.then(shot.time_s, speed)
+            first = Landings(1, snapshot.time_s, speed, snapshot.time_s, speed)
+            self.landings = first if known is None else known.then(snapshot.time_s, speed)
             if limit is not None and speed > limit:
                 row = len(rules.ropes) * len(ROPE_LIMITS) - lowest * len(PAYLOAD_LIMITS)
-                self._record_breach(row + 2, speed, shot.time_s)
+                self._record_breach(row + 2, speed, snapshot.time_s)
         self._landed, self._sinking = landed, sinking
 
     def _row(self, r: int, number: int) -> int:
@@ -312,18 +314,18 @@ def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
     return high
 
 
-def minimum_tensions_n(shot: Snapshot) -> list[float]:
+def minimum_tensions_n(snapshot: Snapshot) -> list[float]:
     """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
-    if not shot.ropes:
-        return [min(shot.tension_top_min_n, float(shot.element_tension_n.min()))]
-    return [float(rope.element_tension_n.min()) for rope in shot.ropes]
+    if not snapshot.ropes:
+        return [min(snapshot.tension_top_min_n, float(snapshot.element_tension_n.min()))]
+    return [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
 
 
-def payload_motions(shot: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+def payload_motions(snapshot: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
     """Return position [m] and velocity [m/s] of each payload, (3,) each."""
-    if shot.payloads:
-        return [(payload.position_m, payload.velocity_m_per_s) for payload in shot.payloads]
-    return [(shot.payload_position_m, shot.payload_velocity_m_per_s)][:count]
+    if snapshot.payloads:
+        return [(payload.position_m, payload.velocity_m_per_s) for payload in snapshot.payloads]
+    return [(snapshot.payload_position_m, snapshot.payload_velocity_m_per_s)][:count]
 
 
 def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
@@ -502,35 +504,35 @@ class RunRecord:
         """Start the extremes until the next snapshot; unconverged: substeps since the start."""
         self.unconverged, self.recent = unconverged, Extremes()
 
-    def add_contact(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
+    def add_contact(self, snapshot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
         """Add body, compensator, and contact with hull and seabed, if the scene has them."""
         if self._has_body:
-            shot = with_body(shot, ropes.lowest(rope))
+            snapshot = with_body(snapshot, ropes.lowest(rope))
         if self._has_compensator:
-            shot = with_compensator(shot, ropes.lowest(rope))
+            snapshot = with_compensator(snapshot, ropes.lowest(rope))
         if self._has_hull:
-            shot = amended(shot, contacts=hull_contacts(rope))
+            snapshot = amended(snapshot, contacts=hull_contacts(rope))
         contact = seabed_contact(rope) if self._has_bed else None
-        return shot if contact is None else amended(shot, seabed=contact)
+        return snapshot if contact is None else amended(snapshot, seabed=contact)
 
-    def add_loads(self, shot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
+    def add_loads(self, snapshot: Snapshot, rope: Rope, ropes: Ropes) -> Snapshot:
         """Add touchdown and bends (if the scene has them), loads and limits."""
         added: dict[str, Any] = {}
         bed = seabed_of(rope) if self._has_bed else None
         if bed is not None or self.bends is not None:
-            shapes = ropes.shapes(rope, shot)
+            shapes = ropes.shapes(rope, snapshot)
             if bed is not None:
                 touchdowns = (touchdown_of(shape, bed) for shape in shapes)
                 added["touchdowns"] = tuple(filter(None, touchdowns))
             if self.bends is not None:
-                added["bends"] = self.bends.observe(shapes, shot.time_s)
-        results = self.loads.observe(shot, self._rules, added.get("bends", ()))
+                added["bends"] = self.bends.observe(shapes, snapshot.time_s)
+        results = self.loads.observe(snapshot, self._rules, added.get("bends", ()))
         added["strength"], added["breaches"] = results
         added["landings"] = self.loads.landings
-        return amended(shot, **added)
+        return amended(snapshot, **added)
 
     def judge(
-        self, shot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
+        self, snapshot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
     ) -> Snapshot:
         """Add the quality indices; arguments as of `ModelRange.outside`."""
-        return self.quality.judge(shot, self._range.outside(shot, effects, factors))
+        return self.quality.judge(snapshot, self._range.outside(snapshot, effects, factors))

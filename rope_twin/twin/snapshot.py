@@ -445,33 +445,33 @@ class Snapshot:
         return self.stamp_ns * 1e-9
 
 
-def amended(shot: Snapshot, **fields: Any) -> Snapshot:
+def amended(snapshot: Snapshot, **fields: Any) -> Snapshot:
     """Set fields of a snapshot that is still being built and not yet shared; return it.
 
     `dataclasses.replace` copies all fields, which takes as long as all the rest of a snapshot.
     """
-    vars(shot).update(fields)
-    return shot
+    vars(snapshot).update(fields)
+    return snapshot
 
 
-def first_rope(shot: Snapshot, name: str) -> RopeSnapshot:
+def first_rope(snapshot: Snapshot, name: str) -> RopeSnapshot:
     """Return the first rope of a snapshot in the form of the other ropes."""
     return RopeSnapshot(
         name=name,
-        node_position_m=shot.node_position_m,
-        node_tension_n=shot.node_tension_n,
-        element_tension_n=shot.element_tension_n,
-        tension_top_n=shot.tension_top_n,
-        line_out_m=shot.line_out_m,
-        payout_speed_m_per_s=shot.payout_speed_m_per_s,
+        node_position_m=snapshot.node_position_m,
+        node_tension_n=snapshot.node_tension_n,
+        element_tension_n=snapshot.element_tension_n,
+        tension_top_n=snapshot.tension_top_n,
+        line_out_m=snapshot.line_out_m,
+        payout_speed_m_per_s=snapshot.payout_speed_m_per_s,
     )
 
 
-def most_damaged(shot: Snapshot) -> tuple[str, MaterialFatigue] | None:
+def most_damaged(snapshot: Snapshot) -> tuple[str, MaterialFatigue] | None:
     """Return the rope with the largest damage ("" in a scene of one rope); None: not known."""
-    known = [(rope.name, rope.fatigue) for rope in shot.ropes if rope.fatigue is not None]
+    known = [(rope.name, rope.fatigue) for rope in snapshot.ropes if rope.fatigue is not None]
     if not known:
-        return None if shot.fatigue is None else ("", shot.fatigue)
+        return None if snapshot.fatigue is None else ("", snapshot.fatigue)
     return max(known, key=lambda rope: float(rope[1].used.max()))
 
 

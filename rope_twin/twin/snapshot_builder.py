@@ -202,11 +202,11 @@ def payload_depth_m(rope: Rope) -> float:
     return -float(rope.state.nodes[rows.POSITION + 2, 0])
 
 
-def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
+def with_body(snapshot: Snapshot, rope: Rope) -> Snapshot:
     """Add the rope's rigid body to the snapshot; its centre is then the payload's position."""
     body = body_of(rope)
     if body is None:
-        return shot
+        return snapshot
     nodes, pose = rope.state.nodes, pose_of(body)
     hook = nodes[rows.POSITION : rows.POSITION + 3, 0]
     force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
@@ -217,7 +217,7 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
         reaction_n = float(deck_forces(deck, body, pose)[:, 2].sum())
         clearance_m = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
     return amended(
-        shot,
+        snapshot,
         payload_position_m=pose.place(body.middle),
         payload_velocity_m_per_s=pose.speed(body.middle),
         body=BodySnapshot(
@@ -234,12 +234,12 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     )
 
 
-def with_compensator(shot: Snapshot, rope: Rope) -> Snapshot:
+def with_compensator(snapshot: Snapshot, rope: Rope) -> Snapshot:
     """Add the heave compensator at the rope's lower end to the snapshot, if there is one."""
     for effect in rope.effects:
         if isinstance(effect, Compensator) and effect.here != 0.0:
-            return amended(shot, compensator=_compensator(effect, rope))
-    return shot
+            return amended(snapshot, compensator=_compensator(effect, rope))
+    return snapshot
 
 
 def _compensator(compensator: Compensator, rope: Rope) -> CompensatorSnapshot:
@@ -280,19 +280,21 @@ class RopeShape(NamedTuple):
 
 
 def shape_from_top(
-    line: RopeLine, core: Rope, shot: RopeSnapshot, *, loose: bool = False
+    line: RopeLine, core: Rope, snapshot: RopeSnapshot, *, loose: bool = False
 ) -> RopeShape:
     """Return the shape of a rope whose last node in the core is its upper end."""
-    position, tension = shot.node_position_m, shot.element_tension_n
+    position, tension = snapshot.node_position_m, snapshot.element_tension_n
     s = core.state.s[: len(position)]
-    return RopeShape(shot.name, line, core, position, (s[-1] - s)[::-1].copy(), tension, loose)
+    return RopeShape(snapshot.name, line, core, position, (s[-1] - s)[::-1].copy(), tension, loose)
 
 
-def shape_from_sheave(line: RopeLine, core: Rope, shot: RopeSnapshot) -> RopeShape:
+def shape_from_sheave(line: RopeLine, core: Rope, snapshot: RopeSnapshot) -> RopeShape:
     """Return the shape of a rope that ends at a sheave, where its elements come and go."""
-    arc = core.state.s[: len(shot.node_position_m)] - core.state.s[0]
-    arc[-1] = shot.line_out_m
-    return RopeShape(shot.name, line, core, shot.node_position_m, arc, shot.element_tension_n)
+    arc = core.state.s[: len(snapshot.node_position_m)] - core.state.s[0]
+    arc[-1] = snapshot.line_out_m
+    return RopeShape(
+        snapshot.name, line, core, snapshot.node_position_m, arc, snapshot.element_tension_n
+    )
 
 
 def midpoints(arc_m: Vector) -> Vector:

@@ -370,29 +370,33 @@ class Twin:
         effects, ropes, first = inputs.current.effects, system.ropes, system.first
         boundary = rows.Boundary(*(table[0] for table in self._motion.boundary))
         with inputs.lock:
-            health, at_limit, winch = inputs.health(), inputs.winch.at_limit, inputs.winch.shot()
+            health, at_limit, winch = (
+                inputs.health(),
+                inputs.winch.at_limit,
+                inputs.winch.snapshot(),
+            )
         ship_moves = self.scene.sea_state.moves or health["heave"].accepted > 0
         at, top = (self.time_ns, self.steps), (record.run, record.recent)
-        shot = build_snapshot(self.scene, self.rope, boundary, system.pull, at, top, ship_moves)
+        snapshot = build_snapshot(self.scene, self.rope, boundary, system.pull, at, top, ship_moves)
         amended(
-            shot,
+            snapshot,
             winch_at_limit=at_limit,
             doubtful=system.unconverged > record.unconverged,
-            solver=shot.solver._replace(computing_s=self._clock.computing_s),
+            solver=snapshot.solver._replace(computing_s=self._clock.computing_s),
             inputs=health,
             winches=() if winch is None else (winch,),
             cut=self.cut,
         )
         record.begin_interval(system.unconverged)
-        shot = record.add_contact(shot, first, ropes)
-        shot = ropes.complete(shot, self.time_ns, effects)
+        snapshot = record.add_contact(snapshot, first, ropes)
+        snapshot = ropes.complete(snapshot, self.time_ns, effects)
         if self.viv_drag is not None:
-            shot = with_vibration(self.scene, shot, self.viv_drag.shots(self.all_ropes))
-        inputs.validity.observe(shot, inputs.motion_judged)
-        shot = amended(record.add_loads(shot, first, ropes), study_error=self.study_error)
+            snapshot = with_vibration(self.scene, snapshot, self.viv_drag.snapshots(self.all_ropes))
+        inputs.validity.observe(snapshot, inputs.motion_judged)
+        snapshot = amended(record.add_loads(snapshot, first, ropes), study_error=self.study_error)
         for monitor in self._monitors:
-            shot = monitor.amend(self.inspect(), shot)
-        return record.judge(inputs.complete(shot), effects, inputs.factors)
+            snapshot = monitor.amend(self.inspect(), snapshot)
+        return record.judge(inputs.complete(snapshot), effects, inputs.factors)
 
     # Changes of the ropes between steps
 

@@ -86,19 +86,19 @@ class ModelRange:
         self._prior = scene.learning
 
     def outside(
-        self, shot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
+        self, snapshot: Snapshot, effects: tuple[Any, ...], factors: Mapping[str, float]
     ) -> Iterator[Finding]:
         """Yield the findings outside the range.
 
         effects: kernel data in use of the first rope; factors: learned ones on the scene's figures.
         """
         yield from self._standing
-        yield from self._at_the_surface(shot)
-        yield from self._below_the_bed(shot)
-        yield from self._beyond_the_winch(shot)
-        yield from _below_the_profile(shot, effects)
-        if shot.lines is not None and shot.lines.crossings and not self._touching:
-            at_m = shot.lines.crossings[0].depth_m
+        yield from self._at_the_surface(snapshot)
+        yield from self._below_the_bed(snapshot)
+        yield from self._beyond_the_winch(snapshot)
+        yield from _below_the_profile(snapshot, effects)
+        if snapshot.lines is not None and snapshot.lines.crossings and not self._touching:
+            at_m = snapshot.lines.crossings[0].depth_m
             text = f"the lines cross at {at_m:.0f} m; contact between them is not modelled"
             yield Finding(DOUBTED, text)
         for name, factor in factors.items():
@@ -107,55 +107,55 @@ class ModelRange:
                 text = f"the learned {name.replace('_', ' ')} is {factor:.3g} times the scene's"
                 yield Finding(DOUBTED, f"{text}: another lift than the one prepared")
 
-    def _at_the_surface(self, shot: Snapshot) -> Iterator[Finding]:
-        positions = {payload.name: payload.position_m for payload in shot.payloads}
+    def _at_the_surface(self, snapshot: Snapshot) -> Iterator[Finding]:
+        positions = {payload.name: payload.position_m for payload in snapshot.payloads}
         for name, half_m in self._surfacing.items():
-            z = float(positions.get(name, shot.payload_position_m)[2])
+            z = float(positions.get(name, snapshot.payload_position_m)[2])
             if z > -half_m:
                 text = f"payload '{name}' is at the surface, z = {z:.1f} m, without `splash_zone`"
                 yield Finding(OUTSIDE, text)
 
-    def _below_the_bed(self, shot: Snapshot) -> Iterator[Finding]:
-        depth_m = -float(shot.payload_position_m[2])
+    def _below_the_bed(self, snapshot: Snapshot) -> Iterator[Finding]:
+        depth_m = -float(snapshot.payload_position_m[2])
         if self._water_m is not None and depth_m > self._water_m:
             yield Finding(
                 0.0, f"the payload is at {depth_m:.1f} m in water {self._water_m:g} m deep"
             )
-        if shot.seabed is None:
+        if snapshot.seabed is None:
             return
-        penetration_m = -shot.seabed.payload_height_m
+        penetration_m = -snapshot.seabed.payload_height_m
         if penetration_m > PENETRATION_M[0]:
             text = f"the payload is {penetration_m:.1f} m in the seabed, whose model is elastic"
             yield Finding(falling(penetration_m, *PENETRATION_M), text)
-        bed_m = depth_m + shot.seabed.payload_height_m
-        for residual in shot.residuals:
+        bed_m = depth_m + snapshot.seabed.payload_height_m
+        for residual in snapshot.residuals:
             beyond_m = residual.measured - bed_m - (residual.half_width or 0.0)
             if residual.quantity == "payload_depth_m" and beyond_m > PENETRATION_M[0]:
                 text = f"the measured depth, {residual.measured:.1f} m, is below the scene's seabed"
                 yield Finding(OUTSIDE, f"{text} at {bed_m:.1f} m")
 
-    def _beyond_the_winch(self, shot: Snapshot) -> Iterator[Finding]:
+    def _beyond_the_winch(self, snapshot: Snapshot) -> Iterator[Finding]:
         """Check the line of a winch that follows measurements; commands are limited elsewhere."""
         winch = self._winch
-        if winch is None or shot.cut is not None or LINE_FOLLOWING not in shot.inputs:
+        if winch is None or snapshot.cut is not None or LINE_FOLLOWING not in snapshot.inputs:
             return
         low_m, high_m = winch.min_line_out_m - LINE_TOL_M, winch.max_line_out_m + LINE_TOL_M
-        if not low_m <= shot.line_out_m <= high_m:
-            text = f"line out of {shot.line_out_m:.1f} m, the scene's winch has "
+        if not low_m <= snapshot.line_out_m <= high_m:
+            text = f"line out of {snapshot.line_out_m:.1f} m, the scene's winch has "
             text += f"{winch.min_line_out_m:g} to {winch.max_line_out_m:g} m"
             yield Finding(DOUBTED, text)
-        speed = abs(shot.payout_speed_m_per_s)
+        speed = abs(snapshot.payout_speed_m_per_s)
         if speed > SPEED_TOL * winch.speed_limit_m_per_s:
             text = f"line speed of {speed:.2f} m/s, the scene's winch has at most "
             yield Finding(DOUBTED, f"{text}{winch.speed_limit_m_per_s:g} m/s")
 
 
-def _below_the_profile(shot: Snapshot, effects: tuple[Any, ...]) -> Iterator[Finding]:
+def _below_the_profile(snapshot: Snapshot, effects: tuple[Any, ...]) -> Iterator[Finding]:
     """Check whether a measured current ends far above the payload with a speed above zero."""
-    current, profile = shot.inputs.get("current"), profile_of(effects)
+    current, profile = snapshot.inputs.get("current"), profile_of(effects)
     if current is None or not current.accepted or profile is None:
         return
-    last_m, end_m = float(profile.z[0]), float(shot.payload_position_m[2])
+    last_m, end_m = float(profile.z[0]), float(snapshot.payload_position_m[2])
     speed = float(np.hypot(*(row[0] for row in profile.U[:2])))
     if speed > EXTENDED_M_PER_S and last_m - end_m > -EXTENDED_FRACTION * end_m > 0.0:
         text = f"the current ends at z = {last_m:g} m with {speed:.2f} m/s, which is used down to "
@@ -274,27 +274,27 @@ class StudyValidity:
             reason = f"the ship's motion is not the scene's own sea from {since_ns * 1e-9:.2f} s on"
             self._strange = (since_ns, reason)
 
-    def observe(self, shot: Snapshot, compared: bool) -> None:
+    def observe(self, snapshot: Snapshot, compared: bool) -> None:
         """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
-        now_ns = shot.stamp_ns
+        now_ns = snapshot.stamp_ns
         if self._why or now_ns == 0:
             return
-        for winch in shot.winches:
+        for winch in snapshot.winches:
             if winch.off_schedule_s is not None:
                 since = f"{winch.off_schedule_s:.2f} s on"
                 self._latch(f"winch commands differ from the scene's schedule from {since}")
         if self._strange is not None and now_ns > self._strange[0]:
             self._latch(self._strange[1])
         if self._moves:
-            self._check_sea(shot, compared)
+            self._check_sea(snapshot, compared)
 
-    def _check_sea(self, shot: Snapshot, compared: bool) -> None:
+    def _check_sea(self, snapshot: Snapshot, compared: bool) -> None:
         """Check that samples of the scene's sea arrive and were compared."""
-        heave, is_late = shot.inputs.get("heave"), shot.stamp_ns > MISSING_NS
+        heave, is_late = snapshot.inputs.get("heave"), snapshot.stamp_ns > MISSING_NS
         if not compared:
             self._latch("the ship's motion was not compared with the scene's own sea")
         elif heave is not None and (heave.stale or (heave.accepted == 0 and is_late)):
-            self._latch(f"samples of the scene's sea are missing at {shot.time_s:.2f} s")
+            self._latch(f"samples of the scene's sea are missing at {snapshot.time_s:.2f} s")
 
     def _latch(self, reason: str) -> None:
         self._why = self._why or reason

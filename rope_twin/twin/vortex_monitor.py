@@ -104,19 +104,19 @@ class VortexMonitor(Monitor):
             if chunk.steps == self._due.get(numbers):
                 line.observe(_sample(view, numbers))
 
-    def amend(self, view: TwinView, shot: Snapshot) -> Snapshot:
+    def amend(self, view: TwinView, snapshot: Snapshot) -> Snapshot:
         """Return the snapshot with vibration and fatigue."""
         if view.joined is not None:
-            return self._amend_ropes(view, shot)
+            return self._amend_ropes(view, snapshot)
         (line,) = self.lines.values()
         if view.viv_drag is None:
-            amended(shot, vibration=_with_cost(line.vibration(view.rope), line.cost_pct))
-        return amended(shot, fatigue=line.fatigue[0] if line.fatigue else None)
+            amended(snapshot, vibration=_with_cost(line.vibration(view.rope), line.cost_pct))
+        return amended(snapshot, fatigue=line.fatigue[0] if line.fatigue else None)
 
-    def _amend_ropes(self, view: TwinView, shot: Snapshot) -> Snapshot:
+    def _amend_ropes(self, view: TwinView, snapshot: Snapshot) -> Snapshot:
         """Return the snapshot of a multi-line system with the results of each rope."""
         cost_pct = sum(line.cost_pct for line in self.lines.values())
-        shots = list(shot.ropes)
+        snapshots = list(snapshot.ropes)
         for numbers, line in self.lines.items():
             ropes = [view.ropes.all_with(view.rope)[r] for r in numbers]
             response = _with_cost(line.vibration(one_rope(ropes)), cost_pct)
@@ -126,10 +126,14 @@ class VortexMonitor(Monitor):
                 if vibration is not None and runs_over_sheave(view.scene, view.scene.ropes[r]):
                     vibration = _at_nodes(vibration, slice(None, None, -1))
                 if view.viv_drag is not None:  # the snapshot has it already
-                    vibration = shots[r].vibration
-                shots[r] = replace(shots[r], vibration=vibration, fatigue=fatigue)
-        shot = amended(shot, ropes=tuple(shots), fatigue=shots[0].fatigue)
-        return shot if view.viv_drag is not None else amended(shot, vibration=shots[0].vibration)
+                    vibration = snapshots[r].vibration
+                snapshots[r] = replace(snapshots[r], vibration=vibration, fatigue=fatigue)
+        snapshot = amended(snapshot, ropes=tuple(snapshots), fatigue=snapshots[0].fatigue)
+        return (
+            snapshot
+            if view.viv_drag is not None
+            else amended(snapshot, vibration=snapshots[0].vibration)
+        )
 
     def cut(self, view: TwinView) -> None:
         """Restart the vibration monitor on the remaining part; the lower part is not monitored."""

@@ -153,7 +153,7 @@ class CoupledModel:
         self._searched = self._search = None
         self._since_s = self._every_s
 
-    def shot(self, rope: Rope) -> RopeVibration:
+    def snapshot(self, rope: Rope) -> RopeVibration:
         """Return the VIV response at the nodes of the rope."""
         return RopeVibration(
             model=self.model,
@@ -383,12 +383,12 @@ class VivDragAmplification:
         n, remaining = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
         self.trackers[number].cut(min(remaining / n, 1.0))
 
-    def shots(self, ropes: Sequence[Rope]) -> tuple[RopeVibration, ...]:
+    def snapshots(self, ropes: Sequence[Rope]) -> tuple[RopeVibration, ...]:
         """Return the VIV response at the nodes of each rope, from its last node down."""
         cost_pct = 100.0 * self._took_s / max(self._sampled_s, self._step_s)
         return tuple(
             replace(
-                tracker.shot(rope),
+                tracker.snapshot(rope),
                 drag_amplification=1.0 + self._amplification_less_1(tracker, rope)[::-1],
                 cost_pct=cost_pct,
             )

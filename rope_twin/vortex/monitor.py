@@ -114,7 +114,7 @@ class MeasuredVibration:
         if len(self._waiting) == BLOCK:
             self._work_off()
 
-    def shot(self, rope: Rope) -> RopeVibration | None:
+    def snapshot(self, rope: Rope) -> RopeVibration | None:
         """Return the vibration at the nodes; None: not known yet."""
         if not self.known:
             return None
@@ -330,7 +330,7 @@ class RopeMonitor:
             if is_new_second:
                 counted_s = (sample.time_ns - self.counting_from_ns) * 1e-9
                 self.fatigue = tuple(
-                    damage.shot(rope.line_out_m, counted_s)
+                    damage.snapshot(rope.line_out_m, counted_s)
                     for damage, rope in zip(self.damages, sample.ropes, strict=True)
                 )
         self._observing_s += time.perf_counter() - started
@@ -361,7 +361,7 @@ class RopeMonitor:
         """Return the vibration at the nodes of the line; None: not monitored, or not known yet."""
         if self._viv_drag is not None or self._tracker is None:
             return None
-        response: RopeVibration | None = self._tracker.shot(rope)
+        response: RopeVibration | None = self._tracker.snapshot(rope)
         return response
 
     def bent(self, rope: Rope, middles: Floats) -> Floats:

@@ -284,7 +284,7 @@ class RopeDamage:
             for load in (straight, straight + stress_pa, straight):
                 self._count.take(np.tile(load, len(self._around)), self._curve.used)
 
-    def shot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
+    def snapshot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
         """Return the accumulated damage; open cycles count half."""
         shape = (len(self._around), len(self.middles))
         return MaterialFatigue(

@@ -60,8 +60,8 @@ class Course:
         found: list[Any] = []
         for _ in range(max(1, round(seconds * 1e9 / STEP_NS))):
             self.time_ns += STEP_NS
-            shot: Snapshot = replace(self.quiet, stamp_ns=self.time_ns, **fields)
-            self.last, found = shot, self.watch.observe(shot)
+            snapshot: Snapshot = replace(self.quiet, stamp_ns=self.time_ns, **fields)
+            self.last, found = snapshot, self.watch.observe(snapshot)
         return {(one.identifier, one.where): one.priority for one in found}
 
 
@@ -193,8 +193,8 @@ def test_a_limit_that_each_wave_exceeds_is_one_alert(scene: Any) -> None:
     course, alerts, raised = Course(scene), AlertList(), 0
     for k in range(3000):
         tension = 9e4 + 1.5e4 * math.sin(2.0 * math.pi * k * 0.1 / 12.0)
-        shot = replace(course.quiet, stamp_ns=(k + 1) * 100_000_000, tension_top_max_n=tension)
-        changed = alerts.update(course.watch.observe(shot), shot.stamp_ns)
+        snapshot = replace(course.quiet, stamp_ns=(k + 1) * 100_000_000, tension_top_max_n=tension)
+        changed = alerts.update(course.watch.observe(snapshot), snapshot.stamp_ns)
         if any(one.state is State.UNACKNOWLEDGED and one.escalation == 0 for one in changed):
             raised += 1
             alerts.act("acknowledge", "all")
@@ -393,11 +393,11 @@ def test_a_compensation_that_leaves_much_of_the_heave(scene: Any) -> None:
 
 def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
     monitor = AlertMonitor(scene)
-    shot = replace(Course(scene).quiet, stamp_ns=STEP_NS, tension_top_max_n=2e5)
-    assert monitor.observe(shot)
-    assert not monitor.observe(replace(shot, stamp_ns=2 * STEP_NS)), "nothing has changed"
+    snapshot = replace(Course(scene).quiet, stamp_ns=STEP_NS, tension_top_max_n=2e5)
+    assert monitor.observe(snapshot)
+    assert not monitor.observe(replace(snapshot, stamp_ns=2 * STEP_NS)), "nothing has changed"
     assert monitor.command("acknowledge 10001.1") == "alert 10001.1 acknowledged"
-    assert monitor.observe(replace(shot, stamp_ns=3 * STEP_NS)), "a command is published"
+    assert monitor.observe(replace(snapshot, stamp_ns=3 * STEP_NS)), "a command is published"
     now_ns, listed = monitor.listed()
     back = decode_alerts(encode_alerts(10**18 + now_ns, now_ns, listed))
     assert back == (10**18 + now_ns, now_ns, tuple(listed))
@@ -414,10 +414,10 @@ def test_a_crew_commands_by_words_and_mistakes_are_answered(scene: Any) -> None:
 
 def test_the_first_list_is_published_though_it_is_empty(scene: Any) -> None:
     """The topic is latched: without it the alerts of a run before would stand there for ever."""
-    monitor, shot = AlertMonitor(scene), Course(scene).quiet
-    assert monitor.observe(replace(shot, stamp_ns=STEP_NS))
+    monitor, snapshot = AlertMonitor(scene), Course(scene).quiet
+    assert monitor.observe(replace(snapshot, stamp_ns=STEP_NS))
     assert monitor.listed() == (STEP_NS, [])
-    assert not monitor.observe(replace(shot, stamp_ns=20 * STEP_NS))
+    assert not monitor.observe(replace(snapshot, stamp_ns=20 * STEP_NS))
 
 
 def test_an_ordinary_lift_calls_for_nobody(tmp_path: Any) -> None:

@@ -39,18 +39,18 @@ AXE = Path(axe_playwright_python.__file__).with_name("axe.min.js")
 
 
 class RunningSource(SnapshotSource):
-    """Advances with real time; a fixed shot shows the same numbers at every poll."""
+    """Advances with real time; a fixed snapshot shows the same numbers at every poll."""
 
     several = False  # ropes
 
     def poll(self, readings: Readings, now_s: float) -> None:
         if not self.lost:
             time_s = now_s % 1e5
-            shot = hanging_rope(time_s=time_s, heave_m=0.4)
+            snapshot = hanging_rope(time_s=time_s, heave_m=0.4)
             fresh = replace(RESIDUAL, at_s=time_s - 0.1)
             if self.several:
-                shot = replace(lifted(), stamp_ns=shot.stamp_ns)
-            self.shot = replace(shot, residuals=(fresh,))
+                snapshot = replace(lifted(), stamp_ns=snapshot.stamp_ns)
+            self.snapshot = replace(snapshot, residuals=(fresh,))
         super().poll(readings, now_s)
 
 
@@ -140,13 +140,13 @@ def text(page: Any, name: str) -> str:
 
 
 def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: Served) -> None:
-    page, shot = open_page(), served.source.shot
+    page, snapshot = open_page(), served.source.snapshot
     for name, words in (
         ("line-out", "3000.0"),
         ("line-speed", "+30.0"),  # 0.5 m/s
-        ("tension", f"{shot.tension_top_n / 1e3:.1f}"),
+        ("tension", f"{snapshot.tension_top_n / 1e3:.1f}"),
         ("direction", "↓ paying out"),
-        ("payload-figures", f"{-shot.payload_position_m[2]:.1f}"),
+        ("payload-figures", f"{-snapshot.payload_position_m[2]:.1f}"),
         ("tension-measured", "measured 321.0 kN Δ +0.2 kN"),
         ("quality", "0.80"),
         ("risk", "No forecast: none is made in this run"),
@@ -154,7 +154,7 @@ def test_numbers_are_those_of_the_topics(open_page: Callable[..., Any], served: 
         until_shown(page, name, words)
     page.keyboard.press("u")  # t · m/min
     until_shown(page, "units", "t · m/min")
-    until_shown(page, "tension", f"{shot.tension_top_n / 9806.65:.2f}")
+    until_shown(page, "tension", f"{snapshot.tension_top_n / 9806.65:.2f}")
     page.keyboard.press("u")
     page.keyboard.press("u")
     until_shown(page, "line-speed", "+0.50")
@@ -211,7 +211,7 @@ def test_one_of_several_ropes_is_shown_as_chosen(
     page = open_page()
     until_shown(page, "lines", "starboard 6.0 kN · 8.0 m")
     assert_one_screen(page, 1280, 800)
-    until_shown(page, "tension", f"{served.source.shot.tension_top_n / 1e3:.1f}")
+    until_shown(page, "tension", f"{served.source.snapshot.tension_top_n / 1e3:.1f}")
     page.keyboard.press("l")
     until_shown(page, "tension", "6.0")
     until_shown(page, "line-out", "8.0")

@@ -34,7 +34,7 @@ def test_a_page_first_receives_everything_and_then_what_changes() -> None:
     assert whole["values"]["line_out_m"] == [3000.0]
     rig.tick()
     row = next(one for one in frames(page) if one["type"] == "row")
-    assert row["trend"][0]["time_s"] == pytest.approx(rig.source.shot.time_s)
+    assert row["trend"][0]["time_s"] == pytest.approx(rig.source.snapshot.time_s)
 
 
 def test_a_page_that_reconnects_has_the_last_minute() -> None:
@@ -291,8 +291,8 @@ def test_casts_hold_their_extremes_and_markers_their_time() -> None:
     first, second = rig.log.casts
     assert not first.open
     assert second.open
-    assert first.ropes[0].max_n == pytest.approx(rig.source.shot.tension_top_n)
-    assert first.ropes[0].deepest_m == pytest.approx(-rig.source.shot.payload_position_m[2])
+    assert first.ropes[0].max_n == pytest.approx(rig.source.snapshot.tension_top_n)
+    assert first.ropes[0].deepest_m == pytest.approx(-rig.source.snapshot.payload_position_m[2])
     rows = list(csv.DictReader(io.StringIO(rig.log.markers_csv())))
     assert [row["text"] for row in rows] == ["lift off", "'=1+1"]
     assert float(rows[0]["time_s"]) == pytest.approx(2.75)

@@ -111,8 +111,10 @@ def test_of_a_topic_on_change_the_newest_message_is_kept(tmp_path: Path) -> None
     writer = BagWriter(path, [BY_NAME["winch/mode"], BY_NAME["ropes/length"]])
     encoder = messages.Encoder(EPOCH_NS)
     for number in range(50):
-        shot = hanging_rope(nodes=5, length_m=1000.0, time_s=0.1 * number)
-        writer.write("ropes/length", EPOCH_NS + shot.stamp_ns, encoder.encode("ropes/length", shot))
+        snapshot = hanging_rope(nodes=5, length_m=1000.0, time_s=0.1 * number)
+        writer.write(
+            "ropes/length", EPOCH_NS + snapshot.stamp_ns, encoder.encode("ropes/length", snapshot)
+        )
     for after_ns, words in ((0, "winch: speed 1 m/s"), (10_000_000, "winch: emergency stop")):
         writer.write("winch/mode", EPOCH_NS + after_ns, encode_text(words))
     writer.close()

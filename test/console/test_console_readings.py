@@ -35,23 +35,23 @@ from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
 
-def read(*topics: str, shot=None) -> Readings:  # type: ignore[no-untyped-def]
+def read(*topics: str, snapshot=None) -> Readings:  # type: ignore[no-untyped-def]
     readings, encoder = Readings(), messages.Encoder(EPOCH_NS)
     readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS), 10.0)
     for topic in topics:
-        readings.take(topic, encoder.encode(topic, shot or hanging_rope()), 10.0)
+        readings.take(topic, encoder.encode(topic, snapshot or hanging_rope()), 10.0)
     readings.update()
     return readings
 
 
 def test_numbers_are_those_of_the_snapshot() -> None:
-    shot = hanging_rope()
+    snapshot = hanging_rope()
     values = read("ropes/tension_top", "ropes/length", "payloads/state",
                   "seabed/contact", "hang_off/odometry", "compensator/state").values  # fmt: skip
-    assert values["tension_n"] == [pytest.approx(shot.tension_top_n, rel=1e-7)]
+    assert values["tension_n"] == [pytest.approx(snapshot.tension_top_n, rel=1e-7)]
     assert values["line_out_m"] == [3000.0]
     assert values["line_speed_m_per_s"] == [0.5]
-    assert values["payloads"][0]["place_m"] == pytest.approx(list(shot.payload_position_m))
+    assert values["payloads"][0]["place_m"] == pytest.approx(list(snapshot.payload_position_m))
     assert values["payloads"][0]["velocity_m_per_s"] == pytest.approx([0.0, 0.0, 0.3])
     assert values["bed"][0]["payload_height_m"] == pytest.approx(-0.03)
     assert values["hang_off_m"][2] == pytest.approx(0.4)
@@ -70,13 +70,13 @@ def test_residuals_and_quality_keep_their_names() -> None:
 
 
 def test_a_body_s_velocity_is_turned_into_the_map_and_its_angles_are_those_of_rep_103() -> None:
-    shot = hanging_body()
-    body = shot.body
+    snapshot = hanging_body()
+    body = snapshot.body
     assert body is not None
     half = math.radians(30.0) / 2.0
     body.quaternion[:] = (0.0, 0.0, math.sin(half), math.cos(half))  # 30° about z
-    shot.payload_velocity_m_per_s[:] = (1.0, 2.0, -0.5)
-    payload = read("payloads/state", shot=shot).values["payloads"][0]
+    snapshot.payload_velocity_m_per_s[:] = (1.0, 2.0, -0.5)
+    payload = read("payloads/state", snapshot=snapshot).values["payloads"][0]
     assert payload["velocity_m_per_s"] == pytest.approx([1.0, 2.0, -0.5])
     assert payload["attitude_deg"] == pytest.approx([0.0, 0.0, 30.0], abs=1e-6)
 
@@ -158,26 +158,26 @@ def test_diagnostics_of_several_nodes_are_kept_by_their_name() -> None:
 
 def test_tension_along_the_rope_and_its_range() -> None:
     profile, encoder = RopeProfile(), messages.Encoder(EPOCH_NS)
-    shot = hanging_rope(nodes=101)
-    (first,) = profile.update(encoder.encode("ropes/nodes", shot), 0.0)
+    snapshot = hanging_rope(nodes=101)
+    (first,) = profile.update(encoder.encode("ropes/nodes", snapshot), 0.0)
     assert len(first["along_m"]) == POINTS
-    assert first["tension_n"][0] == pytest.approx(shot.node_tension_n[0], abs=1.0)
+    assert first["tension_n"][0] == pytest.approx(snapshot.node_tension_n[0], abs=1.0)
     assert first["low_n"] == first["high_n"] == first["tension_n"]
-    shot.node_tension_n[:] *= 1.5
-    (second,) = profile.update(encoder.encode("ropes/nodes", shot), 1.0)
+    snapshot.node_tension_n[:] *= 1.5
+    (second,) = profile.update(encoder.encode("ropes/nodes", snapshot), 1.0)
     assert np.array(second["high_n"]) == pytest.approx(1.5 * np.array(first["high_n"]), rel=1e-5)
     assert second["low_n"] == first["low_n"]
     assert second["min_n"] == pytest.approx(min(first["low_n"]), abs=1.0)
-    (third,) = profile.update(encoder.encode("ropes/nodes", shot), 61.5)
+    (third,) = profile.update(encoder.encode("ropes/nodes", snapshot), 61.5)
     assert third["low_n"] == third["tension_n"]  # what is older than 60 s does not count
 
 
 def test_a_trend_begins_again_with_another_run() -> None:
     trend, encoder = Trend(20.0), messages.Encoder(EPOCH_NS)
     for time_s in (5.0, 5.05, 5.05, 1.0):
-        readings = read(shot=hanging_rope())
-        shot = hanging_rope(time_s=time_s)
-        readings.take("ropes/tension_top", encoder.encode("ropes/tension_top", shot), 1.0)
+        readings = read(snapshot=hanging_rope())
+        snapshot = hanging_rope(time_s=time_s)
+        readings.take("ropes/tension_top", encoder.encode("ropes/tension_top", snapshot), 1.0)
         readings.update()
         row = trend.add(readings)
         if time_s == 5.05 and row is None:
@@ -268,17 +268,17 @@ def test_every_figure_that_is_learned_has_a_unit() -> None:
 
 def test_a_trend_has_a_row_for_each_rope() -> None:
     trend, encoder, readings = Trend(20.0), messages.Encoder(EPOCH_NS), Readings()
-    shot = lifted()
+    snapshot = lifted()
     for topic in ("ropes/tension_top", "ropes/length", "payloads/state"):
-        readings.take(topic, encoder.encode(topic, shot), 0.0)
+        readings.take(topic, encoder.encode(topic, snapshot), 0.0)
     readings.update()
     facts = {"ropes": [{"winch": "winch", "payload": ""}, {"winch": "", "payload": "port"},
                        {"winch": "", "payload": "starboard"}]}  # fmt: skip
     rows = trend.add(readings, facts)
     assert rows is not None
-    assert [row["tension_n"] for row in rows] == [one.tension_top_n for one in shot.ropes]
+    assert [row["tension_n"] for row in rows] == [one.tension_top_n for one in snapshot.ropes]
     assert [row["line_out_m"] for row in rows] == [100.0, 8.0, 8.0]
-    depths = [-one.position_m[2] for one in shot.payloads]
+    depths = [-one.position_m[2] for one in snapshot.payloads]
     assert [row["depth_m"] for row in rows[1:]] == pytest.approx(depths)
     assert trend.ropes == 3
     assert trend.columns(1)["tension_n"] == [6e3]

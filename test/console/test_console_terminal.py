@@ -61,13 +61,13 @@ def test_numbers_as_text() -> None:
 
 def test_big_figures_are_those_of_the_topics() -> None:
     rig = filled()
-    shot, values = rig.source.shot, rig.pages.readings.values
+    snapshot, values = rig.source.snapshot, rig.pages.readings.values
     out, speed, tension, used = big_figures(values, FACTS, KN_M_PER_MIN)
     assert (out.text, out.unit, out.note) == ("3000.0", "m", "100 to 3200 m")
     assert (speed.text, speed.note) == ("+30.0", "↓ paying out, limit ±60.0")
-    assert tension.text == f"{shot.tension_top_n / 1e3:.1f}"
+    assert tension.text == f"{snapshot.tension_top_n / 1e3:.1f}"
     assert tension.note == "measured 321.0, Δ +0.2"
-    assert used.text == f"{shot.tension_top_n / 1e4:.1f}"  # of 1 MN
+    assert used.text == f"{snapshot.tension_top_n / 1e4:.1f}"  # of 1 MN
     assert tension.topic == "ropes/tension_top"
 
 
@@ -88,7 +88,7 @@ def test_payload_and_risk() -> None:
     rig = filled()
     values, profile = rig.pages.readings.values, rig.pages.profile
     rows = {one.label: one for one in payload_figures(values, profile, FACTS, KN_M_PER_MIN)}
-    assert rows["Payload depth"].text == f"{-rig.source.shot.payload_position_m[2]:.1f}"
+    assert rows["Payload depth"].text == f"{-rig.source.snapshot.payload_position_m[2]:.1f}"
     min_n = min(profile[0]["low_n"])
     assert rows["Slack margin"].text == f"{(min_n - 1e4) / 1e3:.1f}"
     assert risk_lines(values, KN_M_PER_MIN) == [
@@ -132,7 +132,7 @@ def test_a_rope_has_its_own_winch_payload_and_limit() -> None:
 
 def test_the_next_rope_is_shown_by_a_key() -> None:
     rig = ConsoleRig()
-    rig.source.shot = lifted()
+    rig.source.snapshot = lifted()
     rig.pages.tick_or_report()
 
     async def steps(app: TerminalConsole, pilot: Pilot[None]) -> None:

@@ -101,12 +101,12 @@ def test_run_by_fmpy_is_that_of_the_twin(
         str(fmu), stop_time=SECONDS, step_size=STEP_S, output_interval=STEP_S, input=signals
     )[1:]
     assert len(found) == len(right)
-    hook = np.array([shot.tension_top_n for shot in right])
+    hook = np.array([snapshot.tension_top_n for snapshot in right])
     assert np.abs(found["hook_load_n"] - hook).max() < within * hook.mean()
     assert np.abs(found["hook_load_n"] - hook).max() < 0.1 * np.ptp(hook)
-    depth = np.array([shot.payload_position_m[2] for shot in right])
+    depth = np.array([snapshot.payload_position_m[2] for snapshot in right])
     assert found["payload_z_m"] == pytest.approx(depth, abs=1e-3)
-    line = np.array([shot.line_out_m for shot in right])
+    line = np.array([snapshot.line_out_m for snapshot in right])
     assert found["line_out_m"] == pytest.approx(line, abs=1e-6)
     assert line[-1] - line[0] > 0.2
 

@@ -262,19 +262,21 @@ def test_diagnostics_come_back_as_they_went_in() -> None:
 
 def test_the_compensator_warns_at_its_stops() -> None:
     """Within its stroke it is OK, retracted or extended a warning."""
-    shot = hanging_rope()
-    unit = shot.compensator
+    snapshot = hanging_rope()
+    unit = snapshot.compensator
     assert unit is not None
     for stroke, level, words in (
         (2.1, Level.OK, "stroke 2.10 of 4.00 m"),
         (-0.01, Level.WARN, "retracted to its end stop"),
         (4.02, Level.WARN, "extended to its end stop"),
     ):
-        there = replace(shot, compensator=replace(unit, stroke_m=stroke))
+        there = replace(snapshot, compensator=replace(unit, stroke_m=stroke))
         row = next(r for r in statuses(there, GOOD) if "compensator" in r.name)
         assert row.level == level
         assert words in row.message
-    assert not [r for r in statuses(replace(shot, compensator=None), GOOD) if "compens" in r.name]
+    assert not [
+        r for r in statuses(replace(snapshot, compensator=None), GOOD) if "compens" in r.name
+    ]
 
 
 def test_the_seabed_is_reported() -> None:
@@ -319,8 +321,8 @@ def test_a_lowest_index_that_lasts_has_its_present_reason(index: float, reason: 
 
 
 def test_the_quality_table_has_every_component_and_nan_where_unknown() -> None:
-    shot = hanging_rope()
-    rows = read_cloud(decode("twin/quality", Encoder(0).encode("twin/quality", shot)))
+    snapshot = hanging_rope()
+    rows = read_cloud(decode("twin/quality", Encoder(0).encode("twin/quality", snapshot)))
     assert rows.dtype.names == ("name", "index", "cause", *CAUSES)
     (one,) = rows
     assert one["name"].decode() == "top_tension"

@@ -388,10 +388,10 @@ def test_a_reader_of_clouds_reads_what_decoding_finds() -> None:
     """Points of one message after the other, whose number changes; an end of padding."""
     encoder, reader = messages.Encoder(7), CloudReader("ropes/nodes")
     for step, nodes in enumerate((5, 5, 5, 9, 9, 5)):
-        shot = hanging_rope(nodes=nodes, time_s=0.02 * step)
-        data = encoder.encode("ropes/nodes", shot) + bytes(step % 4)
+        snapshot = hanging_rope(nodes=nodes, time_s=0.02 * step)
+        data = encoder.encode("ropes/nodes", snapshot) + bytes(step % 4)
         stamp_ns, points = reader.read(data)
-        assert stamp_ns == 7 + shot.stamp_ns
+        assert stamp_ns == 7 + snapshot.stamp_ns
         assert points.tobytes() == read_cloud(messages.decode("ropes/nodes", data)).tobytes()
         assert len(points) == nodes
 

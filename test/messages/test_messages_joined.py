@@ -30,52 +30,52 @@ def test_ropes_are_in_one_family_of_topics() -> None:
 
 def test_a_strut_has_its_ends_length_and_tension() -> None:
     """And nothing where there are none."""
-    shot = lifted()
-    (row,) = messages.read_cloud(decoded("struts/state", shot)).tolist()
+    snapshot = lifted()
+    (row,) = messages.read_cloud(decoded("struts/state", snapshot)).tolist()
     name, *ends, length_m, tension_n = row
     assert (name, length_m, tension_n) == (b"bar", 2.0, -4e3)
-    assert ends == shot.struts[0].ends_m.ravel().tolist()
-    assert "struts/state" in due_topics(2, 20_000_000, shot)
-    assert "struts/state" not in due_topics(2, 20_000_000, replace(shot, struts=()))
+    assert ends == snapshot.struts[0].ends_m.ravel().tolist()
+    assert "struts/state" in due_topics(2, 20_000_000, snapshot)
+    assert "struts/state" not in due_topics(2, 20_000_000, replace(snapshot, struts=()))
 
 
 def test_state_of_payloads() -> None:
-    shot = lifted()
-    state = decoded("payloads/state", shot)
+    snapshot = lifted()
+    state = decoded("payloads/state", snapshot)
     assert list(state.joint_names) == ["port", "starboard"]
-    for one, pose, twist in zip(shot.payloads, state.transforms, state.twist, strict=True):
+    for one, pose, twist in zip(snapshot.payloads, state.transforms, state.twist, strict=True):
         at, speed = pose.translation, twist.linear
         assert [at.x, at.y, at.z] == one.position_m.tolist()
         assert [speed.x, speed.y, speed.z] == one.velocity_m_per_s.tolist()
 
 
 def test_nodes_and_elements_of_all_ropes() -> None:
-    shot = lifted()
-    nodes = messages.read_cloud(decoded("ropes/nodes", shot))
+    snapshot = lifted()
+    nodes = messages.read_cloud(decoded("ropes/nodes", snapshot))
     assert nodes.dtype.names == ("x", "y", "z", "tension_n", "rope")
     assert nodes["rope"].tolist() == [0.0] * 5 + [1.0] * 3 + [2.0] * 4
     port = np.stack([nodes[axis][5:8] for axis in "xyz"], axis=1)
-    assert port.tolist() == np.float32(shot.ropes[1].node_position_m).tolist()
-    assert nodes["tension_n"][8:].tolist() == np.float32(shot.ropes[2].node_tension_n).tolist()
-    elements = messages.read_cloud(decoded("ropes/element_tension", shot))
-    assert elements["tension_n"][4:6].tolist() == shot.ropes[1].element_tension_n.tolist()
+    assert port.tolist() == np.float32(snapshot.ropes[1].node_position_m).tolist()
+    assert nodes["tension_n"][8:].tolist() == np.float32(snapshot.ropes[2].node_tension_n).tolist()
+    elements = messages.read_cloud(decoded("ropes/element_tension", snapshot))
+    assert elements["tension_n"][4:6].tolist() == snapshot.ropes[1].element_tension_n.tolist()
     assert elements["rope"].tolist() == [0.0] * 4 + [1.0] * 2 + [2.0] * 3
 
 
 def test_one_rope_has_the_same_topics() -> None:
-    shot = hanging_rope()
-    assert list(decoded("ropes/tension_top", shot).effort) == [shot.tension_top_n]
-    assert list(decoded("payloads/state", shot).joint_names) == ["payload"]
-    one, many = (set(due_topics(2, 20_000_000, seen)) for seen in (shot, lifted()))
+    snapshot = hanging_rope()
+    assert list(decoded("ropes/tension_top", snapshot).effort) == [snapshot.tension_top_n]
+    assert list(decoded("payloads/state", snapshot).joint_names) == ["payload"]
+    one, many = (set(due_topics(2, 20_000_000, seen)) for seen in (snapshot, lifted()))
     assert many - one == {"struts/state"}
 
 
 def test_markers_show_all_of_it() -> None:
-    shot = lifted()
-    drawn = {marker.ns: marker for marker in decoded("ropes/markers", shot).markers}
+    snapshot = lifted()
+    drawn = {marker.ns: marker for marker in decoded("ropes/markers", snapshot).markers}
     assert len(drawn["rope"].points) == 2 * (4 + 2 + 3)
-    for one in shot.payloads:
+    for one in snapshot.payloads:
         at = drawn[f"payload {one.name}"].pose.position
         assert (at.x, at.y, at.z) == tuple(one.position_m)
     ends = [[point.x, point.y, point.z] for point in drawn["bars"].points]
-    assert ends == shot.struts[0].ends_m.tolist()
+    assert ends == snapshot.struts[0].ends_m.tolist()

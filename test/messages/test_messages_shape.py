@@ -24,15 +24,15 @@ def lying(**changed: float) -> Snapshot:
     return replace(hanging_rope(21, time_s=1.0), touchdowns=(CABLE,), bends=(bend,))
 
 
-def row(name: str, shot: Snapshot) -> Status:
-    return next(one for one in statuses(shot, None) if one.name == f"simulation: {name}")
+def row(name: str, snapshot: Snapshot) -> Status:
+    return next(one for one in statuses(snapshot, None) if one.name == f"simulation: {name}")
 
 
-def figures(topic: str, shot: Snapshot) -> dict[str, float]:
-    reported = messages.decode(topic, messages.Encoder(EPOCH_NS).encode(topic, shot))
+def figures(topic: str, snapshot: Snapshot) -> dict[str, float]:
+    reported = messages.decode(topic, messages.Encoder(EPOCH_NS).encode(topic, snapshot))
     assert (
         reported.header.stamp.sec * 10**9 + reported.header.stamp.nanosec
-        == EPOCH_NS + shot.stamp_ns
+        == EPOCH_NS + snapshot.stamp_ns
     )
     rows = messages.read_cloud(reported)
     return {
@@ -43,12 +43,12 @@ def figures(topic: str, shot: Snapshot) -> dict[str, float]:
 
 
 def test_figures_come_by_name() -> None:
-    shot = lying()
-    assert figures("seabed/touchdown", shot) == {
+    snapshot = lying()
+    assert figures("seabed/touchdown", snapshot) == {
         "cable/x": 120.0, "cable/y": -3.0, "cable/z": -299.0, "cable/line_out_m": 362.2,
         "cable/layback_m": 162.2, "cable/tension_n": 12340.0, "cable/angle_deg": 0.5,
     }  # fmt: skip
-    assert figures("ropes/bend_radius", shot) == {
+    assert figures("ropes/bend_radius", snapshot) == {
         "cable/radius_m": 40.0, "cable/line_out_m": 361.0, "cable/x": 119.0, "cable/y": -3.0,
         "cable/z": -298.9, "cable/smallest_radius_m": 2.5, "cable/minimum_radius_m": 3.0,
     }  # fmt: skip
@@ -80,11 +80,11 @@ def test_words_tell_the_tightest_and_warn_below_the_minimum() -> None:
 
 
 def test_of_several_ropes_the_worst_and_all_too_tight_are_named() -> None:
-    shot = lying()
-    (first,) = shot.bends
+    snapshot = lying()
+    (first,) = snapshot.bends
     named = [replace(TIGHT, name="aft", radius_m=radius) for radius in (9.0, 2.0)]
     for other, words in zip(named, (["cable"], ["aft", "cable"]), strict=True):
-        both = replace(shot, bends=(first, replace(first, now=other, tightest=other)))
+        both = replace(snapshot, bends=(first, replace(first, now=other, tightest=other)))
         parts = row("bend", both).message.split("; ")
         assert [part.split("'")[1] for part in parts] == words
 

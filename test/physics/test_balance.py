@@ -23,12 +23,12 @@ def water_at(rig: Rig, z: Vector) -> Vector:
     return np.stack([*parts, np.zeros_like(z)])
 
 
-def drag_on_rope(rig: Rig, shot: Snapshot) -> Vector:
+def drag_on_rope(rig: Rig, snapshot: Snapshot) -> Vector:
     """Morison drag of a rope at rest, cross-flow principle, summed over the nodes [N], (3,).
 
     Per metre ½·ρ·d·Cdn·|U_n|·U_n + ½·ρ·pi·d·Cdt·|U_t|·U_t; each node has half of its elements.
     """
-    x, s = shot.node_position_m.T, shot.arc_length_m
+    x, s = snapshot.node_position_m.T, snapshot.arc_length_m
     rest = np.diff(s)
     along = np.diff(x) / np.linalg.norm(np.diff(x), axis=0)
     tangent = np.concatenate([along[:, :1], along[:, :-1] + along[:, 1:], along[:, -1:]], axis=1)
@@ -45,11 +45,13 @@ def drag_on_rope(rig: Rig, shot: Snapshot) -> Vector:
 
 def test_the_hang_off_force_is_weight_in_water_plus_drag() -> None:
     """Static equilibrium in a turning current, drag by Morison's cross-flow principle; 1e-6."""
-    shot = IN_FLOW.twin().snapshot()
-    U = water_at(IN_FLOW, shot.payload_position_m[2:])[:, 0]
-    total = drag_on_rope(IN_FLOW, shot)
+    snapshot = IN_FLOW.twin().snapshot()
+    U = water_at(IN_FLOW, snapshot.payload_position_m[2:])[:, 0]
+    total = drag_on_rope(IN_FLOW, snapshot)
     total += 0.5 * IN_FLOW.density * np.array(IN_FLOW.area) * np.linalg.norm(U) * U
     total[2] -= IN_FLOW.load_weight + IN_FLOW.weight * IN_FLOW.length
     assert np.linalg.norm(total[:2]) > 5e3
-    assert shot.hang_off_force_n == pytest.approx(total, abs=1e-6 * shot.tension_top_n)
-    assert shot.tension_top_n == pytest.approx(np.linalg.norm(shot.hang_off_force_n), rel=1e-14)
+    assert snapshot.hang_off_force_n == pytest.approx(total, abs=1e-6 * snapshot.tension_top_n)
+    assert snapshot.tension_top_n == pytest.approx(
+        np.linalg.norm(snapshot.hang_off_force_n), rel=1e-14
+    )

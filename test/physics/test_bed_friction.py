@@ -138,10 +138,10 @@ def test_energy_balance_of_stick_and_slip(step_s: float, share: float) -> None:
     scene = scene_of(FLAT, BedFrictionParams(slip_m=0.05), rig=replace(CHAIN, step=step_s))
     twin = Twin(scene, Monitors(energy=True))
     speeds = [(0.0, -0.1), (5.0, 0.0), (10.0, 0.1), (15.0, 0.0)]
-    shot = march_to_end(twin, still, 20.0, speeds=speeds)
-    assert shot.energy is not None
-    assert shot.energy.water_j < -0.05 * shot.energy.exchanged_j
-    assert abs(shot.energy.residual_j) < share * shot.energy.exchanged_j
+    snapshot = march_to_end(twin, still, 20.0, speeds=speeds)
+    assert snapshot.energy is not None
+    assert snapshot.energy.water_j < -0.05 * snapshot.energy.exchanged_j
+    assert abs(snapshot.energy.residual_j) < share * snapshot.energy.exchanged_j
 
 
 def test_a_branch_keeps_the_friction_displacement() -> None:

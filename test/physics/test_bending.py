@@ -224,11 +224,11 @@ def test_slack_elements_converge_with_bending_stiffness(EI: float) -> None:
     )  # fmt: skip
     solves = []
     for case in (rig, replace(rig, EI=EI)):
-        shots = list(march(case.twin(), sine(4.0, 5.0), 30.0, every=5))
-        assert min(shot.element_tension_n.min() for shot in shots) == 0.0
-        assert max(np.abs(shot.node_position_m).max() for shot in shots) < 210.0
-        assert shots[-1].solver.unconverged_substeps == 0
-        solves.append(shots[-1].solver.solves)
+        snapshots = list(march(case.twin(), sine(4.0, 5.0), 30.0, every=5))
+        assert min(snapshot.element_tension_n.min() for snapshot in snapshots) == 0.0
+        assert max(np.abs(snapshot.node_position_m).max() for snapshot in snapshots) < 210.0
+        assert snapshots[-1].solver.unconverged_substeps == 0
+        solves.append(snapshots[-1].solver.solves)
     assert solves[1] < 1.1 * solves[0]
 
 
@@ -267,8 +267,8 @@ def test_the_hang_off_force_uses_the_accepted_positions() -> None:
     """Bending at the hang-off is computed from scratch positions, which must equal the state's."""
     twin = replace(SEA, elements=20, EI=1e5).twin()
     deferred = 0
-    for shot in march(twin, sine(2.0, 5.0), 3.0, every=1):
-        assert shot.solver.unconverged_substeps == 0
+    for snapshot in march(twin, sine(2.0, 5.0), 3.0, every=1):
+        assert snapshot.solver.unconverged_substeps == 0
         rope = twin.inspect().rope
         n = rope.state.counts[rows.ELEMENTS]
         top = slice(n - 2, n + 1)

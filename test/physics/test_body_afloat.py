@@ -56,11 +56,11 @@ def swing(hung: Adrift, seconds: float, reported: Any) -> Vector:
 
 def test_a_box_floats_at_its_draught() -> None:
     """It rests upright on a slack sling; 1e-6 m."""
-    shot = Twin(between(AT_SEA, BARGE, DEEP)).snapshot()
-    assert shot.body is not None
-    assert shot.body.leg_tension_n.max() == 0.0
-    assert shot.payload_position_m[2] == pytest.approx(RESTS, abs=1e-6)
-    assert shot.body.turn[2, 2] == pytest.approx(1.0, abs=1e-12)
+    snapshot = Twin(between(AT_SEA, BARGE, DEEP)).snapshot()
+    assert snapshot.body is not None
+    assert snapshot.body.leg_tension_n.max() == 0.0
+    assert snapshot.payload_position_m[2] == pytest.approx(RESTS, abs=1e-6)
+    assert snapshot.body.turn[2, 2] == pytest.approx(1.0, abs=1e-12)
 
 
 def test_heave_period_of_a_floating_box() -> None:
@@ -139,12 +139,12 @@ def test_energy_balance_through_the_surface() -> None:
     body = replace(BARGE, slings=slings, hook_mass_kg=50.0, added_inertia_kg_m2=None)
     twin = Twin(between(rig, body, DEEP, AREA), ENERGY)
     heights = []
-    for shot in march(twin, sine(0.9, 5.0), 7.0, every=20):
-        heights.append(shot.payload_position_m[2])
+    for snapshot in march(twin, sine(0.9, 5.0), 7.0, every=20):
+        heights.append(snapshot.payload_position_m[2])
     assert max(heights) > 0.6 > -0.6 > min(heights), "from air to water and back"
-    assert shot.energy is not None
-    assert shot.energy.exchanged_j > 1e5
-    assert abs(shot.energy.residual_pct) < 1.0
+    assert snapshot.energy is not None
+    assert snapshot.energy.exchanged_j > 1e5
+    assert abs(snapshot.energy.residual_pct) < 1.0
 
 
 def test_a_box_laid_on_its_side_rights_itself() -> None:

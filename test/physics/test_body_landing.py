@@ -44,12 +44,12 @@ def test_a_box_at_rest_on_a_flat_bed() -> None:
     """Reactions sum to m·g - ρ·g·V, with their centre below that of weight less buoyancy."""
     body = replace(LOOSE, centre_of_gravity_m=(0.3, 0.0, -0.1))
     twin = Twin(between(SUBMERGED, body, BED))
-    shot = twin.snapshot()
-    assert shot.body is not None
-    assert shot.seabed is not None
-    assert shot.seabed.payload_landed
-    assert shot.body.leg_tension_n.max() == 0.0
-    assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-4)
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    assert snapshot.seabed is not None
+    assert snapshot.seabed.payload_landed
+    assert snapshot.body.leg_tension_n.max() == 0.0
+    assert snapshot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-4)
     own = body_in(twin)
     pose = pose_of(own)
     _, push, _ = bed_forces(component_of(own, PlaneBed), own, pose)
@@ -58,7 +58,7 @@ def test_a_box_at_rest_on_a_flat_bed() -> None:
     assert middle - floats == pytest.approx(0.3 * MASS / (MASS - RHO * VOLUME), rel=1e-2)
     assert push @ at_corners / push.sum() == pytest.approx(middle, abs=1e-5)
     assert push.min() == 0.0, "the upper corners touch nothing"
-    assert shot.payload_position_m[2] == pytest.approx(-30.0 + 0.6 - 0.02, abs=1e-4)
+    assert snapshot.payload_position_m[2] == pytest.approx(-30.0 + 0.6 - 0.02, abs=1e-4)
 
 
 def test_soundings_below_a_body_are_those_below_the_rope() -> None:
@@ -126,14 +126,16 @@ def test_a_box_creeps_on_a_slope_below_the_friction_angle(length_m: float) -> No
     down = np.array([-0.2, -0.1, -0.05]) / math.sqrt(0.0525)
     r = math.hypot(0.2, 0.1) / 0.5
     for _ in range(2):
-        pose, shot = pose_of(body_in(twin)), twin.snapshot()
+        pose, snapshot = pose_of(body_in(twin)), twin.snapshot()
         assert pose.velocity == pytest.approx(0.01 * r / math.sqrt(1 - r * r) * down, abs=1e-8)
         pull = WEIGHT * np.hypot(0.2, 0.1) / math.sqrt(1.05) * down @ pose.turn
         springs = WEIGHT / 0.02 * np.array([2.0, 1.5]) ** 2 - WEIGHT * 0.6
         assert (normal @ pose.turn)[:2] == pytest.approx(-pull[:2] * 0.6 / springs, rel=1e-3)
         assert pose.turn[1, 0] == pytest.approx(0.0, abs=0.02), "it keeps its heading"
-        assert shot.body.leg_tension_n.max() == 0.0
-        assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT / math.sqrt(1.05), rel=1e-6)
+        assert snapshot.body.leg_tension_n.max() == 0.0
+        assert snapshot.seabed.payload_reaction_n == pytest.approx(
+            WEIGHT / math.sqrt(1.05), rel=1e-6
+        )
         twin.advance(400)
 
 
@@ -188,9 +190,9 @@ def test_rope_and_slings_go_slack_after_landing() -> None:
     assert first.seabed is not None
     assert 0.4 < first.seabed.payload_height_m < 1.0
     lowered = march(twin, still, 8.0, every=40, speeds=[(0.5, 0.3), (4.5, 0.0)])
-    for shot in lowered:
-        assert shot.seabed.payload_reaction_n >= 0.0
-        assert shot.body.leg_tension_n.min() >= 0.0
-    assert shot.body.leg_tension_n.max() == 0.0
-    assert shot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-3)
-    assert shot.solver.unconverged_substeps == 0
+    for snapshot in lowered:
+        assert snapshot.seabed.payload_reaction_n >= 0.0
+        assert snapshot.body.leg_tension_n.min() >= 0.0
+    assert snapshot.body.leg_tension_n.max() == 0.0
+    assert snapshot.seabed.payload_reaction_n == pytest.approx(WEIGHT, rel=1e-3)
+    assert snapshot.solver.unconverged_substeps == 0

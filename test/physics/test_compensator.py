@@ -107,8 +107,8 @@ def test_heave_transmissibility_of_spring_and_damper(ratio: float) -> None:
     unit = replace(PASSIVE, damping_newton_seconds_per_m=c)
     twin, period = Twin(compensated(unit, replace(RIG, step=0.02))), 2.0 * pi / omega
     seen = [
-        (shot.stamp_ns * 1e-9, shot.payload_position_m[2], shot.heave_m)
-        for shot in march(twin, sine(0.01, period), 6.0 / 0.2 / omega_0 + 4.0 * period)
+        (snapshot.stamp_ns * 1e-9, snapshot.payload_position_m[2], snapshot.heave_m)
+        for snapshot in march(twin, sine(0.01, period), 6.0 / 0.2 / omega_0 + 4.0 * period)
     ]
     t, z, heave = np.array(seen)[-round(2.0 * period / 0.02) :].T
     base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t)], axis=1)
@@ -126,8 +126,8 @@ def test_seal_friction_sticks_in_small_heave_and_slides_in_large() -> None:
     for amplitude, period, works in ((0.2, 12.0, False), (1.5, 8.0, True)):
         twin = Twin(compensated(rubbing, replace(RIG, ramp=10.0)))
         strokes = []
-        for shot in march(twin, sine(amplitude, period), 40.0):
-            x = shot.node_position_m[-2:, 2]
+        for snapshot in march(twin, sine(amplitude, period), 40.0):
+            x = snapshot.node_position_m[-2:, 2]
             strokes.append(x[0] - x[1] - UNIT_M)
         assert (np.ptp(strokes) > 0.5) == works
         assert works or np.ptp(strokes) < 0.003
@@ -152,11 +152,14 @@ def test_energy_balance_of_the_compensator() -> None:
     )  # fmt: skip
     rig = replace(RIG, step=0.0025, density=1025.0, hang_off=(0.0, 0.0, -100.0))
     twin = Twin(compensated(unit, rig), ENERGY)
-    shots = list(march(twin, sine(3.0, 6.0), 30.0, 5))
-    strokes = [shot.node_position_m[-2, 2] - shot.node_position_m[-1, 2] - UNIT_M for shot in shots]
+    snapshots = list(march(twin, sine(3.0, 6.0), 30.0, 5))
+    strokes = [
+        snapshot.node_position_m[-2, 2] - snapshot.node_position_m[-1, 2] - UNIT_M
+        for snapshot in snapshots
+    ]
     assert min(strokes) < 0.0
     assert max(strokes) > STROKE
-    energy = shots[-1].energy
+    energy = snapshots[-1].energy
     assert energy is not None
     assert energy.damped_j > 1e6
     assert abs(energy.residual_j) < 1e-3 * energy.damped_j
@@ -168,14 +171,14 @@ def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
     unit = replace(PASSIVE, damping_newton_seconds_per_m=2e4)
     twin = Twin(compensated(unit))
     assert not twin.offer_cut(None, float("inf"))
-    shot = march_to_end(twin, still, 20.0)
-    assert shot.cut is not None
-    length = shot.node_position_m[-2, 2] - shot.node_position_m[-1, 2]
+    snapshot = march_to_end(twin, still, 20.0)
+    assert snapshot.cut is not None
+    length = snapshot.node_position_m[-2, 2] - snapshot.node_position_m[-1, 2]
     preload = unit.tension_n(0.0)
     half = 0.5 * UNIT_M * UNIT_KG_PER_M * GRAVITY
     assert length - UNIT_M == pytest.approx((half - preload) / STOP, abs=1e-4)
     weight = RIG.mass * (RIG.length - UNIT_M) * GRAVITY + 2.0 * half
-    assert shot.tension_top_n == pytest.approx(weight, rel=1e-3)
+    assert snapshot.tension_top_n == pytest.approx(weight, rel=1e-3)
 
 
 @pytest.mark.parametrize("below_m", [20.0, 31.0])
@@ -183,14 +186,14 @@ def test_unit_and_payload_fall_freely_after_a_cut_above(below_m: float) -> None:
     """The upper part of the rope stays."""
     twin = Twin(compensated())
     assert not twin.offer_cut(None, below_m)
-    shot = march_to_end(twin, still, 2.0)
-    assert shot.cut is not None
+    snapshot = march_to_end(twin, still, 2.0)
+    assert snapshot.cut is not None
     below = max(RIG.length - below_m, UNIT_M)
-    assert shot.cut.lost_m == pytest.approx(below)
-    assert shot.tension_top_n < 0.05 * LOAD_N
-    assert shot.payload_velocity_m_per_s[2] == pytest.approx(-2.0 * GRAVITY, rel=0.1)
-    assert shot.compensator is not None
-    assert shot.compensator.at_stop == "retracted"
+    assert snapshot.cut.lost_m == pytest.approx(below)
+    assert snapshot.tension_top_n < 0.05 * LOAD_N
+    assert snapshot.payload_velocity_m_per_s[2] == pytest.approx(-2.0 * GRAVITY, rel=0.1)
+    assert snapshot.compensator is not None
+    assert snapshot.compensator.at_stop == "retracted"
 
 
 def test_a_compensator_branch_is_bit_identical() -> None:
@@ -201,7 +204,7 @@ def test_a_compensator_branch_is_bit_identical() -> None:
     for run in (twin.branch(), twin):
         run.advance(500)
         last.append(run.snapshot())
-    first, second = (shot.compensator for shot in last)
+    first, second = (snapshot.compensator for snapshot in last)
     assert first is not None
     assert first == second
     assert first.friction_n != 0.0
@@ -219,9 +222,9 @@ def test_remeshing_keeps_the_compensator() -> None:
         assert after is not None
         assert after.stroke_m == before.stroke_m
         assert twin.rope.state.s[1] == UNIT_M
-        for shot in march(twin, sine(1.0, 8.0), 10.0):
-            assert shot.compensator is not None
-            strokes.append(shot.compensator.stroke_m)
+        for snapshot in march(twin, sine(1.0, 8.0), 10.0):
+            assert snapshot.compensator is not None
+            strokes.append(snapshot.compensator.stroke_m)
     assert np.abs(np.diff(strokes)).max() < 0.03
 
 
@@ -240,8 +243,8 @@ def test_residual_heave_of_an_active_cylinder(period: float) -> None:
     unit, omega, step = active(), 2.0 * pi / period, 0.01
     twin = Twin(compensated(replace(PASSIVE, active=unit), replace(RIG, step=step)))
     seen = [
-        (shot.time_s, shot.payload_position_m[2], shot.heave_m)
-        for shot in march(twin, sine(0.01, period), 15.0 * period)
+        (snapshot.time_s, snapshot.payload_position_m[2], snapshot.heave_m)
+        for snapshot in march(twin, sine(0.01, period), 15.0 * period)
     ]
     t, z, heave = np.array(seen)[-round(3.0 * period / step) :].T
     base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t], axis=1)
@@ -259,10 +262,12 @@ def test_an_active_cylinder_respects_force_speed_and_stroke_limits() -> None:
     """A heave larger than the stroke: it brakes before the stops with bounded force."""
     unit = active(force_limit_n=3e4, speed_limit_m_per_s=0.8)
     twin = Twin(compensated(replace(PASSIVE, active=unit)), ENERGY)
-    shots = list(march(twin, sine(1.5, 8.0), 60.0))
-    forces_n = [shot.compensator.active_n for shot in shots if shot.compensator is not None]
+    snapshots = list(march(twin, sine(1.5, 8.0), 60.0))
+    forces_n = [
+        snapshot.compensator.active_n for snapshot in snapshots if snapshot.compensator is not None
+    ]
     assert np.abs(forces_n).max() == 3e4
-    energy = shots[-1].energy
+    energy = snapshots[-1].energy
     assert energy is not None
     assert abs(energy.residual_pct) < 0.1
 
@@ -275,7 +280,7 @@ def test_steady_lowering_returns_the_unit_to_mid_stroke() -> None:
     )  # fmt: skip
     unit = replace(PASSIVE, active=active(washout_s=10.0))
     twin = Twin(compensated(unit, replace(RIG, winch=winch)))
-    shot = march_to_end(twin, still, 120.0, speeds=[(1.0, 0.5)])
-    assert shot.compensator is not None
-    assert shot.compensator.stroke_m == pytest.approx(0.5 * STROKE, abs=0.02)
-    assert shot.payout_speed_m_per_s == 0.5
+    snapshot = march_to_end(twin, still, 120.0, speeds=[(1.0, 0.5)])
+    assert snapshot.compensator is not None
+    assert snapshot.compensator.stroke_m == pytest.approx(0.5 * STROKE, abs=0.02)
+    assert snapshot.payout_speed_m_per_s == 0.5

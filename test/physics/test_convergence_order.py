@@ -22,13 +22,13 @@ def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:
     rest, EA = line.length_m / elements, line.rope.axial_stiffness_n
     late, predicted = [], []
     hang_off = twin.snapshot().hang_off_position_m
-    for shot in march(twin, HEAVE, SECONDS):
-        node = shot.node_position_m[1]
-        own = EA * (np.linalg.norm(shot.hang_off_position_m - node) / rest - 1.0)
+    for snapshot in march(twin, HEAVE, SECONDS):
+        node = snapshot.node_position_m[1]
+        own = EA * (np.linalg.norm(snapshot.hang_off_position_m - node) / rest - 1.0)
         stale = EA * (np.linalg.norm(hang_off - node) / rest - 1.0)
         late.append(stale - own)
-        predicted.append(-EA * (shot.hang_off_position_m - hang_off)[2] / rest)
-        hang_off = shot.hang_off_position_m
+        predicted.append(-EA * (snapshot.hang_off_position_m - hang_off)[2] / rest)
+        hang_off = snapshot.hang_off_position_m
     return np.array(late), np.array(predicted)
 
 

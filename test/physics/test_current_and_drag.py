@@ -74,8 +74,8 @@ def test_a_current_ramp_ends_at_the_steady_offset() -> None:
     current = replace(scene.effects[0], over_time=((0.0, 0.0), (60.0, 1.0)))
     twin = Twin(in_time(scene, current))
     assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
-    for shot in march(twin, still, 400.0, every=400):
-        last = shot.payload_position_m
+    for snapshot in march(twin, still, 400.0, every=400):
+        last = snapshot.payload_position_m
     assert last[:2] == pytest.approx(steady[:2], rel=5e-3)
     assert np.hypot(*steady[:2]) > 0.5
 
@@ -127,16 +127,16 @@ def test_tension_of_a_rope_in_a_vertical_current(upward: float) -> None:
         area=(4.0, 4.0, 5.0), damping=1e5, diameter=0.04, EA=5e7, tolerance=1e-6,
         current=((0.0, (0.0, 0.0, upward)),),
     )  # fmt: skip
-    shot = Twin(in_time(rig.scene())).snapshot()
+    snapshot = Twin(in_time(rig.scene())).snapshot()
     square = 0.5 * 1025.0 * upward * abs(upward)
     below = rig.load_weight - square * 5.0
     each = rig.weight - square * math.pi * 0.04 * 0.02
     middles = 10.0 * (np.arange(40) + 0.5)
-    tension = np.sort(shot.element_tension_n)  # from the payload up
+    tension = np.sort(snapshot.element_tension_n)  # from the payload up
     assert tension == pytest.approx(below + each * middles, rel=1e-6)
-    assert shot.tension_top_n == pytest.approx(below + each * 400.0, rel=1e-6)
+    assert snapshot.tension_top_n == pytest.approx(below + each * 400.0, rel=1e-6)
     assert abs(each / rig.weight - 1.0) > 0.005
-    assert np.abs(shot.payload_position_m[:2]).max() < 1e-9
+    assert np.abs(snapshot.payload_position_m[:2]).max() < 1e-9
 
 
 def test_drag_coefficient_by_reynolds_number() -> None:

@@ -71,9 +71,9 @@ def test_the_release_wave_velocity_after_a_cut() -> None:
     twin.advance(80)
     T, t, reached = (rig.load + 200.0 * rig.mass) * rig.gravity, 0.04, 0.8
     V, c = T / math.sqrt(rig.EA * rig.mass), math.sqrt(rig.EA / rig.mass)
-    shot, below = twin.snapshot(), fallen(twin).state
+    snapshot, below = twin.snapshot(), fallen(twin).state
     behind = 200.0 - reached * c * t
-    rising = shot.node_velocity_m_per_s[shot.arc_length_m > behind, 2].mean()
+    rising = snapshot.node_velocity_m_per_s[snapshot.arc_length_m > behind, 2].mean()
     falling = below.nodes[5, :201][below.s[:201] > behind].mean()
     assert rising == pytest.approx(V, rel=0.005)
     assert falling == pytest.approx(-V - (1.0 - reached) * rig.gravity * t, rel=0.005)
@@ -92,9 +92,9 @@ def test_terminal_velocity_of_payload_and_rope(below: float) -> None:
     half_rho = 0.5 * rig.density
     k = half_rho * (rig.area[2] + rig.drag[1] * math.pi * rig.diameter * length)
     speed = math.sqrt((rig.load_weight + rig.weight * length) / k)
-    shot = twin.snapshot()
-    assert shot.payload_velocity_m_per_s[2] == pytest.approx(-speed, rel=1e-6)
-    assert shot.tension_payload_n > 0.0, "the rope trails taut"
+    snapshot = twin.snapshot()
+    assert snapshot.payload_velocity_m_per_s[2] == pytest.approx(-speed, rel=1e-6)
+    assert snapshot.tension_payload_n > 0.0, "the rope trails taut"
 
 
 def test_a_cut_removes_the_lower_end_effects() -> None:

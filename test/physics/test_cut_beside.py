@@ -79,8 +79,8 @@ def test_a_cut_run_with_modal_viv_resumes_bit_identically(name: str) -> None:
     kept = twin.snapshot()
     assert kept.vibration is not None
     for one in others:
-        shot = one.snapshot()
-        assert shot.vibration is not None
-        assert (shot.vibration.cross_flow == kept.vibration.cross_flow).all()
-        for rope, own in zip(shot.ropes, kept.ropes, strict=True):
+        snapshot = one.snapshot()
+        assert snapshot.vibration is not None
+        assert (snapshot.vibration.cross_flow == kept.vibration.cross_flow).all()
+        for rope, own in zip(snapshot.ropes, kept.ropes, strict=True):
             assert (rope.node_position_m == own.node_position_m).all()

@@ -84,7 +84,7 @@ def test_a_cut_keeps_the_body_state_and_compiles_nothing(below: float) -> None:
 
 def test_a_falling_body_is_independent_of_the_call_pattern() -> None:
     """Runs in pieces and restored runs are bit-identical."""
-    shots = []
+    snapshots = []
     for chunk in (1, 7, 64):
         twin = Twin(scene_of(WET, BODY))
         assert not twin.offer_cut(505_000_000, 30.0)
@@ -93,11 +93,11 @@ def test_a_falling_body_is_independent_of_the_call_pattern() -> None:
                 twin.advance(min(chunk, due - twin.steps))
             if chunk == 7:
                 twin = Twin.restore(twin.capture(), twin.scene)
-        shots.append(twin.snapshot())
-    for other in shots[1:]:
-        assert other.tension_top_n == shots[0].tension_top_n
-        assert (other.payload_position_m == shots[0].payload_position_m).all()
-        for own, one in zip(other.ropes, shots[0].ropes, strict=True):
+        snapshots.append(twin.snapshot())
+    for other in snapshots[1:]:
+        assert other.tension_top_n == snapshots[0].tension_top_n
+        assert (other.payload_position_m == snapshots[0].payload_position_m).all()
+        for own, one in zip(other.ropes, snapshots[0].ropes, strict=True):
             assert (own.node_position_m == one.node_position_m).all()
 
 
@@ -147,11 +147,11 @@ def test_terminal_velocity_of_body_hook_and_rope() -> None:
     k = half_rho * (rig.area[2] + rig.drag[1] * math.pi * d * 30.0)
     weight = (rig.load - RHO * rig.volume) * G
     weight += (rig.mass - RHO * 0.25 * math.pi * d**2) * G * 30.0
-    shot = twin.snapshot()
-    assert shot.body is not None
-    assert -shot.payload_velocity_m_per_s[2] == pytest.approx(math.sqrt(weight / k), rel=1e-4)
-    assert abs(shot.body.turn[2, 2]) == pytest.approx(1.0, abs=1e-6), "level"
-    assert (shot.body.leg_tension_n > 0.0).all(), "the rope trails taut"
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    assert -snapshot.payload_velocity_m_per_s[2] == pytest.approx(math.sqrt(weight / k), rel=1e-4)
+    assert abs(snapshot.body.turn[2, 2]) == pytest.approx(1.0, abs=1e-6), "level"
+    assert (snapshot.body.leg_tension_n > 0.0).all(), "the rope trails taut"
 
 
 def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
@@ -168,10 +168,10 @@ def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
     assert energy.kinetic_j > 1e4
     later = Twin.restore(twin.capture(), twin.scene)
     later.advance(9000)
-    shot = later.snapshot()
-    assert shot.seabed is not None
-    assert shot.seabed.payload_landed
+    snapshot = later.snapshot()
+    assert snapshot.seabed is not None
+    assert snapshot.seabed.payload_landed
     weight = (rig.load - RHO * rig.volume) * G
-    assert shot.seabed.payload_reaction_n == pytest.approx(weight, rel=0.02)
-    assert shot.payload_position_m[2] == pytest.approx(-30.0 + 0.6, abs=0.1)
-    assert np.abs(shot.payload_velocity_m_per_s).max() < 1e-2
+    assert snapshot.seabed.payload_reaction_n == pytest.approx(weight, rel=0.02)
+    assert snapshot.payload_position_m[2] == pytest.approx(-30.0 + 0.6, abs=0.1)
+    assert np.abs(snapshot.payload_velocity_m_per_s).max() < 1e-2

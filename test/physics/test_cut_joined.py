@@ -35,19 +35,21 @@ def heaved(twin: Twin, seconds: int) -> None:
 def seen(scene: Path, text: str, rope: str) -> Floats:
     """A rope of 8 m that pays out, cut 2 m below the hang-off at 2 s: top tension, load's place."""
     scene.write_text(text + REST, encoding="utf-8")
-    twin, shots = Twin(load_scene(str(scene))), []
+    twin, snapshots = Twin(load_scene(str(scene))), []
     heaved(twin, 6)
     assert not twin.offer_speed(None, 0.3)
     assert not twin.offer_cut(2_000_000_000, 2.0, rope)
     for _ in range(13):
         twin.advance(50)
-        shot = twin.snapshot()
-        load = shot.payloads[-1].position_m if shot.payloads else shot.payload_position_m
-        shots.append([shot.tension_top_n, shot.line_out_m, *load])
+        snapshot = twin.snapshot()
+        load = (
+            snapshot.payloads[-1].position_m if snapshot.payloads else snapshot.payload_position_m
+        )
+        snapshots.append([snapshot.tension_top_n, snapshot.line_out_m, *load])
     assert twin.cut is not None
     assert twin.cut.left_m == pytest.approx(2.0)
     assert not twin.snapshot().doubtful
-    return np.array(shots)
+    return np.array(snapshots)
 
 
 def test_a_cut_rope_with_a_ring_equals_a_cut_single_rope(tmp_path: Path) -> None:
@@ -92,14 +94,16 @@ def test_a_cut_in_a_system_conserves_mass_and_momentum(
     assert lost == pytest.approx(above_m, abs=0.1)
     assert after == pytest.approx(mass, rel=1e-13)
     np.testing.assert_allclose(gone, momentum, rtol=1e-10, atol=1e-9)
-    shot = twin.snapshot()
-    assert shot.ropes[-1].name == f"{bridle.ropes[number].name}/lower"
-    assert (shot.ropes[-1].node_position_m[0] == shot.ropes[number].node_position_m[-1]).all()
+    snapshot = twin.snapshot()
+    assert snapshot.ropes[-1].name == f"{bridle.ropes[number].name}/lower"
+    assert (
+        snapshot.ropes[-1].node_position_m[0] == snapshot.ropes[number].node_position_m[-1]
+    ).all()
 
 
-def pulls(shot: Snapshot) -> dict[str, float]:
+def pulls(snapshot: Snapshot) -> dict[str, float]:
     """Return the tension at the upper end of each rope [N]."""
-    return {rope.name: rope.tension_top_n for rope in shot.ropes}
+    return {rope.name: rope.tension_top_n for rope in snapshot.ropes}
 
 
 def test_the_other_leg_carries_the_load_after_a_cut(bridle: Scene) -> None:
@@ -111,14 +115,14 @@ def test_the_other_leg_carries_the_load_after_a_cut(bridle: Scene) -> None:
     branch = Twin.restore(twin.capture(), bridle, ENERGY)
     for run in (twin, branch):
         run.advance(150)
-    shot, other = twin.snapshot(), branch.snapshot()
-    for rope, same in zip(shot.ropes, other.ropes, strict=True):
+    snapshot, other = twin.snapshot(), branch.snapshot()
+    for rope, same in zip(snapshot.ropes, other.ropes, strict=True):
         assert rope.node_position_m.tobytes() == same.node_position_m.tobytes()
         assert rope.element_tension_n.tobytes() == same.element_tension_n.tobytes()
-    assert shot.cut == other.cut
-    assert shot.energy is not None
-    assert 0.0 <= shot.energy.residual_j < 5e-3 * shot.energy.exchanged_j
-    assert pulls(shot)["leg_port/lower"] < 1.0, "its upper end is free"
+    assert snapshot.cut == other.cut
+    assert snapshot.energy is not None
+    assert 0.0 <= snapshot.energy.residual_j < 5e-3 * snapshot.energy.exchanged_j
+    assert pulls(snapshot)["leg_port/lower"] < 1.0, "its upper end is free"
     plain = Twin.restore(twin.capture(), bridle)
     plain.advance(9_000)
     after, two_legs = pulls(plain.snapshot()), 2.0 * before["leg_port"] * math.cos(math.pi / 6.0)

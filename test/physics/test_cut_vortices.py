@@ -150,8 +150,8 @@ def test_a_cut_run_with_wakes_resumes_bit_identically(model: str) -> None:
                 twin = Twin.restore(twin.capture(), twin.scene)
             if chunk == 64:
                 twin = twin.branch()
-        shot = twin.snapshot()
-        ends.append(b"".join(rope.node_position_m.tobytes() for rope in shot.ropes))
+        snapshot = twin.snapshot()
+        ends.append(b"".join(rope.node_position_m.tobytes() for rope in snapshot.ropes))
     assert ends[0] == ends[1] == ends[2]
 
 

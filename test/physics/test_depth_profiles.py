@@ -98,8 +98,8 @@ def moved(rig: Rig, *more: object, rising: float) -> tuple[np.ndarray, float]:
     """Return the last positions and top tension of a rope through the surface."""
     added = AddedMassParams(normal=1.0, tangential=0.2)
     twin = Twin(two_way(rig, added, *more, rising=rising))
-    shot = march_to_end(twin, sine(1.0, 5.0), 8.0)
-    return shot.node_position_m.copy(), shot.tension_top_n
+    snapshot = march_to_end(twin, sine(1.0, 5.0), 8.0)
+    return snapshot.node_position_m.copy(), snapshot.tension_top_n
 
 
 @pytest.mark.long
@@ -135,9 +135,9 @@ def test_a_constant_density_profile_in_a_multi_line_system() -> None:
     for rho, profile in ((RHO, ()), (RHO, (density((0.0, HEAVIER)), RAMPED)), (HEAVIER, ())):
         water = replace(scene.environment, water_density_kg_per_m3=rho)
         twin = Twin(replace(scene, environment=water, effects=(*kept, *profile)))
-        shot = march_to_end(twin, sine(1.0, 5.0), 3.0)
-        pulls.append(np.array([rope.tension_top_n for rope in shot.ropes]))
-        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+        snapshot = march_to_end(twin, sine(1.0, 5.0), 3.0)
+        pulls.append(np.array([rope.tension_top_n for rope in snapshot.ropes]))
+        positions.append(np.concatenate([rope.node_position_m for rope in snapshot.ropes]))
     assert pulls[1] == pytest.approx(pulls[2], rel=1e-6)
     assert np.abs(positions[1] - positions[2]).max() < 1e-5
     assert np.abs(pulls[0] / pulls[2] - 1.0).max() > 1e-3
@@ -171,12 +171,12 @@ def test_drag_factor_over_depth_by_its_integral() -> None:
         current=((0.0, (0.0, 1.5)),),
     )  # fmt: skip
     profile = DepthProfilesParams(drag_factor=((0.0, 0.0), (-200.0, 2.6)))
-    shot = Twin(scene_of(rig, profile, ALONG, DEEP)).snapshot()
+    snapshot = Twin(scene_of(rig, profile, ALONG, DEEP)).snapshot()
     expected = 0.5 * RHO * 0.06 * 1.2 * 1.5**2 * 1.3 * 200.0
-    assert shot.hang_off_force_n[1] == pytest.approx(expected, rel=1e-4)
+    assert snapshot.hang_off_force_n[1] == pytest.approx(expected, rel=1e-4)
     both = replace(profile, density_kg_per_m3=((0.0, 1.04 * RHO),))
-    shot = Twin(scene_of(rig, both, ALONG, DEEP)).snapshot()
-    assert shot.hang_off_force_n[1] == pytest.approx(1.04 * expected, rel=1e-4)
+    snapshot = Twin(scene_of(rig, both, ALONG, DEEP)).snapshot()
+    assert snapshot.hang_off_force_n[1] == pytest.approx(1.04 * expected, rel=1e-4)
 
 
 def test_tangential_drag_factor_over_depth() -> None:
@@ -186,8 +186,8 @@ def test_tangential_drag_factor_over_depth() -> None:
     twins = [Twin(scene_of(rig, *own)) for own in ((), (profile, ALONG, DEEP))]
     pulls = []
     for twin in twins:
-        shot = march_to_end(twin, lambda t: (-1.0 * t, -1.0), 12.0)
-        pulls.append(shot.tension_top_n)
+        snapshot = march_to_end(twin, lambda t: (-1.0 * t, -1.0), 12.0)
+        pulls.append(snapshot.tension_top_n)
     own = 0.5 * RHO * math.pi * 0.06 * 0.02 * 2000.0
     rest = Twin(scene_of(rig)).snapshot().tension_top_n
     assert rest - pulls[0] == pytest.approx(own, rel=2e-3)
@@ -281,7 +281,7 @@ def test_energy_balance_in_stratified_water(wet: bool) -> None:
     added = AddedMassParams(normal=1.0, tangential=0.3)
     drag = DragParams(normal=1.2, tangential=0.02)
     twin = Twin(two_way(rig, profile, added, drag, rising=250.0), Monitors(energy=True))
-    shot = march_to_end(twin, sine(1.5, 6.0), 12.0)
-    energy = shot.energy
+    snapshot = march_to_end(twin, sine(1.5, 6.0), 12.0)
+    energy = snapshot.energy
     assert energy is not None
     assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j

@@ -22,16 +22,16 @@ def balances(
     rig: Rig, heave: Heave, seconds: float, every: int = 10, speeds: Speeds = ()
 ) -> list[EnergyBalance]:
     """Return the energy balance after each `every` steps."""
-    shots = march(Twin(rig.scene(), ENERGY), heave, seconds, every, speeds)
-    computed = [shot.energy for shot in shots]
+    snapshots = march(Twin(rig.scene(), ENERGY), heave, seconds, every, speeds)
+    computed = [snapshot.energy for snapshot in snapshots]
     return [balance for balance in computed if balance is not None]
 
 
 def test_drag_power_at_terminal_velocity() -> None:
     """A payload under a slack rope falls at v = √(2·W/(ρ·CdA)); drag dissipates W·v."""
     rig = replace(SPRING, area=(0.0, 0.0, 76.0))
-    shots = list(march(Twin(rig.scene(), ENERGY), lift(-8.0, 3.0), 2.8, every=20))
-    at_2_s, end = shots[9], shots[13]
+    snapshots = list(march(Twin(rig.scene(), ENERGY), lift(-8.0, 3.0), 2.8, every=20))
+    at_2_s, end = snapshots[9], snapshots[13]
     assert end.element_tension_n.max() < 1e-2 * rig.load_weight
     speed = math.sqrt(2.0 * rig.load_weight / (rig.density * 76.0))
     assert end.payload_velocity_m_per_s[2] == pytest.approx(-speed, rel=1e-3)
@@ -67,17 +67,17 @@ def test_winch_power_at_constant_payout() -> None:
     What it brings is that of the top element, whose middle is half of it further down.
     """
     rig = replace(FREE, length=200.0, elements=20, winch=STEEL.winch)
-    shots = list(march(Twin(rig.scene(), ENERGY), still, 20.0, 1000, [(0.0, 1.0)]))
-    a, b = (shot.energy for shot in shots)
+    snapshots = list(march(Twin(rig.scene(), ENERGY), still, 20.0, 1000, [(0.0, 1.0)]))
+    a, b = (snapshot.energy for snapshot in snapshots)
     assert a is not None
     assert b is not None
-    out = shots[1].line_out_m - shots[0].line_out_m
-    T = rig.load_weight + rig.weight * 0.5 * (shots[0].line_out_m + shots[1].line_out_m)
+    out = snapshots[1].line_out_m - snapshots[0].line_out_m
+    T = rig.load_weight + rig.weight * 0.5 * (snapshots[0].line_out_m + snapshots[1].line_out_m)
     w = 1.0 + T / rig.EA
     assert (b.hang_off_j - a.hang_off_j) == pytest.approx(-T * w * out, rel=2e-3)
     brought = (0.5 * rig.mass * w**2 + 0.5 * T**2 / rig.EA) * out
     assert (b.passing_j - a.passing_j) == pytest.approx(brought, rel=5e-3)
-    assert shots[1].solver.splits > 0
+    assert snapshots[1].solver.splits > 0
 
 
 @pytest.mark.parametrize("damper", [0.0, 5e5])

@@ -56,7 +56,10 @@ def test_stress_relaxation_to_the_static_curve() -> None:
     motion = moved(lambda t: more * min(t / over, 1.0), lambda t: more / over if t < over else 0.0)
     twin = Twin(held(start, fibre, step=0.02))
     assert twin.snapshot().tension_top_n == pytest.approx(start * STATIC, rel=1e-9)
-    seen = [(shot.time_s, shot.tension_top_n) for shot in march(twin, motion, 60.0, every=50)]
+    seen = [
+        (snapshot.time_s, snapshot.tension_top_n)
+        for snapshot in march(twin, motion, 60.0, every=50)
+    ]
     for t, tension in seen[3:]:
         e = more / over * TAU * (exp(-(t - over) / TAU) - exp(-t / TAU))
         expected = STATIC * (start + more) + (FAST - STATIC) * e
@@ -73,11 +76,11 @@ def test_storage_and_loss_modulus(period: float) -> None:
     )
     whole = max(6.0 * TAU, period)
     last = (int(whole / period) + 2) * period
-    shots = [
-        (shot.time_s, shot.tension_top_n)
-        for shot in march(Twin(held(mean, fibre, step=0.05)), motion, last, every=1)
+    snapshots = [
+        (snapshot.time_s, snapshot.tension_top_n)
+        for snapshot in march(Twin(held(mean, fibre, step=0.05)), motion, last, every=1)
     ]
-    t, T = np.array(shots).T
+    t, T = np.array(snapshots).T
     within = t > last - period + 1e-6
     strain = -swing * np.exp(1j * omega * t[within])
     factor = 2.0 * np.mean(T[within] * np.exp(-1j * omega * t[within])) / -swing
@@ -116,11 +119,11 @@ def test_dynamic_stiffness_falls_with_amplitude() -> None:
     fibre = StiffnessTable(table=STRAIGHT, dynamic=stiff)
     omega, swing = 2.0 * pi / 4.0, 0.003
     motion = moved(lambda t: swing * sin(omega * t), lambda t: swing * omega * cos(omega * t))
-    shots = [
-        (shot.time_s, shot.tension_top_n)
-        for shot in march(Twin(held(0.01, fibre, step=0.02, ramp=20.0)), motion, 400.0, every=1)
+    snapshots = [
+        (snapshot.time_s, snapshot.tension_top_n)
+        for snapshot in march(Twin(held(0.01, fibre, step=0.02, ramp=20.0)), motion, 400.0, every=1)
     ]
-    t, T = np.array(shots).T
+    t, T = np.array(snapshots).T
     within = t > 396.0 + 1e-6
     factor = 2.0 * np.mean(T[within] * np.exp(-1j * omega * t[within])) / (-1j * swing)
     mean = T[within].mean()
@@ -157,7 +160,8 @@ def test_working_curve_after_a_high_mean_tension() -> None:
 
     motion = moved(lambda t: float(np.interp(t, at, to)), rate)
     seen = {
-        round(shot.time_s): shot.tension_top_n for shot in march(twin, motion, 1600.0, every=20)
+        round(snapshot.time_s): snapshot.tension_top_n
+        for snapshot in march(twin, motion, 1600.0, every=20)
     }
 
     def curve(strain: float, top: float) -> float:
@@ -203,9 +207,9 @@ def test_fibre_rope_payout_has_no_tension_jump() -> None:
     )
     rig = Rig(length=205.0, elements=20, mass=2.9, load=20e3, damping=1e6, winch=WINCH)
     twin = Twin(tabled(rig, fibre))
-    shots = list(march(twin, still, 40.0, speeds=[(1.0, 1.0), (20.0, -1.0)]))
-    tension = np.array([shot.tension_top_n for shot in shots])
-    count = np.array([shot.solver.splits + shot.solver.merges for shot in shots])
+    snapshots = list(march(twin, still, 40.0, speeds=[(1.0, 1.0), (20.0, -1.0)]))
+    tension = np.array([snapshot.tension_top_n for snapshot in snapshots])
+    count = np.array([snapshot.solver.splits + snapshot.solver.merges for snapshot in snapshots])
     events = np.flatnonzero(np.diff(count)) + 1
     assert len(events) >= 3
     bend = np.abs(np.diff(tension, 2))
@@ -245,12 +249,12 @@ def test_a_fibre_rope_resumes_bit_identically(tmp_path: Path) -> None:
     """Internal variables are part of the state."""
     scene = tabled(Rig(length=LENGTH, elements=6, mass=2.0, load=20e3, damping=1e5), SYROPE)
     motion = moved(lambda t: 0.01 * sin(t), lambda t: 0.01 * cos(t))
-    unbroken = [shot.tension_top_n for shot in march(Twin(scene), motion, 8.0, every=1)]
+    unbroken = [snapshot.tension_top_n for snapshot in march(Twin(scene), motion, 8.0, every=1)]
     twin = Twin(scene)
-    first = [shot.tension_top_n for shot in march(twin, motion, 4.0, every=1)]
+    first = [snapshot.tension_top_n for snapshot in march(twin, motion, 4.0, every=1)]
     twin.save(tmp_path / "state")
     again = Twin.restore(tmp_path / "state", scene)
-    rest = [shot.tension_top_n for shot in march(again, motion, 4.0, every=1)]
+    rest = [snapshot.tension_top_n for snapshot in march(again, motion, 4.0, every=1)]
     assert [*first, *rest] == unbroken
 
 

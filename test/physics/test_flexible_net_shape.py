@@ -65,9 +65,9 @@ def height_of(row: int) -> float:
     return HEIGHT / ROWS * (1.0 if 0 < row < ROWS else 0.5)
 
 
-def level(shot: Snapshot, row: int) -> tuple[Vector, Vector]:
+def level(snapshot: Snapshot, row: int) -> tuple[Vector, Vector]:
     """Nodes of a level in plan, (CHORDS + 1, 2), and its tension per metre of height [N/m]."""
-    named = {rope.name: rope for rope in shot.ropes}
+    named = {rope.name: rope for rope in snapshot.ropes}
     borders = [named[f"wall_level_{row}_{k}"] for k in range(COLUMNS)]
     positions = [borders[0].node_position_m[:1], *(one.node_position_m[1:] for one in borders)]
     tension = np.concatenate([one.element_tension_n for one in borders]) / height_of(row)
@@ -108,14 +108,14 @@ def membrane(ends: tuple[Vector, Vector]) -> Vector:
 
 
 @pytest.fixture(scope="module")
-def shot(tmp_path_factory: pytest.TempPathFactory) -> Snapshot:
+def snapshot(tmp_path_factory: pytest.TempPathFactory) -> Snapshot:
     return twin_of(tmp_path_factory.mktemp("net")).snapshot()
 
 
 @pytest.mark.parametrize("row", range(ROWS + 1))
-def test_each_net_level_has_the_shape_of_a_loaded_polygon(shot: Snapshot, row: int) -> None:
+def test_each_net_level_has_the_shape_of_a_loaded_polygon(snapshot: Snapshot, row: int) -> None:
     """Every panel has its own angle to the flow; the ends are those of the lines."""
-    positions, tension = level(shot, row)
+    positions, tension = level(snapshot, row)
     expected = membrane((positions[0], positions[-1]))
     assert positions[1:-1] == pytest.approx(expected, abs=2e-4)
     assert np.ptp(positions[:, 0]) > 0.25
@@ -124,9 +124,9 @@ def test_each_net_level_has_the_shape_of_a_loaded_polygon(shot: Snapshot, row: i
     assert tension[1:-1] == pytest.approx(inner, rel=2e-3)
 
 
-def test_the_middle_level_sags_like_a_parabola(shot: Snapshot) -> None:
+def test_the_middle_level_sags_like_a_parabola(snapshot: Snapshot) -> None:
     """H = p·w²/(8·f) and length w·(1 + 8·f²/(3·w²)), Irvine 1981."""
-    positions, tension = level(shot, 1)
+    positions, tension = level(snapshot, 1)
     w, p = float(positions[-1, 1] - positions[0, 1]), float(pressure(0.0, 1.0)[0])
 
     def off(f: float) -> float:
@@ -139,11 +139,11 @@ def test_the_middle_level_sags_like_a_parabola(shot: Snapshot) -> None:
     assert tension.mean() == pytest.approx(p * w**2 / (8.0 * f), rel=0.03)
 
 
-def test_the_lines_carry_the_net_drag(shot: Snapshot) -> None:
+def test_the_lines_carry_the_net_drag(snapshot: Snapshot) -> None:
     """End forces of all levels sum to the net's drag, less the lines' own shares."""
     pulled = pushed = 0.0
     for row in range(ROWS + 1):
-        positions, tension = level(shot, row)
+        positions, tension = level(snapshot, row)
         chord = np.diff(positions, axis=0)
         way = chord / np.hypot(*chord.T)[:, None]
         pulled += height_of(row) * (tension[0] * way[0, 0] - tension[-1] * way[-1, 0])

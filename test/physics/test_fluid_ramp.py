@@ -106,8 +106,8 @@ def test_a_ramped_run_starts_in_still_water_and_ends_in_the_current() -> None:
     steady = Twin(RIG.scene()).snapshot().payload_position_m
     twin = Twin(ramped(RIG.scene(), water=LoadCurve(ramp_s=60.0)))
     assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
-    for shot in march(twin, still, 400.0, every=400):
-        last = shot.payload_position_m
+    for snapshot in march(twin, still, 400.0, every=400):
+        last = snapshot.payload_position_m
     assert last[:2] == pytest.approx(steady[:2], rel=5e-3)
     assert np.hypot(*steady[:2]) > 0.5
 
@@ -129,7 +129,7 @@ def test_a_ramped_multi_line_system_starts_in_still_water() -> None:
     then = twin.snapshot()
     assert then.fluid_factors == (1.0, 1.0, 1.0)
     plumb = Twin(load_scene("bridle_lift")).snapshot()
-    x = [shot.payload_position_m[:2] for shot in (first, then, plumb)]
+    x = [snapshot.payload_position_m[:2] for snapshot in (first, then, plumb)]
     assert np.linalg.norm(x[1] - x[0]) > 1e-3
     assert np.linalg.norm(x[2] - x[0]) > np.linalg.norm(x[1] - x[0])
 
@@ -139,7 +139,7 @@ def test_a_constant_factor_equals_scaled_coefficients() -> None:
     half = replace(RIG, drag=(0.6, 0.005), area=(2.0,) * 3, tolerance=1e-6).scene()
     own = ramped(replace(RIG, tolerance=1e-6).scene(), water=LoadCurve(over_time=((0.0, 0.5),)))
     pulls = [
-        [shot.tension_top_n for shot in march(Twin(scene), sine(0.5, 6.0), 5.0, every=10)]
+        [snapshot.tension_top_n for snapshot in march(Twin(scene), sine(0.5, 6.0), 5.0, every=10)]
         for scene in (half, own)
     ]
     assert pulls[1] == pytest.approx(pulls[0], rel=1e-9)
@@ -152,8 +152,8 @@ def test_the_ramp_scales_the_vortex_lift() -> None:
     scene = replace(scene, effects=(*scene.effects, StrouhalForcingParams()))
     still_until = LoadCurve(over_time=((2.0, 0.0), (3.0, 1.0)))
     across = []
-    for shot in march(Twin(ramped(scene, vortices=still_until)), still, 8.0, every=20):
-        across.append((shot.time_s, np.abs(shot.node_velocity_m_per_s[:, 1]).max()))
+    for snapshot in march(Twin(ramped(scene, vortices=still_until)), still, 8.0, every=20):
+        across.append((snapshot.time_s, np.abs(snapshot.node_velocity_m_per_s[:, 1]).max()))
     early = max(speed for time, speed in across if time < 1.99)
     late = max(speed for time, speed in across if time > 5.0)
     assert early < 1e-9
@@ -163,8 +163,8 @@ def test_the_ramp_scales_the_vortex_lift() -> None:
 def test_energy_balance_during_the_ramp() -> None:
     """The balance closes to 0.1 % of the energy exchanged."""
     twin = Twin(ramped(RIG.scene(), water=LoadCurve(ramp_s=20.0)), ENERGY)
-    for shot in march(twin, sine(0.5, 6.0), 30.0, every=100):
-        balance = shot.energy
+    for snapshot in march(twin, sine(0.5, 6.0), 30.0, every=100):
+        balance = snapshot.energy
     assert balance is not None
     assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
 
@@ -175,9 +175,9 @@ def test_diagnostics_say_that_forces_are_scaled(tmp_path: Path) -> None:
     path.write_text(SMALL_SCENE.replace("time: {step", own))
     twin = Twin(in_time(load_scene(path)))
     twin.advance(100)
-    shot = twin.snapshot()
-    assert shot.fluid_factors == pytest.approx((0.5, 0.5, 0.5))
-    (row,) = (one for one in statuses(shot, None) if one.name == "simulation: fluid ramp")
+    snapshot = twin.snapshot()
+    assert snapshot.fluid_factors == pytest.approx((0.5, 0.5, 0.5))
+    (row,) = (one for one in statuses(snapshot, None) if one.name == "simulation: fluid ramp")
     assert row.level == Level.WARN
     assert "50% of the water's forces" in row.message
     twin.advance(100)

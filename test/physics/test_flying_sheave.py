@@ -40,8 +40,8 @@ def twin_of(unit: PassiveCompensation, **changes: object) -> Twin:
     return Twin(replace(RIG, winch=winch(unit), **changes).scene())
 
 
-def states(shot: object) -> dict[str, float]:
-    (own,) = shot.winches  # type: ignore[attr-defined]
+def states(snapshot: object) -> dict[str, float]:
+    (own,) = snapshot.winches  # type: ignore[attr-defined]
     return dict(own.figures)
 
 
@@ -49,11 +49,11 @@ def states(shot: object) -> dict[str, float]:
 def test_static_stroke_of_a_flying_sheave() -> None:
     """Stroke of p_0·A·(V_0/V)^n = falls·tension at rest, at the given line out."""
     soft = replace(UNIT, gas_pressure_pa=0.95 * UNIT.gas_pressure_pa)
-    shot = march_to_end(twin_of(soft), still, 30.0)
+    snapshot = march_to_end(twin_of(soft), still, 30.0)
     stroke = 2.0 + VOLUME * (1.0 - 0.95 ** (1.0 / EXPONENT)) / AREA
-    assert states(shot)["passive_stroke_m"] == pytest.approx(stroke, abs=1e-3)
-    assert shot.line_out_m == pytest.approx(RIG.length, abs=1e-3)
-    assert states(shot)["passive_gas_force_n"] == pytest.approx(FALLS * TOP_N, rel=1e-4)
+    assert states(snapshot)["passive_stroke_m"] == pytest.approx(stroke, abs=1e-3)
+    assert snapshot.line_out_m == pytest.approx(RIG.length, abs=1e-3)
+    assert states(snapshot)["passive_gas_force_n"] == pytest.approx(FALLS * TOP_N, rel=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -64,8 +64,8 @@ def test_heave_transmissibility_of_a_flying_sheave(period: float) -> None:
     c, omega = 2.0 * 0.3 * sqrt(SPRING * MASS) * FALLS, 2.0 * pi / period
     twin = twin_of(replace(UNIT, damping_newton_seconds_per_m=c))
     seen = [
-        (shot.time_s, shot.payload_position_m[2], shot.heave_m)
-        for shot in march(twin, sine(0.02, period), 60.0 + 4.0 * period, every=8)
+        (snapshot.time_s, snapshot.payload_position_m[2], snapshot.heave_m)
+        for snapshot in march(twin, sine(0.02, period), 60.0 + 4.0 * period, every=8)
     ]
     t, z, heave = np.array(seen)[-round(3.0 * period / (8.0 * RIG.step)) :].T
     base = np.stack([np.cos(omega * t), np.sin(omega * t), np.ones_like(t), t], axis=1)
@@ -88,9 +88,9 @@ def test_heave_transmissibility_of_a_flying_sheave(period: float) -> None:
 def test_a_flying_sheave_reports_its_stops() -> None:
     """A heave beyond falls times its stroke; it returns within its stroke afterwards."""
     twin, messages, strokes = twin_of(replace(UNIT, stroke_m=1.0)), set(), []
-    for shot in march(twin, sine(3.0, 8.0), 40.0):
-        strokes.append(states(shot)["passive_stroke_m"])
-        messages.add(shot.winch_at_limit)
+    for snapshot in march(twin, sine(3.0, 8.0), 40.0):
+        strokes.append(states(snapshot)["passive_stroke_m"])
+        messages.add(snapshot.winch_at_limit)
     assert {"passive heave compensator extended to its end stop",
             "passive heave compensator retracted to its end stop"} <= messages  # fmt: skip
     assert -0.2 < min(strokes) < 0.0

@@ -78,8 +78,8 @@ def test_static_equilibrium_of_a_rope_over_an_edge() -> None:
     offset = position[0, 0]
     assert 0.49 < offset < 0.52
     assert pushed[0].sum() == pytest.approx(weight * offset / 20.0, rel=0.03)
-    shot = march_to_end(twin, still, 0.1)
-    held = shot.hang_off_force_n
+    snapshot = march_to_end(twin, still, 0.1)
+    held = snapshot.hang_off_force_n
     assert held[0] == pytest.approx(pushed[0].sum(), rel=1e-6)
     total = weight + LIGHT.weight * LIGHT.length - pushed[2].sum()
     assert held[2] == pytest.approx(-total, rel=1e-6)
@@ -132,8 +132,8 @@ def test_friction_of_hauling_over_a_wall() -> None:
     for speed in (-0.05, 0.05):
         scene = scene_of(PRESSED, WALL, friction=MU, slip_m=SLIP, stiffness_n_per_m2=1e4)
         twin = Twin(scene)
-        shot = march_to_end(twin, still, 12.0, speeds=[(0.0, speed)])
-        pulls.append(float(shot.hang_off_force_n[2]))
+        snapshot = march_to_end(twin, still, 12.0, speeds=[(0.0, speed)])
+        pulls.append(float(snapshot.hang_off_force_n[2]))
         normal.append(float(forces_of(twin)[3].sum()))
     paid = float(nodes_of(twin)[2][-1]) - PRESSED.length
     weight = 2.0 * paid * PRESSED.weight  # of the rope that differs
@@ -229,25 +229,25 @@ def lowered() -> tuple[list[Any], Twin]:
 
 def test_a_moonpool_confines_the_rope(lowered: tuple[list[Any], Twin]) -> None:
     """Inside the walls, within the penetration, however far the current carries the payload."""
-    shots, twin = lowered
-    assert shots[-1].solver.splits > 0
-    assert shots[-1].solver.unconverged_substeps == 0
-    for shot in shots[::50]:
-        position, heave = shot.node_position_m, shot.node_position_m[-1, 2]
+    snapshots, twin = lowered
+    assert snapshots[-1].solver.splits > 0
+    assert snapshots[-1].solver.unconverged_substeps == 0
+    for snapshot in snapshots[::50]:
+        position, heave = snapshot.node_position_m, snapshot.node_position_m[-1, 2]
         depth = np.linspace(-11.5, -18.5, 15) + heave
         for axis in (0, 1):
             assert np.abs(np.interp(depth, position[:, 2], position[:, axis])).max() < 2.2
-    assert shots[-1].payload_position_m[0] > 8.0
+    assert snapshots[-1].payload_position_m[0] > 8.0
     normal = forces_of(twin)[3]
     assert normal.sum() > 5e3
-    (position,) = shots[-1].contacts
+    (position,) = snapshots[-1].contacts
     assert (position.name, position.normal_n) == ("hull", pytest.approx(normal.sum(), rel=1e-12))
     assert -25.0 < position.position_m[2] < -8.0
 
 
 def test_energy_balance_of_hull_contact(lowered: tuple[list[Any], Twin]) -> None:
-    shots, _ = lowered
-    energy = shots[-1].energy
+    snapshots, _ = lowered
+    energy = snapshots[-1].energy
     assert abs(energy.residual_j) < 1e-3 * energy.exchanged_j
 
 

@@ -107,18 +107,20 @@ def heaved(twin: Twin, seconds: float, heave_m: float = 0.8) -> Snapshot:
 
 def test_a_body_on_a_rope_in_two_parts_equals_one_on_a_single_rope(tmp_path: Path) -> None:
     """Tension, position, attitude and slings, at rest and in a heave that slackens a sling."""
-    shots = []
+    snapshots = []
     for text in (WHOLE, PARTS):
         twin = Twin(scene_of(text + effects(), tmp_path))
-        shots.append((twin.snapshot(), heaved(twin, 20.0)))
-    for one, other in zip(*shots, strict=True):
+        snapshots.append((twin.snapshot(), heaved(twin, 20.0)))
+    for one, other in zip(*snapshots, strict=True):
         assert one.body is not None
         assert other.body is not None
         assert other.tension_top_n == pytest.approx(one.tension_top_n, rel=1e-6)
         assert other.payload_position_m == pytest.approx(one.payload_position_m, abs=1e-6)
         assert other.body.quaternion == pytest.approx(one.body.quaternion, abs=1e-7)
         assert other.body.leg_tension_n == pytest.approx(one.body.leg_tension_n, abs=1.0)
-    assert shots[0][0].body.leg_tension_n != pytest.approx(shots[0][1].body.leg_tension_n, rel=0.01)
+    assert snapshots[0][0].body.leg_tension_n != pytest.approx(
+        snapshots[0][1].body.leg_tension_n, rel=0.01
+    )
 
 
 @pytest.mark.long
@@ -152,11 +154,11 @@ def test_shipped_lifts_equal_lifts_on_a_rope_in_two_parts(name: str, low_m: floa
 @pytest.mark.long
 def test_separate_ropes_with_a_body_and_a_point_move_independently(tmp_path: Path) -> None:
     """A point on one rope, the body on the second."""
-    shots = []
+    snapshots = []
     for text, point in ((BESIDE, POINT), (WHOLE, "")):
         twin = Twin(scene_of(text + effects(point), tmp_path))
-        shots.append(heaved(twin, 15.0))
-    both, alone = shots
+        snapshots.append(heaved(twin, 15.0))
+    both, alone = snapshots
     assert both.body is not None
     assert alone.body is not None
     tool, module = both.payloads
@@ -179,7 +181,7 @@ def test_static_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
     scene = scene_of(TWO_CRANES + text, tmp_path)
     twin = Twin(scene)
     twin.advance(1)
-    shot = twin.snapshot()
+    snapshot = twin.snapshot()
     joined = twin.joined
     assert joined is not None
     pulls = joined.pull[:, 1:]
@@ -191,10 +193,10 @@ def test_static_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
     assert reported is not None
     assert reported.weight_n == pytest.approx(weight, rel=1e-9)
     assert pulls[:, 0].sum() == pytest.approx(0.0, abs=1e-3 * weight)
-    assert shot.body is not None
-    hook = shot.ropes[0].node_position_m[-1]
-    assert (shot.ropes[1].node_position_m[-1] == hook).all()
-    assert (shot.body.hook_m == hook).all()
+    assert snapshot.body is not None
+    hook = snapshot.ropes[0].node_position_m[-1]
+    assert (snapshot.ropes[1].node_position_m[-1] == hook).all()
+    assert (snapshot.body.hook_m == hook).all()
 
 
 def test_energy_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
@@ -221,14 +223,14 @@ def test_a_body_in_a_system_resumes_bit_identically(text: str, point: str, tmp_p
     heaved(twin, 3.0)
     twin.save(tmp_path / "run.state")
     others = twin.branch(), Twin.restore(tmp_path / "run.state", scene)
-    shots = []
+    snapshots = []
     for one in (twin, *others):
         one.advance(200)
-        shots.append(one.snapshot())
-    for shot in shots[1:]:
-        assert (shot.body.quaternion == shots[0].body.quaternion).all()
-        assert (shot.payload_position_m == shots[0].payload_position_m).all()
-        for own, other in zip(shot.ropes, shots[0].ropes, strict=True):
+        snapshots.append(one.snapshot())
+    for snapshot in snapshots[1:]:
+        assert (snapshot.body.quaternion == snapshots[0].body.quaternion).all()
+        assert (snapshot.payload_position_m == snapshots[0].payload_position_m).all()
+        for own, other in zip(snapshot.ropes, snapshots[0].ropes, strict=True):
             assert (own.node_position_m == other.node_position_m).all()
 
 
@@ -255,9 +257,9 @@ def test_coarser_mesh_and_step_keep_the_body_motion(tmp_path: Path) -> None:
 def test_the_error_interval_of_a_system_with_a_body_is_known(tmp_path: Path) -> None:
     """The coarse solution has its own body, also on ropes too short to be coarsened."""
     twin = Twin(scene_of(TWO_CRANES + effects(), tmp_path), ERROR_INTERVAL)
-    shot = heaved(twin, 28.0)
-    assert shot.error_interval is not None, shot.no_error_interval
-    assert not not_finite(shot)
+    snapshot = heaved(twin, 28.0)
+    assert snapshot.error_interval is not None, snapshot.no_error_interval
+    assert not not_finite(snapshot)
     few = scene_of(TWO_CRANES.replace("elements: 10", "elements: 3") + effects(), tmp_path)
     watched, alone = (heaved(Twin(few, one), 4.0) for one in (ERROR_INTERVAL, NO_MONITORS))
     assert watched.body is not None
@@ -308,12 +310,12 @@ def test_a_body_falls_with_the_part_below_a_cut(tmp_path: Path) -> None:
     before = heaved(twin, 1.0, 0.1)
     twin.offer_cut(None, 10.0, "lower")
     twin.advance(400)
-    shot = twin.snapshot()
-    assert shot.body is not None
-    assert not not_finite(shot)
-    assert shot.payload_position_m[2] < before.payload_position_m[2] - 2.0
-    assert shot.payloads[0].position_m == pytest.approx(shot.payload_position_m)
-    assert shot.tension_top_n < 0.2 * before.tension_top_n
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    assert not not_finite(snapshot)
+    assert snapshot.payload_position_m[2] < before.payload_position_m[2] - 2.0
+    assert snapshot.payloads[0].position_m == pytest.approx(snapshot.payload_position_m)
+    assert snapshot.tension_top_n < 0.2 * before.tension_top_n
 
 
 SENTENCES = {

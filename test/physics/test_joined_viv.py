@@ -80,9 +80,9 @@ def run(text: str, folder: Path, seconds: float) -> Snapshot:
     return twin.snapshot()
 
 
-def shaking(shot: Snapshot, number: int = 0) -> RopeVibration:
+def shaking(snapshot: Snapshot, number: int = 0) -> RopeVibration:
     """The vibration of a rope."""
-    computed = shot.ropes[number].vibration if shot.ropes else shot.vibration
+    computed = snapshot.ropes[number].vibration if snapshot.ropes else snapshot.vibration
     assert computed is not None
     return computed
 
@@ -121,9 +121,9 @@ def test_wakes_of_separate_ropes_are_independent(model: str, tmp_path: Path) -> 
 def same(one: Snapshot, other: Snapshot) -> bool:
     """Return whether tension, nodes and vibration of all ropes are bit-identical."""
     rows = []
-    for shot in (one, other):
-        parts = [shot.hang_off_force_n]
-        for rope in shot.ropes:
+    for snapshot in (one, other):
+        parts = [snapshot.hang_off_force_n]
+        for rope in snapshot.ropes:
             parts += [rope.node_position_m, rope.node_tension_n]
             if rope.vibration is not None:
                 parts += [rope.vibration.cross_flow, rope.vibration.drag_amplification]
@@ -144,10 +144,10 @@ TWO_CRANES = (
 
 def test_connected_ropes_vibrate_between_their_ends(tmp_path: Path) -> None:
     """Nodes of vibration at cranes and ring; amplified drag moves the tool further."""
-    shot = run(TWO_CRANES + WATER.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
+    snapshot = run(TWO_CRANES + WATER.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
     for number in range(3):
-        own = shaking(shot, number)
-        assert len(own.cross_flow) == len(shot.ropes[number].node_position_m)
+        own = shaking(snapshot, number)
+        assert len(own.cross_flow) == len(snapshot.ropes[number].node_position_m)
         assert own.cross_flow[0] == 0.0
         assert own.cross_flow.max() > 0.1, "it shakes"
         if number < 2:
@@ -155,7 +155,7 @@ def test_connected_ropes_vibrate_between_their_ends(tmp_path: Path) -> None:
     water = WATER.replace("{model}: {{}}", "{model}: {{drag_growth: [0.0, 0.65]}}")
     calm = run(TWO_CRANES + water.format(model=MODELS[0], speed=0.5), tmp_path, 60.0)
     assert shaking(calm, 2).drag_amplification.max() == 1.0
-    east = [one.payloads[0].position_m[0] + 30.0 for one in (shot, calm)]
+    east = [one.payloads[0].position_m[0] + 30.0 for one in (snapshot, calm)]
     assert east[0] > 1.2 * east[1] > 0.2
 
 
@@ -168,23 +168,23 @@ def test_a_system_with_viv_resumes_bit_identically(model: str, tmp_path: Path) -
     restored = CoreTwin.restore(saved, twin.scene)
     for one in (twin, branch, restored):
         one.advance(210)
-    shot = twin.snapshot()
-    assert model not in MODELS or shaking(shot, 1).drag_amplification.max() > 1.1
-    assert same(shot, branch.snapshot())
-    assert same(shot, restored.snapshot())
+    snapshot = twin.snapshot()
+    assert model not in MODELS or shaking(snapshot, 1).drag_amplification.max() > 1.1
+    assert same(snapshot, branch.snapshot())
+    assert same(snapshot, restored.snapshot())
 
 
 def test_an_error_interval_does_not_change_the_viv_run(tmp_path: Path) -> None:
     """With an error interval all is bit-identical, and the interval is known."""
-    shots = []
+    snapshots = []
     for monitors in (NO_MONITORS, Monitors(error_interval=True)):
         twin = CoreTwin(scene_of(hanging("ab", MODELS[0]), tmp_path), monitors)
         for _ in range(40):
             twin.advance(25)
-            shot = twin.snapshot()
-        shots.append(shot)
-    assert same(*shots)
-    assert shots[1].error_interval is not None or shots[1].no_error_interval
+            snapshot = twin.snapshot()
+        snapshots.append(snapshot)
+    assert same(*snapshots)
+    assert snapshots[1].error_interval is not None or snapshots[1].no_error_interval
 
 
 def test_viv_of_the_remaining_ropes_after_a_cut(tmp_path: Path) -> None:
@@ -200,14 +200,14 @@ def test_viv_of_the_remaining_ropes_after_a_cut(tmp_path: Path) -> None:
     assert not cut.offer_cut(None, 60.0, "b")
     for twin in (whole, cut):
         twin.advance(250)
-    shot, other = cut.snapshot(), whole.snapshot()
-    assert [rope.name for rope in shot.ropes] == ["a", "b", "b/lower"]
-    assert shaking(shot) is shot.vibration
-    assert shaking(shot).cross_flow == pytest.approx(shaking(other).cross_flow, abs=1e-6)
-    left = shaking(shot, 1)
-    assert len(left.cross_flow) == len(shot.ropes[1].node_position_m)
+    snapshot, other = cut.snapshot(), whole.snapshot()
+    assert [rope.name for rope in snapshot.ropes] == ["a", "b", "b/lower"]
+    assert shaking(snapshot) is snapshot.vibration
+    assert shaking(snapshot).cross_flow == pytest.approx(shaking(other).cross_flow, abs=1e-6)
+    left = shaking(snapshot, 1)
+    assert len(left.cross_flow) == len(snapshot.ropes[1].node_position_m)
     assert left.cross_flow.max() > 0.1
-    assert shot.ropes[2].vibration is None
+    assert snapshot.ropes[2].vibration is None
 
 
 @pytest.mark.parametrize("model", WAKES)
@@ -229,9 +229,11 @@ def test_wakes_survive_remeshing_and_cuts(model: str, tmp_path: Path) -> None:
     for one in (twin, cut):
         one.advance(48)
     assert len(coarse.snapshot().ropes[1].node_position_m) < 16
-    shot, other = cut.snapshot(), twin.snapshot()
-    assert [rope.name for rope in shot.ropes] == ["a", "b", "b/lower"]
-    assert shot.ropes[0].node_position_m == pytest.approx(other.ropes[0].node_position_m, abs=1e-4)
+    snapshot, other = cut.snapshot(), twin.snapshot()
+    assert [rope.name for rope in snapshot.ropes] == ["a", "b", "b/lower"]
+    assert snapshot.ropes[0].node_position_m == pytest.approx(
+        other.ropes[0].node_position_m, abs=1e-4
+    )
 
 
 @pytest.mark.parametrize("model", [MODELS[0], *WAKES])

@@ -54,7 +54,7 @@ SECONDS, TURN = 28, 17
 def lowered(text: str, path: Path) -> list[Snapshot]:
     """Pay out at 0.8 m/s for 17 s, then haul in, in a heave of 0.3 m; sample each second."""
     path.write_text(text, encoding="utf-8")
-    twin, shots = Twin(load_scene(str(path))), []
+    twin, snapshots = Twin(load_scene(str(path))), []
     assert not twin.offer_heave(0, 0.0, 0.3)
     for second in range(SECONDS):
         for stamp in range(SAMPLE_NS, SECOND_NS + 1, SAMPLE_NS):
@@ -64,20 +64,20 @@ def lowered(text: str, path: Path) -> list[Snapshot]:
         if second in (0, TURN):
             assert not twin.offer_speed(None, 0.8 if second == 0 else -0.8)
         twin.advance(round(1.0 / twin.step_s))
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
-def seen(shots: list[Snapshot]) -> Floats:
+def seen(snapshots: list[Snapshot]) -> Floats:
     """Top tension now, its extremes in the last second, the load's place, the seabed reaction."""
     rows = []
-    for shot in shots:
-        assert shot.seabed is not None
-        assert not shot.doubtful
-        extremes = shot.tension_top_min_n, shot.tension_top_max_n
-        end = (shot.ropes[-1] if shot.ropes else shot).node_position_m[-1]
-        bed = shot.seabed.payload_reaction_n, shot.seabed.payload_height_m
-        rows.append([shot.tension_top_n, *extremes, *end, *bed])
+    for snapshot in snapshots:
+        assert snapshot.seabed is not None
+        assert not snapshot.doubtful
+        extremes = snapshot.tension_top_min_n, snapshot.tension_top_max_n
+        end = (snapshot.ropes[-1] if snapshot.ropes else snapshot).node_position_m[-1]
+        bed = snapshot.seabed.payload_reaction_n, snapshot.seabed.payload_height_m
+        rows.append([snapshot.tension_top_n, *extremes, *end, *bed])
     return np.array(rows)
 
 

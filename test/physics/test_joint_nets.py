@@ -53,9 +53,9 @@ def heaved(text: str, path: Path, seconds: float = 8.0) -> Floats:
         assert not twin.offer_heave(stamp, z, v)
     for _ in range(round(10.0 * seconds)):
         twin.advance(10)
-        shot = twin.snapshot()
-        end = (shot.ropes[-1] if shot.ropes else shot).node_position_m[-1]
-        seen.append([shot.tension_top_n, *end])
+        snapshot = twin.snapshot()
+        end = (snapshot.ropes[-1] if snapshot.ropes else snapshot).node_position_m[-1]
+        seen.append([snapshot.tension_top_n, *end])
     return np.array(seen)
 
 

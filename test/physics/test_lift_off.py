@@ -33,12 +33,12 @@ HOISTED = replace(
 
 def test_static_deck_reaction_with_slack_slings() -> None:
     """The deck carries m·g at the given penetration; the rope carries the hook; 1e-6."""
-    shot = Twin(scene_of(LINE, MODULE)).snapshot()
-    assert shot.body is not None
-    assert shot.body.leg_tension_n.max() == 0.0
-    assert shot.body.deck_reaction_n == pytest.approx(MASS * G, rel=1e-6)
-    assert shot.body.deck_clearance_m == pytest.approx(-DECK.penetration_m, rel=1e-6)
-    assert shot.tension_payload_n == pytest.approx(50.0 * G, rel=1e-2)
+    snapshot = Twin(scene_of(LINE, MODULE)).snapshot()
+    assert snapshot.body is not None
+    assert snapshot.body.leg_tension_n.max() == 0.0
+    assert snapshot.body.deck_reaction_n == pytest.approx(MASS * G, rel=1e-6)
+    assert snapshot.body.deck_clearance_m == pytest.approx(-DECK.penetration_m, rel=1e-6)
+    assert snapshot.tension_payload_n == pytest.approx(50.0 * G, rel=1e-2)
 
 
 def test_deck_reaction_of_a_heaving_deck() -> None:
@@ -49,10 +49,10 @@ def test_deck_reaction_of_a_heaving_deck() -> None:
     for deck, heave in ((own, still), (replace(DECK, with_ship=True), sine(amplitude, period))):
         scene = scene_of(replace(HOISTED, step=0.01), replace(MODULE, deck=deck))
         push, time = [], []
-        for shot in march(Twin(scene), heave, 14.0, every=5):
-            assert shot.body is not None
-            push.append(shot.body.deck_reaction_n)
-            time.append(shot.time_s)
+        for snapshot in march(Twin(scene), heave, 14.0, every=5):
+            assert snapshot.body is not None
+            push.append(snapshot.body.deck_reaction_n)
+            time.append(snapshot.time_s)
         settled = np.array(time) > 6.0
         expected = MASS * (G - amplitude * omega**2 * np.sin(omega * np.array(time)))
         off = (np.array(push) - expected)[settled]
@@ -69,9 +69,9 @@ def test_peak_reaction_of_a_fall_onto_an_undamped_deck() -> None:
     push = [0.0]
     for _ in range(round(0.25 / 0.0005)):
         hung.twin.advance(1)
-        shot = hung.twin.snapshot()
-        assert shot.body is not None
-        push.append(shot.body.deck_reaction_n or 0.0)
+        snapshot = hung.twin.snapshot()
+        assert snapshot.body is not None
+        push.append(snapshot.body.deck_reaction_n or 0.0)
     assert max(push) == pytest.approx(MASS * G * (1.0 + math.sqrt(1.0 + 2.0 * fall / p)), rel=3e-3)
 
 
@@ -81,12 +81,12 @@ def lifted(seconds: float) -> Vector:
     body = replace(MODULE, deck=replace(DECK, heave=heave))
     rows = []
     speeds = [(1.0, -0.12)]
-    for shot in march(Twin(scene_of(HOISTED, body)), sine(0.1, 7.0), seconds, speeds=speeds):
-        own: Any = shot.body
-        toward = shot.node_position_m[-1] - own.leg_end_m
+    for snapshot in march(Twin(scene_of(HOISTED, body)), sine(0.1, 7.0), seconds, speeds=speeds):
+        own: Any = snapshot.body
+        toward = snapshot.node_position_m[-1] - own.leg_end_m
         lift = float(own.leg_tension_n @ (toward[:, 2] / own.leg_length_m))
-        v = float(shot.payload_velocity_m_per_s[2])
-        rows.append((shot.time_s, own.deck_reaction_n, lift, v, own.deck_clearance_m))
+        v = float(snapshot.payload_velocity_m_per_s[2])
+        rows.append((snapshot.time_s, own.deck_reaction_n, lift, v, own.deck_clearance_m))
     return np.array(rows)
 
 

@@ -39,8 +39,8 @@ def test_taut_string_in_water(mass: float, diameter: float, added_mass: float) -
     duration = 0.8 / (MODES * first)
     twin = rig.twin()
     assert twin.snapshot().tension_top_n == pytest.approx(TENSION, rel=1e-9)
-    shots = list(march(twin, pluck(0.05, duration), duration + 12.0 / first, every=2))
-    free = np.array([s.node_position_m[:, 2] for s in shots if s.time_s > duration])
+    snapshots = list(march(twin, pluck(0.05, duration), duration + 12.0 / first, every=2))
+    free = np.array([s.node_position_m[:, 2] for s in snapshots if s.time_s > duration])
     s = np.linspace(0.0, 1.0, rig.elements + 1)
     for n in range(1, MODES + 1):
         swing = free @ np.sin(n * math.pi * s)
@@ -85,8 +85,8 @@ def test_axial_period_of_rope_and_payload(rope: Rig, length: float, printed: flo
     )  # fmt: skip
     twin = rig.twin()
     rest = twin.snapshot().node_position_m[:, 2]
-    shots = list(march(twin, lift(0.2, 0.5 * period), 12.0 * period, every=5))
-    free = np.array([s.node_position_m[:, 2] for s in shots if s.time_s > 0.5 * period]) - rest
+    snapshots = list(march(twin, lift(0.2, 0.5 * period), 12.0 * period, every=5))
+    free = np.array([s.node_position_m[:, 2] for s in snapshots if s.time_s > 0.5 * period]) - rest
     mass = np.full(rig.elements + 1, rope.mass * length / rig.elements)
     mass[0] *= 0.5
     mass[-1] = 0.5 * mass[-1] + MOVING

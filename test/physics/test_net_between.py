@@ -128,10 +128,10 @@ def test_top_forces_of_three_unequal_lines_with_nets(tmp_path: Path) -> None:
         spread("width_m: 6.0, between: [[line_0, line_1], [line_1, line_2]]",
                (700.0, 1500.0, 900.0)), tmp_path,
     )  # fmt: skip
-    shot = twin.snapshot()
-    lines = [rope.node_position_m for rope in shot.ropes]
+    snapshot = twin.snapshot()
+    lines = [rope.node_position_m for rope in snapshot.ropes]
     pull = np.zeros(3)
-    for rope in shot.ropes:  # above the net a line has no load but its weight
+    for rope in snapshot.ropes:  # above the net a line has no load but its weight
         step = rope.node_position_m[0] - rope.node_position_m[1]
         pull -= rope.element_tension_n[0] * step / np.linalg.norm(step)
     expected = shape_force(lines, [(0, 1), (1, 2)])

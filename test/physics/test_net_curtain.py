@@ -81,8 +81,8 @@ def test_static_shape_of_a_free_net() -> None:
     """It trails: drag 0.04·½·ρ·width·U² per metre; tan φ = H(s)/V(s)."""
     net = replace(NET, heading_deg=None, twine_kg_per_m3=1380.0)
     twin = Twin(hung(net))
-    shot = twin.snapshot()
-    x = shot.node_position_m[::-1]
+    snapshot = twin.snapshot()
+    x = snapshot.node_position_m[::-1]
     s = 2.0 * np.arange(50) + 1.0  # middles of the elements; 0: those of their half nodes
     steps = np.diff(x, axis=0)
     aside, down = 0.04 * PATH * U * U, curtain(twin).weight
@@ -91,7 +91,7 @@ def test_static_shape_of_a_free_net() -> None:
     slope = aside * held / (RIG.load_weight + RIG.weight * s + down * held)
     assert -steps[:, 0] / steps[:, 2] == pytest.approx(slope, rel=1e-4, abs=1e-7)
     assert np.abs(steps[:, 1]).max() < 1e-6
-    assert abs(shot.hang_off_force_n[0]) == pytest.approx(50.0 * aside, rel=1e-6)
+    assert abs(snapshot.hang_off_force_n[0]) == pytest.approx(50.0 * aside, rel=1e-6)
 
 
 def shape(law: tuple[float, float, float]) -> Floats:
@@ -195,10 +195,10 @@ def test_energy_balance_of_a_net_in_waves() -> None:
     waves = WavesParams(regular=RegularWave(height_m=2.0, period_s=7.0), ramp_s=2.0)
     scene = hung(NET, replace(RIG, ramp=5.0), waves)
     twin = Twin(replace(scene, time=replace(scene.time, newton_tolerance_n=0.01)), ENERGY)
-    shot = march_to_end(twin, faded(sine(0.8, 6.0), 5.0), 12.0, speeds=[(2.0, 0.8), (8.0, 0.0)])
-    assert shot.energy is not None
-    assert abs(shot.energy.water_j) > 0.3 * shot.energy.exchanged_j, "the net must matter"
-    assert abs(shot.energy.residual_j) < 5e-5 * shot.energy.exchanged_j
+    snapshot = march_to_end(twin, faded(sine(0.8, 6.0), 5.0), 12.0, speeds=[(2.0, 0.8), (8.0, 0.0)])
+    assert snapshot.energy is not None
+    assert abs(snapshot.energy.water_j) > 0.3 * snapshot.energy.exchanged_j, "the net must matter"
+    assert abs(snapshot.energy.residual_j) < 5e-5 * snapshot.energy.exchanged_j
 
 
 @pytest.mark.parametrize(

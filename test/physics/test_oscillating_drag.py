@@ -97,8 +97,8 @@ def test_keulegan_carpenter_number_of_known_motions(
     """
     twin = Twin(scene_of(PIPE, tide(motion, 255.0), drag_of(SMOOTH)))
     results = []
-    for shot in march(twin, still, 250.0, every=25):
-        if shot.time_s > 250.0 - 90.0:
+    for snapshot in march(twin, still, 250.0, every=25):
+        if snapshot.time_s > 250.0 - 90.0:
             results.append(number_at(twin, 4))
     assert np.mean(results) == pytest.approx(expected, rel=within)
 
@@ -132,8 +132,8 @@ def test_steady_flow_uses_the_last_row() -> None:
     twin = Twin(scene_of(PIPE, tide(lambda t: 0.8, 0.1), drag_of(SMOOTH)))
     expected = 0.25 * 1025.0 * D * 0.8**2 * 0.7 * PIPE.length
     assert twin.snapshot().hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
-    shot = march_to_end(twin, still, 5.0)
-    assert shot.hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
+    snapshot = march_to_end(twin, still, 5.0)
+    assert snapshot.hang_off_force_n[0] == pytest.approx(expected, rel=2e-3)
     assert memory_of(twin)[MORE, :8] == pytest.approx(-0.3, abs=1e-9)
 
 
@@ -144,8 +144,8 @@ def test_drag_factors_of_one_change_nothing() -> None:
     plain = replace(rig.scene(), effects=(*rig.scene().effects, sea))
     positions = []
     for scene in (plain, in_time(plain)):
-        shot = march_to_end(Twin(scene), still, 12.0)
-        positions.append(shot.node_position_m)
+        snapshot = march_to_end(Twin(scene), still, 12.0)
+        positions.append(snapshot.node_position_m)
     assert np.ptp(positions[0][:, 0]) > 0.1
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
 
@@ -160,8 +160,8 @@ def test_connected_ropes_have_their_own_keulegan_carpenter_numbers() -> None:
     positions = []
     for each in (scene, oscillating(scene, by_one(own)), oscillating(scene, table)):
         twin = Twin(each)
-        shot = march_to_end(twin, sine(1.0, 5.0), 4.0)
-        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+        snapshot = march_to_end(twin, sine(1.0, 5.0), 4.0)
+        positions.append(np.concatenate([rope.node_position_m for rope in snapshot.ropes]))
     n = int(twin.rope.state.counts[ELEMENTS])
     factors = memory_of(twin)[MORE, 1:n]
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
@@ -182,8 +182,8 @@ def test_energy_balance_with_varying_drag_factors() -> None:
         rig = replace(PIPE, fixed_at=None, load=8e3, volume=1.0, EA=4e7, damping=4e5, step=step)
         drag = drag_of(SMOOTH, ROUGH, roughness=1e-3)
         twin = Twin(scene_of(rig, sea, drag), Monitors(energy=True))
-        shot = march_to_end(twin, still, 16.0)
-        energy = shot.energy
+        snapshot = march_to_end(twin, still, 16.0)
+        energy = snapshot.energy
         assert energy is not None
         assert np.ptp(memory_of(twin)[MORE, :8]) > 0.05
         shares.append(energy.residual_j / energy.exchanged_j)

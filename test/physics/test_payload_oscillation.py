@@ -69,12 +69,12 @@ def test_factors_of_a_heaving_payload_by_keulegan_carpenter_number(
     twin = Twin(scene_of(STIFF, by_number()))
     omega = 2.0 * math.pi / period
     rows_, pulls = [], []
-    for shot in march(twin, sine(amplitude, period), 180.0):
-        if shot.time_s > 174.0:
-            v = amplitude * omega * math.cos(omega * shot.time_s)
-            a = -amplitude * omega**2 * math.sin(omega * shot.time_s)
+    for snapshot in march(twin, sine(amplitude, period), 180.0):
+        if snapshot.time_s > 174.0:
+            v = amplitude * omega * math.cos(omega * snapshot.time_s)
+            a = -amplitude * omega**2 * math.sin(omega * snapshot.time_s)
             rows_.append((1.0, a, abs(v) * v))
-            pulls.append(shot.tension_top_n)
+            pulls.append(snapshot.tension_top_n)
     assert min(pulls) > 0.0, "a slack rope says nothing"
     fit, *_ = np.linalg.lstsq(np.array(rows_), np.array(pulls), rcond=None)
     assert fit[1] == pytest.approx(30e3 + added * 12e3, rel=2e-3)
@@ -95,8 +95,8 @@ def test_payload_factors_of_one_change_nothing() -> None:
     """In waves, to round-off."""
     positions = []
     for scene in (plain_of(SOFT, SEA), scene_of(SOFT, SEA, by_number(EVEN, EVEN))):
-        shot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
-        positions.append(shot.node_position_m)
+        snapshot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
+        positions.append(snapshot.node_position_m)
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
 
 
@@ -108,8 +108,8 @@ def test_connected_payloads_have_their_own_factors() -> None:
     for each in (
         scene, oscillating(scene, by_number(EVEN, EVEN)), oscillating(scene, by_number())
     ):  # fmt: skip
-        shot = march_to_end(Twin(each), sine(1.0, 5.0), 4.0)
-        positions.append(np.concatenate([rope.node_position_m for rope in shot.ropes]))
+        snapshot = march_to_end(Twin(each), sine(1.0, 5.0), 4.0)
+        positions.append(np.concatenate([rope.node_position_m for rope in snapshot.ropes]))
     assert np.abs(positions[0] - positions[1]).max() < 1e-9
     assert np.abs(positions[0] - positions[2]).max() > 1e-4
 
@@ -122,8 +122,8 @@ def test_constant_factors_equal_scaled_coefficients() -> None:
     )
     positions = []
     for scene in (scene_of(SOFT, SEA, more), plain_of(other, SEA), plain_of(SOFT, SEA)):
-        shot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
-        positions.append(shot.node_position_m)
+        snapshot = march_to_end(Twin(scene), sine(0.5, 5.0), 10.0)
+        positions.append(snapshot.node_position_m)
     assert np.abs(positions[0] - positions[1]).max() < 1e-7
     assert np.abs(positions[0] - positions[2]).max() > 0.01
 
@@ -134,8 +134,8 @@ def test_energy_balance_with_varying_payload_factors() -> None:
     for step in (0.01, 0.005):
         scene = scene_of(replace(SOFT, step=step), SEA, by_number())
         twin = Twin(scene, Monitors(energy=True))
-        shot = march_to_end(twin, sine(1.0, 5.0), 14.0)
-        assert shot.energy is not None
-        shares.append(abs(shot.energy.residual_j) / shot.energy.exchanged_j)
+        snapshot = march_to_end(twin, sine(1.0, 5.0), 14.0)
+        assert snapshot.energy is not None
+        shares.append(abs(snapshot.energy.residual_j) / snapshot.energy.exchanged_j)
     assert shares[1] < 1e-4
     assert shares[1] < 0.6 * shares[0]

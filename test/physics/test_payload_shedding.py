@@ -63,9 +63,9 @@ def test_a_pendulum_is_driven_at_the_strouhal_frequency() -> None:
     The steady part has the amplitude F/√((K - Mω²)² + (cω)²) and ω = 2π·St·U/D, 0.1 %.
     """
     twin, seconds = Twin(shedding()), 200.0
-    shots = list(march(twin, still, seconds, every=5))
-    t = np.array([shot.time_s for shot in shots])
-    y = np.array([shot.payload_position_m[1] for shot in shots])
+    snapshots = list(march(twin, still, seconds, every=5))
+    t = np.array([snapshot.time_s for snapshot in snapshots])
+    y = np.array([snapshot.payload_position_m[1] for snapshot in snapshots])
     M, c = MASS + ADDED, 0.5 * 1025.0 * AREA * SPEED
     K = PENDULUM.load_weight / LENGTH
     F, w = -0.5 * 1025.0 * 0.003 * 1.0 * SPEED**2, 2.0 * math.pi * 0.2 * SPEED / WIDE
@@ -105,16 +105,16 @@ def test_the_shedding_force_is_normal_to_flow_and_rope() -> None:
     """In a current to the north-east the swing is north-west and south-east."""
     part = SPEED * math.sqrt(0.5)
     rig = replace(PENDULUM, current=((0.0, (part, part, 0.0)),), area=(0.0, 0.0, 0.0))
-    shots = march(Twin(shedding(rig)), still, 20.0, every=10)
-    x, y, _ = np.array([shot.payload_position_m for shot in shots]).T
+    snapshots = march(Twin(shedding(rig)), still, 20.0, every=10)
+    x, y, _ = np.array([snapshot.payload_position_m for snapshot in snapshots]).T
     assert np.abs(x + y).max() < 2e-2 * np.abs(x - y).max()
     assert np.abs(x - y).max() > 1e-4
 
 
 def test_energy_balance_of_payload_shedding() -> None:
     """The balance closes to 0.1 % of what is exchanged."""
-    for shot in march(Twin(shedding(), ENERGY), still, 60.0, every=500):
-        balance = shot.energy
+    for snapshot in march(Twin(shedding(), ENERGY), still, 60.0, every=500):
+        balance = snapshot.energy
     assert balance is not None
     assert balance.exchanged_j > 1e-3
     assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
@@ -124,8 +124,8 @@ def test_a_fluid_ramp_scales_the_shedding_force() -> None:
     """Half the factor gives half the swing."""
     swings = []
     for factor in (1.0, 0.5):
-        shots = march(Twin(shedding(factor=factor)), still, 30.0, every=10)
-        swings.append(max(abs(shot.payload_position_m[1]) for shot in shots))
+        snapshots = march(Twin(shedding(factor=factor)), still, 30.0, every=10)
+        swings.append(max(abs(snapshot.payload_position_m[1]) for snapshot in snapshots))
     assert swings[1] == pytest.approx(0.5 * swings[0], rel=2e-3)
 
 
@@ -206,13 +206,15 @@ def test_a_body_sheds_with_its_projected_area() -> None:
 def test_a_body_swings_at_the_strouhal_frequency() -> None:
     """Cross-flow swing at that frequency and energy balance; 0.1 %."""
     twin = Twin(with_body(), ENERGY)
-    shots = list(march(twin, still, 400.0, every=25))
-    y = np.array([shot.payload_position_m[1] for shot in shots if shot.body is not None])
+    snapshots = list(march(twin, still, 400.0, every=25))
+    y = np.array(
+        [snapshot.payload_position_m[1] for snapshot in snapshots if snapshot.body is not None]
+    )
     late = y[len(y) // 3 :]
     spectrum = np.abs(np.fft.rfft(late * np.hanning(len(late)), 1 << 18))
     frequency = np.fft.rfftfreq(1 << 18, 0.5)[spectrum.argmax()]
     assert frequency == pytest.approx(0.2 * SPEED / WIDE, rel=1e-3)
-    balance = shots[-1].energy
+    balance = snapshots[-1].energy
     assert balance is not None
     assert abs(balance.residual_j) < 1e-3 * balance.exchanged_j
 
@@ -222,6 +224,6 @@ def test_a_body_in_still_water_sheds_no_force() -> None:
     scene = scene_of(replace(BODY_RIG, current=((0.0, (0.0, 0.0)),)), HUNG)
     twin = Twin(replace(scene, effects=(*scene.effects, replace(SHEDS, area_m2=None))))
     twin.advance(200)
-    shot = twin.snapshot()
-    assert shot.body is not None
-    assert np.abs(shot.payload_position_m[:2]).max() < 1e-6
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    assert np.abs(snapshot.payload_position_m[:2]).max() < 1e-6

@@ -115,8 +115,8 @@ def towed(speed: float) -> float:
     scene = rig.scene()
     payload = replace(scene.payloads[0], rising=Rising(drag_area_m2=1.0, added_mass_kg=100.0))
     twin = Twin(replace(scene, payloads=(payload,)))
-    for shot in march(twin, still, 20.0, every=1000, speeds=[(0.0, speed)]):
-        last = shot
+    for snapshot in march(twin, still, 20.0, every=1000, speeds=[(0.0, speed)]):
+        last = snapshot
     assert last.payload_velocity_m_per_s[2] == pytest.approx(-speed, abs=1e-3)
     return last.tension_payload_n
 

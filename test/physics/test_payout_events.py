@@ -16,14 +16,14 @@ from rope_twin.core import state as rows
 JUMP = 1e-4  # of the mean tension
 
 
-def events_and_jumps(shots: list[Snapshot]) -> tuple[int, float]:
+def events_and_jumps(snapshots: list[Snapshot]) -> tuple[int, float]:
     """Number of splits and merges, and the largest second difference near one, over the mean.
 
     The measure: max |F(k+1) - 2·F(k) + F(k-1)| over the 11 samples from an event on.
     """
-    tension = np.array([s.tension_top_n for s in shots])
+    tension = np.array([s.tension_top_n for s in snapshots])
     bend = np.abs(np.diff(tension, 2)) / tension.mean()  # bend[k] is centred on sample k + 1
-    count = np.array([s.solver.splits + s.solver.merges for s in shots])
+    count = np.array([s.solver.splits + s.solver.merges for s in snapshots])
     events = np.flatnonzero(np.diff(count)) + 1
     return len(events), max(float(bend[k - 1 : k + 10].max()) for k in events if k > 1)
 
@@ -63,8 +63,8 @@ def assert_smooth(rig: Rig, heave: float, least_events: int) -> None:
     """Pay out, haul in, and check the jump at each event."""
     half = 38.0 if rig.length > 5.0 * rig.elements else 20.0
     speeds = [(2.0, 1.0), (2.0 + half, -1.0)]
-    shots = march(rig.twin(), sine(heave, 8.0), 2.0 * half - 1.0, speeds=speeds)
-    events, jump = events_and_jumps(list(shots))
+    snapshots = march(rig.twin(), sine(heave, 8.0), 2.0 * half - 1.0, speeds=speeds)
+    events, jump = events_and_jumps(list(snapshots))
     assert events >= least_events
     assert jump <= JUMP
 
@@ -76,14 +76,14 @@ def test_depth_after_280_splits() -> None:
     """
     rig = replace(STEEL, length=200.0, elements=20, damping=7e6, step=0.02)
     twin = rig.twin()
-    *_, shot = march(twin, still, 1410.0, every=500, speeds=[(0.0, 2.0)])
-    assert shot.line_out_m == pytest.approx(3000.0, abs=0.01)
-    assert shot.solver.splits == 280
-    *_, shot = march(twin, still, 400.0, every=500)
-    L = shot.line_out_m
+    *_, snapshot = march(twin, still, 1410.0, every=500, speeds=[(0.0, 2.0)])
+    assert snapshot.line_out_m == pytest.approx(3000.0, abs=0.01)
+    assert snapshot.solver.splits == 280
+    *_, snapshot = march(twin, still, 400.0, every=500)
+    L = snapshot.line_out_m
     depth = L + (rig.load_weight + 0.5 * rig.weight * L) * L / rig.EA
-    assert -shot.payload_position_m[2] == pytest.approx(depth, abs=1e-8)
-    assert shot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * L, rel=1e-9)
+    assert -snapshot.payload_position_m[2] == pytest.approx(depth, abs=1e-8)
+    assert snapshot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * L, rel=1e-9)
 
 
 def test_payout_conserves_rope_length() -> None:
@@ -91,9 +91,9 @@ def test_payout_conserves_rope_length() -> None:
     rig = replace(SEA, length=200.0, elements=20)
     counts = set()
     speeds = [(0.0, 1.0), (60.0, -1.5)]
-    for shot in march(rig.twin(), sine(1.0, 8.0), 120.0, every=7, speeds=speeds):
-        rest = np.diff(shot.arc_length_m)
-        assert rest.sum() == pytest.approx(shot.line_out_m, rel=1e-14)
+    for snapshot in march(rig.twin(), sine(1.0, 8.0), 120.0, every=7, speeds=speeds):
+        rest = np.diff(snapshot.arc_length_m)
+        assert rest.sum() == pytest.approx(snapshot.line_out_m, rel=1e-14)
         assert rest[1:] == pytest.approx(10.0, abs=1e-10)
         assert 0.0 < rest[0] <= 15.0 + 1.5 * rig.step * 7
         counts.add(len(rest))

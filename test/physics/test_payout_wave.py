@@ -39,8 +39,8 @@ def exact(rig: Rig, amplitude: float) -> Vector:
 
 def published(rig: Rig, amplitude: float) -> tuple[Vector, int]:
     """Top tension [N] after each step, and the number of splits and merges."""
-    shots = list(march(rig.twin(), sine(amplitude, 8.0), SECONDS, speeds=COMMANDS))
-    return np.array([s.tension_top_n for s in shots]), shots[-1].solver.splits + shots[
+    snapshots = list(march(rig.twin(), sine(amplitude, 8.0), SECONDS, speeds=COMMANDS))
+    return np.array([s.tension_top_n for s in snapshots]), snapshots[-1].solver.splits + snapshots[
         -1
     ].solver.merges
 

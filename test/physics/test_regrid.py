@@ -188,8 +188,8 @@ def test_a_slack_rope_is_remeshed() -> None:
     rig = Rig(length=500.0, elements=41, damping=2e5, load=500.0, density=1025.0, drag=(1.2, 0.01),
               area=(4.0, 4.0, 4.0), ramp=2.0)  # fmt: skip
     twin = rig.twin()
-    for shot in march(twin, sine(4.0, 7.0), 12.0):
-        if twin.steps > 300 and shot.element_tension_n.min() == 0.0:
+    for snapshot in march(twin, sine(4.0, 7.0), 12.0):
+        if twin.steps > 300 and snapshot.element_tension_n.min() == 0.0:
             break
     else:
         pytest.fail("the rope never went slack")

@@ -120,10 +120,12 @@ def test_coarser_step_and_mesh_stay_close(moving: Twin) -> None:
             run.advance(SECOND_NS // run.step_ns)
         assert other.time_ns == same.time_ns
         assert other.top_tension_n == pytest.approx(same.top_tension_n, rel=2e-3)
-    shots = [run.snapshot() for run in (same, other)]
-    assert shots[1].solver.unconverged_substeps == shots[0].solver.unconverged_substeps
-    if shots[0].body is not None and shots[1].body is not None:
-        quaternions = [shot.body.quaternion for shot in shots if shot.body is not None]
+    snapshots = [run.snapshot() for run in (same, other)]
+    assert snapshots[1].solver.unconverged_substeps == snapshots[0].solver.unconverged_substeps
+    if snapshots[0].body is not None and snapshots[1].body is not None:
+        quaternions = [
+            snapshot.body.quaternion for snapshot in snapshots if snapshot.body is not None
+        ]
         assert np.allclose(*quaternions, rtol=0.0, atol=1e-3)
 
 

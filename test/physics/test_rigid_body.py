@@ -233,11 +233,11 @@ def test_static_attitude_on_one_sling() -> None:
     twin = Twin(scene_of(rig, body))
     m, displaced = 2000.0, RHO * 0.9
     heavy = (m * g - displaced * b) / (m - displaced) - np.array([0.0, 0.0, 2.5])
-    shot = twin.snapshot()
-    assert shot.body is not None
-    plumb = Rotation.from_quat(shot.body.quaternion).apply(heavy)
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    plumb = Rotation.from_quat(snapshot.body.quaternion).apply(heavy)
     assert plumb == pytest.approx([0.0, 0.0, -np.linalg.norm(heavy)], abs=1e-5)
-    assert shot.tension_payload_n == pytest.approx((m - displaced) * G, rel=3e-5)
+    assert snapshot.tension_payload_n == pytest.approx((m - displaced) * G, rel=3e-5)
 
 
 def test_static_lean_in_a_current() -> None:
@@ -246,9 +246,9 @@ def test_static_lean_in_a_current() -> None:
     rig = replace(LINE, density=RHO, area=(3.0, 3.0, 3.0), current=((0.0, (0.7, 0.0)),), volume=0.2)
     twin = Twin(scene_of(rig, replace(body, centre_of_buoyancy_m=(0.0, 0.0, 0.0))))
     drag, weight = 0.5 * RHO * 3.0 * 0.7**2, (2000.0 - RHO * 0.2) * G
-    shot = twin.snapshot()
-    assert shot.body is not None
-    lean_rad = Rotation.from_quat(shot.body.quaternion).as_rotvec()
+    snapshot = twin.snapshot()
+    assert snapshot.body is not None
+    lean_rad = Rotation.from_quat(snapshot.body.quaternion).as_rotvec()
     assert math.tan(-lean_rad[1]) == pytest.approx(3.0 * drag / (2.5 * weight), rel=1e-4)
 
 
@@ -302,16 +302,16 @@ def test_slack_slings_have_no_force_and_the_energy_balance_closes() -> None:
         added_mass=1.0, current=((0.0, (0.6, 0.2)), (-100.0, (0.2, 0.3))), ramp=4.0,
     )  # fmt: skip
     twin = Twin(scene_of(rig, TEMPLATE), ENERGY)
-    pulls, shot = [], twin.snapshot()
-    for shot in march(twin, sine(1.6, 4.5), 12.0, every=20):
-        assert shot.body is not None
-        pulls.append(shot.body.leg_tension_n)
-        assert shot.body.leg_tension_n.min() >= 0.0
+    pulls, snapshot = [], twin.snapshot()
+    for snapshot in march(twin, sine(1.6, 4.5), 12.0, every=20):
+        assert snapshot.body is not None
+        pulls.append(snapshot.body.leg_tension_n)
+        assert snapshot.body.leg_tension_n.min() >= 0.0
     assert np.min(np.max(pulls, axis=1)) == 0.0, "the case must slacken all of them"
     assert np.max(pulls) > 1e4, "and snap"
-    assert shot.energy is not None
-    assert abs(shot.energy.residual_pct) < 1.0
-    assert shot.energy.exchanged_j > 1e4
+    assert snapshot.energy is not None
+    assert abs(snapshot.energy.residual_pct) < 1.0
+    assert snapshot.energy.exchanged_j > 1e4
 
 
 def test_a_light_body_on_stiff_slings_converges() -> None:
@@ -320,7 +320,7 @@ def test_a_light_body_on_stiff_slings_converges() -> None:
     body = replace(TEMPLATE, slings=slings, hook_mass_kg=0.0)
     rig = replace(LINE, load=10.0, mass=0.05, step=0.05, tolerance=0.01, ramp=2.0)
     twin = Twin(scene_of(rig, body))
-    tensions = [shot.tension_payload_n for shot in march(twin, sine(0.3, 5.0), 20.0)]
+    tensions = [snapshot.tension_payload_n for snapshot in march(twin, sine(0.3, 5.0), 20.0)]
     assert twin.snapshot().solver.unconverged_substeps == 0
     assert max(tensions) < 1.3 * 10.0 * G
     assert min(tensions) > 0.7 * 10.0 * G

@@ -86,11 +86,11 @@ def test_a_rope_laid_on_the_bed_is_a_catenary() -> None:
     """
     scene = on_bed(MOORED, replace(BED, friction=0.0, stiffness_n_per_m3=1e6))
     twin = Twin(with_nothing_below(scene))  # the step of the shipped landing
-    shot = twin.snapshot()
+    snapshot = twin.snapshot()
     w, h = MOORED.weight, 100.0
-    tension = shot.element_tension_n
+    tension = snapshot.element_tension_n
     H = float(tension[-1])
-    assert shot.tension_top_n - H == pytest.approx(w * h, rel=2e-3)
+    assert snapshot.tension_top_n - H == pytest.approx(w * h, rel=2e-3)
     s = math.sqrt(h * h + 2.0 * h * H / w)
     span = H / w * math.asinh(w * s / H) + (300.0 - s)
     assert span == pytest.approx(230.0, rel=2e-3)
@@ -109,8 +109,8 @@ def test_rebound_of_a_payload_by_hunt_and_crossley() -> None:
     nodes[rows.VELOCITY + 2, 0] = -1.0
     seen = np.array(
         [
-            (shot.payload_position_m[2], shot.payload_velocity_m_per_s[2])
-            for shot in march(twin, still, 0.4)
+            (snapshot.payload_position_m[2], snapshot.payload_velocity_m_per_s[2])
+            for snapshot in march(twin, still, 0.4)
         ]
     )
 
@@ -129,13 +129,13 @@ def test_a_payload_slides_to_rest() -> None:
     """On a level bed at 2 m/s: the way is v²/(2·μ·g), 2 %; friction does not turn it back."""
     rig = Rig(length=120.0, elements=6, load=5e3, mass=0.01, diameter=1e-3, EA=1e5, step=0.01)
     twin = Twin(on_bed(rig, replace(BED, friction=0.4)))
-    for shot in march(twin, still, 20.0, every=100):
-        last = shot
+    for snapshot in march(twin, still, 20.0, every=100):
+        last = snapshot
     assert abs(last.payload_velocity_m_per_s[2]) < 1e-3
     assert last.payload_position_m[2] == pytest.approx(-100.05, abs=1e-3)
     twin.rope.state.nodes[rows.VELOCITY, 0] = 2.0
     before = float(last.payload_position_m[0])
-    way = [float(shot.payload_position_m[0]) - before for shot in march(twin, still, 3.0)]
+    way = [float(snapshot.payload_position_m[0]) - before for snapshot in march(twin, still, 3.0)]
     assert max(way) == pytest.approx(2.0**2 / (2.0 * 0.4 * G), rel=0.02)
     assert way[-1] == pytest.approx(max(way), abs=2e-3)
 
@@ -150,10 +150,10 @@ def test_landing_and_lift_off() -> None:
     )  # fmt: skip
     twin = Twin(on_bed(rig, BED))
     speeds = [(0.0, 0.5), (14.0, 0.0), (24.0, -0.5), (38.0, 0.0)]
-    shots = list(march(twin, still, 60.0, every=10, speeds=speeds))
-    seen = [(s.tension_payload_n, s.payload_position_m[2], s.tension_top_n) for s in shots]
+    snapshots = list(march(twin, still, 60.0, every=10, speeds=speeds))
+    seen = [(s.tension_payload_n, s.payload_position_m[2], s.tension_top_n) for s in snapshots]
     tension, height, top = np.array(seen).T
-    reported = [shot.seabed for shot in shots]
+    reported = [snapshot.seabed for snapshot in snapshots]
     assert all(reported[k] is not None for k in (0, 215, -1))
     assert reported[0].payload_height_m == pytest.approx(100.0 + height[0])
     assert not reported[0].payload_landed

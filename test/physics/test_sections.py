@@ -26,15 +26,15 @@ def short(rig: Rig, line_out: float) -> Rig:
     )
 
 
-def is_a_node(shot: Snapshot) -> bool:
+def is_a_node(snapshot: Snapshot) -> bool:
     """Return whether the joint is a node below the hang-off (arc lengths count from there)."""
-    from_below = shot.line_out_m - shot.arc_length_m[1:]
+    from_below = snapshot.line_out_m - snapshot.arc_length_m[1:]
     return bool(np.abs(from_below - JOINT).min() < 1e-9)
 
 
-def jump(shots: list[Snapshot], at: int) -> float:
+def jump(snapshots: list[Snapshot], at: int) -> float:
     """Largest second difference of the top tension in the 11 samples from an event on [N]."""
-    tension = np.array([shot.tension_top_n for shot in shots])
+    tension = np.array([snapshot.tension_top_n for snapshot in snapshots])
     return float(np.abs(np.diff(tension, 2))[at - 1 : at + 10].max())
 
 
@@ -48,15 +48,15 @@ def test_a_section_junction_through_the_sheave(low: Rig, high: Rig) -> None:
     twin = Twin(joined(short(low, 205.0), high, JOINT))
     assert not is_a_node(twin.snapshot())
     speeds = [(1.0, SPEED), (41.0, -SPEED), (81.0, 0.0)]
-    shots = list(march(twin, still, 90.0, speeds=speeds))
-    out = np.flatnonzero(np.diff([is_a_node(shot) for shot in shots])) + 1
+    snapshots = list(march(twin, still, 90.0, speeds=speeds))
+    out = np.flatnonzero(np.diff([is_a_node(snapshot) for snapshot in snapshots])) + 1
     assert len(out) == 2, "one event makes it a node, one takes it away"
-    mean = np.mean([shot.tension_top_n for shot in shots])
+    mean = np.mean([snapshot.tension_top_n for snapshot in snapshots])
     wave = np.sqrt(low.EA * low.mass) * SPEED * mean * abs(1.0 / low.EA - 1.0 / high.EA)
     for at in out:
-        assert abs(shots[at].line_out_m - JOINT) < 0.05
-        assert jump(shots, at) <= JUMP * mean + wave
-    assert shots[-1].solver.unconverged_substeps == 0
+        assert abs(snapshots[at].line_out_m - JOINT) < 0.05
+        assert jump(snapshots, at) <= JUMP * mean + wave
+    assert snapshots[-1].solver.unconverged_substeps == 0
 
 
 @PAIRS
@@ -64,11 +64,11 @@ def test_static_tension_and_depth_of_two_sections(low: Rig, high: Rig) -> None:
     """Paid out past the joint and at rest: tension and depth of two ropes, each with its EA."""
     rig = replace(short(low, 205.0), damping=20e6)
     twin = Twin(joined(rig, high, JOINT))
-    *_, shot = march(twin, still, 200.0, every=500, speeds=[(0.0, 1.0), (40.0, 0.0)])
-    assert is_a_node(shot)
-    top, depth = hanging(low, high, JOINT, shot.line_out_m)
-    assert shot.tension_top_n == pytest.approx(top, rel=1e-9)
-    assert -shot.payload_position_m[2] == pytest.approx(depth, abs=1e-8)
+    *_, snapshot = march(twin, still, 200.0, every=500, speeds=[(0.0, 1.0), (40.0, 0.0)])
+    assert is_a_node(snapshot)
+    top, depth = hanging(low, high, JOINT, snapshot.line_out_m)
+    assert snapshot.tension_top_n == pytest.approx(top, rel=1e-9)
+    assert -snapshot.payload_position_m[2] == pytest.approx(depth, abs=1e-8)
 
 
 @dataclass(frozen=True)
@@ -130,12 +130,12 @@ def test_hauling_in_to_two_metres_and_paying_out() -> None:
     rig = replace(SEA, length=40.0, elements=8, damping=SEA.EA * KELVIN_VOIGT_S, winch=winch)
     twin = Twin(joined(rig, replace(HMPE, diameter=0.08), 20.0))
     speeds = [(0.0, -1.0), (50.0, 1.0), (80.0, 0.0)]
-    shots = list(march(twin, sine(0.3, 8.0), 95.0, every=5, speeds=speeds))
-    shortest = min(shots, key=lambda shot: shot.line_out_m)
+    snapshots = list(march(twin, sine(0.3, 8.0), 95.0, every=5, speeds=speeds))
+    shortest = min(snapshots, key=lambda snapshot: snapshot.line_out_m)
     assert 2.0 - 1e-9 <= shortest.line_out_m < 2.02
     assert len(shortest.element_tension_n) == 2
-    assert max(abs(shot.tension_top_n / SEA.load_weight - 1.0) for shot in shots) < 0.2
-    last = shots[-1]
+    assert max(abs(snapshot.tension_top_n / SEA.load_weight - 1.0) for snapshot in snapshots) < 0.2
+    last = snapshots[-1]
     assert last.line_out_m > 28.0
     assert last.solver.unconverged_substeps == 0
     assert np.abs(last.line_out_m - last.arc_length_m - 20.0).min() < 1e-9

@@ -56,10 +56,10 @@ def twin_of(nets: str, folder: Path, speed: float = 0.5) -> Twin:
     return Twin(load_scene(str(path)))
 
 
-def lines(shot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
+def lines(snapshot: Snapshot) -> tuple[np.ndarray, np.ndarray]:
     """Places of the sinkers [m], and tension at the tops of the two lines [N]."""
-    tops = [rope.element_tension_n[0] for rope in shot.ropes if rope.name in ("left", "right")]
-    return np.array([payload.position_m for payload in shot.payloads]), np.array(tops)
+    tops = [rope.element_tension_n[0] for rope in snapshot.ropes if rope.name in ("left", "right")]
+    return np.array([payload.position_m for payload in snapshot.payloads]), np.array(tops)
 
 
 def test_two_adjacent_nets_equal_one_net(tmp_path: Path) -> None:

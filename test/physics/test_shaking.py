@@ -32,9 +32,9 @@ def shaken(model: Any, scene: Scene | None = None) -> Scene:
     return replace(scene, effects=(*scene.effects, model))
 
 
-def shaking(shot: Snapshot) -> RopeVibration:
-    assert shot.vibration is not None
-    return shot.vibration
+def shaking(snapshot: Snapshot) -> RopeVibration:
+    assert snapshot.vibration is not None
+    return snapshot.vibration
 
 
 def settled(scene: Scene) -> tuple[Snapshot, Twin]:
@@ -49,7 +49,7 @@ def grown(twin: Twin) -> Vector:
     return np.array(own.memory[GROWTH, : len(twin.snapshot().element_tension_n)])
 
 
-def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
+def around_nodes(twin: Twin, snapshot: Snapshot) -> Vector:
     """Vandiver's growth, the mean of two thousand places around each free node.
 
     Their weight falls to 0 at the neighbours, and at half a wave of St·U/d to both sides at least;
@@ -57,7 +57,7 @@ def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
     """
     assert twin.viv_drag is not None
     s, amplitude, half_wave = twin.viv_drag.trackers[0].at_model_nodes()
-    steps = np.diff(shot.node_position_m[::-1], axis=0)
+    steps = np.diff(snapshot.node_position_m[::-1], axis=0)
     below = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=1)))])
     below -= below[-1]
     step = np.diff(below)
@@ -79,10 +79,10 @@ def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
 def test_live_viv_equals_the_frequency_domain_assessment() -> None:
     """`rope_twin viv` has the rope at rest: without growth of the drag the twin is that, too."""
     scene = shaken(ModalVibrationParams(drag_growth=(0.0, 1.0)))
-    shot, _ = settled(scene)
+    snapshot, _ = settled(scene)
     alone = run_frequency_domain(span_of(scene), Shedding(), ENOUGH_S)
-    seen = shaking(shot)
-    expected = np.interp(shot.arc_length_m, alone.from_top_m[::-1], alone.rms()[::-1])
+    seen = shaking(snapshot)
+    expected = np.interp(snapshot.arc_length_m, alone.from_top_m[::-1], alone.rms()[::-1])
     assert (seen.model, seen.note) == ("modal_vibration", "")
     assert seen.cross_flow.max() / np.sqrt(2.0) == pytest.approx(expected.max(), rel=0.03)
     assert np.abs(seen.cross_flow / np.sqrt(2.0) - expected).max() < 0.03
@@ -91,11 +91,11 @@ def test_live_viv_equals_the_frequency_domain_assessment() -> None:
 @pytest.mark.parametrize("model", MODELS)
 def test_mean_offset_with_drag_amplification(model: Any) -> None:
     """The mean offset is that of a rope whose drag coefficient is as much larger all along."""
-    shot, twin = settled(shaken(model))
+    snapshot, twin = settled(shaken(model))
     growth = grown(twin)
-    assert growth == pytest.approx(around_nodes(twin, shot), abs=1e-3)
+    assert growth == pytest.approx(around_nodes(twin, snapshot), abs=1e-3)
     assert growth.mean() > 0.8
-    assert shaking(shot).drag_amplification[:0:-1] == pytest.approx(1.0 + growth, abs=1e-6)
+    assert shaking(snapshot).drag_amplification[:0:-1] == pytest.approx(1.0 + growth, abs=1e-6)
 
     def lean(scene: Scene) -> float:
         seen, _ = settled(scene)
@@ -103,12 +103,12 @@ def test_mean_offset_with_drag_amplification(model: Any) -> None:
 
     # what counts of f(s) for the lean of the lower end is ∫f·s ds/T: of the rope further up more
     s = twin.rope.state.s[: len(growth)]
-    share = s / shot.node_tension_n[:0:-1]
+    share = s / snapshot.node_tension_n[:0:-1]
     factor = 1.0 + float((growth * share).sum() / share.sum())
     own = CABLE.scene()
     more = DragParams(normal=1.2 * factor, tangential=0.02)
     dragged = tuple(more if isinstance(effect, DragParams) else effect for effect in own.effects)
-    found, plain = float(shot.node_position_m[-1, 0]), lean(own)
+    found, plain = float(snapshot.node_position_m[-1, 0]), lean(own)
     assert found == pytest.approx(lean(replace(own, effects=dragged)), rel=0.03)
     assert found > 1.7 * plain
 
@@ -117,10 +117,10 @@ def test_nodal_drag_amplification_integrates_between_nodes() -> None:
     """Six nodes to some thirty half waves: the sum over them is the integral, within 0.1 %."""
     model = ModalVibrationParams()
     scene = shaken(model, replace(CABLE, elements=5).scene())
-    shot, twin = settled(scene)
+    snapshot, twin = settled(scene)
     assert twin.viv_drag is not None
-    reported = shaking(shot).drag_amplification[::-1]
-    steps = np.sqrt((np.diff(shot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
+    reported = shaking(snapshot).drag_amplification[::-1]
+    steps = np.sqrt((np.diff(snapshot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
     shares = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
     s, amplitude, _ = twin.viv_drag.trackers[0].at_model_nodes()
     all_along = 1.0 + 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
@@ -136,9 +136,11 @@ def test_the_time_domain_assessment_equals_the_live_twin(model: Any) -> None:
     """`rope_twin viv --time-domain` looks at the motion itself, the twin reports live."""
     scene = shaken(model, replace(CABLE, diameter=0.032).scene())
     (found,) = run_time_domain(scene, 30.0, "stranded_wire")
-    shots = [shot for shot in march(Twin(scene), still, 30.0, 5) if shot.time_s >= 15.0]
-    seen = [shaking(shot) for shot in shots]
-    depth = shots[0].arc_length_m
+    snapshots = [
+        snapshot for snapshot in march(Twin(scene), still, 30.0, 5) if snapshot.time_s >= 15.0
+    ]
+    seen = [shaking(snapshot) for snapshot in snapshots]
+    depth = snapshots[0].arc_length_m
 
     def at_nodes(values: Vector) -> Vector:
         return np.interp(depth, found.from_hang_off_m, values)
@@ -153,7 +155,7 @@ def test_the_time_domain_assessment_equals_the_live_twin(model: Any) -> None:
     assert hertz == pytest.approx(np.mean(live), rel=0.05)
     # a wave of that frequency bends the wire by k²·A, k = 2π·f·√(m/T)
     moved = 6.4 + 1025.0 * np.pi * 0.016**2
-    square = (2.0 * np.pi * hertz) ** 2 * moved / float(shots[-1].node_tension_n.mean())
+    square = (2.0 * np.pi * hertz) ** 2 * moved / float(snapshots[-1].node_tension_n.mean())
     modulus = 6.5e7 / (6.4 / 7850.0)
     stress = modulus * 0.016 * square * 0.032 * rms.max()
     assert found.stress_rms_pa.max() == pytest.approx(stress, rel=0.3)
@@ -211,7 +213,7 @@ def test_mode_search_cost_is_spread_evenly(model: Any, every_s: float) -> None:
 
 def test_a_slack_rope_keeps_its_modes_and_is_reported() -> None:
     twin = Twin(shaken(ModalVibrationParams()))
-    notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
+    notes = [shaking(snapshot).note for snapshot in march(twin, sine(4.0, 4.0), 10.0, 5)]
     assert any("elements are slack" in note for note in notes)
     assert "" in notes
     assert twin.snapshot().solver.unconverged_substeps == 0
@@ -221,12 +223,12 @@ def test_no_viv_without_a_current() -> None:
     """And shakes when one comes: looks are made for it then."""
     scene = replace(CABLE, current=((0.0, (0.0, 0.0)),)).scene()
     twin = Twin(shaken(DecomposedForceParams(), scene))
-    (shot,) = list(march(twin, still, 3.0, 150))
-    assert shaking(shot).cross_flow.max() == 0.0
+    (snapshot,) = list(march(twin, still, 3.0, 150))
+    assert shaking(snapshot).cross_flow.max() == 0.0
     assert grown(twin).max() == 0.0
     assert twin.offer_current(np.array([[0.0, 0.3, 0.0]])) == ""
-    (shot,) = list(march(twin, still, 20.0, 1000))
-    assert shaking(shot).cross_flow.max() > 0.2
+    (snapshot,) = list(march(twin, still, 20.0, 1000))
+    assert shaking(snapshot).cross_flow.max() > 0.2
     assert grown(twin).max() > 0.3
 
 

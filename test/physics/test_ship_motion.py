@@ -168,11 +168,11 @@ def test_each_hang_off_has_its_own_lever_arm() -> None:
     other = Twin.restore(twin.capture(), twin.scene)
     for run in (twin, other):
         run.advance(round(0.5 / twin.step_s))
-        shot, pose = run.snapshot(), ship.pose(1_000_000_000)
+        snapshot, pose = run.snapshot(), ship.pose(1_000_000_000)
         for rope, at in ((0, scene.ship.hang_off_m), (1, scene.hang_offs[0].at_m)):
             arm = np.array(at) - riding.reference_m
             moved, _ = hang_off_motion(pose, tuple(arm))
-            computed = shot.ropes[rope].node_position_m[0] - at
+            computed = snapshot.ropes[rope].node_position_m[0] - at
             assert computed == pytest.approx(moved, abs=1e-6)
             assert np.abs(computed[:2]).max() > 1e-3, "it moves aside too"
     course = Course(posed, 1.0, 0.1).motion(twin.step_s)

@@ -25,8 +25,8 @@ def test_peak_tension_of_the_snap_scenes(
     """60 s of each scene; no unconverged substep is accepted."""
     twin, heave = reference(scene, elements, step)
     tensions = []
-    for shot in march(twin, heave, 60.0):
-        tensions.append(shot.tension_top_n)
-        assert not shot.doubtful
-    assert shot.solver.unconverged_substeps == 0
+    for snapshot in march(twin, heave, 60.0):
+        tensions.append(snapshot.tension_top_n)
+        assert not snapshot.doubtful
+    assert snapshot.solver.unconverged_substeps == 0
     assert np.max(tensions) == pytest.approx(peak_kn * 1e3, rel=within)

@@ -84,8 +84,10 @@ def lowered(waves: WavesParams, slamming: float = 0.0) -> Any:
     current, *others = scene.effects
     air = WettingParams(), WindParams(velocity_m_per_s=(0.0, 0.0), normal=0.0)
     scene = replace(scene, effects=(current, waves, *air, *others, zone))
-    shots = march(Twin(scene), still, 60.0, every=10, speeds=[(0.0, 0.25), (44.0, 0.0)])
-    return np.array([(shot.payload_position_m[2], shot.tension_payload_n) for shot in shots]).T
+    snapshots = march(Twin(scene), still, 60.0, every=10, speeds=[(0.0, 0.25), (44.0, 0.0)])
+    return np.array(
+        [(snapshot.payload_position_m[2], snapshot.tension_payload_n) for snapshot in snapshots]
+    ).T
 
 
 def test_lowering_through_calm_water() -> None:

@@ -25,28 +25,30 @@ def stretch(weight: float, load: float, length: float, EA: float) -> float:
 def test_stretch_of_a_hanging_rope(elements: int, load: float) -> None:
     """The lumped rope samples a linear tension at mid-element: the sum is exact."""
     rig = replace(HANGING, elements=elements, load=load, volume=load / 7000.0)
-    shot = rig.twin().snapshot()
+    snapshot = rig.twin().snapshot()
     expected = stretch(rig.weight, rig.load_weight, rig.length, rig.EA)
-    assert -shot.payload_position_m[2] - rig.length == pytest.approx(expected, rel=1e-9)
-    assert shot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * rig.length, rel=1e-9)
+    assert -snapshot.payload_position_m[2] - rig.length == pytest.approx(expected, rel=1e-9)
+    assert snapshot.tension_top_n == pytest.approx(
+        rig.load_weight + rig.weight * rig.length, rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("length", [998.0, 1000.5, 1020.0, 1300.0])
 def test_elastic_catenary(length: float) -> None:
     """P1: shape and end tensions, 0.1 % at 100 elements; stretched taut, tight, slack, dipping."""
     rig = replace(LINE, length=length)
-    shot = rig.twin().snapshot()
+    snapshot = rig.twin().snapshot()
     H, V = solve_catenary(rig, CHORD[0], -CHORD[2])
-    s = length - shot.arc_length_m
+    s = length - snapshot.arc_length_m
     x, z, tension = catenary(s, H, V, rig.weight, rig.EA)
     shape = np.stack([CHORD[0] - x, np.zeros_like(x), CHORD[2] + z], axis=1)
-    assert np.abs(shot.node_position_m - shape).max() < 1e-3 * np.linalg.norm(CHORD)
-    assert shot.tension_top_n == pytest.approx(tension[0], rel=1e-3)
-    assert shot.hang_off_force_n == pytest.approx([H, 0.0, -V - rig.weight * length], rel=1e-3)
+    assert np.abs(snapshot.node_position_m - shape).max() < 1e-3 * np.linalg.norm(CHORD)
+    assert snapshot.tension_top_n == pytest.approx(tension[0], rel=1e-3)
+    assert snapshot.hang_off_force_n == pytest.approx([H, 0.0, -V - rig.weight * length], rel=1e-3)
     middles = 0.5 * (s[1:] + s[:-1])
     _, _, between = catenary(middles, H, V, rig.weight, rig.EA)
-    assert shot.element_tension_n == pytest.approx(between, rel=1e-3)
-    assert shot.tension_payload_n == pytest.approx(tension[-1], rel=1e-3)
+    assert snapshot.element_tension_n == pytest.approx(between, rel=1e-3)
+    assert snapshot.tension_payload_n == pytest.approx(tension[-1], rel=1e-3)
 
 
 def test_half_a_level_line_equals_the_whole_line() -> None:

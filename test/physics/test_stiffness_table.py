@@ -57,14 +57,14 @@ def test_table_interpolation_is_monotone_and_smooth() -> None:
 def test_static_stretch_is_the_integral_of_the_strain() -> None:
     """Depth of the payload = L + ∫strain(T(s)) ds; an element has the tension of its middle."""
     twin = Twin(tabled(RIG, HMPE))
-    shot = twin.snapshot()
+    snapshot = twin.snapshot()
     tension = RIG.load_weight + RIG.weight * 10.0 * (np.arange(100) + 0.5)
     strains = [HMPE.strain_at(float(T)) for T in tension]
-    assert shot.element_tension_n[::-1] == pytest.approx(tension, rel=1e-7)
-    assert -shot.payload_position_m[2] == pytest.approx(1000.0 + 10.0 * sum(strains), abs=1e-6)
+    assert snapshot.element_tension_n[::-1] == pytest.approx(tension, rel=1e-7)
+    assert -snapshot.payload_position_m[2] == pytest.approx(1000.0 + 10.0 * sum(strains), abs=1e-6)
     fine = RIG.load_weight + RIG.weight * (np.arange(10000) + 0.5) * 0.1
     whole = 1000.0 + 0.1 * sum(HMPE.strain_at(float(T)) for T in fine)
-    assert -shot.payload_position_m[2] == pytest.approx(whole, abs=1e-3)
+    assert -snapshot.payload_position_m[2] == pytest.approx(whole, abs=1e-3)
 
 
 @pytest.mark.parametrize("load", [10e3, 60e3])
@@ -138,9 +138,9 @@ def test_a_table_converges_through_a_snap() -> None:
     rig = replace(RIG, load=2e3, length=1000.0)
     counts = []
     for scene in (rig.scene(), tabled(rig, HMPE)):
-        *_, shot = march(Twin(scene), sine(4.0, 8.0), 20.0, every=2000)
-        assert shot.solver.unconverged_substeps == 0
-        counts.append(shot.solver.solves)
+        *_, snapshot = march(Twin(scene), sine(4.0, 8.0), 20.0, every=2000)
+        assert snapshot.solver.unconverged_substeps == 0
+        counts.append(snapshot.solver.solves)
     assert counts[1] < 1.5 * counts[0]
 
 
@@ -148,9 +148,9 @@ def test_tabled_rope_payout_has_no_tension_jump() -> None:
     """Splits and merges leave no jump: at most 0.01 % of the mean."""
     rig = replace(RIG, length=205.0, elements=20)
     twin = Twin(tabled(replace(rig, winch=WINCH), HMPE))
-    shots = list(march(twin, still, 40.0, speeds=[(1.0, 1.0), (20.0, -1.0)]))
-    tension = np.array([shot.tension_top_n for shot in shots])
-    count = np.array([shot.solver.splits + shot.solver.merges for shot in shots])
+    snapshots = list(march(twin, still, 40.0, speeds=[(1.0, 1.0), (20.0, -1.0)]))
+    tension = np.array([snapshot.tension_top_n for snapshot in snapshots])
+    count = np.array([snapshot.solver.splits + snapshot.solver.merges for snapshot in snapshots])
     events = np.flatnonzero(np.diff(count)) + 1
     assert len(events) >= 3
     bend = np.abs(np.diff(tension, 2))

@@ -38,9 +38,9 @@ def lowered(rig: Rig) -> Snapshot:
     twin = rig.twin()
     if rig.winch:
         assert twin.offer_speed(0, 1.5) == ""
-    *_, shot = march(twin, sine(1.5, 7.0), 10.0, every=50)
-    assert rig.winch is None or shot.solver.splits == 1
-    return shot
+    *_, snapshot = march(twin, sine(1.5, 7.0), 10.0, every=50)
+    assert rig.winch is None or snapshot.solver.splits == 1
+    return snapshot
 
 
 def rotation(degrees: float) -> Vector:

@@ -118,16 +118,16 @@ def test_a_bend_below_the_mbr_is_warned_of(tmp_path: Path) -> None:
     for least, level in ((0.9 * radius, Level.OK), (1.1 * radius, Level.WARN)):
         scene = limited(swung(), least)
         twin = Twin(scene)
-        shot = twin.snapshot()
-        assert shot.bends[0].now == replace(free.now, minimum_m=least)
-        (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
-        message = summarise(twin, shot, None)
+        snapshot = twin.snapshot()
+        assert snapshot.bends[0].now == replace(free.now, minimum_m=least)
+        (row,) = [row for row in statuses(snapshot, None) if row.name == "simulation: bend"]
+        message = summarise(twin, snapshot, None)
         words = f"below the MBR of {least:g} m"
         assert row.level == level
         assert (words in row.message, words in message.as_text()) == (level == Level.WARN,) * 2
         assert RunSummary.from_values(message.row().values) == message
     twin.save(tmp_path / "state")
-    assert Twin.restore(tmp_path / "state", scene).snapshot().bends == shot.bends
+    assert Twin.restore(tmp_path / "state", scene).snapshot().bends == snapshot.bends
 
 
 def test_compression_of_a_stiff_rope_is_warned_of(
@@ -140,12 +140,12 @@ def test_compression_of_a_stiff_rope_is_warned_of(
     cantilever = tmp_path / "cantilever.yaml"
     cantilever.write_text(CANTILEVER)
     twin = Twin(cantilever)
-    shot = twin.snapshot()
-    assert shot.bends[0].compressed_m == pytest.approx(4.0)
-    (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
+    snapshot = twin.snapshot()
+    assert snapshot.bends[0].compressed_m == pytest.approx(4.0)
+    (row,) = [row for row in statuses(snapshot, None) if row.name == "simulation: bend"]
     assert row.level == Level.WARN
     assert "4 m would be in compression" in row.message
-    message = summarise(twin, shot, None)
+    message = summarise(twin, snapshot, None)
     assert "\nat the end, 4 m would be in compression" in message.as_text()
     assert RunSummary.from_values(message.row().values) == message
     hanging = Twin(swung())
@@ -183,9 +183,9 @@ def test_a_straight_rope_reports_no_bend() -> None:
     scene = limited(load_scene("still_water"), 0.5)
     twin = Twin(scene)
     twin.rope.state.nodes[:2] = 0.0
-    shot = twin.snapshot()
-    assert math.isinf(shot.bends[0].now.radius_m)
-    message = summarise(twin, shot, None)
+    snapshot = twin.snapshot()
+    assert math.isinf(snapshot.bends[0].now.radius_m)
+    message = summarise(twin, snapshot, None)
     assert "straight" in message.as_text()
     assert '"radius_m": null' in message.as_json()
 
@@ -201,7 +201,9 @@ def test_both_parts_of_a_cut_rope_report_bends() -> None:
     twin.snapshot()
     twin.offer_cut(None, 400.0)
     twin.advance(50)
-    shot = twin.snapshot()
-    assert [one.now.name for one in shot.bends] == ["hoist", "hoist/lower"]
-    lengths = [one.line_out_m for one in shot.ropes]
-    assert all(b.now.line_out_m <= length for b, length in zip(shot.bends, lengths, strict=True))
+    snapshot = twin.snapshot()
+    assert [one.now.name for one in snapshot.bends] == ["hoist", "hoist/lower"]
+    lengths = [one.line_out_m for one in snapshot.ropes]
+    assert all(
+        b.now.line_out_m <= length for b, length in zip(snapshot.bends, lengths, strict=True)
+    )

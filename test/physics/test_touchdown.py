@@ -156,8 +156,8 @@ def test_no_touchdown_without_contact_or_with_both_ends_on_the_bed() -> None:
 
 
 def test_no_touchdown_without_a_seabed() -> None:
-    shot = Twin(load_scene("still_water")).snapshot()
-    assert (shot.seabed, shot.touchdowns, shot.bends) == (None, (), ())
+    snapshot = Twin(load_scene("still_water")).snapshot()
+    assert (snapshot.seabed, snapshot.touchdowns, snapshot.bends) == (None, (), ())
 
 
 @pytest.mark.parametrize("name", ["hybrid_lift", "two_line_lift", "two_line_loop"])
@@ -166,9 +166,9 @@ def test_reported_arc_length_sums_to_the_line_out(name: str) -> None:
     twin = Twin(load_scene(name))
     twin.offer_speed(None, 0.5)
     twin.advance(300)
-    shot = twin.snapshot()
-    ropes = twin.inspect().ropes.shapes(twin.rope, shot)
-    out = [rope.line_out_m for rope in shot.ropes] or [shot.line_out_m]
+    snapshot = twin.snapshot()
+    ropes = twin.inspect().ropes.shapes(twin.rope, snapshot)
+    out = [rope.line_out_m for rope in snapshot.ropes] or [snapshot.line_out_m]
     for hanging, line_out in zip(ropes, out, strict=True):
         assert hanging.arc_m[-1] == pytest.approx(line_out, rel=1e-9)
         chords = np.sqrt((np.diff(hanging.position_m, axis=0) ** 2).sum(axis=1))

@@ -143,8 +143,8 @@ def test_wave_phase_is_continuous_through_splits_and_merges(by_half_waves: bool)
     twin = hauled(by_half_waves=by_half_waves)
     memory = waves_of(twin.rope.effects).memory
     across, turned, phase = [], [], np.zeros(60)
-    for shot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
-        across.append(np.abs(shot.node_position_m[:, 1]).max())
+    for snapshot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
+        across.append(np.abs(snapshot.node_position_m[:, 1]).max())
         turned.append(float(np.abs(memory[tw.PHASE, :8] - phase[:8]).max()))
         phase[:8] = memory[tw.PHASE, :8]
     fastest = 2.0 * math.pi * 0.17 * 0.6 / 0.03 * HAULED.step

@@ -39,9 +39,9 @@ def watched(scene: Scene, model: str, curve: str = "") -> Any:
     return Twin(scene, asked_for(model, curve))
 
 
-def shaking(shot: Snapshot) -> RopeVibration:
-    assert shot.vibration is not None
-    return shot.vibration
+def shaking(snapshot: Snapshot) -> RopeVibration:
+    assert snapshot.vibration is not None
+    return snapshot.vibration
 
 
 def fine_span(ends: bool = True) -> Span:
@@ -146,9 +146,9 @@ def test_live_viv_follows_payout_and_resumes_bit_identically() -> None:
     """To the bit, also if saved between two searches; and the twin's own run is untouched."""
     scene = replace(CABLE, winch=WINCH).scene()
     course: Any = (sine(0.3, 6.0), 8.0, 1, [(2.0, 2.0)])
-    plain = [shot.tension_top_n for shot in march(Twin(scene), *course)]
+    plain = [snapshot.tension_top_n for snapshot in march(Twin(scene), *course)]
     twin = watched(scene, FREQUENCY_DOMAIN)
-    assert [shot.tension_top_n for shot in march(twin, *course)] == plain
+    assert [snapshot.tension_top_n for snapshot in march(twin, *course)] == plain
     twin.advance(17)
     again = Twin.restore(twin.capture(), scene, asked_for(FREQUENCY_DOMAIN))
     for run in (twin, again):
@@ -164,7 +164,7 @@ def test_live_viv_follows_payout_and_resumes_bit_identically() -> None:
 
 def test_slack_keeps_the_last_modes_and_is_reported() -> None:
     twin = watched(CABLE.scene(), FREQUENCY_DOMAIN)
-    notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
+    notes = [shaking(snapshot).note for snapshot in march(twin, sine(4.0, 4.0), 10.0, 5)]
     assert any("elements are slack" in note for note in notes)
     assert "" in notes
 
@@ -175,12 +175,12 @@ def test_viv_bending_fatigue_damage() -> None:
     twin.advance(1000)
     before = twin.snapshot()
     twin.advance(500)
-    shot = twin.snapshot()
-    seen, wear = shaking(shot), shot.fatigue
+    snapshot = twin.snapshot()
+    seen, wear = shaking(snapshot), snapshot.fatigue
     assert wear is not None and wear.bending  # noqa: PT018
     cycles = seen.cross_flow_hz[seen.worst] * 10.0
     per_metre = 6.4 + 1025.0 * 0.25 * np.pi * 0.032**2
-    wave = per_metre * (2.0 * np.pi * seen.cross_flow_hz) ** 2 / shot.node_tension_n
+    wave = per_metre * (2.0 * np.pi * seen.cross_flow_hz) ** 2 / snapshot.node_tension_n
     stress = 6.5e7 / (6.4 / 7850.0) * 0.016 * wave * seen.cross_flow * 0.032
     expected = cycles * (2e-6 * stress.max()) ** 4 / 3.4e14
     assert before.fatigue is not None

@@ -180,8 +180,8 @@ def test_the_wake_decays_when_the_current_stops(left: float) -> None:
     for stop in (False, True):
         if stop:
             twin.offer_current(np.array([[0.0, left, 0.0]]))
-        for shot in march(twin, still, 12.0, 5):
-            across.append(shot.node_position_m[:, 1])
+        for snapshot in march(twin, still, 12.0, 5):
+            across.append(snapshot.node_position_m[:, 1])
             q.append(float(np.abs(memory[wake.Q]).max()))
     y = np.array(across)
     shaken = np.abs(y[6:] - 2.0 * y[3:-3] + y[:-6]).max(axis=1)  # at 3.4 Hz, not as it swings back
@@ -198,8 +198,8 @@ def test_wakes_move_with_the_material_through_splits_and_merges() -> None:
     memory = wake_of(twin.rope.effects).memory
     counts, odd = [], []
     q, rate = np.zeros(60), np.zeros(60)
-    for shot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
-        counts.append(len(shot.element_tension_n))
+    for snapshot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
+        counts.append(len(snapshot.element_tension_n))
         old = min(counts[-2:]) - 2
         fastest = np.maximum(np.abs(rate[:old]), np.abs(memory[1, :old]))
         odd.append((np.abs(memory[0, :old] - q[:old]) - 0.0105 * fastest).max())

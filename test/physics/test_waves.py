@@ -328,7 +328,7 @@ def test_a_neutrally_buoyant_ball_follows_the_water_orbit() -> None:
     twin = Twin(scene)
     twin.rope.state.nodes[2, : rig.elements + 1] *= 0.25  # slack, its end 15 m deep
     seen = np.array(
-        [shot.payload_position_m for shot in march(twin, still, 48.0, every=10)]
+        [snapshot.payload_position_m for snapshot in march(twin, still, 48.0, every=10)]
     )  # the last two periods
     last, time = seen[-80:], np.linspace(0.0, 16.0, 80, endpoint=False)
     angle = 2.0 * math.pi / 8.0 * time

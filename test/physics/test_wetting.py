@@ -188,7 +188,7 @@ def test_energy_balance_of_a_surface_piercing_rope(wind: bool) -> None:
     more = (WindParams(velocity_m_per_s=(20.0, 10.0)),) if wind else ()
     scene = scene_of(rig, waves, WettingParams(), *more)
     twin = Twin(scene, Monitors(energy=True))
-    shot = march_to_end(twin, sine(1.5, 6.0), 12.0)
-    energy = shot.energy
+    snapshot = march_to_end(twin, sine(1.5, 6.0), 12.0)
+    energy = snapshot.energy
     assert energy is not None
     assert abs(energy.residual_j) < 1e-6 * energy.exchanged_j

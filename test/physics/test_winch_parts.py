@@ -87,9 +87,9 @@ def ran(twin: Twin, seconds: float) -> NDArray[np.float64]:
     rows = []
     for _ in range(round(seconds / twin.step_s)):
         twin.advance(1)
-        shot = twin.snapshot()
-        rows.append((shot.time_s, shot.tension_top_n, shot.line_out_m,
-                     shot.payout_speed_m_per_s, shot.hang_off_position_m[2]))  # fmt: skip
+        snapshot = twin.snapshot()
+        rows.append((snapshot.time_s, snapshot.tension_top_n, snapshot.line_out_m,
+                     snapshot.payout_speed_m_per_s, snapshot.hang_off_position_m[2]))  # fmt: skip
     return np.array(rows)
 
 

@@ -126,9 +126,9 @@ def test_a_run_with_its_own_recorded_poses_is_the_same_run(tmp_path: Path) -> No
             sea_offset_s=-FIRST_NS * 1e-9,
         ),
     ):  # fmt: skip
-        shots: list[Snapshot] = []
-        run_unpaced(options, lambda run, shots=shots: shots.append(run.last))  # type: ignore[misc]
-        runs.append(shots)
+        snapshots: list[Snapshot] = []
+        run_unpaced(options, lambda run, snapshots=snapshots: snapshots.append(run.last))  # type: ignore[misc]
+        runs.append(snapshots)
     for one, two in zip(*runs, strict=False):  # the end of the record fades into its beginning
         assert one.tension_top_n == two.tension_top_n
         assert (one.node_position_m == two.node_position_m).all()

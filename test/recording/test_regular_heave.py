@@ -100,12 +100,12 @@ def test_what_the_twin_reads_between_samples_is_the_sine(period_s: float) -> Non
 def test_an_unpaced_run_heaves_as_the_scene_says() -> None:
     run = UnpacedRun(RunOptions(scene="smooth_2km", speed=0.0))
     for _ in range(250):
-        shot = run.advance_slot()
-        share, _ = ramp(shot.time_s, 8.0)
-        wanted = share * 1.5 * math.sin(2.0 * math.pi * shot.time_s / 8.0)
-        assert shot.heave_m == pytest.approx(wanted, abs=1.5e-8)
-    assert shot.time_s == pytest.approx(5.0)
-    assert shot.inputs["heave"].refused == 0
+        snapshot = run.advance_slot()
+        share, _ = ramp(snapshot.time_s, 8.0)
+        wanted = share * 1.5 * math.sin(2.0 * math.pi * snapshot.time_s / 8.0)
+        assert snapshot.heave_m == pytest.approx(wanted, abs=1.5e-8)
+    assert snapshot.time_s == pytest.approx(5.0)
+    assert snapshot.inputs["heave"].refused == 0
 
 
 def test_a_bag_wins_and_a_topic_wants_one() -> None:

@@ -103,8 +103,8 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
-    shot = Twin(load_scene("two_line_lift")).snapshot()
-    publishers["ropes/length"].publish(Encoder(BEGIN_NS).encode("ropes/length", shot))
+    snapshot = Twin(load_scene("two_line_lift")).snapshot()
+    publishers["ropes/length"].publish(Encoder(BEGIN_NS).encode("ropes/length", snapshot))
     lines = node._inputs.lines_m
     bench.until(lambda: "aft_sheave" in lines, "the simulation's line is heard")
     ns = BEGIN_NS + S
@@ -124,7 +124,7 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     names = "ship/heave", "winch/measured", "diagnostics", "estimate/figures", "hang_off/odometry"
     publishers = {name: bench.publisher(name) for name in names}
     rows = bench.listen("diagnostics")
-    shot = Twin(load_scene(node._params.scene)).snapshot()
+    snapshot = Twin(load_scene(node._params.scene)).snapshot()
     node.begin()
     for publisher in publishers.values():
         bench.until(publisher.get_subscription_count, "the node listens")
@@ -142,7 +142,7 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     assert heard.tension_n.rows()[:, 1].tolist() == [76e3] * 3
 
     def simulate(after_s: int) -> None:
-        message = Encoder(ns + after_s * S).encode("hang_off/odometry", shot)
+        message = Encoder(ns + after_s * S).encode("hang_off/odometry", snapshot)
         publishers["hang_off/odometry"].publish(message)
 
     simulate(2)

@@ -108,9 +108,9 @@ def test_twin_steps_to_the_time_of_the_master_alone(bench: Bench) -> None:
     same = replace(scene, sea_state=sea, winch=replace(scene.winch, schedule=()))
     right = list(fed(Twin(same), SLOTS * SLOT_NS * 1e-9))
     forces = {one.header.stamp.sec * 10**9 + one.header.stamp.nanosec: one for one in master.force}
-    for shot in right:
-        force = forces[START_NS + shot.stamp_ns].wrench.force
-        assert force.z == pytest.approx(float(shot.hang_off_force_n[2]), rel=1e-8)
+    for snapshot in right:
+        force = forces[START_NS + snapshot.stamp_ns].wrench.force
+        assert force.z == pytest.approx(float(snapshot.hang_off_force_n[2]), rel=1e-8)
 
 
 def test_lower_end_is_held_by_the_master(bench: Bench, tmp_path: Path) -> None:

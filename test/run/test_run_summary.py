@@ -21,12 +21,12 @@ from validation.rigs import Rig
 def test_of_one_rope_it_is_its_lower_end() -> None:
     """A payload only where there is one."""
     twin = Rig(length=100.0, elements=10).twin()
-    shot = twin.snapshot()
-    lines = summarise(twin, shot, None).as_text().splitlines()
+    snapshot = twin.snapshot()
+    lines = summarise(twin, snapshot, None).as_text().splitlines()
     assert lines[2].startswith("maximum tension ")
     assert lines[4] == "line out 100.0 m, payload at 100.3 m depth"
     twin.scene = replace(twin.scene, payloads=())
-    assert "m, lower end at 100.3 m depth" in summarise(twin, shot, None).as_text()
+    assert "m, lower end at 100.3 m depth" in summarise(twin, snapshot, None).as_text()
 
 
 def test_a_view_that_was_not_written_is_not_named(tmp_path: Path) -> None:
@@ -40,8 +40,8 @@ def test_a_view_that_was_not_written_is_not_named(tmp_path: Path) -> None:
 
 def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     """Elements are those of all ropes, and whose tension it is that was watched is said."""
-    twin, shot = Rig(length=100.0, elements=10).twin(), lifted()
-    summary = summarise(twin, shot, None)
+    twin, snapshot = Rig(length=100.0, elements=10).twin(), lifted()
+    summary = summarise(twin, snapshot, None)
     head, tension, _, *ends = summary.as_text().splitlines()
     assert ", 9 elements;" in head
     assert tension.startswith("top tension of hoist:")

@@ -35,12 +35,12 @@ def limited(scene: Scene = STILL, **limits: float) -> Scene:
     return replace(scene, limits=Limits(**limits))  # type: ignore[arg-type]
 
 
-def breaches(shot: Snapshot) -> dict[str, LimitBreach]:
-    return {breach.limit: breach for breach in shot.breaches}
+def breaches(snapshot: Snapshot) -> dict[str, LimitBreach]:
+    return {breach.limit: breach for breach in snapshot.breaches}
 
 
-def row(shot: Snapshot) -> Status:
-    return next(one for one in statuses(shot, None) if one.name == "simulation: limits")
+def row(snapshot: Snapshot) -> Status:
+    return next(one for one in statuses(snapshot, None) if one.name == "simulation: limits")
 
 
 def run(path: Path, *words: str) -> int:
@@ -123,17 +123,17 @@ def test_a_peak_between_two_snapshots_breaks_a_limit(tmp_path: Path) -> None:
     twin.advance(500)
     twin.offer_speed(None, 0.0)
     twin.advance(1500)
-    shot = twin.snapshot()
-    assert shot.tension_top_n < scene.limits.tension_n  # type: ignore[operator]
-    broken = breaches(shot)["tension_n"]
+    snapshot = twin.snapshot()
+    assert snapshot.tension_top_n < scene.limits.tension_n  # type: ignore[operator]
+    broken = breaches(snapshot)["tension_n"]
     assert broken.worst == twin.statistics().tension_top_max_n > broken.allowed
-    assert row(shot).level is Level.ERROR
+    assert row(snapshot).level is Level.ERROR
     twin.save(tmp_path / "state")
     back = Twin.restore(tmp_path / "state", scene)
     for one in (twin, back):
         one.advance(6500)
     after = twin.snapshot()
-    assert after.breaches == back.snapshot().breaches == shot.breaches
+    assert after.breaches == back.snapshot().breaches == snapshot.breaches
     assert row(after).level is Level.WARN, "kept again for more than a minute"
 
 
@@ -163,13 +163,13 @@ def test_limits_of_payload_speed_depth_and_slack() -> None:
     twin.offer_speed(None, 0.5)
     for _ in range(300):
         twin.advance(2)
-        shot = twin.snapshot()
-        depth_m = -float(shot.payload_position_m[2])
-        speed = float(math.dist(shot.payload_velocity_m_per_s, (0.0, 0.0, 0.0)))
-        computed = breaches(shot)
+        snapshot = twin.snapshot()
+        depth_m = -float(snapshot.payload_position_m[2])
+        speed = float(math.dist(snapshot.payload_velocity_m_per_s, (0.0, 0.0, 0.0)))
+        computed = breaches(snapshot)
         for name, value in (("payload_speed_m_per_s", speed), ("payload_depth_m", depth_m)):
             if value > limits[name]:
-                assert computed[name].last_s == shot.time_s
+                assert computed[name].last_s == snapshot.time_s
                 assert computed[name].worst >= value
     assert set(computed) == set(limits)
     assert computed["payload_depth_m"].worst == depth_m
@@ -216,16 +216,18 @@ def test_landings_are_counted_with_their_speeds(tmp_path: Path) -> None:
         twin.offer_speed(None, speed)
         for _ in range(round(50 * seconds)):
             twin.advance(2)
-            shot = twin.snapshot()
-            if shot.landings is not None and (not seen or shot.landings.count > seen[-1].count):
-                seen.append(shot.landings)
+            snapshot = twin.snapshot()
+            if snapshot.landings is not None and (
+                not seen or snapshot.landings.count > seen[-1].count
+            ):
+                seen.append(snapshot.landings)
     first, last = seen[0], seen[-1]
     assert first.count == 1
     assert first.first_m_per_s == pytest.approx(0.5, abs=0.25)
     assert last.count > 1
     assert (last.first_s, last.first_m_per_s) == (first.first_s, first.first_m_per_s)
     assert last.fastest_m_per_s >= last.first_m_per_s
-    (row,) = (one for one in statuses(shot, None) if one.name == "simulation: seabed")
+    (row,) = (one for one in statuses(snapshot, None) if one.name == "simulation: seabed")
     assert row.values["landings"] == str(last.count)
     words = f"at {first.first_s:.1f} s with {first.first_m_per_s:.2f} m/s"
     assert landing_words(first) == f"landed {words}"
@@ -238,10 +240,10 @@ def test_a_limit_of_line_clearance() -> None:
     for limit_m in (1e-3, 1e3):
         twin = Twin(replace(scene, limits=Limits(line_clearance_m=limit_m)))
         twin.advance(2)
-        shot = twin.snapshot()
-        assert shot.lines is not None
-        nearest_m = shot.lines.nearest.distance_m
-        computed = breaches(shot).get("line_clearance_m")
+        snapshot = twin.snapshot()
+        assert snapshot.lines is not None
+        nearest_m = snapshot.lines.nearest.distance_m
+        computed = breaches(snapshot).get("line_clearance_m")
         assert (computed is not None) == (nearest_m < limit_m)
     assert computed is not None
     assert computed.worst == nearest_m
@@ -282,17 +284,17 @@ def test_dynamic_amplification_refers_to_static_tension_at_the_same_line_out() -
     expected = 1.0
     for _ in range(1000):
         twin.advance(2)
-        shot = twin.snapshot()
-        (now,) = shot.strength
+        snapshot = twin.snapshot()
+        (now,) = snapshot.strength
         assert now.static_n is not None
-        expected = max(expected, shot.tension_top_max_n / now.static_n)
+        expected = max(expected, snapshot.tension_top_max_n / now.static_n)
     weight_n_per_m = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
     paid_out_m = twin.snapshot().line_out_m - 1000.0
     assert now.static_n == pytest.approx(first.static_n + weight_n_per_m * paid_out_m, abs=5.0)  # type: ignore[operator]
     assert now.dynamic_amplification == pytest.approx(expected, rel=1e-12)
     assert 1.0 < expected < 1.1
-    shot = twin.snapshot()
-    message = decode("ropes/utilisation", Encoder(0).encode("ropes/utilisation", shot))
+    snapshot = twin.snapshot()
+    message = decode("ropes/utilisation", Encoder(0).encode("ropes/utilisation", snapshot))
     (reported,) = read_cloud(message)
     assert reported["name"] == b"hoist"
     assert reported["utilisation"] == now.utilisation == now.max_n / 1013440.0

@@ -159,46 +159,50 @@ def test_explicit_body_keys_override_the_size(tmp_path: Path) -> None:
 def turned() -> Snapshot:
     """A body turned a third about a skew axis, on two slings, over a deck."""
     turn = Rotation.from_rotvec([0.7, -0.4, 1.1])
-    shot = hanging_rope(length_m=200.0)
+    snapshot = hanging_rope(length_m=200.0)
     body = BodySnapshot(
         quaternion=turn.as_quat(), angular_velocity_rad_per_s=np.array([0.1, -0.2, 0.3]),
         size_m=np.array([4.0, 3.0, 2.0]), leg_tension_n=np.array([5e4, 0.0]),
         leg_length_m=np.array([6.0, 5.9]), leg_end_m=np.array([[1.0, 2.0, -3.0], [4.0, 5.0, -6.0]]),
-        hook_m=shot.node_position_m[-1],
+        hook_m=snapshot.node_position_m[-1],
         deck_reaction_n=1e3, deck_clearance_m=-0.002,
     )  # fmt: skip
     velocity = np.array([0.5, -0.1, 0.2])
-    return replace(shot, body=body, payload_velocity_m_per_s=velocity)
+    return replace(snapshot, body=body, payload_velocity_m_per_s=velocity)
 
 
 def test_the_state_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -> None:
     """Pose in the frame of the header, twist in that of the body."""
-    shot = turned()
-    reported = messages.decode("payloads/state", messages.Encoder(0).encode("payloads/state", shot))
+    snapshot = turned()
+    reported = messages.decode(
+        "payloads/state", messages.Encoder(0).encode("payloads/state", snapshot)
+    )
     q, twist = reported.transforms[0].rotation, reported.twist[0]
     turn = Rotation.from_quat([q.x, q.y, q.z, q.w])
     linear = [twist.linear.x, twist.linear.y, twist.linear.z]
-    assert turn.apply(linear) == pytest.approx(shot.payload_velocity_m_per_s)
+    assert turn.apply(linear) == pytest.approx(snapshot.payload_velocity_m_per_s)
     assert turn.magnitude() == pytest.approx(np.linalg.norm([0.7, -0.4, 1.1]))
     assert [twist.angular.x, twist.angular.y, twist.angular.z] == pytest.approx([0.1, -0.2, 0.3])
-    assert shot.body is not None
-    assert shot.body.turn == pytest.approx(turn.as_matrix())
+    assert snapshot.body is not None
+    assert snapshot.body.turn == pytest.approx(turn.as_matrix())
 
 
 def test_slings_and_deck_are_reported() -> None:
-    encoder, shot = messages.Encoder(0), turned()
+    encoder, snapshot = messages.Encoder(0), turned()
 
-    def table(topic: str, shot: Snapshot) -> list[tuple[object, ...]]:
-        computed = messages.read_cloud(messages.decode(topic, encoder.encode(topic, shot)))
+    def table(topic: str, snapshot: Snapshot) -> list[tuple[object, ...]]:
+        computed = messages.read_cloud(messages.decode(topic, encoder.encode(topic, snapshot)))
         return [tuple(row) for row in computed.tolist()]
 
-    assert table("slings/state", shot) == [
+    assert table("slings/state", snapshot) == [
         (b"sling_1", 1.0, 2.0, -3.0, 6.0, 5e4),
         (b"sling_2", 4.0, 5.0, -6.0, 5.9, 0.0),
     ]
-    assert table("payloads/body", shot) == [(b"payload", 4.0, 3.0, 2.0, -0.002, 1e3)]
-    assert shot.body is not None
-    ashore = replace(shot, body=replace(shot.body, deck_reaction_n=None, deck_clearance_m=None))
+    assert table("payloads/body", snapshot) == [(b"payload", 4.0, 3.0, 2.0, -0.002, 1e3)]
+    assert snapshot.body is not None
+    ashore = replace(
+        snapshot, body=replace(snapshot.body, deck_reaction_n=None, deck_clearance_m=None)
+    )
     ((*_, clearance_m, reaction_n),) = table("payloads/body", ashore)
     assert np.isnan([clearance_m, reaction_n]).all()
     with pytest.raises(InputError, match="no rigid body; list the effect `rigid_body`"):
@@ -208,18 +212,18 @@ def test_slings_and_deck_are_reported() -> None:
 def test_a_body_is_drawn_as_a_turned_box_on_its_slings() -> None:
     """No smaller than the symbol of a point, with the body's own proportions."""
     for length, longest in ((200.0, 4.0), (3000.0, 30.0)):
-        shot = replace(turned(), line_out_m=length)
+        snapshot = replace(turned(), line_out_m=length)
         reported = messages.decode(
-            "ropes/markers", messages.Encoder(0).encode("ropes/markers", shot)
+            "ropes/markers", messages.Encoder(0).encode("ropes/markers", snapshot)
         )
         drawn = {marker.ns: marker for marker in reported.markers}
         box, slings = drawn["payload"], drawn["slings"]
-        assert shot.body is not None
+        assert snapshot.body is not None
         q = box.pose.orientation
-        assert [q.x, q.y, q.z, q.w] == pytest.approx(shot.body.quaternion)
+        assert [q.x, q.y, q.z, q.w] == pytest.approx(snapshot.body.quaternion)
         assert [box.scale.x, box.scale.y, box.scale.z] == pytest.approx(
             longest / 4.0 * np.array([4.0, 3.0, 2.0])
         )
         ends = np.array([[p.x, p.y, p.z] for p in slings.points])
-        assert ends[::2] == pytest.approx(np.tile(shot.node_position_m[-1], (2, 1)))
-        assert ends[1::2] == pytest.approx(shot.body.leg_end_m)
+        assert ends[::2] == pytest.approx(np.tile(snapshot.node_position_m[-1], (2, 1)))
+        assert ends[1::2] == pytest.approx(snapshot.body.leg_end_m)

@@ -47,11 +47,11 @@ def golden(name: str, until_s: float = UNTIL_S) -> dict[str, Any]:
     run = UnpacedRun(RunOptions(scene=name, speed=0.0))
     digests, tensions, every = [], [], []
     while run.twin.time_ns < until_s * 1_000_000_000:
-        shot = run.advance_slot()
-        every.append(shot.tension_top_n)
-        if shot.time_s >= EVERY_S * (len(tensions) + 1) - 1e-9:
+        snapshot = run.advance_slot()
+        every.append(snapshot.tension_top_n)
+        if snapshot.time_s >= EVERY_S * (len(tensions) + 1) - 1e-9:
             digests.append(_digest(run))
-            tensions.append(float(f"{shot.tension_top_n:.{DIGITS - 1}e}"))
+            tensions.append(float(f"{snapshot.tension_top_n:.{DIGITS - 1}e}"))
     return {
         "machine": machine(),
         "solver": solver_version(run.twin.scene),

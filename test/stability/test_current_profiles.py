@@ -43,10 +43,10 @@ def test_a_profile_of_infinite_slope_is_rejected(
     twin = Twin(small_scene(tmp_path))
     assert words in twin.offer_current(rows)
     twin.advance(20)
-    shot = twin.snapshot()
-    assert not not_finite(shot)
-    assert shot.inputs["current"].impossible == 1
-    assert shot.inputs["current"].accepted == 0
+    snapshot = twin.snapshot()
+    assert not not_finite(snapshot)
+    assert snapshot.inputs["current"].impossible == 1
+    assert snapshot.inputs["current"].accepted == 0
 
 
 def test_the_largest_profile_is_accepted(tmp_path: Path) -> None:

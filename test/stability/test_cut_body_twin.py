@@ -36,18 +36,18 @@ def reported(twin: Twin) -> Twin:
 
 def ends(twin: Twin, last: int = 1600) -> list[Snapshot]:
     """Return a snapshot every 100 steps, stepped singly: waves know the time to its last bit."""
-    shots = []
+    snapshots = []
     while twin.steps < last:
         twin.advance(1)
         if twin.steps % EVERY == 0:
-            shots.append(twin.snapshot())
-    return shots
+            snapshots.append(twin.snapshot())
+    return snapshots
 
 
-def every_bit(shots: list[Snapshot]) -> str:
+def every_bit(snapshots: list[Snapshot]) -> str:
     """Return every figure of a snapshot of one rope and a body, and of the lower part."""
-    tables = [rope.node_position_m.tobytes() for shot in shots for rope in shot.ropes]
-    return digest(shots) + b"".join(tables).hex()
+    tables = [rope.node_position_m.tobytes() for snapshot in snapshots for rope in snapshot.ropes]
+    return digest(snapshots) + b"".join(tables).hex()
 
 
 @pytest.fixture(scope="module")
@@ -85,7 +85,7 @@ def test_a_cut_above_a_body_resumes_bit_identically(
     twin = reported(Twin(scene))
     ends(twin, moment)
     twin.save(tmp_path / "cut.state")
-    rest = [shot for shot in run if shot.step > moment]
+    rest = [snapshot for snapshot in run if snapshot.step > moment]
     assert every_bit(ends(twin.branch())) == every_bit(rest)
     assert every_bit(ends(Twin.restore(tmp_path / "cut.state", scene))) == every_bit(rest)
 
@@ -97,12 +97,12 @@ def test_cuts_at_time_zero_at_either_end(scene: Scene, below_m: float) -> None:
     assert not twin.offer_cut(None, below_m)
     still = twin.snapshot()
     twin.advance(40)
-    shot = twin.snapshot()
+    snapshot = twin.snapshot()
     assert twin.cut is not None
-    fallen_m = still.payload_position_m[2] - shot.payload_position_m[2]
+    fallen_m = still.payload_position_m[2] - snapshot.payload_position_m[2]
     slack_s = 0.01  # until the slings are, with the hook of 1.5 t on them
     assert 0.5 * 9.81 * (0.1 - slack_s) ** 2 < fallen_m < 0.5 * 9.81 * 0.1**2
-    assert shot.solver.unconverged_substeps == 0
+    assert snapshot.solver.unconverged_substeps == 0
 
 
 def test_a_failed_step_restores_body_and_both_ropes(scene: Scene) -> None:

@@ -53,21 +53,21 @@ def reported(twin: Kind) -> Kind:
 
 def ends(twin: Twin, chunk: int, last: int = 800) -> list[Snapshot]:
     """Return a snapshot every 100 steps, stepped in such chunks, with another current halfway."""
-    shots = []
+    snapshots = []
     while twin.steps < last:
         if twin.steps == 400:
             assert not twin.offer_current(CURRENT)
         twin.advance(min(chunk, 100 - twin.steps % 100, last - twin.steps))
         if twin.steps % 100 == 0:
-            shots.append(twin.snapshot())
-    return shots
+            snapshots.append(twin.snapshot())
+    return snapshots
 
 
-def every_bit(shots: list[Snapshot]) -> str:
+def every_bit(snapshots: list[Snapshot]) -> str:
     """Return every figure of a snapshot of one rope, and of the lower part."""
-    below = [rope for shot in shots for rope in shot.ropes]
+    below = [rope for snapshot in snapshots for rope in snapshot.ropes]
     tables = (table for rope in below for table in (rope.node_position_m, rope.node_tension_n))
-    return digest(shots) + b"".join(table.tobytes() for table in tables).hex()
+    return digest(snapshots) + b"".join(table.tobytes() for table in tables).hex()
 
 
 @pytest.fixture(scope="module")
@@ -115,7 +115,7 @@ def test_a_cut_run_resumes_bit_identically(
     ends(twin, 50, moment)
     twin.save(tmp_path / "cut.state")
     other = Twin.restore(tmp_path / "cut.state", scene)
-    rest = [shot for shot in run if shot.step > moment]
+    rest = [snapshot for snapshot in run if snapshot.step > moment]
     assert every_bit(ends(twin.branch(), 100)) == every_bit(rest)
     assert every_bit(ends(other, 7)) == every_bit(rest)
     cut = twin.cut
@@ -136,9 +136,9 @@ def test_the_winch_hauls_in_the_remaining_rope(scene: Scene) -> None:
     )
     assert not twin.offer_speed(None, -1.5)
     twin.advance(3000)
-    shot = twin.snapshot()
-    assert shot.line_out_m == pytest.approx(50.0, abs=1e-3)
-    assert shot.tension_top_n == pytest.approx(50.0 * 5.1 * 9.81, rel=0.2), "a bare rope"
+    snapshot = twin.snapshot()
+    assert snapshot.line_out_m == pytest.approx(50.0, abs=1e-3)
+    assert snapshot.tension_top_n == pytest.approx(50.0 * 5.1 * 9.81, rel=0.2), "a bare rope"
 
 
 def test_an_emergency_cut_at_the_ship(scene: Scene) -> None:
@@ -269,11 +269,13 @@ def test_the_error_interval_is_unknown_after_a_cut(scene: Scene) -> None:
     other = Twin.restore(twin.capture(), scene, ERROR_INTERVAL)
     for one in (twin, twin.branch(), other):
         one.advance(50)
-        shot = one.snapshot()
-        assert shot.error_interval is None
-        assert shot.no_error_interval.startswith("unknown since the cut at 2.51 s: ")
-        (row,) = (row for row in statuses(shot, None) if row.name == "simulation: error interval")
-        assert (row.level, row.message) == (Level.WARN, shot.no_error_interval)
+        snapshot = one.snapshot()
+        assert snapshot.error_interval is None
+        assert snapshot.no_error_interval.startswith("unknown since the cut at 2.51 s: ")
+        (row,) = (
+            row for row in statuses(snapshot, None) if row.name == "simulation: error interval"
+        )
+        assert (row.level, row.message) == (Level.WARN, snapshot.no_error_interval)
 
 
 def test_a_run_with_an_interval_is_cut_and_reported_at_the_end(scene: Scene) -> None:

@@ -88,9 +88,9 @@ def test_numerical_dissipation_is_never_negative(scene: Scene, draw: st.DataObje
 def test_the_energy_balance_does_not_change_the_run(scene: Scene) -> None:
     """Bit-identical with heave, commands, a new current, refused samples, splits and merges."""
     plain, accounted = Twin(scene), Twin(scene, ENERGY)
-    shots, others = run_until(plain, 2050), run_until(accounted, 2050)
-    assert digest(shots) == digest(others)
-    assert shots[-1].energy is None
+    snapshots, others = run_until(plain, 2050), run_until(accounted, 2050)
+    assert digest(snapshots) == digest(others)
+    assert snapshots[-1].energy is None
     energy = others[-1].energy
     assert energy is not None
     assert abs(energy.residual_pct) < 0.01
@@ -109,8 +109,8 @@ def test_a_saved_state_holds_no_energy_ledger(scene: Scene, tmp_path: Path) -> N
         (twin.branch()),
     )
     rest = [run_until(one, 700) for one in (twin, plain, again, branch)]
-    assert len({digest(shots) for shots in rest}) == 1
-    whole, none, new, same = (shots[-1].energy for shots in rest)
+    assert len({digest(snapshots) for snapshots in rest}) == 1
+    whole, none, new, same = (snapshots[-1].energy for snapshots in rest)
     assert none is None
     assert whole is not None
     assert new is not None

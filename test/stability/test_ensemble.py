@@ -108,8 +108,8 @@ def test_members_have_separate_bodies_and_wakes(tmp_path: Path, instead: str) ->
     ensemble = Ensemble(scene, members, slack_interval_s=0.07, threads=2)
     for seconds in (1, 3, 2):
         ensemble.advance(seconds)
-    shots = [ensemble.snapshot(number) for number in range(4)]
-    for actual, variation in zip(shots, members, strict=True):
+    snapshots = [ensemble.snapshot(number) for number in range(4)]
+    for actual, variation in zip(snapshots, members, strict=True):
         expected = alone(scene, variation, 6)
         assert not differing(actual, expected)
         assert (actual.body is None) == (expected.body is None)
@@ -117,8 +117,8 @@ def test_members_have_separate_bodies_and_wakes(tmp_path: Path, instead: str) ->
             assert actual.vibration is not None
             amplitudes = actual.vibration.cross_flow, expected.vibration.cross_flow
             assert amplitudes[0].tobytes() == amplitudes[1].tobytes()
-    assert not differing(shots[3], shots[0])
-    assert "tension_top_n" in differing(shots[1], shots[0])
+    assert not differing(snapshots[3], snapshots[0])
+    assert "tension_top_n" in differing(snapshots[1], snapshots[0])
 
 
 def test_a_rope_too_slack_for_its_modes_is_marked(tmp_path: Path) -> None:

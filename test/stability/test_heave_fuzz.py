@@ -63,9 +63,9 @@ def test_results_stay_finite_for_any_heave_sample(scene: Scene, samples: list[Sa
         assert "\n" not in message
         refused += bool(message)
         twin.advance(sample.steps)
-        shot = twin.snapshot()
-        assert not not_finite(shot)
-        assert abs(shot.heave_m) < LIMIT_M
+        snapshot = twin.snapshot()
+        assert not not_finite(snapshot)
+        assert abs(snapshot.heave_m) < LIMIT_M
     health = twin.snapshot().inputs["heave"]
     assert health.refused == refused
     assert health.accepted == len(samples) - refused
@@ -129,7 +129,7 @@ def test_line_out_stays_within_limits_for_any_speed_command(
     for stamp_ns, speed, steps in commands:
         assert "\n" not in twin.offer_speed(stamp_ns, speed)
         twin.advance(steps)
-        shot = twin.snapshot()
-        assert not not_finite(shot)
-        assert 50.0 - 1e-9 <= shot.line_out_m <= 400.0 + 1e-9
-        assert abs(shot.payout_speed_m_per_s) <= 1.5
+        snapshot = twin.snapshot()
+        assert not not_finite(snapshot)
+        assert 50.0 - 1e-9 <= snapshot.line_out_m <= 400.0 + 1e-9
+        assert abs(snapshot.payout_speed_m_per_s) <= 1.5

@@ -24,7 +24,7 @@ def measured(time_s: float, raised_m: float) -> tuple[float, float]:
 def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[Snapshot]:
     """Run eighteen seconds, a snapshot each step; no sample within `gap`, an offset after it."""
     twin = Twin(small_scene(folder))
-    shots, k = [], 0
+    snapshots, k = [], 0
     for step in range(1800):
         while k * SAMPLE_NS <= step * twin.step_ns + AHEAD_NS:
             t = k * SAMPLE_NS * 1e-9
@@ -33,8 +33,8 @@ def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[
                 assert twin.offer_heave(k * SAMPLE_NS, z, v) == ""
             k += 1
         twin.advance(1)
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
 @pytest.mark.parametrize("raised_m", [0.0, 1.0, -3.0])
@@ -43,18 +43,18 @@ def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m
 
     A leap adds 6·leap/T² = 0.5 m/s², in 2 s at least: a lift that hangs at rest is not jerked.
     """
-    shots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
-    assert not [name for shot in shots for name in not_finite(shot)]
-    assert not any(shot.doubtful for shot in shots)
-    stale = np.array([shot.inputs["heave"].stale for shot in shots])
-    times = np.array([shot.time_s for shot in shots])
+    snapshots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
+    assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
+    assert not any(snapshot.doubtful for snapshot in snapshots)
+    stale = np.array([snapshot.inputs["heave"].stale for snapshot in snapshots])
+    times = np.array([snapshot.time_s for snapshot in snapshots])
     assert not stale[times < 6.0].any()
     assert stale[(times > 6.6) & (times < 7.8)].all()
     assert not stale[times > 8.2].any()
-    notes = {shot.inputs["heave"].note for shot in shots if 7.0 < shot.time_s < 7.5}
+    notes = {snapshot.inputs["heave"].note for snapshot in snapshots if 7.0 < snapshot.time_s < 7.5}
     assert all("no sample for" in note for note in notes)
-    heave = np.array([shot.heave_m for shot in shots])
-    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    heave = np.array([snapshot.heave_m for snapshot in snapshots])
+    speed = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots])
     assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
     assert np.abs(np.diff(speed)).max() < 0.05, "the hang-off must not be kicked: 5 m/s² at most"
     leap = float(heave[times < 7.9][-1]) - measured(7.9, raised_m)[0]
@@ -66,9 +66,9 @@ def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m
 
 def test_position_and_velocity_agree_through_a_gap(tmp_path: Path) -> None:
     """The hang-off velocity is the derivative of its position, also in gap and return."""
-    shots = with_a_gap(tmp_path, (6.0, 8.0), 1.0)
-    heave = np.array([shot.heave_m for shot in shots])
-    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    snapshots = with_a_gap(tmp_path, (6.0, 8.0), 1.0)
+    heave = np.array([snapshot.heave_m for snapshot in snapshots])
+    speed = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots])
     slope = (heave[2:] - heave[:-2]) / (2.0 * 0.01)
     smooth = np.abs(np.diff(speed, 2)) < 0.01  # away from the kinks where gap and return begin
     assert smooth.mean() > 0.98
@@ -88,12 +88,12 @@ def test_without_samples_the_ship_lies_still(tmp_path: Path) -> None:
 
 def test_late_first_samples_are_joined_smoothly(tmp_path: Path) -> None:
     """The first comes after 5 s, 1.2 m up, when the ramp is over."""
-    shots = with_a_gap(tmp_path, (-1.0, 5.0), 1.2)
-    heave = np.array([shot.heave_m for shot in shots])
-    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
-    assert not [name for shot in shots for name in not_finite(shot)]
+    snapshots = with_a_gap(tmp_path, (-1.0, 5.0), 1.2)
+    heave = np.array([snapshot.heave_m for snapshot in snapshots])
+    speed = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots])
+    assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
     assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
     assert np.abs(np.diff(speed)).max() < 0.15
-    late = np.array([shot.time_s > 8.0 for shot in shots])
-    track = np.array([measured(shot.time_s, 1.2)[0] for shot in shots])
+    late = np.array([snapshot.time_s > 8.0 for snapshot in snapshots])
+    track = np.array([measured(snapshot.time_s, 1.2)[0] for snapshot in snapshots])
     assert np.abs(heave - track)[late].max() < 1e-3

@@ -61,9 +61,9 @@ def unequal(scene: Scene, ensemble: Ensemble, members: list[Variation], seconds:
     """Return the values that differ from those of lone twins, with member and rope."""
     found = []
     for number, variation in enumerate(members):
-        shot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
-        found += [f"member {number}: {name}" for name in differing(shot, expected)]
-        found += [f"member {number}: {name}" for name in differing_ropes(shot, expected)]
+        snapshot, expected = ensemble.snapshot(number), alone(scene, variation, seconds)
+        found += [f"member {number}: {name}" for name in differing(snapshot, expected)]
+        found += [f"member {number}: {name}" for name in differing_ropes(snapshot, expected)]
     return found
 
 
@@ -94,8 +94,8 @@ def test_slack_and_snapping_systems_in_lanes(name: str) -> None:
     assert ensemble.figures() == lone.figures()
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 600 * LANES
-    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
-    assert max(shot.solves_max_per_stage for shot in shots) > 2
+    snapshots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert max(snapshot.solves_max_per_stage for snapshot in snapshots) > 2
     assert (lanes.given_up > 0) == (name == "bridle_lift")
     assert any(one.slack_share > 0.0 for one in ensemble.figures())
 
@@ -132,8 +132,10 @@ def test_splits_in_some_members(name: str) -> None:
     for seconds in (1, 14):
         ensemble.advance(seconds)
     assert not unequal(scene, ensemble, members, 15)
-    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
-    assert [bool(shot.splits) for shot in shots] == [number < MIN_GROUP for number in range(LANES)]
+    snapshots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert [bool(snapshot.splits) for snapshot in snapshots] == [
+        number < MIN_GROUP for number in range(LANES)
+    ]
     lanes = ensemble.lanes()
     assert lanes.steps + lanes.given_up == 1500 * LANES
 

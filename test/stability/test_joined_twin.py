@@ -28,7 +28,7 @@ SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 
 def heaved(twin: Twin, steps: int, every: int = 10) -> list[Snapshot]:
     """Run under a heave of 1 m every 8 s; return a snapshot each so many steps."""
-    shots, omega = [], 2.0 * math.pi / 8.0
+    snapshots, omega = [], 2.0 * math.pi / 8.0
     for _ in range(steps):
         due = twin.time_ns + AHEAD_NS
         if due % SAMPLE_NS == 0:
@@ -36,8 +36,8 @@ def heaved(twin: Twin, steps: int, every: int = 10) -> list[Snapshot]:
             assert not twin.offer_heave(due, math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(1)
         if twin.steps % every == 0:
-            shots.append(twin.snapshot())
-    return shots
+            snapshots.append(twin.snapshot())
+    return snapshots
 
 
 @pytest.fixture(scope="module")
@@ -50,15 +50,15 @@ def two_lines() -> Scene:
     return load_scene("two_line_lift")
 
 
-def top_tension(shot: Snapshot, name: str) -> float:
-    return next(rope.tension_top_n for rope in shot.ropes if rope.name == name)
+def top_tension(snapshot: Snapshot, name: str) -> float:
+    return next(rope.tension_top_n for rope in snapshot.ropes if rope.name == name)
 
 
 def test_static_tensions_of_a_bridle(bridle: Scene) -> None:
     """In still water: legs W/(2·cos α) on the bar, the bar W·tan α, the total at the top."""
     calm = CurrentParams(profile=((0.0, (0.0, 0.0)),))
     effects = tuple(calm if isinstance(e, CurrentParams) else e for e in bridle.effects)
-    shot = Twin(replace(bridle, effects=effects)).snapshot()
+    snapshot = Twin(replace(bridle, effects=effects)).snapshot()
     figures = point_figures(bridle)
     g, rho = bridle.environment.gravity_m_per_s2, bridle.environment.water_density_kg_per_m3
     weight = {name: (f.mass_kg - rho * f.volume_m3) * g for name, f in figures.items()}
@@ -66,16 +66,16 @@ def test_static_tensions_of_a_bridle(bridle: Scene) -> None:
     per_metre = (rope.mass_kg_per_m - rho * 0.25 * math.pi * rope.hydrodynamic_diameter_m**2) * g
     half = weight["half_port"] + 6.0 * per_metre + weight["bar_port"]
     cosine = math.sqrt(3.0) / 2.0
-    assert shot.ropes[1].element_tension_n[-1] == pytest.approx(
+    assert snapshot.ropes[1].element_tension_n[-1] == pytest.approx(
         half / cosine + 0.5 * per_metre, rel=1e-3
     )
     push = (half + 4.0 * per_metre) * math.tan(math.radians(30.0))
-    assert shot.struts[0].pull_n == pytest.approx(-push, rel=2e-3)
+    assert snapshot.struts[0].pull_n == pytest.approx(-push, rel=2e-3)
     everything = sum(weight.values()) + (1000.0 + 16.0 + 12.0) * per_metre
-    assert shot.tension_top_n == pytest.approx(everything, rel=1e-6)
-    assert shot.ropes[0].tension_top_n == shot.tension_top_n
-    assert len(shot.payloads) == 2
-    assert shot.payloads[0].position_m[2] == pytest.approx(-1013.0 - 2.8, abs=1.0)
+    assert snapshot.tension_top_n == pytest.approx(everything, rel=1e-6)
+    assert snapshot.ropes[0].tension_top_n == snapshot.tension_top_n
+    assert len(snapshot.payloads) == 2
+    assert snapshot.payloads[0].position_m[2] == pytest.approx(-1013.0 - 2.8, abs=1.0)
 
 
 def test_static_equilibrium_from_an_inverted_guess(bridle: Scene) -> None:
@@ -100,19 +100,19 @@ def test_rope_ends_stay_at_their_joints(bridle: Scene) -> None:
     """Twenty seconds of heave and payout: every end at its joint, each step converged."""
     twin = Twin(bridle)
     assert twin.offer_speed(None, 1.0) == ""
-    shots = heaved(twin, 2000, 100)
-    for shot in shots:
-        hoist, port, starboard, low_port, low_starboard = shot.ropes
+    snapshots = heaved(twin, 2000, 100)
+    for snapshot in snapshots:
+        hoist, port, starboard, low_port, low_starboard = snapshot.ropes
         assert (hoist.node_position_m[-1] == port.node_position_m[0]).all()
         assert (hoist.node_position_m[-1] == starboard.node_position_m[0]).all()
         assert (port.node_position_m[-1] == low_port.node_position_m[0]).all()
         assert (starboard.node_position_m[-1] == low_starboard.node_position_m[0]).all()
-        assert not shot.doubtful
-        bar = shot.struts[0].ends_m
+        assert not snapshot.doubtful
+        bar = snapshot.struts[0].ends_m
         assert np.linalg.norm(bar[1] - bar[0]) == pytest.approx(8.0, abs=5e-3)
-    assert shots[-1].line_out_m > 1015.0
-    assert shots[-1].solver.splits > 0
-    assert np.ptp([shot.tension_top_n for shot in shots]) > 5e3
+    assert snapshots[-1].line_out_m > 1015.0
+    assert snapshots[-1].solver.splits > 0
+    assert np.ptp([snapshot.tension_top_n for snapshot in snapshots]) > 5e3
 
 
 def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
@@ -148,10 +148,10 @@ def test_a_multi_line_twin_resumes_bit_identically(two_lines: Scene, tmp_path: P
     branch, restored = twin.branch(), Twin.restore(tmp_path / "saved", two_lines)
     expected = heaved(twin, 900)
     for other in (branch, restored):
-        shots = heaved(other, 900)
-        assert digest(shots) == digest(expected)
-        for shot, wanted in zip(shots, expected, strict=True):
-            for rope, same in zip(shot.ropes, wanted.ropes, strict=True):
+        snapshots = heaved(other, 900)
+        assert digest(snapshots) == digest(expected)
+        for snapshot, wanted in zip(snapshots, expected, strict=True):
+            for rope, same in zip(snapshot.ropes, wanted.ropes, strict=True):
                 assert rope.node_position_m.tobytes() == same.node_position_m.tobytes()
                 assert rope.element_tension_n.tobytes() == same.element_tension_n.tobytes()
                 assert rope.tension_top_n == same.tension_top_n

@@ -209,9 +209,9 @@ def test_time_varying_forces_in_lanes(
         speed = CommandSample(0, WinchCommand(SPEED, 1.5 if k % 3 == 1 else 0.0))
         members.append(Variation((*changes, light), heave, (speed,)))
     together, _ = stepped_both_ways(scene, members)
-    shots = [together.snapshot(number).solver for number in range(LANES)]
-    assert shots[1].splits > 0
-    assert max(shot.solves_max_per_stage for shot in shots[2::3]) > 4
+    snapshots = [together.snapshot(number).solver for number in range(LANES)]
+    assert snapshots[1].splits > 0
+    assert max(snapshot.solves_max_per_stage for snapshot in snapshots[2::3]) > 4
     lanes = together.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
 
@@ -249,8 +249,8 @@ def test_chains_on_soundings_in_lanes(tmp_path: Path, friction: str) -> None:
         members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3), (speed,)))
     together, lone = stepped_both_ways(scene, members)
     for number in range(LANES):
-        shot = lone.snapshot(number)
-        assert (shot.node_position_m[:, 2] < -299.0).sum() > 5
+        snapshot = lone.snapshot(number)
+        assert (snapshot.node_position_m[:, 2] < -299.0).sum() > 5
     lanes = together.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
 
@@ -309,8 +309,8 @@ def test_fibre_rope_below_wire_in_lanes(tmp_path: Path) -> None:
     tops = [memory[TOP].max() for memory in memories]
     assert max(tops) > min(tops) > 0.0
     assert any(one.slack_share > 0.0 for one in together.figures())
-    shots = [together.snapshot(number).solver for number in range(LANES)]
-    assert shots[1].splits > 0
+    snapshots = [together.snapshot(number).solver for number in range(LANES)]
+    assert snapshots[1].splits > 0
     lanes = together.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
 

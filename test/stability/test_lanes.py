@@ -122,9 +122,9 @@ def stepped_as_alone(scene: Scene, members: list[Variation], seconds: int) -> En
     for some in (1, seconds - 1):
         ensemble.advance(some)
     assert not unequal(scene, ensemble, members, seconds)
-    shots = [ensemble.snapshot(number).solver for number in range(LANES)]
-    assert shots[1].splits > 0
-    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    snapshots = [ensemble.snapshot(number).solver for number in range(LANES)]
+    assert snapshots[1].splits > 0
+    assert any(snapshot.solves_max_per_stage > 4 for snapshot in snapshots[2::3])
     lanes = ensemble.lanes()
     assert lanes.given_up < 0.2 * lanes.steps
     return ensemble
@@ -223,11 +223,11 @@ def test_splits_slack_and_calm_members_in_one_group(tmp_path: Path) -> None:
     for seconds in (1, 15, 8):
         ensemble.advance(seconds)
     assert not unequal(scene, ensemble, members, 24)
-    shots = [ensemble.snapshot(number).solver for number in range(len(members))]
-    assert shots[1].splits > 0
-    assert shots[1].merges > 0
-    assert shots[2].solves > 1.1 * shots[0].solves
-    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    snapshots = [ensemble.snapshot(number).solver for number in range(len(members))]
+    assert snapshots[1].splits > 0
+    assert snapshots[1].merges > 0
+    assert snapshots[2].solves > 1.1 * snapshots[0].solves
+    assert any(snapshot.solves_max_per_stage > 4 for snapshot in snapshots[2::3])
 
 
 def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -307,9 +307,9 @@ def test_bent_ropes_in_lanes(tmp_path: Path) -> None:
     for seconds in (1, 13):
         ensemble.advance(seconds)
     assert not unequal(scene, ensemble, members, 14)
-    shots = [ensemble.snapshot(number).solver for number in range(len(members))]
-    assert shots[1].splits > 0
-    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+    snapshots = [ensemble.snapshot(number).solver for number in range(len(members))]
+    assert snapshots[1].splits > 0
+    assert any(snapshot.solves_max_per_stage > 4 for snapshot in snapshots[2::3])
     lanes = ensemble.lanes()
     assert lanes.steps > lanes.given_up
 

@@ -54,29 +54,29 @@ def usual(folder: Path, sea: SeaState | None = None) -> Scene:
 class Run:
     """Snapshots every 20 ms and the status of heave at each."""
 
-    shots: list[Snapshot]
+    snapshots: list[Snapshot]
     rows: list[Status]
 
     def level(self, from_s: float, to_s: float) -> Level:
         """The highest level of a stretch of twin time."""
-        return max(row.level for shot, row in zip(self.shots, self.rows, strict=True)
-                   if from_s <= shot.time_s < to_s)  # fmt: skip
+        return max(row.level for snapshot, row in zip(self.snapshots, self.rows, strict=True)
+                   if from_s <= snapshot.time_s < to_s)  # fmt: skip
 
     def messages(self) -> str:
         return " | ".join(dict.fromkeys(row.message for row in self.rows if row.level))
 
     def flagged_after_s(self, at_s: float = FAULT_AT_S) -> float:
         """Return the delay to the first status that is not OK; the twin lags by DELAY_S."""
-        pairs = zip(self.shots, self.rows, strict=True)
-        late = [shot.time_s + DELAY_S - at_s for shot, row in pairs if row.level]
+        pairs = zip(self.snapshots, self.rows, strict=True)
+        late = [snapshot.time_s + DELAY_S - at_s for snapshot, row in pairs if row.level]
         late = [after_s for after_s in late if after_s >= 0.0]
         return late[0] if late else math.inf
 
 
 def heave_row(twin: Twin) -> tuple[Snapshot, Status]:
-    shot = twin.snapshot()
-    (row,) = [row for row in statuses(shot, None) if row.name == "simulation: input heave"]
-    return shot, row
+    snapshot = twin.snapshot()
+    (row,) = [row for row in statuses(snapshot, None) if row.name == "simulation: input heave"]
+    return snapshot, row
 
 
 def run(
@@ -107,8 +107,8 @@ def run(
             stamp_ns = round(one.stamp_s * 1e9)
             twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s, *received)
         twin.advance(2)
-        shot, row = heave_row(twin)
-        computed.shots.append(shot)
+        snapshot, row = heave_row(twin)
+        computed.snapshots.append(snapshot)
         computed.rows.append(row)
     return computed
 
@@ -140,10 +140,10 @@ def test_a_rate_that_contradicts_the_position_is_replaced(
     assert good.level(0.0, 14.0) is Level.OK, good.messages()
     assert bad.flagged_after_s(max(at_s, 0.0)) <= 2.0
     assert "position and velocity disagree" in bad.messages()
-    late = [k for k, shot in enumerate(bad.shots) if shot.time_s > max(at_s, 0.0) + 2.0]
-    pulls = [np.array([one.shots[k].tension_top_n for k in late]) for one in (good, bad)]
+    late = [k for k, snapshot in enumerate(bad.snapshots) if snapshot.time_s > max(at_s, 0.0) + 2.0]
+    pulls = [np.array([one.snapshots[k].tension_top_n for k in late]) for one in (good, bad)]
     assert np.abs(pulls[1] - pulls[0]).max() < 0.1 * pulls[0].std()
-    speeds = [[one.shots[k].hang_off_velocity_m_per_s[2] for k in late] for one in (good, bad)]
+    speeds = [[one.snapshots[k].hang_off_velocity_m_per_s[2] for k in late] for one in (good, bad)]
     assert np.abs(np.subtract(*speeds)).max() < 0.05
 
 
@@ -199,11 +199,15 @@ def test_a_stuck_sensor_counts_as_missing(tmp_path: Path) -> None:
     assert computed.flagged_after_s() <= 1.2
     assert computed.level(7.5, 12.0) is Level.ERROR
     assert "the sender is stuck" in computed.messages()
-    speeds = [abs(shot.hang_off_velocity_m_per_s[2]) for shot in computed.shots
-              if 11.0 < shot.time_s < 11.8]  # fmt: skip
+    speeds = [abs(snapshot.hang_off_velocity_m_per_s[2]) for snapshot in computed.snapshots
+              if 11.0 < snapshot.time_s < 11.8]  # fmt: skip
     assert max(speeds) < 0.02
     assert computed.rows[-1].level is not Level.ERROR
-    heaves = [shot.heave_m - truth(shot.time_s)[0] for shot in computed.shots if shot.time_s > 16.0]
+    heaves = [
+        snapshot.heave_m - truth(snapshot.time_s)[0]
+        for snapshot in computed.snapshots
+        if snapshot.time_s > 16.0
+    ]
     assert np.abs(heaves).max() < 1e-3
 
 
@@ -275,13 +279,13 @@ def test_a_jump_in_position_never_jerks_the_rope(tmp_path: Path, leap_m: float) 
     good = run(Twin(usual(tmp_path)), as_it_is, 16.0)
     bad = run(Twin(usual(tmp_path)), fault, 16.0)
     assert bad.flagged_after_s() <= 0.1
-    speeds = np.array([shot.hang_off_velocity_m_per_s[2] for shot in bad.shots])
+    speeds = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in bad.snapshots])
     assert np.abs(speeds).max() < 7.0
     assert np.abs(np.diff(speeds)).max() / 0.02 < 10.0
-    highest = [max(shot.tension_top_max_n for shot in one.shots) for one in (good, bad)]
+    highest = [max(snapshot.tension_top_max_n for snapshot in one.snapshots) for one in (good, bad)]
     assert highest[1] < 1.8 * highest[0]
     if leap_m > 15.0:
-        assert max(shot.heave_m for shot in bad.shots) < 3.0
+        assert max(snapshot.heave_m for snapshot in bad.snapshots) < 3.0
 
 
 @pytest.mark.parametrize("spoilt", ["leap", "every other second"])
@@ -296,10 +300,10 @@ def test_a_valid_position_with_an_invalid_rate_stops_no_run(tmp_path: Path, spoi
 
     computed = run(Twin(usual(tmp_path)), fault, 20.0)
     assert computed.flagged_after_s() <= 1.0
-    assert len(computed.shots) == 20.0 / 0.02
-    speeds = np.array([shot.hang_off_velocity_m_per_s[2] for shot in computed.shots])
+    assert len(computed.snapshots) == 20.0 / 0.02
+    speeds = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in computed.snapshots])
     assert np.abs(speeds).max() < 7.0
-    accepted = [shot.inputs["heave"].accepted for shot in computed.shots]
+    accepted = [snapshot.inputs["heave"].accepted for snapshot in computed.snapshots]
     assert accepted[-1] > accepted[round(9.0 / 0.02)]  # by rates derived from positions
     assert "position and velocity disagree" in computed.messages()
 
@@ -314,7 +318,10 @@ def test_positions_after_a_gap_need_confirmation(tmp_path: Path) -> None:
         return replace(one, position_m=draw.uniform(-14, 14)) if one.stamp_s < 14.0 else one
 
     computed = run(Twin(usual(tmp_path)), fault, 20.0)
-    accepted = {round(shot.time_s, 2): shot.inputs["heave"].accepted for shot in computed.shots}
+    accepted = {
+        round(snapshot.time_s, 2): snapshot.inputs["heave"].accepted
+        for snapshot in computed.snapshots
+    }
     assert accepted[13.8] == accepted[7.0]
     assert accepted[16.0] > accepted[13.8]
     assert "it is taken once it has moved plausibly for 0.5 s" in computed.messages()
@@ -393,7 +400,11 @@ def test_the_sensor_clock_is_corrected_on_request(tmp_path: Path, clock_s: float
     twin = Twin(usual(tmp_path))
     twin.inputs.judge_clocks(0.2, correct=True)
     computed = run(twin, fault, 16.0, at_s=-1.0, clocked=True)
-    off = [shot.heave_m - truth(shot.time_s)[0] for shot in computed.shots if shot.time_s > 6.0]
+    off = [
+        snapshot.heave_m - truth(snapshot.time_s)[0]
+        for snapshot in computed.snapshots
+        if snapshot.time_s > 6.0
+    ]
     assert np.abs(off).max() < 1.5 * OMEGA * 2.0 * LATENCY_S
     assert computed.level(14.0, 16.0) is Level.WARN
     assert "its stamps are corrected by" in computed.rows[-1].message
@@ -428,7 +439,7 @@ def test_a_restart_during_a_fault_is_bit_identical(tmp_path: Path) -> None:
                    for one in [Sample(0.05 * k, *truth(0.05 * k), 0.0)]]  # fmt: skip
 
         def follow(twin: Twin, to_s: float, feed: list[Sample | None]) -> list[Snapshot]:
-            shots = []
+            snapshots = []
             while twin.time_ns < round(to_s * 1e9):
                 now_ns = twin.time_ns + 150_000_000
                 while feed and (feed[0] is None or round(feed[0].stamp_s * 1e9) <= now_ns):
@@ -437,15 +448,15 @@ def test_a_restart_during_a_fault_is_bit_identical(tmp_path: Path) -> None:
                         stamp_ns = round(one.stamp_s * 1e9)
                         twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s)
                 twin.advance(2)
-                shots.append(twin.snapshot())
-            return shots
+                snapshots.append(twin.snapshot())
+            return snapshots
 
         unbroken = follow(whole, 14.0, list(samples))
         feed = list(samples)
         before = follow(first, cut_s, feed)
         after = follow(Twin.restore(first.capture(), scene), 14.0, feed)
         assert digest(unbroken) == digest([*before, *after])
-        rows = [statuses(shots[-1], None)[-3:] for shots in (unbroken, after)]
+        rows = [statuses(snapshots[-1], None)[-3:] for snapshots in (unbroken, after)]
         assert rows[0] == rows[1]
 
 
@@ -464,13 +475,13 @@ def test_a_clock_step_and_back_does_not_move_the_hang_off(
 
     computed = run(Twin(usual(tmp_path)), fault, 22.0, at_s=-1.0, clocked=True)
     mends = from_s + step_s == 0.0
-    refused = [shot.inputs["heave"].refused for shot in computed.shots]
+    refused = [snapshot.inputs["heave"].refused for snapshot in computed.snapshots]
     steps = [b - a for a, b in itertools.pairwise(refused) if b > a]
     assert steps == [1] * 4, "two samples wait at each step, and no other is refused"
     off = [
-        abs(shot.heave_m - truth(shot.time_s - (0.0 if mends else from_s))[0])
-        for shot in computed.shots
-        if 5.0 < shot.time_s < (6.0 if mends else 22.0) or 10.0 < shot.time_s < 13.8
+        abs(snapshot.heave_m - truth(snapshot.time_s - (0.0 if mends else from_s))[0])
+        for snapshot in computed.snapshots
+        if 5.0 < snapshot.time_s < (6.0 if mends else 22.0) or 10.0 < snapshot.time_s < 13.8
     ]
     assert max(off) < 0.02 + (1.5 * OMEGA * from_s if mends else 0.0)
     words = f"its stamps are corrected by {-step_s:+.2f} s since its step at 6.1 s"
@@ -497,14 +508,14 @@ def test_a_clock_step_across_a_restart_is_bit_identical(tmp_path: Path) -> None:
         whole, first = Twin(scene), Twin(scene)
 
         def follow(twin: Twin, from_s: float, to_s: float) -> list[Snapshot]:
-            shots = []
+            snapshots = []
             for k in range(round(from_s * 20), round(to_s * 20)):
                 t = 0.05 * k
                 stamp_ns = round((t + 0.2 + (0.7 if t > 5.8 else 0.0)) * 1e9)
                 twin.offer_heave(stamp_ns, *truth(t + 0.2), round((t + 0.21) * 1e9))
                 twin.advance(5)
-                shots.append(twin.snapshot())
-            return shots
+                snapshots.append(twin.snapshot())
+            return snapshots
 
         expected = follow(whole, 0.0, 10.0)[round(cut_s * 20) :]
         follow(first, 0.0, cut_s)

@@ -40,13 +40,13 @@ def heave(twin: Twin, seconds: int) -> None:
 def test_static_contact_force_of_two_touching_loads() -> None:
     """Both lean out by half of the overlap: N = W·tan a."""
     scene = touching()
-    shot = Twin(scene).snapshot()
-    (position,) = shot.contacts
+    snapshot = Twin(scene).snapshot()
+    (position,) = snapshot.contacts
     water = scene.environment
     figures = point_figures(scene)[HALVES[0]]
     W = (figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3) * 9.80665
-    leaned = {payload.name: np.array(payload.position_m) for payload in shot.payloads}
-    sling = next(rope for rope in shot.ropes if rope.name == "sling_port").node_position_m
+    leaned = {payload.name: np.array(payload.position_m) for payload in snapshot.payloads}
+    sling = next(rope for rope in snapshot.ropes if rope.name == "sling_port").node_position_m
     lowest = sling[-1] - sling[-2]
     tangent = math.hypot(*lowest[:2]) / abs(lowest[2])
     assert position.name == "payloads"
@@ -61,16 +61,16 @@ def test_energy_balance_of_payload_contact_and_a_cut() -> None:
     twin = Twin(touching(), ENERGY)
     heave(twin, 8)
     twin.advance(300)
-    shot = twin.snapshot()
-    assert shot.energy is not None
-    assert abs(shot.energy.residual_j) < 1e-3 * shot.energy.exchanged_j
+    snapshot = twin.snapshot()
+    assert snapshot.energy is not None
+    assert abs(snapshot.energy.residual_j) < 1e-3 * snapshot.energy.exchanged_j
     assert not twin.offer_cut(3_500_000_000, 3.0, "sling_port")
     twin.advance(100)
     branch = Twin.restore(twin.capture(), touching(), ENERGY)
     for one in (twin, branch):
         one.advance(150)
     after, other = twin.snapshot(), branch.snapshot()
-    assert after.payloads[0].position_m[2] < shot.payloads[0].position_m[2] - 1.0, "it falls"
+    assert after.payloads[0].position_m[2] < snapshot.payloads[0].position_m[2] - 1.0, "it falls"
     for one, same in zip(after.payloads, other.payloads, strict=True):
         assert (np.array(one.position_m) == np.array(same.position_m)).all()
     assert after.energy is not None

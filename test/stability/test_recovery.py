@@ -74,19 +74,19 @@ def heaving(folder: Path, asked: Monitors = NO_MONITORS, speed: float = 0.0) -> 
 
 def run(recovery: Recovery, twin: Twin, seconds: float, feed: bool = True) -> list[Snapshot]:
     """Slot by slot, with heave that comes in time."""
-    shots = []
+    snapshots = []
     for _ in range(round(seconds / (SLOT * twin.step_s))):
         newest = twin.inputs.newest_ns().get("heave", 0)
         if feed and newest < twin.time_ns + 500_000_000:
             t = (newest + 50_000_000) * 1e-9
             twin.offer_heave(newest + 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
         recovery.advance(SLOT)
-        shots.append(recovery.snapshot())
-    return shots
+        snapshots.append(recovery.snapshot())
+    return snapshots
 
 
-def solver_row(shot: Snapshot) -> Status:
-    return next(row for row in statuses(shot, None) if row.name == "simulation: solver")
+def solver_row(snapshot: Snapshot) -> Status:
+    return next(row for row in statuses(snapshot, None) if row.name == "simulation: solver")
 
 
 def broken(monkeypatch: pytest.MonkeyPatch, fails: dict[int, int], spoils: bool = False) -> Any:
@@ -105,16 +105,16 @@ def test_a_step_that_fails_once_is_repeated(
     broken(monkeypatch, {251: 1})
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
-    shots = run(recovery, twin, 6.0)
-    assert [one.stamp_ns for one in shots] == [one.stamp_ns for one in unbroken]
+    snapshots = run(recovery, twin, 6.0)
+    assert [one.stamp_ns for one in snapshots] == [one.stamp_ns for one in unbroken]
     assert recovery.count == 1
-    assert shots[-1].tension_top_n == pytest.approx(unbroken[-1].tension_top_n, rel=1e-9)
-    row = solver_row(shots[-1])
+    assert snapshots[-1].tension_top_n == pytest.approx(unbroken[-1].tension_top_n, rel=1e-9)
+    row = solver_row(snapshots[-1])
     assert row.level == Level.ERROR
     assert "recovered from 1 failed step" in row.message
     assert "step 252" in row.message
-    shots = run(recovery, twin, 61.0)
-    assert solver_row(shots[-1]).level == Level.WARN
+    snapshots = run(recovery, twin, 61.0)
+    assert solver_row(snapshots[-1]).level == Level.WARN
 
 
 def test_repeated_failures_return_to_checkpoints(
@@ -124,22 +124,22 @@ def test_repeated_failures_return_to_checkpoints(
     broken(monkeypatch, {550: 3})
     twin = heaving(tmp_path, speed=0.5)
     recovery = Recovery(twin)
-    shots = run(recovery, twin, 12.0)
+    snapshots = run(recovery, twin, 12.0)
     assert recovery.count == 3
     assert "the rope's state at 4.00 s" in recovery.reason, "the second newest: 5 s, 4 s, 3 s"
-    stamps = np.array([shot.stamp_ns for shot in shots])
+    stamps = np.array([snapshot.stamp_ns for snapshot in snapshots])
     assert (np.diff(stamps) == SLOT * twin.step_ns).all()
-    assert not [name for shot in shots for name in not_finite(shot)]
-    z = np.array([shot.hang_off_position_m[2] for shot in shots])
+    assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
+    z = np.array([snapshot.hang_off_position_m[2] for snapshot in snapshots])
     back = 275  # the slot in which it went back
     jumps = np.abs(np.diff(z))
     assert jumps[back + 1 :].max() < 0.02 * (0.7 + 1.5 * 2.0 / 2.0)
-    live = shots[-1].hang_off_position_m[2] - twin.scene.ship.hang_off_m[2]
+    live = snapshots[-1].hang_off_position_m[2] - twin.scene.ship.hang_off_m[2]
     assert live == pytest.approx(math.sin(0.7 * twin.time_ns * 1e-9), abs=1e-3)
-    line = np.array([shot.line_out_m for shot in shots])
+    line = np.array([snapshot.line_out_m for snapshot in snapshots])
     assert line[back + 1] == pytest.approx(line[200], abs=0.02), "of 4 s"
     assert np.diff(line)[back + 1 :].max() < 0.5 * 0.02 + 1e-9
-    tensions = np.array([shot.tension_top_n for shot in shots])
+    tensions = np.array([snapshot.tension_top_n for snapshot in snapshots])
     assert tensions[back:].max() < 1.3 * tensions[:back].max()
 
 
@@ -147,8 +147,8 @@ def test_a_nan_state_is_never_published(tmp_path: Path, monkeypatch: pytest.Monk
     broken(monkeypatch, {350: 1}, spoils=True)
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
-    shots = run(recovery, twin, 6.0)
-    assert not [name for shot in shots for name in not_finite(shot)]
+    snapshots = run(recovery, twin, 6.0)
+    assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
     assert recovery.count == 1
     assert "is not finite" in recovery.reason
     assert math.isfinite(twin.statistics().tension_top_mean_n)
@@ -167,10 +167,10 @@ def test_any_exception_is_recovered_from(tmp_path: Path, monkeypatch: pytest.Mon
         return at(time_ns)
 
     monkeypatch.setattr(twin.inputs.heave, "at", fail_once)
-    shots = run(recovery, twin, 2.0)
+    snapshots = run(recovery, twin, 2.0)
     assert recovery.count == 1
     assert "a step failed on ZeroDivisionError: float division by zero" in recovery.reason
-    assert shots[-1].time_s == pytest.approx(4.0)
+    assert snapshots[-1].time_s == pytest.approx(4.0)
 
 
 def test_a_current_received_since_the_checkpoint_is_reverted(
@@ -183,11 +183,11 @@ def test_a_current_received_since_the_checkpoint_is_reverted(
     run(recovery, twin, 2.0)
     assert twin.offer_current([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]]) == ""
     assert not np.isfinite(from_rows(np.array([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]])).slope).all()
-    shots = run(recovery, twin, 2.0)
+    snapshots = run(recovery, twin, 2.0)
     assert recovery.count == 1
     assert "with the current profile of before" in recovery.reason
-    assert not not_finite(shots[-1])
-    row = next(r for r in statuses(shots[-1], None) if r.name == "simulation: input current")
+    assert not not_finite(snapshots[-1])
+    row = next(r for r in statuses(snapshots[-1], None) if r.name == "simulation: input current")
     assert row.level == Level.WARN
     assert "the one before it is in force again" in row.message
 
@@ -232,10 +232,10 @@ def test_checkpoints_of_another_mesh_are_not_used(
     run(recovery, twin, 3.1)
     twin.set_level(AccuracyLevel(2 * twin.step_ns, 1))
     core.fails = {160: 3}  # steps of 20 ms: at 3.2 s
-    shots = run(recovery, twin, 3.0)
+    snapshots = run(recovery, twin, 3.0)
     assert recovery.count == 3
     assert "state at 3.1" in recovery.reason, "the first state of that grid"
-    assert not not_finite(shots[-1])
+    assert not not_finite(snapshots[-1])
 
 
 def test_both_parts_of_a_cut_rope_return_together(
@@ -247,10 +247,10 @@ def test_both_parts_of_a_cut_rope_return_together(
     recovery = Recovery(twin)
     run(recovery, twin, 3.0)
     assert twin.offer_cut(None, 120.0) == ""
-    shots = run(recovery, twin, 7.0)
+    snapshots = run(recovery, twin, 7.0)
     assert recovery.count == 4
-    assert not not_finite(shots[-1])
-    assert shots[-1].time_s == pytest.approx(10.0)
+    assert not not_finite(snapshots[-1])
+    assert snapshots[-1].time_s == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(
@@ -262,15 +262,17 @@ def test_monitors_return_with_the_rope(
     broken(monkeypatch, {350: 2})
     twin = heaving(tmp_path, asked)
     recovery = Recovery(twin)
-    shots = run(recovery, twin, 6.0)
+    snapshots = run(recovery, twin, 6.0)
     assert recovery.count == 2
     if asked.energy:
-        balance = shots[-1].energy
+        balance = snapshots[-1].energy
         assert balance is not None
         assert abs(balance.residual_j) < 0.05 * balance.exchanged_j
         assert balance.since_s >= 3.49
     else:
-        assert "unknown until 23.5 s" in shots[-1].no_error_interval  # its coarse solution settles
+        assert (
+            "unknown until 23.5 s" in snapshots[-1].no_error_interval
+        )  # its coarse solution settles
 
 
 def test_a_recovery_in_progress_is_part_of_a_saved_state(
@@ -342,13 +344,15 @@ def test_connected_ropes_return_together(monkeypatch: pytest.MonkeyPatch) -> Non
         twin.offer_heave(k * 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
     recovery = Recovery(twin)
     slot = max(1, round(0.02 / twin.step_s))
-    shots = []
+    snapshots = []
     while twin.time_ns < 6_000_000_000:
         recovery.advance(slot)
-        shots.append(recovery.snapshot())
+        snapshots.append(recovery.snapshot())
     assert recovery.count == 3
-    assert not [name for shot in shots for name in not_finite(shot)]
-    tops = np.array([[rope.node_position_m[0] for rope in shot.ropes] for shot in shots])
+    assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
+    tops = np.array(
+        [[rope.node_position_m[0] for rope in snapshot.ropes] for snapshot in snapshots]
+    )
     speeds = np.abs(np.diff(tops[:, :, 2], axis=0)) / (slot * twin.step_s)
     back = round(2.5 / (slot * twin.step_s))
     assert np.delete(speeds, range(back - 3, back + 3), axis=0).max() < 0.7 + 1.5

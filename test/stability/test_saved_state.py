@@ -43,7 +43,7 @@ def whole(scene: Scene) -> dict[int, list[Snapshot]]:
     assert health.solver.merges > 0
     assert health.inputs["heave"].refused == health.inputs["winch_command"].refused == 1
     return {
-        moment: [shot for piece in pieces[number:] for shot in piece]
+        moment: [snapshot for piece in pieces[number:] for snapshot in piece]
         for number, moment in enumerate(MOMENTS)
     }
 
@@ -70,11 +70,11 @@ def test_restored_and_branched_runs_are_bit_identical(
     assert same(restored.capture(), twin.capture())
     assert same(branch.capture(), twin.capture())
     for other in (restored, branch):
-        shots = run_until(other, END)
-        assert digest(shots) == digest(whole[moment])
-        for shot, expected in zip(shots, whole[moment], strict=True):
-            assert shot.inputs == expected.inputs
-            assert shot.winch_at_limit == expected.winch_at_limit
+        snapshots = run_until(other, END)
+        assert digest(snapshots) == digest(whole[moment])
+        for snapshot, expected in zip(snapshots, whole[moment], strict=True):
+            assert snapshot.inputs == expected.inputs
+            assert snapshot.winch_at_limit == expected.winch_at_limit
     assert twin.steps == moment
     assert same(Twin.restore(tmp_path / "saved", scene).capture(), twin.capture())
 

@@ -73,11 +73,13 @@ def started(rig: Rig, weather: Weather) -> Twin:
     return that_rests(replace(rig, winch=winch, current=profile).twin)
 
 
-def reach(shot: Snapshot, rig: Rig) -> float:
+def reach(snapshot: Snapshot, rig: Rig) -> float:
     """Largest distance of a node from the hang-off over the stretched rope between them."""
-    rest = np.diff(shot.arc_length_m)
-    stretched = np.concatenate([[0.0], np.cumsum(rest * (1.0 + shot.element_tension_n / rig.EA))])
-    away = np.linalg.norm(shot.node_position_m - shot.hang_off_position_m, axis=1)
+    rest = np.diff(snapshot.arc_length_m)
+    stretched = np.concatenate(
+        [[0.0], np.cumsum(rest * (1.0 + snapshot.element_tension_n / rig.EA))]
+    )
+    away = np.linalg.norm(snapshot.node_position_m - snapshot.hang_off_position_m, axis=1)
     # the damper may hold an element short of what its tension alone would stretch it to
     return float((away - 1.01 * stretched).max() / rig.length)
 
@@ -91,14 +93,14 @@ def test_drawn_ropes_stay_finite_and_conserve_length(rig: Rig, weather: Weather)
     speeds = [(1.0, weather.payout_m_per_s), (12.0, -weather.payout_m_per_s)]
     heave = sine(weather.amplitude_m, weather.period_s)
     every = round(0.5 / rig.step)
-    for shot in march(twin, heave, 20.0, every, speeds):
-        assert not not_finite(shot)
-        assert shot.element_tension_n.min() >= 0.0
-        assert shot.tension_top_min_n >= 0.0
-        rest = np.diff(shot.arc_length_m)
+    for snapshot in march(twin, heave, 20.0, every, speeds):
+        assert not not_finite(snapshot)
+        assert snapshot.element_tension_n.min() >= 0.0
+        assert snapshot.tension_top_min_n >= 0.0
+        rest = np.diff(snapshot.arc_length_m)
         assert rest.min() > 0.0
-        assert abs(rest.sum() / shot.line_out_m - 1.0) < 1e-12
-        assert reach(shot, rig) < 0.01
+        assert abs(rest.sum() / snapshot.line_out_m - 1.0) < 1e-12
+        assert reach(snapshot, rig) < 0.01
 
 
 @settings(max_examples=60, **UNHURRIED)

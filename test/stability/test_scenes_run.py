@@ -43,11 +43,11 @@ def test_a_shipped_scene_runs(name: str, seconds: int) -> None:
         for row in schedule_samples(scene.winch, second * second_ns, (second + 1) * second_ns):
             assert twin.offer_command(row.stamp_ns, row.command) == ""
         twin.advance(round(1.0 / twin.step_s))
-        shot = twin.snapshot()
-        assert not not_finite(shot)
-        assert not shot.doubtful
-        tensions += [shot.tension_top_min_n, shot.tension_top_max_n]
-    assert shot.time_s == pytest.approx(seconds)
+        snapshot = twin.snapshot()
+        assert not not_finite(snapshot)
+        assert not snapshot.doubtful
+        tensions += [snapshot.tension_top_min_n, snapshot.tension_top_max_n]
+    assert snapshot.time_s == pytest.approx(seconds)
     weakest = min(section.rope.breaking_load_n for section in scene.ropes[0].made_of)
     assert 0.0 <= np.min(tensions) < np.max(tensions) < weakest
     assert np.ptp(tensions) > 0.02 * np.mean(tensions), "the ship heaves"

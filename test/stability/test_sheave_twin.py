@@ -23,45 +23,45 @@ def scene() -> Scene:
 
 def run_both(twin: Twin, speed: float, seconds: int) -> list[Snapshot]:
     """Main pays out and haulback hauls in; a snapshot each second."""
-    shots = []
+    snapshots = []
     assert twin.offer_speed(None, speed) == ""
     assert twin.offer_speed(None, -speed, "haulback_sheave") == ""
     for _ in range(seconds):
         twin.advance(round(1.0 / twin.step_s))
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
-def pulls(shot: Snapshot) -> dict[str, float]:
+def pulls(snapshot: Snapshot) -> dict[str, float]:
     """Return the tension of each rope at its upper end, or on the sheave [N]."""
-    return {rope.name: rope.tension_top_n for rope in shot.ropes}
+    return {rope.name: rope.tension_top_n for rope in snapshot.ropes}
 
 
-def lengths(shot: Snapshot) -> dict[str, float]:
+def lengths(snapshot: Snapshot) -> dict[str, float]:
     """Unstretched, of each rope [m]."""
-    return {rope.name: rope.line_out_m for rope in shot.ropes}
+    return {rope.name: rope.line_out_m for rope in snapshot.ropes}
 
 
 def test_static_tensions_beside_the_sheave(scene: Scene) -> None:
     """In still water: 2·T·cos = what the tether and the block's weight in water pull down."""
     still = CurrentParams(profile=((0.0, (0.0, 0.0)),))
     effects = tuple(still if isinstance(e, CurrentParams) else e for e in scene.effects)
-    shot = Twin(replace(scene, effects=effects)).snapshot()
-    (sheave,) = shot.sheaves
+    snapshot = Twin(replace(scene, effects=effects)).snapshot()
+    (sheave,) = snapshot.sheaves
     depth = -sheave.position_m[2]
     tether = 50e3 + 500.0 * (1550.0 - depth - 50.0)
     block = 1500.0 * (1.0 - 1025.0 / 7850.0) * 9.80665
     left, right = (
-        next(rope.node_position_m[-2:] for rope in shot.ropes if rope.name == name)
+        next(rope.node_position_m[-2:] for rope in snapshot.ropes if rope.name == name)
         for name in ("below_descending", "below_ascending")
     )
     cosines = sum(
         float(np.diff(x[:, 2])[0] / np.linalg.norm(np.diff(x, axis=0))) for x in (left, right)
     )
-    pull = pulls(shot)
+    pull = pulls(snapshot)
     assert pull["below_descending"] == pytest.approx(pull["below_ascending"], rel=1e-9)
     assert pull["below_descending"] * -cosines == pytest.approx(tether + block, rel=1e-6)
-    assert sum(lengths(shot).values()) == pytest.approx(3000.0, abs=1e-9)
+    assert sum(lengths(snapshot).values()) == pytest.approx(3000.0, abs=1e-9)
     assert sheave.passed_m == pytest.approx(0.0, abs=0.05)
 
 
@@ -70,24 +70,24 @@ def test_tensions_are_smooth_while_rope_runs_over_the_sheave(scene: Scene) -> No
     twin = Twin(scene)
     start = lengths(twin.snapshot())
     run_both(twin, 1.0, 15)
-    shots = run_both(twin, 1.0, 40)
-    last, before = shots[-1], shots[0]
+    snapshots = run_both(twin, 1.0, 40)
+    last, before = snapshots[-1], snapshots[0]
     assert last.sheaves[0].passed_m - before.sheaves[0].passed_m == pytest.approx(-39.0, abs=0.1)
     stretches = ("below_descending", "below_ascending")
-    for shot in shots:
-        own = lengths(shot)
+    for snapshot in snapshots:
+        own = lengths(snapshot)
         assert sum(own[name] for name in stretches) == pytest.approx(1500.0, abs=1e-9)
         assert sum(own.values()) == pytest.approx(sum(start.values()), abs=1e-6)
         for rope, payload in ((1, 0), (3, 1)):
-            position = shot.ropes[rope].node_position_m
-            assert (position[0] == shot.payloads[payload].position_m).all()
-            assert (position[-1] == shot.sheaves[0].position_m).all()
-            assert len(shot.ropes[rope].element_tension_n) == len(position) - 1
-        assert not shot.doubtful
-    calm = shots[:30]  # then the skips pass the border of the current's layers
+            position = snapshot.ropes[rope].node_position_m
+            assert (position[0] == snapshot.payloads[payload].position_m).all()
+            assert (position[-1] == snapshot.sheaves[0].position_m).all()
+            assert len(snapshot.ropes[rope].element_tension_n) == len(position) - 1
+        assert not snapshot.doubtful
+    calm = snapshots[:30]  # then the skips pass the border of the current's layers
     t = np.linspace(-1.0, 1.0, len(calm))
     for name in stretches:
-        pull = np.array([pulls(shot)[name] for shot in calm])
+        pull = np.array([pulls(snapshot)[name] for snapshot in calm])
         smooth = np.polynomial.Polynomial.fit(t, pull, 4)(t)
         assert np.abs(pull - smooth).max() < 2e-5 * pull.mean()
     assert last.solver.splits >= 6
@@ -102,24 +102,24 @@ def test_one_winch_moves_the_sheave_by_half_of_its_payout(scene: Scene) -> None:
     twin.advance(round(21.0 / twin.step_s))
     assert twin.offer_speed(None, 0.0) == ""
     twin.advance(round(60.0 / twin.step_s))
-    shot = twin.snapshot()
-    more = sum(lengths(shot).values()) - 3000.0
-    assert shot.sheaves[0].position_m[2] - before == pytest.approx(-0.5 * more, rel=0.02)
+    snapshot = twin.snapshot()
+    more = sum(lengths(snapshot).values()) - 3000.0
+    assert snapshot.sheaves[0].position_m[2] - before == pytest.approx(-0.5 * more, rel=0.02)
 
 
 def test_a_sheave_twin_resumes_bit_identically(scene: Scene, tmp_path: Path) -> None:
     """To the bit, under heave, with rope running over the sheave."""
 
     def heaved(twin: Twin, seconds: int) -> list[Snapshot]:
-        shots, omega = [], 2.0 * math.pi / 8.0
+        snapshots, omega = [], 2.0 * math.pi / 8.0
         for second in range(seconds):
             for part in range(1, 21):
                 due = twin.time_ns + part * 50_000_000
                 z, v = math.sin(omega * due * 1e-9), omega * math.cos(omega * due * 1e-9)
                 assert not twin.offer_heave(due, z, v), second
             twin.advance(round(1.0 / twin.step_s))
-            shots.append(twin.snapshot())
-        return shots
+            snapshots.append(twin.snapshot())
+        return snapshots
 
     twin = Twin(scene)
     run_both(twin, 1.0, 6)
@@ -127,11 +127,11 @@ def test_a_sheave_twin_resumes_bit_identically(scene: Scene, tmp_path: Path) -> 
     branch, restored = twin.branch(), Twin.restore(tmp_path / "saved", scene)
     expected = heaved(twin, 20)
     for other in (branch, restored):
-        shots = heaved(other, 20)
-        assert digest(shots) == digest(expected)
-        for shot, wanted in zip(shots, expected, strict=True):
-            assert shot.sheaves[0].passed_m == wanted.sheaves[0].passed_m
-            assert pulls(shot) == pulls(wanted)
+        snapshots = heaved(other, 20)
+        assert digest(snapshots) == digest(expected)
+        for snapshot, wanted in zip(snapshots, expected, strict=True):
+            assert snapshot.sheaves[0].passed_m == wanted.sheaves[0].passed_m
+            assert pulls(snapshot) == pulls(wanted)
 
 
 def test_a_failed_step_restores_the_sheave(scene: Scene) -> None:
@@ -147,6 +147,6 @@ def test_a_failed_step_restores_the_sheave(scene: Scene) -> None:
     twin.rope.state.nodes[3, 1:n] = kept
     for run in (twin, other):
         run.advance(100)
-    shots = [run.snapshot() for run in (twin, other)]
-    assert pulls(shots[0]) == pulls(shots[1])
-    assert digest(shots[:1]) == digest(shots[1:])
+    snapshots = [run.snapshot() for run in (twin, other)]
+    assert pulls(snapshots[0]) == pulls(snapshots[1])
+    assert digest(snapshots[:1]) == digest(snapshots[1:])

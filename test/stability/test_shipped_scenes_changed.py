@@ -71,10 +71,13 @@ def through(drawn: Scene, weather: Weather, asked: Monitors = NO_MONITORS) -> Tw
     twin.offer_speed(round(1e9), weather.payout_m_per_s)  # refused where there is no winch
     twin.offer_current(np.array([[0.0, *weather.current_m_per_s], [-100.0, 0.0, 0.0]]))
     heave = sine(weather.amplitude_m, weather.period_s)
-    for shot in march(twin, heave, SECONDS, max(1, round(LOOK_S / twin.step_s))):
-        assert not_finite(shot) == []
-        assert shot.tension_top_min_n >= 0.0
-        for pulls in (shot.element_tension_n, *(rope.element_tension_n for rope in shot.ropes)):
+    for snapshot in march(twin, heave, SECONDS, max(1, round(LOOK_S / twin.step_s))):
+        assert not_finite(snapshot) == []
+        assert snapshot.tension_top_min_n >= 0.0
+        for pulls in (
+            snapshot.element_tension_n,
+            *(rope.element_tension_n for rope in snapshot.ropes),
+        ):
             assert np.isfinite(pulls).all()
             assert pulls.min() >= 0.0
     return twin

@@ -36,15 +36,15 @@ def test_a_peak_between_two_snapshots_is_reported_and_saved(tmp_path: Path) -> N
     twin.advance(500)
     twin.offer_speed(None, 0.0)
     twin.advance(1500)
-    shot = twin.snapshot()
-    (strength,) = shot.strength
-    assert strength.max_n == twin.statistics().tension_top_max_n > shot.tension_top_n
+    snapshot = twin.snapshot()
+    (strength,) = snapshot.strength
+    assert strength.max_n == twin.statistics().tension_top_max_n > snapshot.tension_top_n
     assert strength.utilisation > 1.0
-    message = summarise(twin, shot, None).as_text()
+    message = summarise(twin, snapshot, None).as_text()
     assert "MBL exceeded" in message
     assert "MBL 215 kN" in message
     twin.save(tmp_path / "state")
-    assert Twin.restore(tmp_path / "state", scene).snapshot().strength == shot.strength
+    assert Twin.restore(tmp_path / "state", scene).snapshot().strength == snapshot.strength
 
 
 def test_each_rope_has_its_own_maximum_tension(tmp_path: Path) -> None:
@@ -53,13 +53,13 @@ def test_each_rope_has_its_own_maximum_tension(tmp_path: Path) -> None:
     twin = Twin(replace(scene, ropes=(fore, weaker(aft, 200e3))))
     twin.offer_speed(None, 0.2)  # fore pays out: aft carries nearly all
     twin.advance(800)
-    shot = twin.snapshot()
-    first, second = shot.strength
+    snapshot = twin.snapshot()
+    first, second = snapshot.strength
     assert [first.name, second.name] == ["fore", "aft"]
     assert first.utilisation < 0.5
-    assert second.max_n >= shot.ropes[1].tension_top_n > 200e3
-    message = summarise(twin, shot, None).as_text()
+    assert second.max_n >= snapshot.ropes[1].tension_top_n > 200e3
+    message = summarise(twin, snapshot, None).as_text()
     assert "maximum tension of 'aft' " in message
     assert "maximum tension of 'fore' " not in message
     twin.save(tmp_path / "state")
-    assert Twin.restore(tmp_path / "state", twin.scene).snapshot().strength == shot.strength
+    assert Twin.restore(tmp_path / "state", twin.scene).snapshot().strength == snapshot.strength

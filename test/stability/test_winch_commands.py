@@ -42,9 +42,9 @@ def test_a_command_for_an_unknown_winch_is_rejected(tmp_path: Path) -> None:
         "empty."
     )
     twin.advance(100)
-    shot = twin.snapshot()
-    assert shot.payout_speed_m_per_s == 0.0
-    assert shot.inputs["winch_command"].impossible == 1
+    snapshot = twin.snapshot()
+    assert snapshot.payout_speed_m_per_s == 0.0
+    assert snapshot.inputs["winch_command"].impossible == 1
 
 
 def test_a_speed_above_the_limit_is_warned_of_for_a_minute() -> None:

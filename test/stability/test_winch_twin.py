@@ -89,11 +89,11 @@ def test_saved_and_branched_winch_runs_are_bit_identical(
     branch.snapshot()
     for run in (twin, restored, branch):
         run.advance(1000 - steps)
-    shots = [run.snapshot() for run in (twin, restored, branch)]
-    assert digest(shots[:1]) == digest(shots[2:])
-    assert shots[0].winches == shots[1].winches == shots[2].winches
-    assert shots[0].node_position_m.tobytes() == shots[1].node_position_m.tobytes()
-    assert shots[0].winches[0].figures
+    snapshots = [run.snapshot() for run in (twin, restored, branch)]
+    assert digest(snapshots[:1]) == digest(snapshots[2:])
+    assert snapshots[0].winches == snapshots[1].winches == snapshots[2].winches
+    assert snapshots[0].node_position_m.tobytes() == snapshots[1].node_position_m.tobytes()
+    assert snapshots[0].winches[0].figures
 
 
 def test_heave_compensation_in_an_ensemble_equals_a_twin(scene: Scene) -> None:

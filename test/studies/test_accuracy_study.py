@@ -179,10 +179,10 @@ def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
     run = UnpacedRun(RunOptions(scene="two_line_lift", speed=0.0, elements=30, step_s=0.02))
     assert [line.elements for line in run.twin.scene.ropes] == [30, 30]
     run.advance_blindly(12.0)
-    shot = run.twin.snapshot()
-    assert shot.tension_top_n == pytest.approx(seen.tension_n[-1], rel=1e-9)
+    snapshot = run.twin.snapshot()
+    assert snapshot.tension_top_n == pytest.approx(seen.tension_n[-1], rel=1e-9)
     assert run.twin.statistics().tension_top_max_n == pytest.approx(seen.tension_n.max(), rel=1e-9)
-    assert -shot.payloads[0].position_m[2] == pytest.approx(seen.depth_m[-1], rel=1e-9)
+    assert -snapshot.payloads[0].position_m[2] == pytest.approx(seen.depth_m[-1], rel=1e-9)
 
 
 def test_elements_of_ropes_that_meet_go_together() -> None:

@@ -100,7 +100,7 @@ def counted(line: RopeLine, max_m: float, piece_m: float, curve: str) -> RopeDam
 
 
 def used(count: RopeDamage) -> Vector:
-    return count.shot(0.0, 0.0).used
+    return count.snapshot(0.0, 0.0).used
 
 
 def take(count: RopeDamage, line_out_m: float, low_n: float, per_metre: float) -> None:

@@ -97,9 +97,9 @@ def test_lines_that_pass_each_other_at_a_distance_say_so(scene: Scene) -> None:
 
 def test_a_line_that_turns_up_again_is_counted(scene: Scene) -> None:
     """A loop of slack rope."""
-    watch, shot = ClearanceMonitor(scene), seen(0.0, -4.0)
-    shot.ropes[0].node_position_m[10, 2] = -300.0
-    watch.observe(shot)
+    watch, snapshot = ClearanceMonitor(scene), seen(0.0, -4.0)
+    snapshot.ropes[0].node_position_m[10, 2] = -300.0
+    watch.observe(snapshot)
     assert watch.turned_up == 1
 
 
@@ -112,10 +112,13 @@ def test_what_has_no_two_lines_is_refused(scene: Scene) -> None:
         ClearanceMonitor(replace(scene, hang_offs=(together,)))
 
 
-def at(shot: Snapshot, step: int, time_s: float) -> Snapshot:
+def at(snapshot: Snapshot, step: int, time_s: float) -> Snapshot:
     """The lines of a snapshot in one of a whole twin."""
     return replace(
-        hanging_rope(time_s=time_s), step=step, ropes=tuple(shot.ropes), sheaves=tuple(shot.sheaves)
+        hanging_rope(time_s=time_s),
+        step=step,
+        ropes=tuple(snapshot.ropes),
+        sheaves=tuple(snapshot.sheaves),
     )
 
 
@@ -151,15 +154,15 @@ def test_crossings_are_reported_in_topics() -> None:
     near = Nearest(2.0, 900.0, 0.5)
     crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
     event = LineEvent(121.4, "cross", 836.0, 0.08, 0.02)
-    shot = replace(hanging_rope(), lines=LinesSnapshot(near, (crossing,)), line_events=(event,))
-    assert {"lines/crossings", "lines/events"} <= set(due_topics(10, 20_000_000, shot))
-    assert "lines/events" not in due_topics(10, 20_000_000, replace(shot, line_events=()))
+    snapshot = replace(hanging_rope(), lines=LinesSnapshot(near, (crossing,)), line_events=(event,))
+    assert {"lines/crossings", "lines/events"} <= set(due_topics(10, 20_000_000, snapshot))
+    assert "lines/events" not in due_topics(10, 20_000_000, replace(snapshot, line_events=()))
     encoder = messages.Encoder(0)
-    reported = messages.decode("lines/crossings", encoder.encode("lines/crossings", shot))
+    reported = messages.decode("lines/crossings", encoder.encode("lines/crossings", snapshot))
     rows = messages.read_cloud(reported)
     assert rows[0][["name", "z", "distance_m"]].tolist() == (b"nearest", -900.0, 0.5)
     assert rows[1].tolist() == (b"crossing_1", 3.0, 4.0, -836.0, 0.02, 0.08)
-    words = messages.decode("lines/events", encoder.encode("lines/events", shot)).data
+    words = messages.decode("lines/events", encoder.encode("lines/events", snapshot)).data
     assert words == "121.4 s: the lines cross at 836 m, 0.08 degrees, 0.02 m apart"
 
 

@@ -67,7 +67,7 @@ class SnapshotSource:
     def __init__(self, topics: tuple[str, ...] = SHOWN) -> None:
         self._encoder = messages.Encoder(EPOCH_NS)
         self.topics = topics
-        self.shot: Snapshot = hanging_rope()
+        self.snapshot: Snapshot = hanging_rope()
         self.lost = False
         self.mode, self.seat = "winch: speed 0 m/s", "winch: winch_schedule"
         self.alerts: list[Alert] = []
@@ -87,12 +87,12 @@ class SnapshotSource:
             readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS), now_s)
         for topic in self.topics:
             if topic in self._encoder.topics and topic not in _LEFT_OUT:
-                readings.take(topic, self._encoder.encode(topic, self.shot), now_s)
+                readings.take(topic, self._encoder.encode(topic, self.snapshot), now_s)
         text = encode_text(self.mode)
         readings.take("winch/mode", text, now_s)
         readings.take("winch/seat", messages.encode_text(self.seat), now_s)
-        stamp_ns = EPOCH_NS + self.shot.stamp_ns
-        alerts = encode_alerts(stamp_ns, self.shot.stamp_ns, self.alerts)
+        stamp_ns = EPOCH_NS + self.snapshot.stamp_ns
+        alerts = encode_alerts(stamp_ns, self.snapshot.stamp_ns, self.alerts)
         readings.take("alerts", alerts, now_s)
         readings.take("diagnostics", messages.encode_diagnostics(stamp_ns, self.rows), now_s)
         if self.horizon_s is not None:
@@ -232,10 +232,10 @@ class ConsoleRig:
         for _ in range(count):
             self.clock.now_s += step_s
             if not self.source.lost:
-                time_s = self.source.shot.time_s + step_s
+                time_s = self.source.snapshot.time_s + step_s
                 fresh = replace(RESIDUAL, at_s=time_s - 0.1)
-                shot = hanging_rope(time_s=time_s, heave_m=0.4)
-                self.source.shot = replace(shot, residuals=(fresh,))
+                snapshot = hanging_rope(time_s=time_s, heave_m=0.4)
+                self.source.snapshot = replace(snapshot, residuals=(fresh,))
             for page in list(self.pages.pages.values()):
                 if page.number not in self.silent:
                     self.desk.take(page, {"do": "alive"})
@@ -257,9 +257,9 @@ def recorded_lift(path: Path, lasts_s: float) -> Path:
     writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
     for number in range(round(lasts_s * 10)):
         time_s = 0.1 * number
-        shot = hanging_rope(nodes=5, length_m=1000.0 + time_s, time_s=time_s)
+        snapshot = hanging_rope(nodes=5, length_m=1000.0 + time_s, time_s=time_s)
         for topic in topics:
-            writer.write(topic, EPOCH_NS + shot.stamp_ns, encoder.encode(topic, shot))
+            writer.write(topic, EPOCH_NS + snapshot.stamp_ns, encoder.encode(topic, snapshot))
     writer.close()
     return path
 

@@ -19,7 +19,7 @@ def run(every: int) -> str:
     """Run twenty seconds in pieces of `every` steps, a snapshot each second."""
     with tempfile.TemporaryDirectory() as folder:
         twin = Twin(small_scene(Path(folder)))
-    shots = []
+    snapshots = []
     for k in range(420):
         t = k * SAMPLE_NS * 1e-9
         assert not twin.offer_heave(k * SAMPLE_NS, 2.5 * math.sin(t), 2.5 * math.cos(t))
@@ -27,12 +27,12 @@ def run(every: int) -> str:
     for second in range(20):
         for _ in range(100 // every):
             twin.advance(every)
-        shots.append(twin.snapshot())
+        snapshots.append(twin.snapshot())
         if second == 9:
             assert not twin.offer_speed(12_000_000_000, -1.0)
             assert not twin.offer_current(np.array([[0.0, 0.2, -0.4], [-300.0, 0.1, 0.0]]))
-    assert shots[-1].solver.splits > 0
-    return digest(shots)
+    assert snapshots[-1].solver.splits > 0
+    return digest(snapshots)
 
 
 if __name__ == "__main__":

@@ -436,9 +436,9 @@ def steps(scene: Scene, seconds: float) -> Vector:
     """Step under heave and payout; return the columns of `together`."""
     twin = Twin(scene)
     rows = []
-    for shot in march(twin, sine(2.0, 4.0), seconds, speeds=[(0.0, 3.0), (3.0, -3.0)]):
-        tension, x = shot.element_tension_n, shot.payload_position_m
-        rows.append([shot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
+    for snapshot in march(twin, sine(2.0, 4.0), seconds, speeds=[(0.0, 3.0), (3.0, -3.0)]):
+        tension, x = snapshot.element_tension_n, snapshot.payload_position_m
+        rows.append([snapshot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
     return np.array(rows)
 
 

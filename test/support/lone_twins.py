@@ -87,9 +87,9 @@ def assert_equal_members(ensemble: Ensemble, lone: Ensemble) -> None:
     """Assert that members in lanes and without lanes are bit-identical."""
     assert ensemble.figures() == lone.figures()
     for number in range(len(ensemble.figures())):
-        shot, expected = ensemble.snapshot(number), lone.snapshot(number)
-        assert not differing(shot, expected), number
-        assert not differing_ropes(shot, expected), number
+        snapshot, expected = ensemble.snapshot(number), lone.snapshot(number)
+        assert not differing(snapshot, expected), number
+        assert not differing_ropes(snapshot, expected), number
 
 
 def stepped_both_ways(

@@ -35,11 +35,11 @@ def with_pusher(*given: Any) -> tuple[Any, ...]:
 
 
 def run(twin: Twin) -> str:
-    shots = []
+    snapshots = []
     for _ in range(4):
         twin.advance(2)
-        shots.append(twin.snapshot())
-    return digest(shots)
+        snapshots.append(twin.snapshot())
+    return digest(snapshots)
 
 
 def differs(folder: Path, spoil: Callable[[Twin], None]) -> bool:

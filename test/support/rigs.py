@@ -21,12 +21,12 @@ Heave = Motion
 
 def top_tension(twin: Twin, heave: Heave, seconds: float, every: int = 1) -> Vector:
     """Return the published top tension [N] after each `every` steps."""
-    return np.array([shot.tension_top_n for shot in march(twin, heave, seconds, every)])
+    return np.array([snapshot.tension_top_n for snapshot in march(twin, heave, seconds, every)])
 
 
 def march_to_end(twin: Twin, heave: Heave, seconds: float, speeds: Speeds = ()) -> Snapshot:
     """March, and return the last snapshot; the few before it cost little."""
     steps = round(seconds / twin.step_s)
     every = next(count for count in range(100, 0, -1) if steps % count == 0)
-    *_, shot = march(twin, heave, seconds, every, speeds)
-    return shot
+    *_, snapshot = march(twin, heave, seconds, every, speeds)
+    return snapshot

@@ -118,17 +118,17 @@ def hanging_rope(
 
 def hanging_body(nodes: int = 11) -> Snapshot:
     """Return the same with a rigid body on two slings, just off a deck."""
-    shot = hanging_rope(nodes)
+    snapshot = hanging_rope(nodes)
     return replace(
-        shot,
+        snapshot,
         body=BodySnapshot(
             quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
             angular_velocity_rad_per_s=np.zeros(3),
             size_m=np.array([4.0, 3.0, 2.5]),
             leg_tension_n=np.array([5e4, 6e4]),
             leg_length_m=np.array([7.0, 7.1]),
-            leg_end_m=shot.payload_position_m + np.array([[1.8, 0.0, 1.25], [-1.8, 0.0, 1.25]]),
-            hook_m=shot.node_position_m[-1],
+            leg_end_m=snapshot.payload_position_m + np.array([[1.8, 0.0, 1.25], [-1.8, 0.0, 1.25]]),
+            hook_m=snapshot.node_position_m[-1],
             deck_reaction_n=1e3,
             deck_clearance_m=-0.01,
         ),

@@ -44,13 +44,13 @@ def feed(twin: Twin) -> None:
 
 def run_until(twin: Twin, last: int) -> list[Snapshot]:
     """Step until `last`; return a snapshot of every seventh step."""
-    shots = []
+    snapshots = []
     while twin.steps < last:
         feed(twin)
         twin.advance(1)
         if twin.steps % 7 == 0:
-            shots.append(twin.snapshot())
-    return shots
+            snapshots.append(twin.snapshot())
+    return snapshots
 
 
 if __name__ == "__main__":

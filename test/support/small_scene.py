@@ -63,40 +63,41 @@ NO_FIGURES = {
 }  # fmt: skip
 
 
-def figures(shot: Snapshot) -> dict[str, np.ndarray]:
+def figures(snapshot: Snapshot) -> dict[str, np.ndarray]:
     """Return every physical number of a snapshot by name, a rigid body's included."""
     reported = {
-        field.name: getattr(shot, field.name)
-        for field in dataclasses.fields(shot)
+        field.name: getattr(snapshot, field.name)
+        for field in dataclasses.fields(snapshot)
         if field.name not in NO_FIGURES
     }
-    reported["strength"] = [one.max_n for one in shot.strength]
-    for one in shot.touchdowns:
+    reported["strength"] = [one.max_n for one in snapshot.strength]
+    for one in snapshot.touchdowns:
         place = (*one.position_m, one.line_out_m, one.layback_m)
         reported[f"touchdown of {one.name}"] = (*place, one.tension_n, one.angle_deg)
-    for bend in shot.bends:  # not the tightest so far: that is of all looks
+    for bend in snapshot.bends:  # not the tightest so far: that is of all looks
         place = (bend.now.line_out_m, *bend.position_m)
         reported[f"bend of {bend.now.name}"] = (1.0 / bend.now.radius_m, *place)
-    if shot.body is not None:
+    if snapshot.body is not None:
         of_body = {
-            field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)
+            field.name: getattr(snapshot.body, field.name)
+            for field in dataclasses.fields(snapshot.body)
         }
         reported |= {f"body.{name}": value for name, value in of_body.items() if value is not None}
-    if shot.compensator is not None:
-        of_unit = dataclasses.asdict(shot.compensator)
+    if snapshot.compensator is not None:
+        of_unit = dataclasses.asdict(snapshot.compensator)
         reported |= {f"compensator.{name}": value for name, value in of_unit.items()}
     return {name: np.asarray(value, dtype=float) for name, value in reported.items()}
 
 
-def not_finite(shot: Snapshot) -> list[str]:
+def not_finite(snapshot: Snapshot) -> list[str]:
     """Return the names of the figures with a number that is not finite."""
-    return [name for name, value in figures(shot).items() if not np.isfinite(value).all()]
+    return [name for name, value in figures(snapshot).items() if not np.isfinite(value).all()]
 
 
-def digest(shots: list[Snapshot]) -> str:
+def digest(snapshots: list[Snapshot]) -> str:
     """Return SHA-256 over every bit of the figures."""
     total = hashlib.sha256()
-    for shot in shots:
-        for value in figures(shot).values():
+    for snapshot in snapshots:
+        for value in figures(snapshot).values():
             total.update(np.ascontiguousarray(value).tobytes())
     return total.hexdigest()

@@ -113,5 +113,5 @@ def scene_of(names: list[str], mirrorable: bool, turn: Turn | None = None) -> Sc
 
 def lowered(scene: Scene, seconds: float) -> Snapshot:
     """Pay out under heave; return the last snapshot."""
-    shot = march_to_end(Twin(scene), sine(0.5, 4.0), seconds, speeds=[(0.0, 2.0)])
-    return shot
+    snapshot = march_to_end(Twin(scene), sine(0.5, 4.0), seconds, speeds=[(0.0, 2.0)])
+    return snapshot

@@ -198,8 +198,8 @@ def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_interva
 def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
     """Against one that never was: within 0.05 % of the tension soon after it is up again."""
     same, moved = RIG.twin(), RIG.twin()
-    alone = [shot.tension_top_n for shot in march(same, HEAVE, 12.0, 10)]
-    seen = [shot.tension_top_n for shot in march(moved, HEAVE, 3.0, 10)]
+    alone = [snapshot.tension_top_n for snapshot in march(same, HEAVE, 12.0, 10)]
+    seen = [snapshot.tension_top_n for snapshot in march(moved, HEAVE, 3.0, 10)]
     moved.set_level(AccuracyLevel(20 * MS, 1))
     seen += [offered.tension_top_n for offered in going_on(moved, 3.0, 5)]
     moved.set_level(AccuracyLevel(10 * MS))
@@ -212,20 +212,20 @@ def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
 
 def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
     """March a twin whose step has changed."""
-    shots = []
+    snapshots = []
     end_ns = twin.time_ns + round(seconds * 1e9)
     while twin.time_ns < end_ns:
         for k in range(1, every + 1):
             at_ns = twin.time_ns + k * twin.step_ns
             twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
         twin.advance(every)
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
 def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict[int, Snapshot]:
     """deep_lift with its own sea and winch, and a level taken at each of these times; by stamp."""
-    scene, waiting, shots = load_scene("deep_lift"), list(moves), {}
+    scene, waiting, snapshots = load_scene("deep_lift"), list(moves), {}
     twin, sea, offered_ns = Twin(scene), open_sea(scene), FIRST_NS
     assert sea is not None
     while twin.time_ns < seconds * 1e9:
@@ -238,8 +238,8 @@ def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict
             twin.offer_command(command.stamp_ns, command.command)
         offered_ns = until_ns
         twin.advance(1)
-        shots[twin.time_ns] = twin.snapshot()
-    return shots
+        snapshots[twin.time_ns] = twin.snapshot()
+    return snapshots
 
 
 def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> None:
@@ -250,7 +250,7 @@ def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> N
     """
     alone = sailed((), 40.0)
     moved = sailed([(15.0, AccuracyLevel(50 * MS, 1)), (30.0, AccuracyLevel(10 * MS))], 40.0)
-    scale = np.std([shot.tension_top_n for shot in alone.values()])
+    scale = np.std([snapshot.tension_top_n for snapshot in alone.values()])
     study = read_study(load_scene("deep_lift"))
     assert study is not None
     published = sum(study.at(*own)[0].bound(RMS) for own in ((50, 0.05), (100, 0.01)))
@@ -353,18 +353,18 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     assert pacer.health().behind_s == 0.0
     assert any(words.startswith("stepping down to accuracy level") for words in protection.said)
     assert protection.said[-1].startswith("stepping up to accuracy level 1 of ")
-    shots = []
-    while (shot := handover.take(0.0)) is not None:
-        shots.append(shot)
+    snapshots = []
+    while (snapshot := handover.take(0.0)) is not None:
+        snapshots.append(snapshot)
     assert handover.lost == 0
-    gaps = np.diff([0, *(shot.stamp_ns for shot in shots)])
+    gaps = np.diff([0, *(snapshot.stamp_ns for snapshot in snapshots)])
     assert all(gap in (20 * MS, 50 * MS) for gap in gaps)
     alone = Twin(scene)
     for k in range(400):
         alone.offer_heave(k * 25 * MS, *HEAVE(k * 0.025))
-    for shot in shots:
-        alone.advance((shot.stamp_ns - alone.time_ns) // alone.step_ns)
-        assert shot.tension_top_n == pytest.approx(alone.snapshot().tension_top_n, rel=2e-3)
+    for snapshot in snapshots:
+        alone.advance((snapshot.stamp_ns - alone.time_ns) // alone.step_ns)
+        assert snapshot.tension_top_n == pytest.approx(alone.snapshot().tension_top_n, rel=2e-3)
 
 
 def huge() -> Scene:

@@ -175,12 +175,12 @@ def test_a_lift_is_counted_and_goes_on_from_a_state_to_the_bit(scene: Scene) -> 
     other = BendCount(
         winch.bend_path(), endurance(line), np.zeros(110, np.int64), 1.0, winch.max_line_out_m
     )
-    shots = list(march(twin, still, 9.0, 2, SPEEDS))
+    snapshots = list(march(twin, still, 9.0, 2, SPEEDS))
     state = twin.capture()
-    shots += list(march(twin, still, 9.0, 2, REST))
-    for shot in shots:
-        other.take(shot.line_out_m, shot.tension_top_n)
-    wear, bent = shot.fatigue, shot.fatigue.bent
+    snapshots += list(march(twin, still, 9.0, 2, REST))
+    for snapshot in snapshots:
+        other.take(snapshot.line_out_m, snapshot.tension_top_n)
+    wear, bent = snapshot.fatigue, snapshot.fatigue.bent
     # metre 51: in and out over the top sheave; 56: over the other one too, twice its two bends;
     # 85: off the drum, which is 30 m inboard, and onto it for part of the way
     assert [bent.bends[k] for k in (20, 51, 56)] == [0.0, 2.0, 6.0]
@@ -199,7 +199,7 @@ def test_a_lift_is_counted_and_goes_on_from_a_state_to_the_bit(scene: Scene) -> 
     judged = watched(scene)
     judged.advance(100)
     assert np.array_equal(plain.snapshot().element_tension_n, judged.snapshot().element_tension_n)
-    (words,) = [words for words in watch_words(None, fatigue_figures(shot)) if "bends" in words]
+    (words,) = [words for words in watch_words(None, fatigue_figures(snapshot)) if "bends" in words]
     assert "bends over sheaves and drum" in words
     assert "(data: test report 7)" in words
     row = diagnostics._fatigue(("", wear))
@@ -261,11 +261,11 @@ def test_material_keeps_its_place_over_a_sheave_between_two_ropes() -> None:
         place = np.where(count.middles < first_m, count.middles, 60.0 - count.middles)
         loads = count._count._last * line.breaking_load_n
         assert loads == pytest.approx(1e4 + 50.0 * place, rel=1e-9)
-    bent = count.shot(23.0, 1.0).bent
+    bent = count.snapshot(23.0, 1.0).bent
     assert bent is not None
     assert [bent.bends[k] for k in (18, 21, 24)] == [0.0, 1.0, 0.0]
     assert len(count.middles) == 60
-    assert count.shot(23.0, 1.0).from_hang_off_m[22] == pytest.approx(0.5)
+    assert count.snapshot(23.0, 1.0).from_hang_off_m[22] == pytest.approx(0.5)
 
 
 def test_rope_that_runs_between_two_ropes_is_counted_once() -> None:
@@ -283,8 +283,8 @@ def test_rope_that_runs_between_two_ropes_is_counted_once() -> None:
         twin.offer_speed(None, -speed, "haulback_sheave")
         twin.advance(400)
         states.append((at, twin.capture(), twin.snapshot()))
-    shot = states[-1][2]
-    by_name = {rope.name: rope for rope in shot.ropes}
+    snapshot = states[-1][2]
+    by_name = {rope.name: rope for rope in snapshot.ropes}
     assert by_name["below_ascending"].fatigue is None
     wear = by_name["below_descending"].fatigue
     assert wear is not None

@@ -36,8 +36,8 @@ def coarse_of(twin: Twin) -> CoarseSolution:
     return coarse
 
 
-def pulls(shots: list[Snapshot]) -> list[list[float]]:
-    return [[one.tension_top_n for one in shot.ropes] for shot in shots]
+def pulls(snapshots: list[Snapshot]) -> list[list[float]]:
+    return [[one.tension_top_n for one in snapshot.ropes] for snapshot in snapshots]
 
 
 @pytest.mark.parametrize("every", [2, 3])
@@ -45,7 +45,7 @@ def test_it_is_the_rope_on_half_the_elements_with_twice_the_step(every: int) -> 
     """Its tension is that of a twin of such a scene, which gets the same heave by itself."""
     twin = Twin(RIG.scene(), ERROR_INTERVAL)
     other = Twin(variant(RIG.scene(), 10, 0.02))
-    alone = [shot.tension_top_n for shot in march(other, HEAVE, 6.0)]
+    alone = [snapshot.tension_top_n for snapshot in march(other, HEAVE, 6.0)]
     found = []
     for _ in march(twin, HEAVE, 6.0, every):
         found.append((twin.steps // 2, *coarse_of(twin).top_tensions_n))
@@ -70,13 +70,13 @@ def test_it_is_the_system_on_half_the_elements_with_twice_the_step(name: str) ->
 def test_it_has_vortices_of_its_own(name: str) -> None:
     """The run is bit-identical, and the coarse solution a rope of half the elements."""
     scene = load_scene(name)
-    twin, found, shots = Twin(scene, ERROR_INTERVAL), [], []
-    for shot in fed(twin, 2.0):
-        shots.append(shot.tension_top_n)
+    twin, found, snapshots = Twin(scene, ERROR_INTERVAL), [], []
+    for snapshot in fed(twin, 2.0):
+        snapshots.append(snapshot.tension_top_n)
         found += coarse_of(twin).top_tensions_n
-    assert shots == [shot.tension_top_n for shot in fed(Twin(scene), 2.0)]
+    assert snapshots == [snapshot.tension_top_n for snapshot in fed(Twin(scene), 2.0)]
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
-    alone = [shot.tension_top_n for shot in fed(half, 2.0)]
+    alone = [snapshot.tension_top_n for snapshot in fed(half, 2.0)]
     assert np.allclose(found, alone, rtol=5e-8)  # tolerance of the static equilibrium
 
 
@@ -90,14 +90,14 @@ def test_it_has_a_loosely_coupled_model_of_its_own(name: str) -> None:
     That counts more in `decomposed_force`, where whole bands go over to the strongest mode at once.
     """
     scene = load_scene(name)
-    twin, shots, found = Twin(scene, ERROR_INTERVAL), [], []
-    for shot in fed(twin, 8.0):
-        shots.append(shot.tension_top_n)
+    twin, snapshots, found = Twin(scene, ERROR_INTERVAL), [], []
+    for snapshot in fed(twin, 8.0):
+        snapshots.append(snapshot.tension_top_n)
         found += coarse_of(twin).top_tensions_n
-    plain = [shot.tension_top_n for shot in fed(Twin(scene), 8.0)]
-    assert shots == plain
+    plain = [snapshot.tension_top_n for snapshot in fed(Twin(scene), 8.0)]
+    assert snapshots == plain
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
-    alone = np.array([shot.tension_top_n for shot in fed(half, 8.0)])
+    alone = np.array([snapshot.tension_top_n for snapshot in fed(half, 8.0)])
     off = np.abs(np.array(found) - np.array(plain)).max()
     assert np.abs(np.array(found) - alone).max() < {"vortices_modal": 0.6}.get(name, 0.7) * off
     own, other = twin.viv_drag, coarse_of(twin).viv_drag
@@ -147,7 +147,7 @@ def test_it_is_the_rope_and_its_drive_with_twice_the_step() -> None:
         half = coarse_of(twin)
         found.append((*half.payouts_m, *half.top_tensions_n))
     other = Twin(variant(scene, None, 2.0 * scene.time.step_s))
-    alone = [(shot.line_out_m, shot.tension_top_n) for shot in fed(other, 10.0)]
+    alone = [(snapshot.line_out_m, snapshot.tension_top_n) for snapshot in fed(other, 10.0)]
     lines, forces = np.transpose(found)
     own_lines, own_forces = np.transpose(alone)
     assert np.abs(lines - own_lines).max() < 1e-9
@@ -158,8 +158,8 @@ def test_it_is_the_rope_and_its_drive_with_twice_the_step() -> None:
 def test_with_a_drive_the_run_is_bit_identical_and_so_is_the_interval_of_a_branch() -> None:
     scene = soft_brake()
     twin, alone = Twin(scene, ERROR_INTERVAL), Twin(scene)
-    shots = [shot.tension_top_n for shot in fed(twin, 6.0)]
-    assert shots == [shot.tension_top_n for shot in fed(alone, 6.0)]
+    snapshots = [snapshot.tension_top_n for snapshot in fed(twin, 6.0)]
+    assert snapshots == [snapshot.tension_top_n for snapshot in fed(alone, 6.0)]
     other = twin.branch()
     for _ in range(30):
         twin.advance(3)
@@ -233,7 +233,7 @@ def drives_on_both_lines(of: tuple[str, ...] = ("winch", "aft_sheave")) -> Scene
 
 
 def payouts_m(twin: Twin) -> list[float]:
-    return [shot.line_out_m for shot in twin.snapshot().ropes]
+    return [snapshot.line_out_m for snapshot in twin.snapshot().ropes]
 
 
 @pytest.mark.parametrize("of", [("winch", "aft_sheave"), ("winch",)])
@@ -249,8 +249,8 @@ def test_a_system_has_coarse_winches_where_a_winch_responds(of: tuple[str, ...])
         found.append([*half.payouts_m, *half.top_tensions_n])
     assert set(half.winches) == {("winch", "aft_sheave").index(name) for name in of}
     other, alone = Twin(variant(scene, None, 2.0 * scene.time.step_s)), []
-    for shot in fed(other, 8.0):
-        alone.append([*payouts_m(other), *(one.tension_top_n for one in shot.ropes)])
+    for snapshot in fed(other, 8.0):
+        alone.append([*payouts_m(other), *(one.tension_top_n for one in snapshot.ropes)])
     assert np.allclose(found, alone, rtol=1e-8)
     fore, aft = (abs(k - m) for k, m in zip(found[-1][:2], payouts_m(twin), strict=True))
     assert fore > 1e-6

@@ -46,11 +46,11 @@ def interval_of(twin: Twin) -> ErrorInterval:
 
 
 def tensions(twin: Twin, seconds: float = 8.0) -> list[float]:
-    return [shot.tension_top_n for shot in march(twin, HEAVE, seconds, 2)]
+    return [snapshot.tension_top_n for snapshot in march(twin, HEAVE, seconds, 2)]
 
 
-def pulls(shots: list[Snapshot]) -> list[list[float]]:
-    return [[one.tension_top_n for one in shot.ropes] for shot in shots]
+def pulls(snapshots: list[Snapshot]) -> list[list[float]]:
+    return [[one.tension_top_n for one in snapshot.ropes] for snapshot in snapshots]
 
 
 def test_the_run_is_bit_identical_with_an_interval_and_with_an_energy_balance() -> None:
@@ -70,10 +70,10 @@ def test_a_multi_line_run_is_bit_identical_and_so_is_the_interval_of_a_branch() 
         assert without_cost(other.snapshot()) == without_cost(twin.snapshot())
 
 
-def without_cost(shot: Snapshot) -> TensionInterval:
+def without_cost(snapshot: Snapshot) -> TensionInterval:
     """The interval of a snapshot; its cost is measured, not simulated."""
-    assert shot.error_interval is not None
-    return replace(shot.error_interval, cost_pct=0.0)
+    assert snapshot.error_interval is not None
+    return replace(snapshot.error_interval, cost_pct=0.0)
 
 
 def test_a_run_that_asks_for_no_interval_has_none() -> None:
@@ -97,27 +97,27 @@ def test_a_restored_twin_knows_its_interval_when_the_coarse_solution_has_settled
     twin = Twin(RIG.scene(), ERROR_INTERVAL)
     tensions(twin, 4.0)
     again = Twin.restore(twin.capture(), RIG.scene(), ERROR_INTERVAL)
-    shots = list(march(again, HEAVE, 25.0, 2))
-    for shot in shots:
-        assert (shot.error_interval is None) == (shot.time_s < 4.0 + SETTLING_S)
-        assert shot.no_error_interval.startswith("unknown until 24.0 s") == (
-            shot.error_interval is None
+    snapshots = list(march(again, HEAVE, 25.0, 2))
+    for snapshot in snapshots:
+        assert (snapshot.error_interval is None) == (snapshot.time_s < 4.0 + SETTLING_S)
+        assert snapshot.no_error_interval.startswith("unknown until 24.0 s") == (
+            snapshot.error_interval is None
         )
     (*_, last) = march(twin, HEAVE, 25.0, 2)
-    assert last.tension_top_n == shots[-1].tension_top_n
-    assert without_cost(shots[-1]).bound_n == pytest.approx(without_cost(last).bound_n, rel=0.5)
+    assert last.tension_top_n == snapshots[-1].tension_top_n
+    assert without_cost(snapshots[-1]).bound_n == pytest.approx(without_cost(last).bound_n, rel=0.5)
 
 
 def test_a_coarse_solution_that_fails_is_replaced() -> None:
     twin = Twin(RIG.scene(), ERROR_INTERVAL)
-    shots = list(march(twin, HEAVE, 1.0, 2))
-    assert shots[-1].error_interval is not None
+    snapshots = list(march(twin, HEAVE, 1.0, 2))
+    assert snapshots[-1].error_interval is not None
     coarse = interval_of(twin).coarse
     assert coarse is not None
     coarse.ropes[0].state.nodes[rows.POSITION, 3] = np.nan
-    shots = list(march(twin, HEAVE, 22.0, 2))
-    assert shots[0].error_interval is None
-    assert np.isfinite(without_cost(shots[-1]).bound_n)
+    snapshots = list(march(twin, HEAVE, 22.0, 2))
+    assert snapshots[0].error_interval is None
+    assert np.isfinite(without_cost(snapshots[-1]).bound_n)
 
 
 @pytest.mark.parametrize(("name", "lower"), [("landing", 0), ("two_line_landing", 1)])
@@ -145,37 +145,37 @@ def test_it_is_unknown_while_the_payload_stands_on_the_seabed() -> None:
     assert twin.snapshot().error_interval is not None
     twin.rope.state.nodes[rows.POSITION + 2, 0] = -401.0  # 1 m below the bed
     twin.advance(2)
-    shot = twin.snapshot()
-    assert shot.error_interval is None
-    assert shot.no_error_interval.startswith("unknown until 20.0 s: the payload stood on")
+    snapshot = twin.snapshot()
+    assert snapshot.error_interval is None
+    assert snapshot.no_error_interval.startswith("unknown until 20.0 s: the payload stood on")
 
 
 def test_it_is_unknown_with_a_wake_oscillator_and_costs_nothing() -> None:
     twin = Twin(load_scene("sonde_cast"), ERROR_INTERVAL)
     assert interval_of(twin).coarse is None
     twin.advance(10)
-    shot = twin.snapshot()
-    assert shot.error_interval is None
-    assert shot.no_error_interval.startswith("unknown with `wake_oscillator`")
+    snapshot = twin.snapshot()
+    assert snapshot.error_interval is None
+    assert snapshot.no_error_interval.startswith("unknown with `wake_oscillator`")
 
 
 def test_every_rope_from_the_ship_has_an_interval_and_all_are_reported() -> None:
     twin = Twin(load_scene("two_line_lift"), ERROR_INTERVAL)
     twin.advance(10)
-    shot, topic = twin.snapshot(), "ropes/tension_top_error"
-    assert shot.error_interval == shot.ropes[0].error_interval
-    found = [rope.error_interval for rope in shot.ropes]
+    snapshot, topic = twin.snapshot(), "ropes/tension_top_error"
+    assert snapshot.error_interval == snapshot.ropes[0].error_interval
+    found = [rope.error_interval for rope in snapshot.ropes]
     low_n, high_n = [], []
-    for rope, interval in zip(shot.ropes, found, strict=True):
+    for rope, interval in zip(snapshot.ropes, found, strict=True):
         assert interval is not None
         assert interval.low_n < rope.tension_top_n < interval.high_n
         assert interval.high_n - rope.tension_top_n == pytest.approx(interval.bound_n)
         low_n.append(interval.low_n)
         high_n.append(interval.high_n)
-    table = read_cloud(decode(topic, Encoder(0).encode(topic, shot)))
+    table = read_cloud(decode(topic, Encoder(0).encode(topic, snapshot)))
     assert (table["lower_n"].tolist(), table["upper_n"].tolist()) == (low_n, high_n)
-    assert table["name"].tolist() == [rope.name.encode() for rope in shot.ropes]
-    (row,) = (one for one in statuses(shot, None) if one.name == "simulation: error interval")
+    assert table["name"].tolist() == [rope.name.encode() for rope in snapshot.ropes]
+    (row,) = (one for one in statuses(snapshot, None) if one.name == "simulation: error interval")
     assert "error bound of 'aft' [N]" in row.values
     legs = Twin(load_scene("bridle_lift"), ERROR_INTERVAL).snapshot().ropes
     assert [rope.error_interval is not None for rope in legs] == [True, *(4 * [False])]
@@ -185,15 +185,15 @@ def test_a_run_publishes_records_and_summarises_its_interval(tmp_path: Path) -> 
     options = RunOptions(
         scene="shallow_lift", end_s=2.0, speed=0.0, record=tmp_path / "bag", error_interval=True
     )
-    shots: list[Snapshot] = []
-    summary = run_unpaced(options, lambda run: shots.append(run.last))
+    snapshots: list[Snapshot] = []
+    summary = run_unpaced(options, lambda run: snapshots.append(run.last))
     assert summary.error_interval is not None
     assert "error interval (95 %): top tension now" in summary.as_text()
-    assert summary.error_interval["bound_n"] == without_cost(shots[-1]).bound_n
+    assert summary.error_interval["bound_n"] == without_cost(snapshots[-1]).bound_n
     edges = recorded_edges(tmp_path / "bag")
-    assert len(edges) == len(shots) == 100
-    for (low, high), shot in zip(edges, shots, strict=True):
-        assert low <= shot.tension_top_n <= high
+    assert len(edges) == len(snapshots) == 100
+    for (low, high), snapshot in zip(edges, snapshots, strict=True):
+        assert low <= snapshot.tension_top_n <= high
 
 
 def test_a_bag_without_an_interval_holds_no_bounds(tmp_path: Path) -> None:

@@ -61,7 +61,7 @@ def followed(
     with_speed: bool = True,
 ) -> list[Snapshot]:
     """Offer readings 0.2 s ahead, as an input delay does; snapshots after each step."""
-    shots, next_ns = [], (twin.inputs.newest_ns().get("winch_measured", -every_ns)) + every_ns
+    snapshots, next_ns = [], (twin.inputs.newest_ns().get("winch_measured", -every_ns)) + every_ns
     until_ns = twin.time_ns + round(seconds * 1e9)
     while twin.time_ns < until_ns:
         while next_ns <= twin.time_ns + 200 * MS:
@@ -72,12 +72,12 @@ def followed(
                 assert twin.offer_measurement(reported) == ""
             next_ns += every_ns
         twin.advance(1)
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
-def off(shots: list[Snapshot], motion: Callable[[float], tuple[float, float]]) -> np.ndarray:
-    return np.array([one.line_out_m - motion(one.time_s)[0] for one in shots])
+def off(snapshots: list[Snapshot], motion: Callable[[float], tuple[float, float]]) -> np.ndarray:
+    return np.array([one.line_out_m - motion(one.time_s)[0] for one in snapshots])
 
 
 def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) -> None:
@@ -89,7 +89,7 @@ def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) 
     twin = at_rest.branch()
     start = followed(twin, 1.3, swing, 200 * MS)
     assert start[0].line_out_m == pytest.approx(MEAN_M, abs=1e-3)
-    shots: list[Snapshot] = []
+    snapshots: list[Snapshot] = []
     next_ns = 2_000_000_000
     while twin.time_ns < 40_000_000_000:
         while next_ns <= twin.time_ns + 1_300 * MS:
@@ -97,8 +97,8 @@ def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) 
             assert twin.offer_measurement(reported) == ""
             next_ns += round(h * 1e9)
         twin.advance(1)
-        shots.append(twin.snapshot())
-    settled = [one for one in shots if one.time_s > 6.0]
+        snapshots.append(twin.snapshot())
+    settled = [one for one in snapshots if one.time_s > 6.0]
     error = np.abs(off(settled, swing)).max()
     bound = SWING_M * (OMEGA * h) ** 4 / 384.0
     assert 0.5 * bound < error < 1.001 * bound
@@ -111,9 +111,9 @@ def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) 
 def test_without_a_line_speed_it_is_derived(at_rest: Twin) -> None:
     """The end slope of a parabola through three readings errs by f‴·h²/3, which over h is small."""
     h = 0.1
-    shots = followed(at_rest.branch(), 20.0, swing, 100 * MS, with_speed=False)[400:]
+    snapshots = followed(at_rest.branch(), 20.0, swing, 100 * MS, with_speed=False)[400:]
     slope = SWING_M * OMEGA**3 * h * h / 3.0
-    error = np.abs(off(shots, swing)).max()
+    error = np.abs(off(snapshots, swing)).max()
     assert error < slope * h / 4.0 * 1.5
     assert error > 1e-7
 
@@ -126,11 +126,11 @@ def test_a_hole_of_19_s_makes_no_jump(at_rest: Twin) -> None:
     """
     twin = at_rest.branch()
     before = followed(twin, 5.0, steady)
-    shots = followed(twin, 60.0, steady, hole_s=(5.2, 24.2))
-    time = np.array([one.time_s for one in shots])
-    line = np.array([one.line_out_m for one in shots])
-    speed = np.array([one.payout_speed_m_per_s for one in shots])
-    gap = shots[int(np.searchsorted(time, 15.0))]
+    snapshots = followed(twin, 60.0, steady, hole_s=(5.2, 24.2))
+    time = np.array([one.time_s for one in snapshots])
+    line = np.array([one.line_out_m for one in snapshots])
+    speed = np.array([one.payout_speed_m_per_s for one in snapshots])
+    gap = snapshots[int(np.searchsorted(time, 15.0))]
     stop_s = 0.5 / 0.3
     ran = steady(5.2)[0] + 0.5 * (HOLD_S + 0.5 * stop_s)
     assert gap.line_out_m == pytest.approx(ran, abs=1e-6)
@@ -142,15 +142,15 @@ def test_a_hole_of_19_s_makes_no_jump(at_rest: Twin) -> None:
     dt = STEP_NS * 1e-9
     assert np.abs(np.diff(line) / dt).max() < 1.5 + 0.5
     assert np.abs(np.diff(speed) / dt).max() < 0.3 * 1.02
-    assert not any(not_finite(one) for one in shots)
+    assert not any(not_finite(one) for one in snapshots)
     calm = [one.tension_top_n for one in before]
-    tension = [one.tension_top_n for one in shots]
+    tension = [one.tension_top_n for one in snapshots]
     assert max(tension) - max(calm) < 10e3
     assert min(tension) > min(calm) - 10e3
-    back = shots[int(np.searchsorted(time, 25.0))]
+    back = snapshots[int(np.searchsorted(time, 25.0))]
     assert "led over to it" in back.inputs["line_following"].warning
-    assert shots[-1].line_out_m == pytest.approx(steady(shots[-1].time_s)[0], abs=1e-9)
-    assert shots[-1].inputs["line_following"].warning == ""
+    assert snapshots[-1].line_out_m == pytest.approx(steady(snapshots[-1].time_s)[0], abs=1e-9)
+    assert snapshots[-1].inputs["line_following"].warning == ""
 
 
 def test_rounding_makes_no_steps(scene: Scene, at_rest: Twin) -> None:
@@ -173,11 +173,11 @@ def test_rounding_makes_no_steps(scene: Scene, at_rest: Twin) -> None:
 def test_a_wrong_length_at_the_start_is_led_over_within_the_limits(at_rest: Twin) -> None:
     """The scene has 200 m out and the ship 230 m: it takes 1.5·e/v with the winch's 1.5 m/s."""
     twin = at_rest.branch()
-    shots = followed(twin, 40.0, lambda t: (230.0, 0.0))
-    speed = np.array([one.payout_speed_m_per_s for one in shots])
+    snapshots = followed(twin, 40.0, lambda t: (230.0, 0.0))
+    speed = np.array([one.payout_speed_m_per_s for one in snapshots])
     assert 1.4 < speed.max() <= 1.5 + 1e-9
-    assert "-29." in shots[200].inputs["line_following"].warning
-    assert shots[-1].line_out_m == 230.0
+    assert "-29." in snapshots[200].inputs["line_following"].warning
+    assert snapshots[-1].line_out_m == 230.0
 
 
 def test_limits_of_the_winch_do_not_clip_in_silence(at_rest: Twin) -> None:
@@ -187,17 +187,17 @@ def test_limits_of_the_winch_do_not_clip_in_silence(at_rest: Twin) -> None:
     assert fast.line_out_m == pytest.approx(MEAN_M + 51.0, abs=1e-6)
     assert "follows +1.70 m/s, beyond the speed limit of 1.5 m/s" in fast.winch_at_limit
     twin = at_rest.branch()
-    shots = followed(twin, 130.0, lambda t: (max(MEAN_M - 1.4 * t, 30.0), -1.4))
-    assert shots[-1].line_out_m == 37.5, "three quarters of the least line out"
-    assert "cannot be followed" in shots[-1].winch_at_limit
+    snapshots = followed(twin, 130.0, lambda t: (max(MEAN_M - 1.4 * t, 30.0), -1.4))
+    assert snapshots[-1].line_out_m == 37.5, "three quarters of the least line out"
+    assert "cannot be followed" in snapshots[-1].winch_at_limit
 
 
 def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> None:
     twin = at_rest.branch()
     assert "follows its measured line out" in twin.offer_command(None, WinchCommand("speed", 0.5))
-    shot = followed(twin, 1.0, swing)[-1]
-    assert shot.winches[0].mode == "measured"
-    assert math.isnan(shot.study_error.rms_pct)
+    snapshot = followed(twin, 1.0, swing)[-1]
+    assert snapshot.winches[0].mode == "measured"
+    assert math.isnan(snapshot.study_error.rms_pct)
     lonely = at_rest.branch()
     lonely.advance(400)
     health = lonely.snapshot().inputs["line_following"]
@@ -207,11 +207,11 @@ def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> Non
 def test_an_input_delay_that_is_too_short_is_reported(at_rest: Twin) -> None:
     """One reading a second, each 0.2 s before it is needed: in between the line is extrapolated."""
     twin = at_rest.branch()
-    shots = followed(twin, 30.0, swing, 1000 * MS)
-    shot = shots[-1]
-    warning = shot.inputs["line_following"].warning
+    snapshots = followed(twin, 30.0, swing, 1000 * MS)
+    snapshot = snapshots[-1]
+    warning = snapshot.inputs["line_following"].warning
     assert "with one every 1.000 s set input_delay_s to 1.02 s or more" in warning
-    errors = np.abs(off(shots[500:], swing))
+    errors = np.abs(off(snapshots[500:], swing))
     assert errors.max() < 0.2, "it follows all the same: half of 0.2 m/s² · (1 s)² and the leading"
 
 
@@ -223,7 +223,7 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
     a·(T²/6 + 2·T·τ/3) besides (derived). The row asks for the delay that is missing: interval,
     lateness and a slot.
     """
-    twin, shots, omega = at_rest.branch(), [], OMEGA / 3.0
+    twin, snapshots, omega = at_rest.branch(), [], OMEGA / 3.0
 
     def slow(t: float) -> tuple[float, float]:
         swung = SWING_M * (1.0 - math.cos(omega * t))
@@ -235,11 +235,11 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
             late_ns = twin.time_ns - 300 * MS
             reported = Measurement.of_winch(late_ns, *slow(late_ns * 1e-9))
             assert twin.offer_measurement(reported) == ""
-        shots.append(twin.snapshot())
-    errors = np.abs(off(shots[100:], slow))
+        snapshots.append(twin.snapshot())
+    errors = np.abs(off(snapshots[100:], slow))
     low, high = (t**2 / 2.0 + 0.5**2 / 6.0 + 2.0 * 0.5 * t / 3.0 for t in (0.3, 0.4))
     assert SWING_M * omega**2 * low < errors.max() < SWING_M * omega**2 * high
-    rows = {row.name: row for row in statuses(shots[-1], None)}
+    rows = {row.name: row for row in statuses(snapshots[-1], None)}
     row = rows["simulation: input line following"]
     assert row.level is Level.WARN
     assert "set input_delay_s to 0.42 s or more" in row.message
@@ -295,11 +295,11 @@ def test_after_a_cut_the_counter_goes_on_from_the_rope_that_is_left(at_rest: Twi
     twin = at_rest.branch()
     followed(twin, 4.0, steady)
     assert twin.offer_cut(None, 120.0) == ""
-    shots = followed(twin, 4.0, steady)
+    snapshots = followed(twin, 4.0, steady)
     assert twin.cut is not None
     left_m, counted_m = twin.cut.left_m, steady(4.0)[0]
-    assert shots[-1].line_out_m == pytest.approx(left_m + steady(8.0)[0] - counted_m, abs=1e-6)
-    speeds = np.array([one.payout_speed_m_per_s for one in shots])
+    assert snapshots[-1].line_out_m == pytest.approx(left_m + steady(8.0)[0] - counted_m, abs=1e-6)
+    speeds = np.array([one.payout_speed_m_per_s for one in snapshots])
     assert np.abs(speeds - 0.5).max() < 1e-6
 
 

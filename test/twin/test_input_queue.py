@@ -137,15 +137,15 @@ def test_a_twin_that_raises_on_an_input_is_stepped_on(twin: Twin) -> None:
 def test_snapshots_that_were_thrown_out_are_in_the_log(twin: Twin) -> None:
     log = InputLog("a")
     log.begin(0)
-    shots = []
+    snapshots = []
     for _ in range(4):
         twin.advance(2)
-        shots.append(twin.snapshot())
-    assert list(log.messages(shots[0])) == []
+        snapshots.append(twin.snapshot())
+    assert list(log.messages(snapshots[0])) == []
     log.take(LogEntry(40_000_000, ()))
     later = LogEntry(160_000_000, ())
     log.take(later)  # of the slot after that snapshot
-    (_, first), (_, second) = log.messages(shots[3])
+    (_, first), (_, second) = log.messages(snapshots[3])
     assert read_log(encode_json(first))[0] == ("a", 1)
     assert read_log(encode_json(second))[1] == Skipped(2, 20_000_000, 80_000_000)
     ((topic, content),) = log.messages(None)

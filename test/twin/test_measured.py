@@ -51,20 +51,20 @@ def at_rest(scene: Scene) -> Twin:
     return Twin(scene)
 
 
-def by_quantity(shot: Snapshot) -> dict[str, Residual]:
-    return {one.quantity: one for one in shot.residuals}
+def by_quantity(snapshot: Snapshot) -> dict[str, Residual]:
+    return {one.quantity: one for one in snapshot.residuals}
 
 
 def heaved(twin: Twin, seconds: float) -> list[Snapshot]:
     """Advance in a swell of 1 m and 6 s while the winch pays out; snapshots at each slot."""
-    shots, omega = [], 2.0 * math.pi / 6.0
+    snapshots, omega = [], 2.0 * math.pi / 6.0
     twin.offer_speed(None, 0.5)
     for _ in range(round(seconds / 0.02)):
         t = (twin.time_ns + SLOT_NS) * 1e-9
         twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(STEPS)
-        shots.append(twin.snapshot())
-    return shots
+        snapshots.append(twin.snapshot())
+    return snapshots
 
 
 def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
@@ -74,15 +74,15 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
     from it by that bias less the known offset. A straight line between samples 20 ms apart errs by
     h²/8 of the second derivative of the tension.
     """
-    shots = heaved(at_rest.branch(), 20.0)
+    snapshots = heaved(at_rest.branch(), 20.0)
     twin = at_rest.branch()
     twin.offer_speed(None, 0.5)
     omega, delay = 2.0 * math.pi / 6.0, 35
-    for k in range(len(shots)):
+    for k in range(len(snapshots)):
         t = (twin.time_ns + SLOT_NS) * 1e-9
         twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
         if k >= delay:
-            then = shots[k - delay]
+            then = snapshots[k - delay]
             reported = Measurement.of_winch(
                 then.stamp_ns, then.line_out_m, then.payout_speed_m_per_s,
                 then.tension_top_n + 1300.0,
@@ -92,8 +92,8 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
             assert twin.offer_measurement(depth) == ""
         twin.advance(STEPS)
         last = twin.snapshot()
-    assert last.tension_top_n == shots[-1].tension_top_n, "measurements change nothing"
-    assert np.std([one.tension_top_n for one in shots]) > 1000.0
+    assert last.tension_top_n == snapshots[-1].tension_top_n, "measurements change nothing"
+    assert np.std([one.tension_top_n for one in snapshots]) > 1000.0
     found = by_quantity(last)
     tension, line, lower = found[TENSION], found[LINE_OUT], found[DEPTH]
     assert tension.mean == pytest.approx(800.0, abs=1e-6)
@@ -118,41 +118,41 @@ def test_a_reading_between_two_samples_is_interpolated(scene: Scene) -> None:
     for k in range(200):
         t = k * SAMPLE_NS * 1e-9
         inputs.record(k * SAMPLE_NS, (1e5 + 100.0 * t * t, 200.0 + 0.5 * t, 190.0))
-    shot = Twin(scene).snapshot()
+    snapshot = Twin(scene).snapshot()
     for k in range(1, 190):
         t_ns = k * SAMPLE_NS + 13_000_000
         t = t_ns * 1e-9
         tension = 1e5 + 100.0 * t * t + 500.0
         reported = Measurement.of_winch(t_ns, 200.0 + 0.5 * t, 0.5, tension)
         assert inputs.offer(reported, t_ns) == ""
-    found = {one.quantity: one for one in inputs.residuals(shot)}
+    found = {one.quantity: one for one in inputs.residuals(snapshot)}
     assert 0.0 < found[TENSION].rms <= 0.02**2 / 8.0 * 200.0
     assert found[LINE_OUT].rms < 1e-9
 
 
 def test_statistics_are_those_of_the_last_minute(scene: Scene) -> None:
-    inputs, shot = MeasuredInputs(scene), Twin(scene).snapshot()
+    inputs, snapshot = MeasuredInputs(scene), Twin(scene).snapshot()
     for second in range(200):
         t_ns = second * 1_000_000_000
         inputs.record(t_ns, (1e5, 200.0, 190.0))
         off = 5e3 if second < 100 else 0.0
         assert inputs.offer(Measurement.of_winch(t_ns, tension_n=1e5 + 500.0 + off), t_ns) == ""
-        (one,) = inputs.residuals(shot)
+        (one,) = inputs.residuals(snapshot)
     assert one.readings == 60
     assert (one.mean, one.rms, one.outside) == (0.0, 0.0, 0.0)
 
 
 def test_motor_tension_is_compared_only_where_the_scene_says_so(tmp_path: Path) -> None:
-    shot = None
+    snapshot = None
     for place, expected in (("sheave", None), ("motor", 2e3)):
         path = tmp_path / f"{place}.yaml"
         path.write_text(SMALL_SCENE + f"measured: {{tension: {{at: {place}}}}}\n")
         scene = load_scene(path)
-        shot = shot or Twin(scene).snapshot()
+        snapshot = snapshot or Twin(scene).snapshot()
         inputs = MeasuredInputs(scene)
         inputs.record(0, (1e5, 200.0, 190.0))
         assert inputs.offer(Measurement.of_motor(0, 1.02e5), 0) == ""
-        found = inputs.residuals(shot)
+        found = inputs.residuals(snapshot)
         assert (found[0].mean if found else None) == expected
 
 
@@ -208,7 +208,7 @@ def test_a_faulty_value_leaves_the_others_of_its_reading(
     scene: Scene,
 ) -> None:
     """A counter that fails says nothing of the load cell; the bad value is refused and counted."""
-    inputs, followed, shot = MeasuredInputs(scene), [], Twin(scene).snapshot()
+    inputs, followed, snapshot = MeasuredInputs(scene), [], Twin(scene).snapshot()
     at_ns = 100_000_000
     inputs.record(0, (1e5, 200.0, 190.0))
     inputs.record(at_ns, (1e5, 200.1, 190.1))
@@ -217,7 +217,7 @@ def test_a_faulty_value_leaves_the_others_of_its_reading(
     assert words in inputs.offer(reading, at_ns, lambda *one: followed.append(one[2:]))
     line_out, speed, tension = kept
     assert followed == ([] if line_out is None else [(line_out, speed)])
-    found = {one.quantity: one for one in inputs.residuals(shot)}
+    found = {one.quantity: one for one in inputs.residuals(snapshot)}
     assert (TENSION in found) == (tension is not None)
     assert (found[LINE_OUT].at_s == 0.1) == (line_out is not None)
     health = inputs.health(at_ns)["winch_measured"]
@@ -337,13 +337,13 @@ def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted:
 def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: str) -> None:
     """Where the scene gives no uncertainty too."""
     plain = replace(scene, measured=Measured())
-    inputs, shot = MeasuredInputs(plain), Twin(plain).snapshot()
+    inputs, snapshot = MeasuredInputs(plain), Twin(plain).snapshot()
     for k in range(200):
         time_ns, swing = k * 100_000_000, (1e4, -1e4)[k % 2]
         inputs.record(time_ns, (1.5e5 + swing, 200.0, 200.0))
         tension_n = scale * (1.5e5 + swing)
         assert inputs.offer(Measurement.of_winch(time_ns, tension_n=tension_n), time_ns) == ""
-        inputs.residuals(shot)
+        inputs.residuals(snapshot)
         if k == 80:
             assert inputs.health(time_ns)["winch_measured"].warning == ""
     assert inputs.health(time_ns)["winch_measured"].warning == words
@@ -352,12 +352,12 @@ def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: st
 def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
     """Equal readings while the twin's tension swings by 10 %; none while the twin is as quiet."""
     for swing, frozen in ((1e4, True), (10.0, False)):
-        inputs, shot = MeasuredInputs(scene), Twin(scene).snapshot()
+        inputs, snapshot = MeasuredInputs(scene), Twin(scene).snapshot()
         for k in range(100):
             t_ns = k * 100_000_000
             inputs.record(t_ns, (1e5 + swing * math.sin(0.3 * k), 200.0, 190.0))
             inputs.offer(Measurement.of_winch(t_ns, tension_n=1.0e5), t_ns)
-        inputs.residuals(shot)
+        inputs.residuals(snapshot)
         assert ("frozen" in inputs.health(10**10)["winch_measured"].warning) == frozen
 
 
@@ -380,12 +380,12 @@ def test_line_out_and_line_speed_are_compared(
 
 def test_the_interval_has_the_twins_own_error_where_it_is_known(scene: Scene) -> None:
     """By the study: 2 % of the standard deviation of a sine of 1 kN; else by the error interval."""
-    shot = replace(Twin(scene).snapshot(), study_error=KnownError(2.0, 1.0, "by a study"))
+    snapshot = replace(Twin(scene).snapshot(), study_error=KnownError(2.0, 1.0, "by a study"))
     interval = TensionInterval(1e5 - 98.0, 1e5 + 98.0, 98.0, 10.0)
     for now, twin in (
-        (shot, 0.02 * 1e3 / math.sqrt(2.0)),
-        (replace(shot, error_interval=interval), 50.0),
-        (replace(shot, study_error=KnownError()), None),
+        (snapshot, 0.02 * 1e3 / math.sqrt(2.0)),
+        (replace(snapshot, error_interval=interval), 50.0),
+        (replace(snapshot, study_error=KnownError()), None),
     ):
         inputs = MeasuredInputs(scene)
         for k in range(1000):
@@ -441,22 +441,22 @@ def test_messages_carry_what_was_measured_and_the_residuals(at_rest: Twin) -> No
     for _ in range(30):
         twin.offer_measurement(Measurement.of_winch(twin.time_ns, 200.5, None, 8e4))
         twin.advance(STEPS)
-        shot = twin.snapshot()
-    data = Encoder(0).encode("residuals", shot)
+        snapshot = twin.snapshot()
+    data = Encoder(0).encode("residuals", snapshot)
     tension, line = read_cloud(deserialise(BY_NAME["residuals"].type_name, data))
     assert tension["name"] == b"top_tension_n winch"
     assert (
         tension["residual"]
         == tension["measured"] - tension["computed"]
-        == shot.residuals[0].residual
+        == snapshot.residuals[0].residual
     )
     assert line["mean"] == pytest.approx(0.5)
     assert line["upper"] == pytest.approx(1.96 * 0.05)
     assert math.isnan(tension["twin"])
-    assert any(row.name == "simulation: residuals" for row in statuses(shot, None))
-    summary = summarise(twin, shot, None)
+    assert any(row.name == "simulation: residuals" for row in statuses(snapshot, None))
+    summary = summarise(twin, snapshot, None)
     (reported, _) = json.loads(summary.as_json())["residuals"]
-    assert (reported["residual"], reported["twin"]) == (shot.residuals[0].residual, None)
+    assert (reported["residual"], reported["twin"]) == (snapshot.residuals[0].residual, None)
     assert "top tension of 'winch': measured 79.50 kN" in summary.as_text()
     assert RunSummary.from_values(summary.row().values) == summary
 

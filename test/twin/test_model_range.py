@@ -29,10 +29,10 @@ SHOT = replace(hanging_rope(), residuals=(), seabed=None, inputs={}, payloads=()
 SCENES = sorted((share_dir() / "config" / "scenes").glob("*.yaml"))
 
 
-def findings(scene: Any, shot: Snapshot, **factors: float) -> list[Finding]:
+def findings(scene: Any, snapshot: Snapshot, **factors: float) -> list[Finding]:
     """Reasons for leaving the range of a scene."""
     loaded = load_scene(scene) if isinstance(scene, str | Path) else scene
-    return list(ModelRange(loaded).outside(shot, (), factors))
+    return list(ModelRange(loaded).outside(snapshot, (), factors))
 
 
 def only(found: list[Finding], value: float, *words: str) -> None:
@@ -102,11 +102,11 @@ def test_a_line_that_is_followed_beyond_the_winch() -> None:
         (most + 2.0, 0.0, f"line out of {most + 2.0:.1f} m"),
         (most, 1.3 * limit, f"at most {limit:g} m/s"),
     ):
-        shot = at_depth(100.0, line_out_m=length_m, payout_speed_m_per_s=speed, inputs=inputs)
-        only(findings(scene, shot), DOUBTED, words)
-        assert not findings(scene, replace(shot, inputs={}))
-    shot = at_depth(100.0, line_out_m=most, payout_speed_m_per_s=limit, inputs=inputs)
-    assert not findings(scene, shot)
+        snapshot = at_depth(100.0, line_out_m=length_m, payout_speed_m_per_s=speed, inputs=inputs)
+        only(findings(scene, snapshot), DOUBTED, words)
+        assert not findings(scene, replace(snapshot, inputs={}))
+    snapshot = at_depth(100.0, line_out_m=most, payout_speed_m_per_s=limit, inputs=inputs)
+    assert not findings(scene, snapshot)
 
 
 def test_a_current_that_ends_far_above_the_payload(tmp_path: Path) -> None:
@@ -115,9 +115,9 @@ def test_a_current_that_ends_far_above_the_payload(tmp_path: Path) -> None:
 
     def found(last_m: float, speed: float) -> list[Finding]:
         twin.offer_current([[0.0, 0.5, 0.0], [-last_m, speed, 0.0]])
-        shot = twin.snapshot()
+        snapshot = twin.snapshot()
         effects = twin.inputs.current.effects
-        return list(ModelRange(twin.scene).outside(shot, effects, {}))
+        return list(ModelRange(twin.scene).outside(snapshot, effects, {}))
 
     only(found(0.3 * depth_m, 0.4), DOUBTED, "the current ends", "0.40 m/s")
     assert not found(0.3 * depth_m, 0.1)

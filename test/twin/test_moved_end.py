@@ -69,14 +69,14 @@ def test_force_follows_the_stretch() -> None:
     twin = Twin(replace(scene, ropes=(line,), environment=environment))
     for _ in range(60):
         twin.advance(50)
-        shot = twin.snapshot()
-        d = shot.payload_position_m[0] - shot.hang_off_position_m[0]
+        snapshot = twin.snapshot()
+        d = snapshot.payload_position_m[0] - snapshot.hang_off_position_m[0]
         tension = rope.axial_stiffness_n * (d - length) / length
-        assert shot.lower_end_force_n[0] == pytest.approx(-tension, rel=2e-3)
-        assert shot.hang_off_force_n[0] == pytest.approx(tension, rel=2e-3)
-        assert np.abs(shot.lower_end_force_n[1:]).max() < 1e-6 * tension
-        angle = 2.0 * math.pi * shot.time_s / 60.0
-        if shot.time_s > 8.0:
+        assert snapshot.lower_end_force_n[0] == pytest.approx(-tension, rel=2e-3)
+        assert snapshot.hang_off_force_n[0] == pytest.approx(tension, rel=2e-3)
+        assert np.abs(snapshot.lower_end_force_n[1:]).max() < 1e-6 * tension
+        angle = 2.0 * math.pi * snapshot.time_s / 60.0
+        if snapshot.time_s > 8.0:
             assert d == pytest.approx(ahead + 0.5 * math.sin(angle), abs=1e-9)
 
 

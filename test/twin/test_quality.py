@@ -55,15 +55,17 @@ MEASURED = replace(RESIDUAL, at_s=2.4, mean=0.0, rms=RESIDUAL.half_width / 1.96,
 UNMEASURED = replace(SOUND, residuals=())
 
 
-def at(shot: Snapshot, time_s: float) -> Snapshot:
+def at(snapshot: Snapshot, time_s: float) -> Snapshot:
     """Return these readings at another time, as fresh as before."""
-    moved = tuple(replace(one, at_s=one.at_s + time_s - shot.time_s) for one in shot.residuals)
-    return replace(shot, stamp_ns=round(time_s * 1e9), residuals=moved)
+    moved = tuple(
+        replace(one, at_s=one.at_s + time_s - snapshot.time_s) for one in snapshot.residuals
+    )
+    return replace(snapshot, stamp_ns=round(time_s * 1e9), residuals=moved)
 
 
-def of(shot: Snapshot, element: str = TENSION) -> Quality:
+def of(snapshot: Snapshot, element: str = TENSION) -> Quality:
     """The index of an element in a snapshot."""
-    return next(one for one in shot.quality if one.element == element)
+    return next(one for one in snapshot.quality if one.element == element)
 
 
 def heard(**health: object) -> Snapshot:
@@ -72,10 +74,10 @@ def heard(**health: object) -> Snapshot:
 
 
 def test_a_sound_twin_with_a_measurement_is_at_one() -> None:
-    shot = QualityIndex().judge(replace(SOUND, residuals=(MEASURED,)))
-    assert of(shot).index == 1.0
-    assert of(shot).components == (1.0, 1.0, 1.0, 1.0, 1.0, None)
-    assert of(shot, DEPTH).index == UNPROVEN, "its depth is not measured"
+    snapshot = QualityIndex().judge(replace(SOUND, residuals=(MEASURED,)))
+    assert of(snapshot).index == 1.0
+    assert of(snapshot).components == (1.0, 1.0, 1.0, 1.0, 1.0, None)
+    assert of(snapshot, DEPTH).index == UNPROVEN, "its depth is not measured"
 
 
 def test_without_a_measurement_or_a_known_error_it_is_capped_and_says_why() -> None:
@@ -92,8 +94,8 @@ def test_a_measurement_that_is_refused_is_the_reason() -> None:
     """All readings in another unit: that there are none would be wrong."""
     sentence = "winch/measured: tension 1e+30 N; -2e+05 to 2e+06 N are possible for this rope"
     health = InputHealth(accepted=9, impossible=9, recently_refused=9, refusal=f"{sentence}.")
-    shot = replace(UNMEASURED, inputs={**UNMEASURED.inputs, "winch_measured": health})
-    judged = QualityIndex().judge(shot)
+    snapshot = replace(UNMEASURED, inputs={**UNMEASURED.inputs, "winch_measured": health})
+    judged = QualityIndex().judge(snapshot)
     assert (of(judged).index, of(judged).reason) == (UNPROVEN, sentence)
     assert of(judged, DEPTH).reason == "no measured payload depth to compare with"
 
@@ -120,9 +122,9 @@ def test_fatigue_has_an_index_only_where_it_is_counted() -> None:
     ],
 )
 def test_the_input_follows_its_health(health: dict[str, object], value: float) -> None:
-    shot = heard(**health)
-    assert inputs_of(shot).value == pytest.approx(value)
-    rows = {row.name: row.level for row in statuses(QualityIndex().judge(shot), None)}
+    snapshot = heard(**health)
+    assert inputs_of(snapshot).value == pytest.approx(value)
+    rows = {row.name: row.level for row in statuses(QualityIndex().judge(snapshot), None)}
     assert (rows["simulation: quality"] > Level.OK) == (rows["simulation: input heave"] > Level.OK)
 
 
@@ -145,14 +147,14 @@ def test_a_refused_cut_leaves_the_twin_as_good_as_it_was() -> None:
 def test_discretisation_falls_from_its_tolerance_to_three_times_that(element: str) -> None:
     by_study, by_interval = TOLERANCES_PCT[element]
     for share, value in ((0.5, 1.0), (1.0, 1.0), (2.0, 0.5), (3.0, 0.0), (9.0, 0.0)):
-        shot = replace(SOUND, study_error=KnownError(share * by_study, 1.0, "by a study"))
-        assert discretisation_of(element, shot).value == pytest.approx(value)
+        snapshot = replace(SOUND, study_error=KnownError(share * by_study, 1.0, "by a study"))
+        assert discretisation_of(element, snapshot).value == pytest.approx(value)
         bound_n = 0.01 * share * by_interval * 2e5
         rope = RopeStrength("main", 3e5, 1e6, static_n=2e5)
-        shot = replace(
-            shot, strength=(rope,), error_interval=TensionInterval(0.0, 1e6, bound_n, 0.0)
+        snapshot = replace(
+            snapshot, strength=(rope,), error_interval=TensionInterval(0.0, 1e6, bound_n, 0.0)
         )
-        assert discretisation_of(element, shot).value == pytest.approx(value)
+        assert discretisation_of(element, snapshot).value == pytest.approx(value)
 
 
 def test_a_rope_beyond_its_breaking_load_is_not_valid() -> None:
@@ -190,11 +192,11 @@ def test_a_frozen_load_cell_proves_nothing_and_is_named() -> None:
         (InputHealth(accepted=9, fault="gone"), None),
         (InputHealth(accepted=9, warning="frozen: top_tension_n"), WARNING_VALUE),
     ):
-        shot = replace(SOUND, residuals=(MEASURED,), inputs={"winch_measured": health})
-        found = residual_of(TENSION, shot)
+        snapshot = replace(SOUND, residuals=(MEASURED,), inputs={"winch_measured": health})
+        found = residual_of(TENSION, snapshot)
         assert found.value == value
         assert (health.fault or health.warning) in found.reason
-        assert inputs_of(shot).value == 1.0, "a sensor that only judges does not drive the twin"
+        assert inputs_of(snapshot).value == 1.0, "a sensor that only judges does not drive the twin"
 
 
 def test_it_falls_at_once_and_rises_in_a_minute() -> None:
@@ -250,15 +252,15 @@ def test_history_is_the_share_of_time_in_agreement() -> None:
     index, good = QualityIndex(), replace(SOUND, residuals=(MEASURED,))
     off = replace(SOUND, residuals=(replace(MEASURED, outside=0.3),))
     for time_s in range(1, 1801):
-        shot = index.judge(at(good, float(time_s)))
-    assert of(shot).components[-1] == 1.0
+        snapshot = index.judge(at(good, float(time_s)))
+    assert of(snapshot).components[-1] == 1.0
     for time_s in range(1801, 2701):
-        shot = index.judge(at(off, float(time_s)))
-    assert of(shot).components[-1] == 0.0
-    assert of(shot, DEPTH).components[-1] is None
+        snapshot = index.judge(at(off, float(time_s)))
+    assert of(snapshot).components[-1] == 0.0
+    assert of(snapshot, DEPTH).components[-1] is None
     for time_s in range(3600, 86400 + 3600, 60):  # a day later the bad quarter is forgotten
-        shot = index.judge(at(good, float(time_s)))
-    assert of(shot).components[-1] == 1.0
+        snapshot = index.judge(at(good, float(time_s)))
+    assert of(snapshot).components[-1] == 1.0
 
 
 def test_faults_of_the_last_hour_are_remembered() -> None:
@@ -274,8 +276,8 @@ def test_faults_of_the_last_hour_are_remembered() -> None:
         assert now.index == pytest.approx(value or 1.0)
     assert now.reason.startswith("9 faults in the last hour, the last one at 900 s: heave")
     for time_s in np.arange(1000.0, 4800.0, 10.0):
-        shot = index.judge(at(good, float(time_s)))
-    assert of(shot).index == 1.0
+        snapshot = index.judge(at(good, float(time_s)))
+    assert of(snapshot).index == 1.0
 
 
 @pytest.mark.parametrize(
@@ -295,8 +297,8 @@ def test_faults_of_the_last_hour_are_remembered() -> None:
 def test_the_residual_follows_its_tests_over_minutes(
     tests: ResidualTests, value: float, words: str
 ) -> None:
-    shot = replace(SOUND, residuals=(replace(MEASURED, tests=tests),))
-    one = of(QualityIndex().judge(shot))
+    snapshot = replace(SOUND, residuals=(replace(MEASURED, tests=tests),))
+    one = of(QualityIndex().judge(snapshot))
     assert one.components[4] == one.index == pytest.approx(value)
     assert words in one.reason
 
@@ -310,8 +312,8 @@ def scored(time_s: float, **figures: float) -> Snapshot:
 def test_a_forecast_has_an_index_only_while_it_runs() -> None:
     index = QualityIndex()
     assert FORECAST not in [one.element for one in index.judge(at(UNMEASURED, 1.0)).quality]
-    shot = index.judge(scored(2.0))
-    assert (of(shot, FORECAST).index, of(shot).index) == (1.0, UNPROVEN)
+    snapshot = index.judge(scored(2.0))
+    assert (of(snapshot, FORECAST).index, of(snapshot).index) == (1.0, UNPROVEN)
     silent = of(index.judge(scored(20.0, at_s=2.0)), FORECAST)
     assert silent.index == 0.0
     assert silent.reason.startswith("the last forecast came 18 s ago")
@@ -363,9 +365,9 @@ snapshots = st.builds(
 def test_it_stays_within_its_bounds(course: list[tuple[Snapshot, float]]) -> None:
     """Within 0 to 1, at most the smallest component, and capped where nothing was measured."""
     index, now_s, before = QualityIndex(), 0.0, {}
-    for shot, wait_s in course:
+    for snapshot, wait_s in course:
         now_s += wait_s
-        for one in index.judge(at(shot, now_s)).quality:
+        for one in index.judge(at(snapshot, now_s)).quality:
             known = [part for part in one.components if part is not None]
             assert 0.0 <= one.index <= min(known)
             assert one.cause in CAUSES
@@ -398,8 +400,8 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
                 wave = 0.5 * math.sin(0.6 * t), 0.3 * math.cos(0.6 * t)
                 twin.offer_heave(round(t * 1e9), *wave)
             twin.advance(10)
-            shot = twin.snapshot()
-        return shot
+            snapshot = twin.snapshot()
+        return snapshot
 
     before = run(20.0, sends=True)
     assert of(before).index > 0.5
@@ -417,7 +419,7 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
     assert twin.take_remark("ship/heave: malformed") == ""
     kept_out = twin.inputs.health()["border"]
     assert kept_out.warning == "ship/heave: malformed"
-    shot = replace(UNMEASURED, inputs={"border": kept_out})
-    assert inputs_of(shot).value == WARNING_VALUE
-    names = [row.name for row in statuses(shot, None)]
+    snapshot = replace(UNMEASURED, inputs={"border": kept_out})
+    assert inputs_of(snapshot).value == WARNING_VALUE
+    names = [row.name for row in statuses(snapshot, None)]
     assert "simulation: input border" not in names, "rows of the border tell it"

@@ -236,10 +236,10 @@ def differs_s(winch: Winch, kept: list[tuple[int, WinchCommand]], seconds: float
             model.take(*waiting.pop(0), step * 10_000_000)
         model.step(step * 10_000_000, 0.01)
         if step % 2:
-            shot = model.shot()
-            assert shot is not None
-            if shot.off_schedule_s is not None:
-                return shot.off_schedule_s
+            snapshot = model.snapshot()
+            assert snapshot is not None
+            if snapshot.off_schedule_s is not None:
+                return snapshot.off_schedule_s
     return None
 
 

@@ -79,20 +79,20 @@ def test_legs_of_a_bridle_wear_alike_and_less_than_the_hoist() -> None:
     twin = Twin(scene, WORN)
     (*_, first) = march(twin, sine(0.5, 6.0), 9.0, 2)
     again = Twin.restore(twin.capture(), scene, WORN)
-    (*_, shot), (*_, other) = (march(own, sine(0.5, 6.0), 4.0, 2) for own in (twin, again))
-    worn = {one.name: one.fatigue.used for one in shot.ropes if one.fatigue is not None}
+    (*_, snapshot), (*_, other) = (march(own, sine(0.5, 6.0), 4.0, 2) for own in (twin, again))
+    worn = {one.name: one.fatigue.used for one in snapshot.ropes if one.fatigue is not None}
     assert list(worn) == [line.name for line in scene.ropes]
     assert worn["leg_port"] == pytest.approx(worn["leg_starboard"], rel=1e-3)
     assert worn["sling_port"] == pytest.approx(worn["sling_starboard"], rel=1e-3)
     assert 9.0 < worn["hoist"][0] / worn["leg_port"][-1] < 12.0
     assert first.ropes[1].fatigue is not None
     assert (worn["leg_port"] > first.ropes[1].fatigue.used).all()
-    for one, same in zip(shot.ropes, other.ropes, strict=True):
+    for one, same in zip(snapshot.ropes, other.ropes, strict=True):
         assert one.fatigue is not None
         assert same.fatigue is not None
         assert np.array_equal(one.fatigue.used, same.fatigue.used), one.name
-    figures = fatigue_figures(shot)
+    figures = fatigue_figures(snapshot)
     assert figures is not None
     assert figures["rope"] == "hoist"
-    row = next(row for row in statuses(shot, None) if row.name == "simulation: fatigue")
+    row = next(row for row in statuses(snapshot, None) if row.name == "simulation: fatigue")
     assert "upper end of 'hoist'" in row.message

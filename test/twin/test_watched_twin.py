@@ -53,9 +53,9 @@ def monitor_of(twin: Twin) -> RopeMonitor:
     return monitor.lines[0,]
 
 
-def used(shot: Snapshot) -> np.ndarray:
-    assert shot.fatigue is not None
-    return shot.fatigue.used
+def used(snapshot: Snapshot) -> np.ndarray:
+    assert snapshot.fatigue is not None
+    return snapshot.fatigue.used
 
 
 def test_a_rope_cycled_at_a_known_amplitude_uses_what_miner_says() -> None:
@@ -95,15 +95,15 @@ def test_a_metre_keeps_its_damage_through_the_winch() -> None:
     scene = replace(STEEL, winch=WINCH).scene()
     twin = watched(scene)
     other = WholeHistory(130.0, AREA)
-    shots, marked = [], 84  # hauled aboard and paid out again
-    for shot in lifted(twin):
-        other.take(shot)
-        if shot.stamp_ns % 10**9 == 0:
-            shots.append(shot)
+    snapshots, marked = [], 84  # hauled aboard and paid out again
+    for snapshot in lifted(twin):
+        other.take(snapshot)
+        if snapshot.stamp_ns % 10**9 == 0:
+            snapshots.append(snapshot)
     assert twin.snapshot().solver.splits > 3
     assert twin.snapshot().solver.merges > 3
-    places = np.array([shot.fatigue.from_hang_off_m[marked] for shot in shots])  # type: ignore[union-attr]
-    history = np.array([used(shot)[marked] for shot in shots])
+    places = np.array([snapshot.fatigue.from_hang_off_m[marked] for snapshot in snapshots])  # type: ignore[union-attr]
+    history = np.array([used(snapshot)[marked] for snapshot in snapshots])
     aboard = places < -1.0
     assert aboard.sum() > 5
     first, last = np.flatnonzero(aboard)[[0, -1]]
@@ -111,8 +111,10 @@ def test_a_metre_keeps_its_damage_through_the_winch() -> None:
     assert len(set(history[first : last + 1])) == 1  # kept to the bit
     assert history[-1] > history[last]
     assert (np.diff(history) >= 0.0).all()
-    assert used(shots[-1]) == pytest.approx(other.damage(STRANDED), rel=1e-9)
-    assert used(shots[-1])[:60].min() > used(shots[-1])[105] > 0.0 == used(shots[-1])[115]
+    assert used(snapshots[-1]) == pytest.approx(other.damage(STRANDED), rel=1e-9)
+    assert (
+        used(snapshots[-1])[:60].min() > used(snapshots[-1])[105] > 0.0 == used(snapshots[-1])[115]
+    )
 
 
 def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
@@ -126,26 +128,26 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     assert stress_pa == pytest.approx(1.96e11 * 0.0015 / 0.832)
     other = WholeHistory(130.0, AREA, stress_pa)
     speeds = [(2.0, -2.0), (17.0, 0.0), (19.0, 2.0), (39.0, 0.0)]
-    for shot in march(watched(scene), still, 42.0, 2, speeds):
-        other.take(shot)
+    for snapshot in march(watched(scene), still, 42.0, 2, speeds):
+        other.take(snapshot)
     once = (1e-6 * stress_pa) ** 4 / 3.4e14
     # metre 84 in and out again, 105 out for the first time, 40 below all the time, 125 aboard;
     # tension, which swings as the winch starts and stops, adds a little to the range
-    assert 2.0 * once < used(shot)[84] < 2.3 * once
-    assert once < used(shot)[105] < 1.15 * once
-    assert used(shot)[40] < 0.01 * once
-    assert used(shot)[125] == 0.0
-    assert used(shot)[130:] == pytest.approx(0.0)  # on the sheave when all is out
-    assert used(shot)[:130] == pytest.approx(other.damage(STRANDED), rel=1e-9)
+    assert 2.0 * once < used(snapshot)[84] < 2.3 * once
+    assert once < used(snapshot)[105] < 1.15 * once
+    assert used(snapshot)[40] < 0.01 * once
+    assert used(snapshot)[125] == 0.0
+    assert used(snapshot)[130:] == pytest.approx(0.0)  # on the sheave when all is out
+    assert used(snapshot)[:130] == pytest.approx(other.damage(STRANDED), rel=1e-9)
 
 
 def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:
     scene = replace(STEEL, winch=WINCH).scene()
-    alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
+    alone = [snapshot.tension_top_n for snapshot in lifted(Twin(scene), 12.0)]
     twin = watched(scene)
-    assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
+    assert [snapshot.tension_top_n for snapshot in lifted(twin, 12.0)] == alone
     with_books = Twin(scene, Monitors(energy=True, error_interval=True, vortex=WORN))
-    assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
+    assert [snapshot.tension_top_n for snapshot in lifted(with_books, 3.0)] == alone[:150]
     state = twin.capture()
     again = Twin.restore(state, scene, Monitors(vortex=WORN))
     assert len(again.capture().arrays) == len(state.arrays)
@@ -347,12 +349,12 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     again = Twin.restore(state, scene, asked)
     for one in (twin, again):
         one.advance(1000)
-    shot, other = twin.snapshot(), again.snapshot()
-    assert shot.solver.splits > 3
-    shaking, same = shot.vibration, other.vibration
+    snapshot, other = twin.snapshot(), again.snapshot()
+    assert snapshot.solver.splits > 3
+    shaking, same = snapshot.vibration, other.vibration
     assert shaking is not None
     assert same is not None
-    assert len(shaking.cross_flow) == len(shot.node_position_m)
+    assert len(shaking.cross_flow) == len(snapshot.node_position_m)
     assert shaking.cross_flow[0] < 0.02
     assert 0.3 < shaking.cross_flow.max() < 2.0
     strouhal = 0.17 * 0.5 / 0.032
@@ -362,8 +364,8 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     assert shaking.in_line_hz[shaking.in_line.argmax()] > 1.5 * strouhal
     for name in ("cross_flow", "cross_flow_hz", "in_line", "in_line_hz"):
         assert np.array_equal(getattr(shaking, name), getattr(same, name)), name
-    assert np.array_equal(used(shot), used(other))
-    rows_reported = {row.name: row for row in statuses(shot, None)}
+    assert np.array_equal(used(snapshot), used(other))
+    rows_reported = {row.name: row for row in statuses(snapshot, None)}
     assert "cross-flow A/D" in rows_reported["simulation: vibration"].message
     assert "accumulated damage" in rows_reported["simulation: fatigue"].message
 

@@ -105,9 +105,9 @@ def test_a_switch_at_once_leaves_planned_ones_and_comes_first() -> None:
     assert winch.take(None, WinchCommand("reset"), 0) == ""
     assert winch.take(None, WinchCommand("release_brake"), 0) == ""
     stepped(winch, 1.0)
-    assert dict(winch.shot().figures)["brake_holds"] == 0.0
+    assert dict(winch.snapshot().figures)["brake_holds"] == 0.0
     stepped(winch, 0.7, begin_s=1.0)
-    assert dict(winch.shot().figures)["brake_holds"] == 1.0
+    assert dict(winch.snapshot().figures)["brake_holds"] == 1.0
 
 
 def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
@@ -123,14 +123,14 @@ def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
         winch.take(None, WinchCommand("speed", speed), round(begin_s * S))
         stepped(winch, 0.5, begin_s=begin_s)
     assert winch.line.speed_m_per_s == 0.0
-    assert winch.shot().mode == "emergency_stop"
+    assert winch.snapshot().mode == "emergency_stop"
     moving = winch.health(5 * S)["winch_command"]
     assert moving.impossible == moving.recently_refused == 1
     assert "'speed' in an emergency stop; reset it first" in moving.note
     assert "until it is reset" in winch.at_limit
     winch.take(None, WinchCommand("release_brake"), 5 * S)
     stepped(winch, 1.0, begin_s=5.0)
-    assert dict(winch.shot().figures)["brake_holds"] == 1.0
+    assert dict(winch.snapshot().figures)["brake_holds"] == 1.0
     refused = winch.health(6 * S)["winch_switch"]
     assert "'release_brake' in an emergency stop; reset it first" in refused.note
     assert winch.forbids("release_brake") == refused.note
@@ -243,7 +243,7 @@ def test_an_emergency_stop_whose_stamp_came_twice_is_executed() -> None:
     for stamp_ns in (3 * S, 2 * S):
         assert winch.take(stamp_ns, WinchCommand("emergency_stop"), 2 * S) == ""
     stepped(winch, 1.0, begin_s=2.0)
-    assert winch.shot().mode == "emergency_stop"
+    assert winch.snapshot().mode == "emergency_stop"
 
 
 @pytest.mark.parametrize(
@@ -259,7 +259,7 @@ def test_an_order_that_is_a_little_late_is_executed_at_once_and_reported(
     assert f"'{order.kind}' came 600 ms after its stamp" in health.warning
     assert not winch.health(71 * S)[next(iter(winch.health(0)))].warning, "for a minute"
     stepped(winch, 1.0, begin_s=10.0)
-    moved = winch.line.speed_m_per_s > 0.0 or dict(winch.shot().figures)["brake_holds"] == 1.0
+    moved = winch.line.speed_m_per_s > 0.0 or dict(winch.snapshot().figures)["brake_holds"] == 1.0
     assert moved
     fresh = Winch(EQUIPPED, 100.0)
     assert "after it was due" in fresh.take(9 * S, order, 10 * S), "a second late is too late"
@@ -286,7 +286,7 @@ def test_orders_that_wait_are_bounded_and_a_stop_still_comes_through() -> None:
     planned = [winch.take(k * 1_000_000, WinchCommand("speed", 0.1), 0) for k in range(1, 5000)]
     assert sum(not words for words in planned) == MAX_PLANNED
     stepped(winch, 1.0)
-    assert winch.shot().mode == "emergency_stop"
+    assert winch.snapshot().mode == "emergency_stop"
 
 
 @pytest.mark.parametrize(
@@ -308,7 +308,7 @@ def test_a_winch_does_what_its_scene_says_when_its_commander_is_lost(
     assert winch.take(None, WinchCommand(COMMANDER_LOST), 4 * S) == ""
     stepped(winch, 3.0, begin_s=4.0)
     assert winch.line.speed_m_per_s == speed
-    assert dict(winch.shot().figures)["brake_holds"] == brake
+    assert dict(winch.snapshot().figures)["brake_holds"] == brake
     assert words in winch.health(4 * S)["winch_command"].warning
 
 
@@ -322,7 +322,7 @@ def test_a_new_commander_s_plan_may_begin_before_the_end_of_the_former_one_s() -
     stepped(winch, 7.9, begin_s=1.0)
     assert winch.line.speed_m_per_s == -0.5
     stepped(winch, 2.0, begin_s=8.9)
-    assert winch.shot().mode == "emergency_stop"
+    assert winch.snapshot().mode == "emergency_stop"
 
 
 def test_what_a_winch_does_without_a_commander_is_no_figure_of_its_scene() -> None:

@@ -84,12 +84,15 @@ def test_an_interval_around_the_tension_is_drawn_with_it_where_there_is_one(
     """Both edges lie below the entity of the top tension, so that one plot shows all three."""
     session.epoch()
     session.rope(1.0)
-    shot = hanging_rope(21, time_s=1.0)
-    assert shot.error_interval is not None
+    snapshot = hanging_rope(21, time_s=1.0)
+    assert snapshot.error_interval is not None
     topic = "ropes/tension_top_error"
-    session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS)
+    session.show(topic, session.encoder.encode(topic, snapshot), EPOCH_NS)
     found = session.finish()
-    for edge, force_n in (("low", shot.error_interval.low_n), ("high", shot.error_interval.high_n)):
+    for edge, force_n in (
+        ("low", snapshot.error_interval.low_n),
+        ("high", snapshot.error_interval.high_n),
+    ):
         drawn = found.column(f"plots/tension/top/{edge}", "Scalars:scalars")
         assert drawn == [[pytest.approx(force_n / 1e3)]]
         assert found.seconds(f"plots/tension/top/{edge}") == pytest.approx([1.0])
@@ -103,11 +106,11 @@ def test_the_parts_of_a_winch_are_curves_by_their_unit(session: Session) -> None
         "drum_radius_m": 0.82, "drum_speed_rad_per_s": 1.2, "motor_torque_n_m": 2.5e5,
         "brake_torque_n_m": 0.0, "compensation_m": -0.4, "grip_n": 7.0,
     }  # fmt: skip
-    shot = replace(
+    snapshot = replace(
         hanging_rope(21, time_s=1.0),
         winches=(WinchSnapshot("winch", "speed", 0.5, "", tuple(figures.items())),),
     )
-    session.show("winch/state", session.encoder.encode("winch/state", shot), EPOCH_NS)
+    session.show("winch/state", session.encoder.encode("winch/state", snapshot), EPOCH_NS)
     found = session.finish()
     assert found.column("plots/winch/torque/winch/motor", "Scalars:scalars") == [[250.0]]
     assert found.column("plots/winch/torque/winch/brake", "Scalars:scalars") == [[0.0]]
@@ -120,9 +123,9 @@ def test_measured_values_are_drawn_beside_computed_ones(session: Session) -> Non
     """At the time of the reading, once, though the table is published again and again."""
     session.epoch()
     for k in range(3):
-        shot = hanging_rope(21, time_s=2.5 + 0.1 * k)  # with a reading of 2.4 s
-        arrived_ns = EPOCH_NS + shot.stamp_ns
-        session.show("residuals", session.encoder.encode("residuals", shot), arrived_ns)
+        snapshot = hanging_rope(21, time_s=2.5 + 0.1 * k)  # with a reading of 2.4 s
+        arrived_ns = EPOCH_NS + snapshot.stamp_ns
+        session.show("residuals", session.encoder.encode("residuals", snapshot), arrived_ns)
     found = session.finish()
     for curve, value in (
         ("measured/tension/winch/measured", 321.0),
@@ -137,9 +140,9 @@ def test_measured_values_are_drawn_beside_computed_ones(session: Session) -> Non
 
 def test_the_quality_index_is_a_curve_for_each_element(session: Session) -> None:
     session.epoch()
-    shot = hanging_rope(21, time_s=1.0)
+    snapshot = hanging_rope(21, time_s=1.0)
     topic = "twin/quality"
-    session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+    session.show(topic, session.encoder.encode(topic, snapshot), EPOCH_NS + 10**9)
     found = session.finish()
     ((drawn,),) = found.column("plots/quality/top_tension", "Scalars:scalars")
     assert drawn == pytest.approx(0.8)
@@ -152,9 +155,9 @@ def test_two_lines_are_shown_with_their_crossings(session: Session) -> None:
     crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
     lines = LinesSnapshot(Nearest(1.0, 900.0, 0.5), (crossing,))
     event = LineEvent(1.0, "cross", 836.0, 0.08, 0.02)
-    shot = replace(hanging_rope(21, time_s=1.0), lines=lines, line_events=(event,))
+    snapshot = replace(hanging_rope(21, time_s=1.0), lines=lines, line_events=(event,))
     for topic in ("lines/crossings", "lines/events"):
-        session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+        session.show(topic, session.encoder.encode(topic, snapshot), EPOCH_NS + 10**9)
     found = session.finish()
     assert found.column("plots/lines/distance/nearest", "Scalars:scalars") == [[0.5]]
     assert found.column("plots/lines/crossings/crossing_1", "Scalars:scalars") == [[-836.0]]
@@ -173,14 +176,14 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
                  1e5, 3000.0, 0.0),
         RopeSnapshot("sling", sling, np.full(3, 5e4), np.full(2, 5e4), 5e4, 9.0, 0.0),
     )  # fmt: skip
-    shot = replace(
+    snapshot = replace(
         first, ropes=ropes, payloads=(PayloadSnapshot("load", sling[-1], np.zeros(3)),),
         struts=(StrutSnapshot("bar", sling[:2], 1.0),),
     )  # fmt: skip
     session.epoch()
     session.rope(1.0)
     for topic in ("payloads/state", "struts/state", "ropes/element_tension", "ropes/nodes"):
-        later = replace(shot, stamp_ns=shot.stamp_ns + 200_000_000)
+        later = replace(snapshot, stamp_ns=snapshot.stamp_ns + 200_000_000)
         session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
     sight = session.view._lower_end.sight
     assert sight is not None
@@ -205,8 +208,8 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
 
 def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     """Lines from the hook, the rope's end, to where each sling holds the body."""
-    shot = hanging_rope(21, time_s=1.0)
-    hook = shot.node_position_m[-1]
+    snapshot = hanging_rope(21, time_s=1.0)
+    hook = snapshot.node_position_m[-1]
     ends = hook + np.array([[2.0, 1.5, -5.0], [-2.0, -1.5, -5.0]])
     body = BodySnapshot(
         quaternion=np.array([0.0, 0.0, 0.0, 1.0]), angular_velocity_rad_per_s=np.zeros(3),
@@ -217,7 +220,7 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     session.rope(1.0)
     middle = hook + np.array([0.0, 0.0, -6.0])
     later = replace(
-        shot, stamp_ns=shot.stamp_ns + 200_000_000, body=body, payload_position_m=middle
+        snapshot, stamp_ns=snapshot.stamp_ns + 200_000_000, body=body, payload_position_m=middle
     )
     for topic in ("payloads/body", "slings/state", "payloads/state", "ropes/nodes"):
         session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
@@ -233,10 +236,10 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
 
 def test_the_water_is_drawn_where_the_lower_end_passes_it(session: Session) -> None:
     """The seabed is a line at its height, absent once the rope's end is far below."""
-    shot = hanging_rope(21, time_s=1.0)
+    snapshot = hanging_rope(21, time_s=1.0)
     session.epoch()
     for k, height_m in enumerate((2.0, -2.0, -400.0, -401.0)):
-        nodes = shot.node_position_m - [0.0, 0.0, shot.node_position_m[-1, 2] - height_m]
+        nodes = snapshot.node_position_m - [0.0, 0.0, snapshot.node_position_m[-1, 2] - height_m]
         session.rope(1.0 + 0.2 * k, node_position_m=nodes, payload_position_m=nodes[-1])
     found = session.finish()
     above, below, gone = found.column("lower_end/water", "LineStrips3D:strips")
@@ -261,26 +264,28 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     """Amplitudes on a scale from 0 to a round number, from the hang-off down; aboard is not."""
     session.epoch()
     session.rope(1.0)
-    shot = hanging_rope(21, time_s=1.0)
+    snapshot = hanging_rope(21, time_s=1.0)
     for topic in ("ropes/vibration", "ropes/fatigue"):
-        session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+        session.show(topic, session.encoder.encode(topic, snapshot), EPOCH_NS + 10**9)
     found = session.finish()
-    assert shot.vibration is not None
+    assert snapshot.vibration is not None
     (strip,) = found.column("vibration/amplitude/cross-flow", "LineStrips2D:strips")[0]
     across, down = np.array(strip).T
     assert down[0] == 0.0
-    assert across == pytest.approx(across.max() * shot.vibration.cross_flow / 0.5, abs=1e-3)
+    assert across == pytest.approx(across.max() * snapshot.vibration.cross_flow / 0.5, abs=1e-3)
     assert 0.4 * charts.WIDTH < across.max() <= charts.WIDTH
     (strip,) = found.column("vibration/drag/amplification", "LineStrips2D:strips")[0]
     across = np.array(strip)[:, 0] - 2.0 * (charts.WIDTH + charts.GAP)
-    assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
+    assert across == pytest.approx(
+        across.max() * snapshot.vibration.drag_amplification / 2.0, abs=1e-3
+    )
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities
-    assert shot.fatigue is not None
-    assert shot.fatigue.bent is not None
+    assert snapshot.fatigue is not None
+    assert snapshot.fatigue.bent is not None
     (strip,) = found.column("bends/count/per_metre_of_rope", "LineStrips2D:strips")[0]
     across = np.array(strip)[:, 0]
-    bends = shot.fatigue.bent.bends
+    bends = snapshot.fatigue.bent.bends
     assert across == pytest.approx(across.max() * bends / bends.max(), abs=1e-3)
     assert {"bends/damage/damage", "bends/damage/of_discard_value"} <= set(found.entities)
 
@@ -377,8 +382,8 @@ def test_diagnostics_are_reported_when_they_change(session: Session) -> None:
 
 def test_topics_that_are_not_shown_are_passed_over(session: Session) -> None:
     session.epoch()
-    shot = hanging_rope()
-    session.show("hang_off/wrench", session.encoder.encode("hang_off/wrench", shot), EPOCH_NS)
+    snapshot = hanging_rope()
+    session.show("hang_off/wrench", session.encoder.encode("hang_off/wrench", snapshot), EPOCH_NS)
     found = session.finish()
     assert [entity for entity in found.entities if found.seconds(entity)] == []
 

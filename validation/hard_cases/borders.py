@@ -52,11 +52,11 @@ def breaking_surface() -> list[Finding]:
     heave, tops = sine(4.0, 5.0), []
     for step in (0.01, 0.0025):
         scene = _with(replace(SPLASHED, step=step), STEEP, WettingParams())
-        shots = list(march(Twin(scene, Monitors(energy=True)), heave, 40.0))
-        tops.append(np.array([shot.tension_top_max_n for shot in shots]))
+        snapshots = list(march(Twin(scene, Monitors(energy=True)), heave, 40.0))
+        tops.append(np.array([snapshot.tension_top_max_n for snapshot in snapshots]))
         if step == 0.01:
-            slack = np.mean([shot.element_tension_n.min() == 0.0 for shot in shots])
-            energy, unconverged = shots[-1].energy, shots[-1].solver.unconverged_substeps
+            slack = np.mean([snapshot.element_tension_n.min() == 0.0 for snapshot in snapshots])
+            energy, unconverged = snapshots[-1].energy, snapshots[-1].solver.unconverged_substeps
     assert energy is not None
     gained = 100.0 * max(-energy.residual_j, 0.0) / energy.exchanged_j
     return [
@@ -85,13 +85,14 @@ def stick_slip() -> list[Finding]:
     scene = _with(
         CHAIN, SeabedParams(depth_m=DEPTH_M, friction=MU), BedFrictionParams(slip_m=0.002)
     )
-    shots = list(march(Twin(scene), still, time + 60.0, speeds=speeds))
-    stamps = np.array([shot.time_s for shot in shots])
+    snapshots = list(march(Twin(scene), still, time + 60.0, speeds=speeds))
+    stamps = np.array([snapshot.time_s for snapshot in snapshots])
     pulls_n = [
-        float(np.interp(mark, stamps, [s.element_tension_n[0] for s in shots])) for mark in marks
+        float(np.interp(mark, stamps, [s.element_tension_n[0] for s in snapshots]))
+        for mark in marks
     ]
     pulled = sqrt(2.0 * MU * CHAIN.weight * CHAIN.EA * PULL_M)
-    last_n = float(shots[-1].element_tension_n[0])
+    last_n = float(snapshots[-1].element_tension_n[0])
     return [
         off("first pull against √(2·μ·w·EA·δ)", pulls_n[0], pulled, 1.5),
         off(
@@ -102,8 +103,8 @@ def stick_slip() -> list[Finding]:
         ),
         off("the loop closes: last pull against the first", pulls_n[-1], pulls_n[0], 0.5),
         off("held for a minute", last_n, pulls_n[-1], 1.5),
-        limited("tension at the far end", float(shots[-1].tension_payload_n) / 1e3, 0.2, "kN"),
-        all_converged(shots[-1].solver.unconverged_substeps),
+        limited("tension at the far end", float(snapshots[-1].tension_payload_n) / 1e3, 0.2, "kN"),
+        all_converged(snapshots[-1].solver.unconverged_substeps),
     ]
 
 

@@ -94,15 +94,15 @@ def _by_scipy(times: Vector) -> tuple[Vector, Vector]:
 
 def stroke_end() -> list[Finding]:
     """Heave 3 m in 5 s on a unit of 2 m of stroke: stop, slack and snap in every period."""
-    shots = list(march(Twin(_scene(RIG.step), Monitors(energy=True)), sine(AMPLITUDE_M, PERIOD_S),
-                       SECONDS))  # fmt: skip
-    times = np.array([shot.time_s for shot in shots])
+    twin = Twin(_scene(RIG.step), Monitors(energy=True))
+    snapshots = list(march(twin, sine(AMPLITUDE_M, PERIOD_S), SECONDS))
+    times = np.array([snapshot.time_s for snapshot in snapshots])
     pulls, strokes = _by_scipy(times)
-    tension_n = np.array([shot.element_tension_n[0] for shot in shots])
-    units = [shot.compensator for shot in shots]
+    tension_n = np.array([snapshot.element_tension_n[0] for snapshot in snapshots])
+    units = [snapshot.compensator for snapshot in snapshots]
     stroke = np.array([unit.stroke_m for unit in units if unit is not None])
-    slack = np.mean([shot.element_tension_n[-1] == 0.0 for shot in shots])
-    energy, unconverged = shots[-1].energy, shots[-1].solver.unconverged_substeps
+    slack = np.mean([snapshot.element_tension_n[-1] == 0.0 for snapshot in snapshots])
+    energy, unconverged = snapshots[-1].energy, snapshots[-1].solver.unconverged_substeps
     assert energy is not None
     gained = 100.0 * max(-energy.residual_j, 0.0) / energy.exchanged_j
     return [

@@ -71,13 +71,13 @@ def _payload() -> list[Finding]:
     twin = _twin(FLYING, BESIDE, 50.0)
     nodes = twin.rope.state.nodes
     nodes[rows.VELOCITY, 0] = SPEED
-    shots, x, v, force = [], [], [], []
-    for shot in march(twin, still, SECONDS):
-        shots.append(shot)
+    snapshots, x, v, force = [], [], [], []
+    for snapshot in march(twin, still, SECONDS):
+        snapshots.append(snapshot)
         x.append(float(nodes[0, 0]))
         v.append(float(nodes[rows.VELOCITY, 0]))
         force.append(_pushed(twin))
-    energy = shots[-1].energy
+    energy = snapshots[-1].energy
     assert energy is not None
     slow, motion = sqrt(FLYING.load / K_PAYLOAD), 0.5 * FLYING.load * SPEED**2
     pushed = np.array(force)
@@ -151,11 +151,11 @@ def _rope() -> list[Finding]:
     nodes, n = twin.rope.state.nodes, HANGING.elements
     nodes[rows.VELOCITY, :n] = SPEED
     place, speed = nodes[[0, 2], :n].copy(), nodes[[3, 5], :n].copy()
-    shots, x = [], []
-    for shot in march(twin, still, SECONDS):
-        shots.append(shot)
+    snapshots, x = [], []
+    for snapshot in march(twin, still, SECONDS):
+        snapshots.append(snapshot)
         x.append(nodes[0, :n].copy())
-    energy, times = shots[-1].energy, [shot.time_s for shot in shots]
+    energy, times = snapshots[-1].energy, [snapshot.time_s for snapshot in snapshots]
     assert energy is not None
     positions, exact = np.array(x).T, _by_scipy(place, speed, np.array(times))
     motion = 0.5 * SPEED**2 * (HANGING.load + HANGING.mass * HANGING.length)
@@ -167,7 +167,7 @@ def _rope() -> list[Finding]:
         rms_off("place of all nodes over 0.8 s", positions, exact, 0.5),
         limited("energy from nowhere, of the energy of motion",
                 100.0 * max(-energy.residual_j - motion, 0.0) / motion, 0.1),
-        all_converged(shots[-1].solver.unconverged_substeps),
+        all_converged(snapshots[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 
 

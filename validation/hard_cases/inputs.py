@@ -61,16 +61,16 @@ def current_step() -> list[Finding]:
         load=0.0, drag=(normal, tangential), added_mass=1.0, damping=1e4,
     )  # fmt: skip
     twin = rig.twin()
-    shots = list(march(twin, still, 5.0, 10))
+    snapshots = list(march(twin, still, 5.0, 10))
     twin.offer_current(np.array([[0.0, U, 0.0]]))
-    shots += list(march(twin, still, 900.0, 10))
+    snapshots += list(march(twin, still, 900.0, 10))
     force_n_per_m, skin = (
         0.5 * WATER * diameter * normal * U * U,
         0.5 * WATER * math.pi * diameter * tangential,
     )
     ratio = force_n_per_m / rig.weight  # sin a = r·(1 - sin² a)
     sine_a = (math.sqrt(1.0 + 4.0 * ratio * ratio) - 1.0) / (2.0 * ratio)
-    end = shots[-1]
+    end = snapshots[-1]
     angle_deg = math.degrees(math.atan2(end.payload_position_m[0], -end.payload_position_m[2]))
     pull = rig.weight * rig.length * math.sqrt(1.0 - sine_a**2)
     pull += skin * U * U * sine_a**2 * rig.length
@@ -81,8 +81,10 @@ def current_step() -> list[Finding]:
                 f"{math.degrees(math.asin(sine_a)):.1f}°",
                 abs(angle_deg - math.degrees(math.asin(sine_a))), 0.2, "°"),
         off("pull in the steady current", end.tension_top_n, pull, 0.1),
-        limited("largest push of the hang-off", max(0.0, -min(s.tension_top_min_n for s in shots)),
-                0.0, "N"),
+        limited(
+            "largest push of the hang-off", max(0.0, -min(s.tension_top_min_n for s in snapshots)),
+            0.0, "N",
+        ),
         off("pull in still water again", still_again.tension_top_n, rig.top_weight, 0.1),
         all_converged(still_again.solver.unconverged_substeps),
     ]  # fmt: skip
@@ -97,7 +99,7 @@ def heave_jump() -> list[Finding]:
     rig = Rig(load=20e3, damping=0.0)
     twin = rig.twin()
     heave = sine(1.5, 8.0)
-    shots: list[Snapshot] = []
+    snapshots: list[Snapshot] = []
     k = 0
     for step in range(3000):
         while k * SAMPLE_NS <= step * twin.step_ns + AHEAD_NS:
@@ -107,29 +109,31 @@ def heave_jump() -> list[Finding]:
                 twin.offer_heave(k * SAMPLE_NS, z + (1.0 if t >= 18.0 else 0.0), v)
             k += 1
         twin.advance(1)
-        shots.append(twin.snapshot())
-    motion = motion_made(shots, rig.step)
+        snapshots.append(twin.snapshot())
+    motion = motion_made(snapshots, rig.step)
     bar = HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
     exact = exact_top_tension(bar, lambda t: (rig.length, 0.0), motion, 30.0, MARCH_S)[10::10]
-    pull = np.array([shot.tension_top_n for shot in shots])
-    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    pull = np.array([snapshot.tension_top_n for snapshot in snapshots])
+    speed = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots])
     kick = float(np.abs(np.diff(speed)).max()) / rig.step
-    track = np.array([heave(shot.time_s)[0] + 1.0 for shot in shots[BACK:]])
-    deviation_m = np.array([shot.heave_m for shot in shots[BACK:]]) - track
+    track = np.array([heave(snapshot.time_s)[0] + 1.0 for snapshot in snapshots[BACK:]])
+    deviation_m = np.array([snapshot.heave_m for snapshot in snapshots[BACK:]]) - track
     return [
         rms_off("top tension before the gap, rms", pull[:1600], exact[:1600], 0.05),
         rms_off("top tension over the whole, rms", pull, exact, front_pct(GENTLE)),
         limited("largest acceleration of the hang-off", kick, GENTLE, "m/s²"),
         limited("heave against the track 5.5 s after the gap",
                 np.abs(deviation_m).max(), 1e-3, "m"),
-        all_converged(shots[-1].solver.unconverged_substeps),
+        all_converged(snapshots[-1].solver.unconverged_substeps),
     ]  # fmt: skip
 
 
-def motion_made(shots: list[Snapshot], step: float) -> Motion:
+def motion_made(snapshots: list[Snapshot], step: float) -> Motion:
     """Return the hang-off's heave as published, cubic between the step boundaries."""
-    z: Vector = np.array([0.0, *(shot.heave_m for shot in shots), shots[-1].heave_m])
-    speeds = [shot.hang_off_velocity_m_per_s[2] for shot in shots]
+    z: Vector = np.array(
+        [0.0, *(snapshot.heave_m for snapshot in snapshots), snapshots[-1].heave_m]
+    )
+    speeds = [snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots]
     v: Vector = np.array([0.0, *speeds, speeds[-1]])
 
     def at(time: float) -> tuple[float, float]:

@@ -91,9 +91,9 @@ def _twin(rig: Rig, model: Any, *monitors: Any) -> Twin:
     return Twin(replace(scene, effects=(*scene.effects, model)), *monitors)
 
 
-def _slack(shots: list[Snapshot]) -> list[Finding]:
+def _slack(snapshots: list[Snapshot]) -> list[Finding]:
     """Require that the rope goes slack, and that no element is compressed."""
-    smallest_n = min(float(shot.element_tension_n.min()) for shot in shots)
+    smallest_n = min(float(snapshot.element_tension_n.min()) for snapshot in snapshots)
     return [
         limited("largest push of an element", max(0.0, -smallest_n), 0.0, "N"),
         limited("minimum tension: the rope must go slack", smallest_n, 0.0, "N"),
@@ -124,7 +124,9 @@ def _until_it_stops(model: Any) -> list[Finding]:
     stopped = list(march(twin, still, 30.0, 2))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
     restarted = list(march(twin, still, 20.0, 2))
-    energy = np.array([shot.energy.change_j for shot in stopped[1:] if shot.energy is not None])
+    energy = np.array(
+        [snapshot.energy.change_j for snapshot in stopped[1:] if snapshot.energy is not None]
+    )
     rise = float(np.diff(energy).max() / (energy.max() - energy.min()))
     return [
         limited("largest amplitude in lock-in, diameters", _across(locked[500:]), SELF_LIMIT, ""),
@@ -142,9 +144,9 @@ def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Finding]:
     rig = replace(FINE, length=last.line_out_m, elements=len(last.element_tension_n))
     fresh = _twin(rig, model)
     fresh.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    shots = list(march(fresh, still, FRESH_S, 2))
+    snapshots = list(march(fresh, still, FRESH_S, 2))
     look = round(0.5 * LOOK_S / FINE.step)
-    (rms, hertz), (fresh_rms, fresh_hertz) = map(_shaking, (after[-look:], shots[-look:]))
+    (rms, hertz), (fresh_rms, fresh_hertz) = map(_shaking, (after[-look:], snapshots[-look:]))
     rms_pct, hertz_pct = 100.0 * abs(rms / fresh_rms - 1.0), 100.0 * abs(hertz / fresh_hertz - 1.0)
     return [
         limited("0.02 diameters over the rms then: it shakes", SHAKES / rms, 1.0, ""),
@@ -153,27 +155,29 @@ def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Finding]:
     ]
 
 
-def _shaking(shots: list[Snapshot]) -> tuple[float, float]:
+def _shaking(snapshots: list[Snapshot]) -> tuple[float, float]:
     """Return cross-flow RMS over rope and time [diameters], and RMS frequency."""
-    window = np.hanning(len(shots))[:, None]
-    power = (np.abs(np.fft.rfft(_sideways(shots) * window, axis=0)) ** 2).sum(axis=1)
-    frequency = np.fft.rfftfreq(len(shots), 2.0 * FINE.step)
+    window = np.hanning(len(snapshots))[:, None]
+    power = (np.abs(np.fft.rfft(_sideways(snapshots) * window, axis=0)) ** 2).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(snapshots), 2.0 * FINE.step)
     fast = frequency > SWAY_HZ
     power, frequency = power[fast], frequency[fast]
-    nodes = len(shots[0].node_position_m)
-    rms = math.sqrt(2.0 * power.sum() / (len(shots) * nodes * (window**2).sum())) / FINE.diameter
+    nodes = len(snapshots[0].node_position_m)
+    rms = (
+        math.sqrt(2.0 * power.sum() / (len(snapshots) * nodes * (window**2).sum())) / FINE.diameter
+    )
     return rms, math.sqrt((power * frequency**2).sum() / power.sum())
 
 
-def _sideways(shots: list[Snapshot]) -> Any:
-    """Return the cross-flow offset from each node's mean position [m], (shots, nodes)."""
-    y = np.array([shot.node_position_m[:, 1] for shot in shots])
+def _sideways(snapshots: list[Snapshot]) -> Any:
+    """Return the cross-flow offset from each node's mean position [m], (snapshots, nodes)."""
+    y = np.array([snapshot.node_position_m[:, 1] for snapshot in snapshots])
     return y - y.mean(axis=0)
 
 
-def _across(shots: list[Snapshot]) -> float:
+def _across(snapshots: list[Snapshot]) -> float:
     """Return the largest cross-flow offset from a node's mean position [diameters]."""
-    return float(np.abs(_sideways(shots)).max()) / FINE.diameter
+    return float(np.abs(_sideways(snapshots)).max()) / FINE.diameter
 
 
 def _coupled_through_it_all(model: Any) -> list[Finding]:
@@ -182,14 +186,14 @@ def _coupled_through_it_all(model: Any) -> list[Finding]:
     locked, rough = treat_roughly(twin, COUPLED_AMPLITUDE_M, SPEED, 5)
     after = list(march(twin, still, COUPLED_S - COUPLED_LOOK_S, 5))
     before, (last, growth) = after[-1], _looked(twin)
-    shots = [*locked, *rough, *after, *last]
+    snapshots = [*locked, *rough, *after, *last]
     residual = before.energy.residual_pct if before.energy is not None else math.nan
     return [
-        limited("largest amplitude in all of it, diameters", _largest(shots), SELF_LIMIT, ""),
+        limited("largest amplitude in all of it, diameters", _largest(snapshots), SELF_LIMIT, ""),
         limited("0.1 diameters over the amplitude in lock-in",
                 SHAKES_COUPLED / _largest(locked), 1.0, ""),
         *_coupled_like_a_fresh_rope(model, last, growth),
-        *_slack(shots),
+        *_slack(snapshots),
         limited("residual of the energy balance", abs(residual), LEFT_PCT),
         all_converged(last[-1].solver.unconverged_substeps),
     ]  # fmt: skip
@@ -204,7 +208,7 @@ def _coupled_like_a_fresh_rope(model: Any, last: list[Snapshot], growth: float) 
     list(march(twin, still, COUPLED_S - COUPLED_LOOK_S, 50))
     fresh, fresh_growth = _looked(twin)
     (size, hertz), (fresh_size, fresh_hertz) = _mean_response(last), _mean_response(fresh)
-    lean, fresh_lean = (_lean(shots) for shots in (last, fresh))
+    lean, fresh_lean = (_lean(snapshots) for snapshots in (last, fresh))
     return [
         off("mean amplitude against a fresh rope of that length", size, fresh_size, SAME_PCT),
         off("mean frequency against that rope's", hertz, fresh_hertz, SAME_HZ_PCT),
@@ -215,33 +219,33 @@ def _coupled_like_a_fresh_rope(model: Any, last: list[Snapshot], growth: float) 
 
 def _looked(twin: Twin) -> tuple[list[Snapshot], float]:
     """Run COUPLED_LOOK_S more; return its mean drag amplification over rope and time."""
-    shots, grown = [], []
-    for shot in march(twin, still, COUPLED_LOOK_S, 5):
+    snapshots, grown = [], []
+    for snapshot in march(twin, still, COUPLED_LOOK_S, 5):
         growth = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
-        grown.append(growth.memory[GROWTH, : len(shot.element_tension_n)].mean())
-        shots.append(shot)
-    return shots, float(np.mean(grown))
+        grown.append(growth.memory[GROWTH, : len(snapshot.element_tension_n)].mean())
+        snapshots.append(snapshot)
+    return snapshots, float(np.mean(grown))
 
 
-def _of(shot: Snapshot) -> RopeVibration:
-    assert shot.vibration is not None
-    return shot.vibration
+def _of(snapshot: Snapshot) -> RopeVibration:
+    assert snapshot.vibration is not None
+    return snapshot.vibration
 
 
-def _mean_response(shots: list[Snapshot]) -> tuple[float, float]:
+def _mean_response(snapshots: list[Snapshot]) -> tuple[float, float]:
     """Return mean amplitude [diameters] and mean frequency, both over rope and time."""
-    size = np.mean([_of(shot).cross_flow for shot in shots])
-    return float(size), float(np.mean([_of(shot).cross_flow_hz for shot in shots]))
+    size = np.mean([_of(snapshot).cross_flow for snapshot in snapshots])
+    return float(size), float(np.mean([_of(snapshot).cross_flow_hz for snapshot in snapshots]))
 
 
-def _lean(shots: list[Snapshot]) -> float:
+def _lean(snapshots: list[Snapshot]) -> float:
     """Return the mean downstream offset of the lower end [m]."""
-    return float(np.mean([shot.node_position_m[-1, 0] for shot in shots]))
+    return float(np.mean([snapshot.node_position_m[-1, 0] for snapshot in snapshots]))
 
 
-def _largest(shots: list[Snapshot]) -> float:
+def _largest(snapshots: list[Snapshot]) -> float:
     """Return the largest amplitude anywhere at any time [diameters]."""
-    return max(float(_of(shot).cross_flow.max()) for shot in shots)
+    return max(float(_of(snapshot).cross_flow.max()) for snapshot in snapshots)
 
 
 # A lift that starts as a standing wave keeps its pattern for good in a uniform current, and that of

@@ -40,10 +40,10 @@ def haul_to_two_metres() -> list[Finding]:
     )  # fmt: skip
     rig = replace(STEEL, length=60.0, elements=60, damping=65e4, winch=winch)
     twin = rig.twin()
-    shots = list(march(twin, still, 90.0, speeds=[(1.0, -1.0)]))
-    short = shots[-1]
-    shots += list(march(twin, still, 80.0, speeds=[(91.0, 1.0), (91.0 + 58.0, 0.0)]))
-    paid_out, events = shots[-1], shots[-1].solver.splits + shots[-1].solver.merges
+    snapshots = list(march(twin, still, 90.0, speeds=[(1.0, -1.0)]))
+    short = snapshots[-1]
+    snapshots += list(march(twin, still, 80.0, speeds=[(91.0, 1.0), (91.0 + 58.0, 0.0)]))
+    paid_out, events = snapshots[-1], snapshots[-1].solver.splits + snapshots[-1].solver.merges
     short_rig = replace(rig, length=short.line_out_m)
     long_rig = replace(rig, length=paid_out.line_out_m)
     return [
@@ -55,22 +55,22 @@ def haul_to_two_metres() -> list[Finding]:
             long_rig.hanging_depth,
             1e-4,
         ),
-        limited("jump of the tension at an event", jump_pct(shots), JUMP_PCT),
+        limited("jump of the tension at an event", jump_pct(snapshots), JUMP_PCT),
         limited("events, fewer than 100 of them", float(max(100 - events, 0)), 0.0, ""),
         all_converged(paid_out.solver.unconverged_substeps),
     ]
 
 
-def jump_pct(shots: list[Snapshot]) -> float:
+def jump_pct(snapshots: list[Snapshot]) -> float:
     """Return the largest second difference of the top tension in the 11 samples after an event [%].
 
     It is relative to the mean, and valid only while the winch speed is constant: steps of its
     acceleration change the tension more.
     """
-    tension = np.array([shot.tension_top_n for shot in shots])
+    tension = np.array([snapshot.tension_top_n for snapshot in snapshots])
     bend = np.abs(np.diff(tension, 2))
-    count = np.array([shot.solver.splits + shot.solver.merges for shot in shots])
-    speed = np.array([shot.payout_speed_m_per_s for shot in shots])
+    count = np.array([snapshot.solver.splits + snapshot.solver.merges for snapshot in snapshots])
+    speed = np.array([snapshot.payout_speed_m_per_s for snapshot in snapshots])
     largest_n = 0.0
     for k in np.flatnonzero(np.diff(count)) + 1:
         if k > 1 and np.ptp(speed[k - 2 : k + 11]) < 1e-9:
@@ -128,8 +128,8 @@ def emergency_stop() -> list[Finding]:
     checks: list[Finding] = []
     for word, speed in (("lowering", 2.0), ("hauling", -2.0)):
         commands = [(1.0, speed), (10.0, 0.0)]
-        shots = list(march(rig.twin(), still, 25.0, speeds=commands))
-        pull_n = np.array([shot.tension_top_n for shot in shots])
+        snapshots = list(march(rig.twin(), still, 25.0, speeds=commands))
+        pull_n = np.array([snapshot.tension_top_n for snapshot in snapshots])
         line = ramped_speed(rig.length, 10.0, commands)
         every = round(rig.step / MARCH_S)
         exact = exact_top_tension(bar_of(rig), line, still, 25.0, MARCH_S)[every::every]
@@ -137,7 +137,7 @@ def emergency_stop() -> list[Finding]:
         checks += [
             off(f"{word}: highest pull after the stop", pull_n[stop].max(), exact[stop].max(), 1.0),
             rms_off(f"{word}: pull against travelling waves, rms", pull_n, exact, front_pct(10.0)),
-            all_converged(shots[-1].solver.unconverged_substeps),
+            all_converged(snapshots[-1].solver.unconverged_substeps),
         ]
     return checks
 

@@ -357,13 +357,13 @@ class Member:
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
         boundary = Boundary(self._value, self._rate)
-        shot = build_snapshot(self.scene, rope, boundary, self._pull, at, top)
-        amended(shot, doubtful=unconverged > self._unconverged)
+        snapshot = build_snapshot(self.scene, rope, boundary, self._pull, at, top)
+        amended(snapshot, doubtful=unconverged > self._unconverged)
         self._unconverged, self._recent = unconverged, Extremes()
         if self._viv_drag is not None:
-            (vibration,) = self._viv_drag.shots((rope,))
-            amended(shot, vibration=vibration)
-        return with_compensator(with_body(shot, rope), rope)
+            (vibration,) = self._viv_drag.snapshots((rope,))
+            amended(snapshot, vibration=vibration)
+        return with_compensator(with_body(snapshot, rope), rope)
 
 
 class TwinMember:

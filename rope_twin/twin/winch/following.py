@@ -334,11 +334,16 @@ class FollowingWinch(Winch):
         track_health = track.counter.health(now_ns, track.stale(now_ns), judged)
         return super().health(now_ns) | {track.counter.name: track_health}
 
-    def shot(self) -> WinchSnapshot | None:
+    def snapshot(self) -> WinchSnapshot | None:
         """Return its state for operators; it is off the schedule from its first reading on."""
-        shot = super().shot()
-        assert shot is not None
+        snapshot = super().snapshot()
+        assert snapshot is not None
         since_s = 0.0 if self._track.counter.accepted else None
         return WinchSnapshot(
-            shot.name, FOLLOWS_MEASURED, self._line.length_m, shot.at_limit, shot.figures, since_s
+            snapshot.name,
+            FOLLOWS_MEASURED,
+            self._line.length_m,
+            snapshot.at_limit,
+            snapshot.figures,
+            since_s,
         )

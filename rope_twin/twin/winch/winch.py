@@ -286,7 +286,7 @@ class Winch:
             WinchCommand(self._kind, self._value) if continues else WinchCommand(SPEED, 0.0)
         )
 
-    def shot(self) -> WinchSnapshot | None:
+    def snapshot(self) -> WinchSnapshot | None:
         """Return its state for operators; None without a winch."""
         if self._scene is None:
             return None
