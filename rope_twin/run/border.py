@@ -192,7 +192,10 @@ class InputBorder:
             return
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         winch, now_ns = self._twin.inputs.winch_name(name), self._twin.time_ns
-        command = self.seats.admit(winch, Command(order, at_ns, sender), now_ns)
+        executable = winch in self.seats.winches and self._twin.inputs.winch_may_execute(
+            winch, at_ns, order
+        )
+        command = self.seats.admit(winch, Command(order, at_ns, sender, executable), now_ns)
         if doubt := self.seats.doubt(winch):
             with self._lock:
                 self._remark(f"winch {winch}: {doubt}", self._now_s())

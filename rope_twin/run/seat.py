@@ -6,10 +6,12 @@ higher priority takes it at any time, one of equal priority only after the seat 
 released by a service call. Any node may trigger an emergency stop; only the commander may reset it.
 
 A commander that leaves the network, or stops sending after a stream of commands, is lost: the seat
-becomes free and the winch does what its scene specifies (`when_commander_lost`). A commander that
-stops sending while a node of higher priority is present has yielded to it, and its last command
-remains in force. A simulation that resumes from a saved state does not know who commanded a winch
-that runs: the commander is lost unless a command comes within AWAITED_NS.
+becomes free and the winch does what its scene specifies (`when_commander_lost`). A command that the
+winch cannot execute, such as NaN or one by a clock that is wrong, neither takes nor keeps a seat: a
+controller that sends nothing else is lost as if it were silent. A commander that stops sending
+while a node of higher priority is present has yielded to it, and its last command remains in force.
+A simulation that resumes from a saved state does not know who commanded a winch that runs: the
+commander is lost unless a command comes within AWAITED_NS.
 """
 
 from __future__ import annotations
@@ -90,14 +92,18 @@ class CommandSeat:
                 return self._names.index(candidate)
         return len(self._names)
 
-    def judge(self, sender: str, order: WinchCommand, now_s: float) -> Verdict:
-        """Accept or reject a command; an accepted one may take the seat."""
+    def judge(
+        self, sender: str, order: WinchCommand, now_s: float, executable: bool = True
+    ) -> Verdict:
+        """Accept or reject a command; an accepted one may take the seat if it is executable."""
         if order.kind == EMERGENCY_STOP or sender == self.holder:
             return Verdict()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
             remedy = f"request the seat with the service {service_name(self.winch, TAKE)}"
             return Verdict(self._refuse(f"'{order.kind}' from node {sender}", remedy, now_s))
+        if not executable:
+            return Verdict()
         is_new = self._former not in ("", sender)
         self.holder = self._former = sender
         self._reserved_until_s = 0.0
@@ -195,7 +201,7 @@ class CommandSeat:
         if higher:
             self._yielded = higher[0]
             return ()
-        return self._lose("stopped sending", now_ns)
+        return self._lose("stopped sending valid commands", now_ns)
 
     def await_former(self, now_ns: int) -> None:
         """Await the commander of a winch that runs at a commanded speed, unless one is known."""
@@ -264,6 +270,7 @@ class Command(NamedTuple):
     command: WinchCommand
     stamp_ns: int | None  # simulation time [ns]; None: apply immediately
     sender: str  # name of its node, or that of its publisher while the node is not known
+    executable: bool = True  # False: the winch will reject it, whoever commands
 
 
 class Seats:
@@ -304,12 +311,12 @@ class Seats:
         seat, now_s = self._by_winch.get(winch), self._now_s()
         if seat is None:
             return command  # for no winch of this scene: the twin rejects it
-        verdict = seat.judge(command.sender, command.command, now_s)
+        verdict = seat.judge(command.sender, command.command, now_s, command.executable)
         if verdict.refusal:
             return None
         if verdict.is_new:
             self._order(WinchCommand(NEW_COMMANDER), winch)
-        if command.sender == seat.holder:
+        if command.sender == seat.holder and command.executable:
             seat.note(command.command, command.stamp_ns, now_ns, now_s)
         is_stop = command.command.kind == EMERGENCY_STOP
         is_ahead = command.stamp_ns is not None and command.stamp_ns > now_ns

@@ -190,6 +190,15 @@ class TwinInputs:
                 return self.winch.refuse(command, sentence)
             return self.ropes.offer(winch, stamp_ns, command, self._clock.time_ns)
 
+    def winch_may_execute(self, winch: str, stamp_ns: int | None, command: WinchCommand) -> bool:
+        """Return whether a winch of the scene would not reject a command for its value or another
+        clock's stamp. Any thread may ask.
+        """
+        judged = stamp_ns, command, self._clock.time_ns
+        if self.winch_name(winch) == WINCH:
+            return self.winch.may_execute(*judged)
+        return self.ropes.may_execute(winch, *judged)
+
     def winch_forbids(self, winch: str, switch: str) -> str:
         """Return why a winch would not execute a switch now; "": it would. Any thread may ask."""
         if self.winch_name(winch) == WINCH:

@@ -78,6 +78,12 @@ class OtherRopes:
         """Submit a command to the winch of this name; return "" or the rejection."""
         return self._winch_named(name).take(stamp_ns, command, now_ns)
 
+    def may_execute(
+        self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int
+    ) -> bool:
+        """Return whether the winch of this name would not reject a command, as far as is known."""
+        return self._winch_named(name).may_execute(stamp_ns, command, now_ns)
+
     def forbids(self, name: str, switch: str) -> str:
         """Return why the winch of this name would not execute a switch now; "": it would."""
         return self._winch_named(name).forbids(switch)

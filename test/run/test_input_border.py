@@ -279,3 +279,43 @@ def test_what_became_of_forecasts_reaches_the_quality_index(rig: Rig) -> None:
     rig.border.take_forecast(encode_forecast(FORECAST_RISK, EPOCH_NS, "map", []))
     assert rig.row(MESSAGES_ROW).values[FORECAST_RISK] == "2"
     assert not rig.remarks()
+
+
+COMMANDS_NS = 100_000_000  # a stream at 10 Hz
+
+
+@pytest.mark.parametrize("fault", ["nan", "fast", "other clock"])
+def test_a_controller_that_sends_only_what_is_rejected_is_lost(rig: Rig, fault: str) -> None:
+    """It pays out at 0.4 m/s, then its output is NaN, too fast or stamped an hour ahead."""
+    border, twin = rig.border, rig.border._twin
+    value = {"nan": math.nan, "fast": 1e9, "other clock": 0.4}[fault]
+    ahead_ns = 3_600 * 10**9 if fault == "other clock" else 0
+    for k in range(60):
+        is_sound = k < 20
+        at_ns = EPOCH_NS + k * COMMANDS_NS + (0 if is_sound else ahead_ns) + 1
+        order = WinchCommand(SPEED, 0.4 if is_sound else value)
+        border.take_order(*encode_order(at_ns, order), "controller")
+        rig.inputs.advance(10)
+        if k % 5 == 4:
+            border.seats.look({"controller"}, twin.time_ns)
+        if k == 20:
+            assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.4)
+    assert twin.snapshot().payout_speed_m_per_s == 0.0
+    seat = rig.row("simulation: seat winch")
+    assert seat.level == Level.ERROR
+    assert "controller stopped sending valid commands" in seat.message
+    assert "ramp to zero" in seat.message
+
+
+def test_a_command_that_no_winch_executes_takes_no_seat(rig: Rig) -> None:
+    """The schedule keeps a seat that an operator has only sent nonsense for."""
+    border = rig.border
+    border.take_order(*encode_order(0, WinchCommand(SPEED, 0.2)), "winch_schedule")
+    border.take_order(*encode_order(0, WinchCommand(SPEED, math.nan)), "console")
+    border.take_order(*encode_order(EPOCH_NS + 10**14, WinchCommand(SPEED, 0.1)), "console")
+    border.take_order(*encode_order(0, WinchCommand("set_brake")), "console")
+    rig.inputs.advance(2)
+    assert border.seats.words() == "winch: winch_schedule"
+    assert rig.border._twin.inputs.winch.counter.refused == 2, "counted all the same"
+    border.take_order(*encode_order(0, WinchCommand(SPEED, 0.1)), "console")
+    assert border.seats.words() == "winch: console"

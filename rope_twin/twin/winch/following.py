@@ -263,6 +263,10 @@ class FollowingWinch(Winch):
             return ""
         return self.refuse(command, self.forbids(command.kind))
 
+    def may_execute(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> bool:
+        """Return False: it follows no command."""
+        return False
+
     def forbids(self, switch: str) -> str:
         """Return why no command is executed."""
         remedy = "set winch.follows to commands in the scene"

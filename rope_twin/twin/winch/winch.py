@@ -23,12 +23,14 @@ from rope_twin.scene.winch import (
     SWITCHES,
 )
 from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.twin.health import AHEAD_NS
 from rope_twin.twin.snapshot import CONTROL_MODES, DEPTH, LENGTH, SPEED, InputHealth, WinchSnapshot
 from rope_twin.twin.winch.commands import (
     COMMANDER_EVENTS,
     COMPENSATE,
     EMERGENCY_STOP,
     FEEDBACK_MODES,
+    LATE_NS,
     NEW_COMMANDER,
     RELEASE_BRAKE,
     RESET,
@@ -167,6 +169,17 @@ class Winch:
                 )
                 queue.counter.warn(phrase("winch command", problem, remedy), now_ns)
         return refusal
+
+    def may_execute(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> bool:
+        """Return whether it would not reject a command for its value or another clock's stamp.
+
+        Nothing is counted; any thread may ask.
+        """
+        if find_fault(command, self._scene, self._rope) is not None:
+            return False
+        if stamp_ns is None or command.kind == EMERGENCY_STOP:
+            return True
+        return now_ns - LATE_NS < stamp_ns <= now_ns + AHEAD_NS
 
     def forbids(self, switch: str) -> str:
         """Return why it would not execute this switch now; "": it would. Any thread may ask."""
