@@ -394,11 +394,18 @@ class PacedTwin:
         """Save the state at the end of the present cycle; return success and text."""
         if self._keeper is None:
             return False, "no file: give the parameter save_state when the simulation is configured"
-        path = self._keeper.health().path
-        if self.border.epoch_ns is None:
-            return True, f"paused, the state is in {path}"
-        self._keeper.request()
-        return True, f"saving to {path}; `simulation: saving` of diagnostics has the result"
+        saving = self._keeper.health()
+        if self.border.epoch_ns is not None:
+            self._keeper.request()
+            words = "`simulation: saving` of diagnostics has the result"
+            return True, f"saving to {saving.path}; {words}"
+        if saving.saved_s is None or saving.trouble:
+            self._keep_stops(self.border.latched)
+        self._keeper.finish_writing()
+        saving = self._keeper.health()
+        if saving.saved_s is None or saving.trouble:
+            return False, saving.trouble or f"no state in {saving.path}: the solver has failed"
+        return True, f"paused, the state is in {saving.path}"
 
     @property
     def last(self) -> Snapshot:

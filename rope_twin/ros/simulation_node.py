@@ -137,7 +137,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Read the scene, build and compile; a failure is logged in one sentence."""
-        self._params = read(self, SimulationParams)
+        self._params, self._sentence = read(self, SimulationParams), ""
         try:
             topics = (*self._inputs, *self._own_publishers)
             if self._params.lockstep and not self._uses_sim_time:

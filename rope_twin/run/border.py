@@ -126,7 +126,7 @@ class InputBorder:
         # by topic, winch and number of the quantity in a row
         self._sensors: dict[tuple[str, str, int], SelectedSender] = {}
         self._ignored = 0
-        self._latched: set[str] = set()  # winches whose stop waits for the simulation to go on
+        self.latched: set[str] = set()  # winches whose stop waits for the simulation to go on
         self._remarked_s = -math.inf
         order = partial(inputs.offer_command, None)
         self.seats = Seats(twin.scene, priority, order, now_s)
@@ -302,7 +302,7 @@ class InputBorder:
         with self._lock:
             now_s = self._now_s()
             ignored = self._ignored + self._inputs.refused
-            latched = sorted(self._latched) if self.epoch_ns is None else []
+            latched = sorted(self.latched) if self.epoch_ns is None else []
             return [
                 *self.seats.rows(),
                 _messages_row(self._malformed, ignored, latched, now_s),
@@ -344,11 +344,11 @@ class InputBorder:
             or self._twin.inputs.winch_forbids(winch, EMERGENCY_STOP)
         ):
             with self._lock:
-                if winch in self._latched:
+                if winch in self.latched:
                     return
-                self._latched.add(winch)
+                self.latched.add(winch)
             if self.latch_listener is not None:
-                self.latch_listener(set(self._latched))
+                self.latch_listener(set(self.latched))
         self._inputs.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
 
     def _epoch(self) -> int | None:
@@ -356,8 +356,8 @@ class InputBorder:
         epoch_ns = self.epoch_ns
         if epoch_ns is None:
             self._ignored += 1
-        elif self._latched:  # they have reached the twin
-            self._latched.clear()
+        elif self.latched:  # they have reached the twin
+            self.latched.clear()
         return epoch_ns
 
 

@@ -7,6 +7,7 @@ The kill itself, over processes and to the bit, is long:
 
 from __future__ import annotations
 
+import shutil
 import signal
 from pathlib import Path
 from typing import Any
@@ -115,6 +116,30 @@ def test_an_emergency_stop_in_a_pause_is_saved_at_once(bench: Bench, tmp_path: P
         assert resumed.snapshot().winches[0].mode == "emergency_stop"
         node.close()
         bench.remove(node)
+
+
+def test_a_state_that_is_asked_for_before_the_start_is_saved_or_refused(
+    bench: Bench, tmp_path: Path
+) -> None:
+    """The answer is about the file; a stop that is latched is in it."""
+    folder = tmp_path / "states"
+    folder.mkdir()
+    path, scene = folder / "run.state", "emergency_stop"
+    node = bench.make("simulation", scene=scene, save_state=str(path))
+    node.trigger_configure()
+    assert node.paced.save() == (True, f"paused, the state is in {path}")
+    assert load_state(path).about.step == 0
+    shutil.rmtree(folder)
+    assert node.paced.border.switch("winch", "emergency_stop")[0]
+    done, words = node.paced.save()
+    assert not done
+    assert str(path) in words
+    assert "No such file" in words
+    folder.mkdir()
+    assert node.paced.save()[0]
+    resumed = Twin.restore(load_state(path), load_scene(scene))
+    resumed.advance(1)
+    assert resumed.snapshot().winches[0].mode == "emergency_stop"
 
 
 def test_a_commander_that_does_not_come_back_after_a_restart_is_lost(

@@ -159,6 +159,20 @@ def test_a_scene_that_does_not_exist_fails_to_configure_with_one_sentence(bench:
     assert "shalow_lift" in state.message
 
 
+def test_a_failure_is_no_longer_reported_once_it_is_mended(bench: Bench) -> None:
+    from rclpy.parameter import Parameter
+
+    node, diagnostics = simulation(bench, scene="shalow_lift"), bench.listen("diagnostics")
+    node.trigger_configure()
+    node.set_parameters([Parameter("scene", value=SCENE)])
+    node.trigger_configure()
+    node.trigger_cleanup()
+    diagnostics.clear()
+    bench.until(lambda: diagnostics, "the state after it")
+    state = rows_of(diagnostics[-1])["simulation: state"]
+    assert (level(state), state.message) == (0, "unconfigured")
+
+
 def test_it_waits_for_inputs_but_not_for_ever(bench: Bench) -> None:
     waiting = simulation(bench, wait_for="ship/heave", wait_for_s=60.0)
     waiting.begin()
