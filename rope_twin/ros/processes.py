@@ -205,6 +205,8 @@ class Processes:
             self._bags.append(free_path(Path(self._parameters["recorder"]["out"])))
             remedy = f"recover the first part with `rope_twin recover {self._bags[-2]}`"
             done = f"recording continues in {self._bags[-1]}; {remedy}"
+        if name == "viewer" and (file := self._parameters[name]["file"]):
+            done = f"the view continues in {free_path(Path(file), '.rrd')}"
         if name == "recorder" and STANDBY in self._running:
             self._call.touch()  # also seen by a standby recorder that is still starting
             self._running[name] = self._running.pop(STANDBY)
@@ -328,7 +330,7 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
         processes = Processes(options)
         initialise(["rope_twin"])
         progress.say(options.announcement)
-        supervisor = _Supervisor(processes, progress)
+        supervisor = _Supervisor(processes, progress, options.end_s is not None)
         supervisor.run(stop)
         supervisor.end()
         if stop.requested and not supervisor.heard:
@@ -345,8 +347,13 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
 class _Supervisor:
     """Spins the monitor while the processes run and end."""
 
-    def __init__(self, processes: Processes, progress: FigureProgress) -> None:
+    def __init__(
+        self, processes: Processes, progress: FigureProgress, may_finish: bool = True
+    ) -> None:
+        """Supervise processes; may_finish: the run has an end, at which the simulation ends."""
         self._processes = processes
+        # what ends by itself: all steps done, window closed
+        self._ending = ("simulation", "viewer") if may_finish else ("viewer",)
         self._progress = progress
         self._codes: dict[str, int] = {}  # exit codes of processes that are not restarted
         self._restarts: list[str] = []
@@ -410,7 +417,7 @@ class _Supervisor:
         """Spin the monitor; restart processes that have ended, except the `expected` one."""
         self._executor.spin_once(timeout_sec=_WAIT_S)
         for name, code in self._processes.ended().items():
-            done = code == 0 and name in ("simulation", "viewer")  # all steps done; window closed
+            done = code == 0 and name in self._ending
             if expected or done:
                 self._codes[name] = code
                 if name != expected and not done:

@@ -73,6 +73,30 @@ def test_ctrl_c_ends_all_processes_and_the_bag_is_whole(
     assert (bag / "metadata.yaml").is_file()
 
 
+def test_a_process_that_is_asked_to_end_is_restarted_too(
+    processes: Processes, tmp_path: Path
+) -> None:
+    """A SIGTERM ends a node with code 0, as does the last step of a run, which this one has not."""
+    import psutil
+
+    bag = tmp_path / "bag"
+    process = processes.cli("run", SCENE, "--processes", "--headless", "--out", str(bag))
+    process.until_says("late")
+    for name, continues in (
+        ("viewer", rf"the view continues in {tmp_path / 'bag_2.rrd'}"),
+        ("simulation", "restarted"),
+    ):
+        (node,) = (
+            child for child in psutil.Process(process.popen.pid).children(recursive=True)
+            if f"rope_twin.ros.{name}_node" in child.cmdline()
+        )  # fmt: skip
+        node.send_signal(signal.SIGKILL if name == "viewer" else signal.SIGTERM)
+        process.until_says(rf"the {name} process ended \([^)]*\); {continues}")
+    process.until_says(r"restarted\n(.*\n)* +[1-9][\d.]* s  line out")
+    process.send(signal.SIGINT)
+    assert process.wait() == 0
+
+
 def test_nodes_do_not_outlive_a_killed_run_command(processes: Processes) -> None:
     import psutil
 
