@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from rope_twin.estimation.live import LiveLearning
 
 CLOCK_STEP_S = 0.05  # tolerance of ROS time against the steady clock
+WAITING_S = 1.0  # after which a cycle of a co-simulation says what it waits for
 
 
 def publishing_row(error: str, lost_snapshots: int) -> Status:
@@ -75,6 +76,27 @@ def clock_row(moved_s: float) -> Status:
         )
         return Status(name, Level.WARN, message, values)
     return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def granted_row(granted: pacing.GrantedClock) -> Status:
+    """Return the row on the clock of a co-simulation: what the next cycle waits for."""
+    newest_s, granted_s, now_s = (
+        ns * 1e-9 for ns in (granted.newest_ns, granted.granted_ns, granted.now_ns())
+    )
+    values = {"newest time on /clock [s]": f"{newest_s:.3f}"}
+    name = "simulation: clocks"
+    if granted.waited_s < WAITING_S:
+        return Status(name, Level.OK, "steps to the time of /clock", values)
+    if newest_s < granted_s:
+        message = (
+            f"/clock has gone back from {granted_s:.3f} s to {newest_s:.3f} s, and the twin waits "
+            "until it is past that time; deactivate and activate to set a new epoch"
+        )
+        return Status(name, Level.WARN, message, values)
+    if now_s < granted_s:
+        message = "waiting for motion: none has come up to the time of /clock"
+        return Status(name, Level.WARN, message, values)
+    return Status(name, Level.OK, f"waiting for /clock beyond {granted_s:.3f} s", values)
 
 
 def saving_row(saving: SavingStatus) -> Status:
@@ -305,7 +327,8 @@ class PacedTwin:
         if self.granted is not None:  # a cycle may begin as soon as the time of its end is granted
             epoch_ns = ros_now_ns - at_ns
             origin_ns = ros_now_ns + self.pacer.slot_ns
-            self.granted.grant(ros_now_ns)
+            self.granted.begin(ros_now_ns)
+            self.border.motion_ns = self.border.lower_end_ns = None  # of another epoch
         self._ros_ahead_ns = ros_now_ns - steady_now_ns
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
         self._inputs.begin()
@@ -486,6 +509,8 @@ class PacedTwin:
             rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
         if self.border.epoch_ns is not None and self.granted is None:
             rows.append(clock_row((ros_ahead_ns - self._ros_ahead_ns) * 1e-9))
+        elif self.border.epoch_ns is not None and self.granted is not None:
+            rows.append(granted_row(self.granted))
         return rows
 
 

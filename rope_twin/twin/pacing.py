@@ -161,26 +161,39 @@ class GrantedClock:
 
         reach_ns: returns the time to which the inputs are known, or None if they are not awaited.
         """
-        self._granted_ns = 0
+        self.newest_ns = self.granted_ns = 0  # newest time of the master, and the latest one
         self._reach_ns = reach_ns
         self._changed = threading.Condition()
+        self._waits_since_s: float | None = None  # steady time
+
+    def begin(self, time_ns: int) -> None:
+        """Grant the time up to this one alone; call it while nobody waits."""
+        self.newest_ns = self.granted_ns = time_ns
 
     def grant(self, time_ns: int) -> None:
         """Grant the time up to this one; an earlier time than the granted one has no effect."""
         with self._changed:
-            self._granted_ns = max(self._granted_ns, time_ns)
+            self.newest_ns, self.granted_ns = time_ns, max(self.granted_ns, time_ns)
             self._changed.notify_all()
+
+    @property
+    def waited_s(self) -> float:
+        """Return for how long a cycle has waited for its time or for inputs [s]."""
+        since_s = self._waits_since_s
+        return 0.0 if since_s is None else time.monotonic() - since_s
 
     def now_ns(self) -> int:
         """Return the granted time, as far as the inputs are known [ns]."""
         reach_ns = self._reach_ns()
-        return self._granted_ns if reach_ns is None else min(self._granted_ns, reach_ns)
+        return self.granted_ns if reach_ns is None else min(self.granted_ns, reach_ns)
 
     def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
         """Wait until the time is granted and the inputs reach it."""
         with self._changed:
+            self._waits_since_s = time.monotonic()
             while self.now_ns() < time_ns and not interrupt.is_set():
                 self._changed.wait(GRANTED_POLL_S)
+            self._waits_since_s = None
 
 
 class PacingHealth(NamedTuple):

@@ -113,6 +113,46 @@ def test_twin_steps_to_the_time_of_the_master_alone(bench: Bench) -> None:
         assert force.z == pytest.approx(float(snapshot.hang_off_force_n[2]), rel=1e-8)
 
 
+def test_a_master_that_begins_again_is_followed(bench: Bench) -> None:
+    """A clock that goes back is reported; from the next start on its time alone is granted."""
+    node, master = lockstepped(bench), Master(bench)
+    said = bench.listen("diagnostics")
+
+    def clocks() -> str:
+        return next((str(row.message) for message in reversed(said) for row in message.status
+                     if row.name == "simulation: clocks"), "")  # fmt: skip
+
+    master.begin(node)
+    twin = node.paced.twin
+    bench.until(lambda: "waiting for motion" in clocks(), "what it waits for")
+
+    def reached(at_ns: int) -> bool:
+        master.move(at_ns)
+        master.tick(at_ns)
+        return bool(twin.time_ns == 3 * SLOT_NS)
+
+    for at_ns in (-SLOT_NS, 0, 3 * SLOT_NS):
+        master.move(at_ns)
+    bench.until(lambda: reached(3 * SLOT_NS), "the first steps")
+    bench.until(lambda: "waiting for /clock beyond 500.060 s" in clocks(), "the same of the time")
+    back_ns = -400 * 10**9
+    master.tick(back_ns)
+    bench.until(lambda: "gone back from 500.060 s to 100.000 s" in clocks(), "the step back")
+    node.trigger_deactivate()
+    master.epochs.clear()
+    node.trigger_activate()
+    bench.until(lambda: master.epochs, "the new epoch")
+    epoch = master.epochs[0]
+    assert epoch.sec * 10**9 + epoch.nanosec == START_NS + back_ns - 3 * SLOT_NS
+    for k in range(100):  # far more motion than time is granted
+        master.move(back_ns + k * SLOT_NS)
+    bench.until(lambda: node.paced.border.motion_ns == 102 * SLOT_NS, "the motion")
+    bench._spin(0.3)
+    assert twin.time_ns == 3 * SLOT_NS, "the time of before is no longer granted"
+    master.tick(back_ns + SLOT_NS)
+    bench.until(lambda: twin.time_ns == 4 * SLOT_NS, "the next step")
+
+
 def test_lower_end_is_held_by_the_master(bench: Bench, tmp_path: Path) -> None:
     """An ROV on a tether, of which the master knows the motion: the twin waits for it, and the
     force on the ROV is that of the same motion in a scene.
