@@ -35,7 +35,7 @@ ROWS_MEAN = {
     "recorder: bag": "progress of the recording; ERROR if the bag cannot be written",
     "simulation: accuracy": "bound of the discretisation error of the top tension, or why unknown",
     "simulation: bend": "minimum bend radius of each line; WARN below the permitted one",
-    "simulation: clocks": "drift of ROS time against the steady clock; in lockstep what a cycle waits for",
+    "simulation: clocks": "ROS time against the steady clock; in lockstep what a cycle waits for",
     "simulation: compensator": "stroke and force of the heave compensator; WARN at an end stop",
     "simulation: crew limits": "limits that the crew has set, stricter than the scene's",
     "simulation: energy": "energy balance and its residual, in runs that keep it",
