@@ -28,6 +28,7 @@ cubic (core/waves); angles are rotated from those of a nearby position by a seri
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -61,6 +62,7 @@ from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
 from rope_twin.sea.spectrum import (
     DEEP,
+    SHARES,
     SPECTRA_FOLDER,
     WaveSpectrum,
     irregular_waves,
@@ -134,7 +136,10 @@ class WaveSystem:
     components: int = quantity(
         "number of wave components of a spectrum", "", 2, MAX_COMPONENTS, 200
     )
-    seed: int = quantity("random seed of the phases", "", 0, 2**31, 1)
+    seed: int | None = quantity(
+        "random seed of the phases; default: further numbers of the seed of `waves`",
+        "", 0, 2**31, default=None,
+    )  # fmt: skip
     heading_deg: float = quantity(
         "direction of propagation: 0 to the east, 90 to the north", "°", -360.0, 360.0, 0.0
     )
@@ -150,8 +155,10 @@ class WaveSystem:
             return f"{len(given)} sea states given; give one of regular, jonswap and measured"
         return None
 
-    def waves(self, depth_m: float, gravity: float) -> Components:
+    def waves(self, depth_m: float, gravity: float, seed: int, skipped: int) -> Components:
         """Return the wave components.
+
+        seed: the system's own or that of `waves`; skipped: its numbers that others have used.
 
         Raises:
             InputError: there is no such spectrum.
@@ -169,8 +176,8 @@ class WaveSystem:
         else:
             assert self.measured is not None, "checked when the scene was read"
             spectrum = self.measured.spectrum()
-        found = irregular_waves(spectrum, self.components, self.seed, depth_m, gravity)
-        return spread(found, heading, self.spreading, self.seed)
+        found = irregular_waves(spectrum, self.components, seed, depth_m, gravity, skipped)
+        return spread(found, heading, self.spreading, seed, skipped)
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -179,6 +186,7 @@ class WavesParams(SparingRepr, WaveSystem):
 
     _later = frozenset(("also", "stretching"))
 
+    seed: int = quantity("random seed of the phases", "", 0, 2**31, 1)
     also: tuple[WaveSystem, ...] = text("further systems, such as swells", ())
     stretching: str = text("kinematics up to the surface: wheeler, linear or none", "wheeler")
     depth_m: float | None = quantity(
@@ -240,11 +248,17 @@ differs_by_rope(Waves)
 def components_of(params: WavesParams, gravity: float) -> Components:
     """Return the wave components of a scene's sea state.
 
+    Systems with one seed use its random numbers one after the other: with the same phases, waves
+    of the same period would add up by amplitude instead of variance.
+
     Raises:
         InputError: there is no such spectrum.
     """
-    depth = params.depth_m or DEEP
-    systems = [own.waves(depth, gravity) for own in params.systems.values()]
+    depth, used, systems = params.depth_m or DEEP, Counter[int](), []
+    for own in params.systems.values():
+        seed = params.seed if own.seed is None else own.seed
+        systems.append(own.waves(depth, gravity, seed, used[seed]))
+        used[seed] += 0 if own.regular is not None else SHARES * own.components
     return systems[0] if len(systems) == 1 else together(systems)
 
 

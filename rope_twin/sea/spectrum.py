@@ -211,8 +211,8 @@ def _length_m(period_s: float, gravity: float) -> float:
     return gravity * period_s**2 / (2.0 * math.pi)
 
 
-def random_shares(seed: int, count: int) -> Vector:
-    """Return uniform random numbers in [0, 1), (count,).
+def random_shares(seed: int, count: int, skipped: int = 0) -> Vector:
+    """Return uniform random numbers in [0, 1), (count,), beyond the first `skipped` of the seed.
 
     Made from the raw words of PCG64, whose stream numpy guarantees, so that a seed gives the same
     sea with every version of numpy.
@@ -222,7 +222,7 @@ def random_shares(seed: int, count: int) -> Vector:
     """
     if seed < 0:
         raise InputError("seed", f"it is {seed}", "right is a whole number from 0")
-    raw = np.random.PCG64(seed).random_raw(count)
+    raw = np.random.PCG64(seed).random_raw(skipped + count)[skipped:]
     return (raw >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
@@ -291,10 +291,15 @@ def regular_wave(
     )
 
 
+SHARES = 3  # random numbers of a component: phase, frequency in its band, direction
+
+
 def irregular_waves(
-    spectrum: WaveSpectrum, count: int, seed: int, depth_m: float, gravity: float
+    spectrum: WaveSpectrum, count: int, seed: int, depth_m: float, gravity: float, skipped: int = 0
 ) -> Waves:
     """Return a spectrum as `count` components that all travel east; `spread` turns them.
+
+    skipped: random numbers of the seed that other systems of the same sea have used.
 
     Bands of equal width, with a random frequency in each, so that the sea does not repeat; the
     amplitude is that of the band's variance, so Hs is the spectrum's own.
@@ -308,9 +313,9 @@ def irregular_waves(
     below = np.interp(edges, f, variance)
     below[0], below[-1] = 0.0, total
     amplitude = np.sqrt(2.0 * np.diff(below))
-    frequency = edges[:-1] + random_shares(seed, 2 * count)[count:] * np.diff(edges)
+    frequency = edges[:-1] + random_shares(seed, count, skipped + count) * np.diff(edges)
     omega = 2.0 * np.pi * frequency
-    phase = 2.0 * np.pi * random_shares(seed, count)
+    phase = 2.0 * np.pi * random_shares(seed, count, skipped)
     k = wave_numbers(omega, depth_m, gravity)
     return Waves(amplitude, omega, k, np.zeros(count), phase, depth_m)
 
@@ -328,14 +333,17 @@ def directions(exponent: float | None, shares: Vector) -> Vector:
     return np.interp(shares, below / below[-1], angle)
 
 
-def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> Waves:
+def spread(
+    waves: Waves, heading: float, exponent: float | None, seed: int, skipped: int = 0
+) -> Waves:
     """Return the waves with directions spread about a mean heading [rad].
 
     exponent: s of the directional distribution cos^2s((β - β0)/2) (Longuet-Higgins, Cartwright and
     Smith 1963); None: long-crested. Each component has one direction, drawn from the distribution.
+    skipped: as of `irregular_waves`.
     """
     count = len(waves.omega)
-    turn = directions(exponent, random_shares(seed, 3 * count)[2 * count :])
+    turn = directions(exponent, random_shares(seed, count, skipped + 2 * count))
     return replace(waves, heading=heading + turn)
 
 

@@ -280,6 +280,18 @@ def test_spectral_components_keep_the_significant_height() -> None:
     assert math.degrees(mean) == pytest.approx(20.0, abs=6.0)
 
 
+@pytest.mark.parametrize("seed", [None, 4], ids=["left out", "that of the first system"])
+def test_crossing_seas_of_one_seed_add_by_their_variance(seed: int | None) -> None:
+    """Equal spectra from two sides: Hs·√2 at a place, within 3 %, and the first one's own waves."""
+    alone = components_of(SEA, G)
+    other = WaveSystem(jonswap=SEA.jonswap, components=200, seed=seed, heading_deg=110.0)
+    both = components_of(replace(SEA, also=(other,)), G)
+    eta = both.elevation_m(0.0, 0.0, np.arange(0.0, 10800.0, 0.5))
+    assert 4.0 * eta.std() == pytest.approx(2.5 * math.sqrt(2.0), rel=0.03)
+    assert np.isin(alone.phase, both.phase).all()
+    assert len(np.unique(both.phase)) == 400
+
+
 def test_significant_height_of_a_measured_spectrum() -> None:
     """The buoy's spectrum: Hs of the components is the file's."""
     measured = Measured(file="ndbc_46042_1996", column="1996-10-16T00Z")
