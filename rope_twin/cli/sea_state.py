@@ -44,6 +44,7 @@ _UNITS = (
     ("_m", " m", ".2f"),
 )
 _SYMBOLS = {"hs": "Hs", "tp": "Tp", "std": "standard deviation"}
+ELEVATION_HZ = 4.0
 EXAMPLES = (
     "sea-state make --jonswap 2.5m 9s --seed 1 --out sea_2p5m",
     "sea-state make --jonswap 4 11 2 --seed 7 --duration 20min --rate 10Hz --out sea_4m",
@@ -98,14 +99,16 @@ def _add_make(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> N
     )
     add_out(make, "DIR", "bag directory to create", required=True)
     add_duration(make, "length, after which it repeats", 1200.0)
-    for option, default, quantity in (
-        ("--rate", 20.0, "sampling rate of the heave"),
-        ("--elevation-rate", 4.0, "sampling rate of the wave elevation"),
-    ):
-        help_text = f"{quantity} (default: {default:g}Hz)"
-        make.add_argument(
-            option, type=measure("Hz"), default=default, metavar="FREQ", help=help_text
-        )
+    rate = measure("Hz")
+    make.add_argument(
+        "--rate", type=rate, default=20.0, metavar="FREQ",
+        help="sampling rate of the heave (default: 20Hz)",
+    )  # fmt: skip
+    make.add_argument(
+        "--elevation-rate", type=rate, metavar="FREQ",
+        help="sampling rate of the wave elevation, that of the heave over a whole number "
+        f"(default: the lowest of them from {ELEVATION_HZ:g}Hz)",
+    )  # fmt: skip
     make.add_argument(
         "--hull", nargs=4, metavar=("LENGTH", "BREADTH", "DRAUGHT", "CB"),
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
@@ -120,6 +123,8 @@ def _make(args: argparse.Namespace) -> int:
     *sizes, block = _numbers("--hull", args.hull, ("m", "m", "m", ""))
     length, breadth, draught = sizes
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
+    if args.elevation_rate is None:
+        args.elevation_rate = args.rate / max(1.0, args.rate // ELEVATION_HZ)
     if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
         remedy = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
         raise InputError("elevation rate", f"it is {args.elevation_rate:g} Hz", remedy)

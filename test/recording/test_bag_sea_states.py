@@ -115,6 +115,15 @@ def test_jonswap_makes_a_bag_too(tmp_path, capsys):
     assert read_heave(tmp_path / "sea").source.startswith("JONSWAP, Hs 3.3 m, Tp 9.7 s, gamma 1;")
 
 
+@pytest.mark.parametrize(("rate", "elevation_hz"), [("10Hz", 5.0), ("7Hz", 7.0), ("3Hz", 3.0)])
+def test_the_elevation_rate_divides_that_of_the_heave(tmp_path, rate, elevation_hz):
+    words = f"--jonswap 4 11 2 --seed 7 --duration 100 --rate {rate} --out"
+    assert run("sea-state", "make", *words.split(), str(tmp_path / "sea")) == 0
+    record = read_heave(tmp_path / "sea")
+    steps_s = np.diff(record.elevation_time_ns) * 1e-9
+    assert steps_s == pytest.approx(1.0 / elevation_hz, abs=2e-9)
+
+
 @pytest.mark.parametrize(
     ("words", "reported"),
     [
