@@ -41,6 +41,7 @@ from rope_twin.core.state import (
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rope_model import build
@@ -149,13 +150,15 @@ def _body_of(scene: Scene, rope: Rope) -> SuspendedBody | None:
 
 
 def water_at(scene: Scene, z: Floats) -> Floats:
-    """Return the scene's current at these heights [m/s], (3, n)."""
+    """Return the scene's current at these heights [m/s], (3, n); 0 where its rope is in the air."""
     water = np.zeros((3, len(z)))
     for params in scene.effects:
         if isinstance(params, CurrentParams):
             rows = params.table[::-1]
             for k in range(3):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
+    if scene.listed(WettingParams) is not None:
+        water[:, z > 0.0] = 0.0
     return water
 
 

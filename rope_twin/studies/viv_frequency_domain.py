@@ -27,6 +27,7 @@ from rope_twin.core.state import Floats
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.effects.rope_mass import AddedMassParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.grid import ends_m
@@ -42,7 +43,7 @@ from rope_twin.studies.equilibrium import (
 )
 from rope_twin.vortex.drag_amplification import amplified_drag
 from rope_twin.vortex.fatigue import StressCurve, damage_of_series, metal_area
-from rope_twin.vortex.line_model import Span, line_model, lines_of, one_rope
+from rope_twin.vortex.line_model import Span, line_model, lines_of, one_rope, wetted_shares
 from rope_twin.vortex.modal_response import ModalResponse
 from rope_twin.vortex.shedding import Shedding
 
@@ -261,6 +262,8 @@ def span_of(scene: Scene) -> SceneSpan:
     unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])
     mass, volume = per_metre(rest)
     added = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
+    if scene.listed(WettingParams) is not None:
+        added = added * wetted_shares(rest.place[2])
     density = scene.environment.water_density_kg_per_m3
     stretch = length / rest.rest
     span = Span(

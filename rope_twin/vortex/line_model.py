@@ -29,6 +29,7 @@ from rope_twin.core.joined.stack import POINT
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, VELOCITY, Boundary, Floats, Rope, State
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.rope_in_air import Wetting
 from rope_twin.effects.rope_mass import AddedMass, AxialAddedMass
 
 SAMPLES_PER_PERIOD = 24  # samples per period of the fastest vortices: resolves a crest to 0.9 %
@@ -391,7 +392,9 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
     added = sum(
         effect.density for effect in rope.effects if isinstance(effect, AddedMass | AxialAddedMass)
     )
-    added = added if moved_water else 0.0
+    moved = (added if moved_water else 0.0) * volume
+    if any(isinstance(effect, Wetting) for effect in rope.effects):
+        moved = moved * wetted_shares(position[2])
     payload = [effect for effect in rope.effects if isinstance(effect, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)
     relative = work[_FLOW, :n] - rope.state.nodes[_SPEED, :n]
@@ -402,12 +405,18 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
     return Span(
         s=along,
         tension=work[rows.TENSION, :n].copy(),
-        mass=(mass + added * volume) * np.diff(s) / length,
+        mass=(mass + moved) * np.diff(s) / length,
         diameter=np.append(diameter, diameter[-1]),
         speed=np.append(speed, np.maximum(at_top, 0.0)),
         stiffness=sum(effect.EI for effect in rope.effects if isinstance(effect, Bending)),
         end_mass=sum(effect.Mx for effect in payload) if rope.model.first_free == 0 else None,
     )
+
+
+def wetted_shares(z: Floats) -> Floats:
+    """Return the share of each element below the mean water level; z: of the nodes [m]."""
+    low, high = np.minimum(z[1:], z[:-1]), np.maximum(z[1:], z[:-1])
+    return np.clip(-low / np.maximum(high - low, 1e-12), 0.0, 1.0)
 
 
 def lines_of(system: System, count: int | None = None) -> list[tuple[int, ...]]:

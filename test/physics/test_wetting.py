@@ -19,7 +19,9 @@ from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.effects.waves import build as build_waves
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.viv_frequency_domain import span_of
 from rope_twin.twin.monitors import Monitors
+from rope_twin.vortex.line_model import line_model
 
 WIRE = Rig(
     length=200.0, elements=97, mass=20.0, EA=2e8, diameter=0.08, load=2000.0, volume=0.25,
@@ -129,6 +131,24 @@ def test_lateral_period_of_a_half_submerged_string() -> None:
     dry, added = 40.0 / stretch, 1025.0 * 0.25 * pi * 0.2**2 / stretch
     assert computed == pytest.approx(two_part_period(tension, dry, dry + added, 50.0), rel=1e-3)
     assert computed < 0.9 * two_part_period(tension, dry + added, dry + added, 50.0)
+
+
+def test_vortices_and_added_mass_only_below_the_surface() -> None:
+    """50 m of 200 m in the air: `viv` and the line model have m·L + Ca·ρ·A·(wet length) and no
+    flow there; half an element for a node at the surface.
+    """
+    flow = replace(WIRE, hang_off=(0.0, 0.0, 50.0), current=((0.0, (0.4, 0.0)), (-9e2, (0.4, 0.0))))
+    scene = scene_of(flow, WettingParams())
+    twin = Twin(scene)
+    twin.advance(1)
+    for span, z in (
+        (line_model(twin.rope), nodes_of(twin)[1][2]),
+        ((still := span_of(scene)).span, still.place[2]),
+    ):
+        mass = 200.0 * 20.0 + 1025.0 * AREA * 150.0
+        assert span.mass @ np.diff(span.s) == pytest.approx(mass, rel=1e-3)
+        assert span.speed[z > 1.1].max() < 1e-9
+        assert span.speed[z < -1.1] == pytest.approx(0.4, rel=0.02)
 
 
 def test_wind_sag_of_a_taut_rope() -> None:
