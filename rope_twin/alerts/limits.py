@@ -214,7 +214,7 @@ class SceneFigures:
         for number, line in enumerate(scene.ropes):
             winch = winch_of(scene, line)
             if winch is not None and winch.drum is not None:
-                diameter_m = line.made_of[0].rope.diameter_m
+                diameter_m = line.made_of[-1].rope.diameter_m  # the upper end is on the drum
                 store = Store(line.from_, winch.drum, diameter_m, winch.max_line_out_m)
                 self.stores[number] = store
         self._lift: LiftFigures | None = None
@@ -246,8 +246,16 @@ class LimitWatch:
             now = snapshot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
             is_limited = figures.limited or max_n is not None or max_utilisation is not None
             near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
+            share = now / allowed
             text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
-            yield Measure(rope.name, now / allowed, ((near, WARNING), (1.0, ALARM)), text)
+            if rope.utilisation_now is not None:  # sections, each with its own MBL
+                limit_n = min(figures.limits.tension_n or math.inf, max_n or math.inf)
+                limit = min(figures.limits.utilisation, max_utilisation or math.inf)
+                share = max(now / limit_n, rope.utilisation_now / limit)
+                if share > now / limit_n:
+                    text = f"utilisation of '{rope.name}' {rope.utilisation_now:.2f}"
+                    text += f", limit {limit:.2f}"
+            yield Measure(rope.name, share, ((near, WARNING), (1.0, ALARM)), text)
 
     def payload(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find speed and depth of the payloads."""

@@ -53,6 +53,8 @@ def strength_words(rope: RopeStrength, named: bool) -> str:
     of_rope = f" of '{rope.name}'" if named else ""
     tension = f"maximum tension{of_rope} {kilonewtons(rope.max_n, 1)}"
     mbl = f"MBL {kilonewtons(rope.breaking_load_n)}"
+    if rope.section_n is not None and rope.section_n < rope.max_n:
+        mbl = f"{kilonewtons(rope.section_n, 1)} in its section of {mbl}"
     words = f"{tension}, utilisation {rope.utilisation:.2f} ({mbl})"
     if rope.utilisation >= 1.0:
         words = f"MBL{of_rope} exceeded (utilisation {rope.utilisation:.2f}): rope failure expected"

@@ -139,7 +139,7 @@ class Limits:
 
     tension_n: float | None = quantity("maximum tension of a rope", "N", 1.0, 1e9, default=None)
     utilisation: float = quantity(
-        "maximum utilisation: tension over the MBL of the rope's weakest section", "",
+        "maximum utilisation: tension over MBL, the highest of the rope's sections", "",
         1e-3, 100.0, default=1.0,
     )  # fmt: skip
     min_tension_n: float | None = quantity(

@@ -367,8 +367,10 @@ class MultiLineRopes(OtherRopes):
         )
         ropes = rope_snapshots(state, snapshot)
         strength = [
-            strength_of(line, max(max_n, rope.tension_top_n), rope.element_tension_n)
-            for line, max_n, rope in zip(self._scene.ropes, self._max_n, ropes, strict=True)
+            strength_of(line, max(max_n, shown.tension_top_n), rope)
+            for line, max_n, shown, rope in zip(
+                self._scene.ropes, self._max_n, ropes, state.system.ropes, strict=True
+            )
         ]
         completed = amended(
             snapshot,

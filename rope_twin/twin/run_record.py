@@ -5,6 +5,8 @@ Snapshots are completed with the results.
 The tension at the upper end of each rope is checked after every step; the tension along a rope, the
 payload's motion and bends are checked at snapshots (50 Hz in every run). The strain is that of the
 maximum tension divided by the rope's stiffness, so it covers every step too and excludes damping.
+The utilisation of a rope of several sections is the highest of them, each with its own MBL; the
+uppermost one counts in every step.
 
 Dynamic amplification is the maximum since the start of the ratio of the tension at a rope's upper
 end to its static tension at the same paid-out length (DNV-RP-N103: total over static load). The
@@ -100,6 +102,12 @@ class LoadRules:
             limits_n.append(self.limits.tension_n)
         return min(*limits_n, *(_tension_at(rope.strain_at, self.limits.strain) for rope in ropes))
 
+    def upper_mbl_n(self, r: int, line_out_m: float) -> float:
+        """Return the MBL of a rope's uppermost section that is paid out [N]."""
+        line = self._lines[r]
+        out = zip(line.made_of, line.lengths_m(line_out_m), strict=True)
+        return [section.rope.breaking_load_n for section, length_m in out if length_m > 0.0][-1]
+
     def strain_at(self, r: int, tension_n: float) -> float:
         """Return the strain of the softest section of a rope under a tension [N]."""
         return max(section.rope.strain_at(tension_n) for section in self._lines[r].made_of)
@@ -139,6 +147,7 @@ class LoadRecord:
         ropes = len(rules.ropes)
         self._start_n = list(start_n)
         self._max_n = [0.0] * ropes
+        self._most_used = [(0.0, 1.0)] * ropes  # tension [N] and MBL [N] of the most used section
         self._static_n = list(start_n)
         self._static_at_m = list(rules.lengths_m)
         self._amplification = [0.0] * ropes
@@ -194,8 +203,12 @@ class LoadRecord:
         current_n = max(now_n, strength.max_n) if has_grown else now_n
         peak_n = current_n if r > 0 and self._begun else now_n
         max_n = self._max_n[r] = max(self._max_n[r], current_n)
+        used = (current_n, rules.upper_mbl_n(r, line_out_m))
+        if strength.section_n is not None:
+            used = max(used, (strength.section_n, strength.breaking_load_n), key=_share)
+        self._most_used[r] = max(self._most_used[r], used, key=_share)
         if current_n > rules.allowed_n[r]:
-            self._check_tension(r, current_n, strength.breaking_load_n, (snapshot.time_s, rules))
+            self._check_tension(r, current_n, _share(used), (snapshot.time_s, rules))
         if snapshot.cut is None:
             if abs(line_out_m - self._static_at_m[r]) > LINE_OUT_TOL_M:
                 self._static_at_m[r] = line_out_m
@@ -203,18 +216,21 @@ class LoadRecord:
             static_n = self._static_n[r]
             if static_n > 0.0 and peak_n > self._amplification[r] * static_n:
                 self._amplification[r] = peak_n / static_n
-        name, mbl_n, amplification = strength.name, strength.breaking_load_n, self._amplification[r]
-        return RopeStrength(name, max_n, mbl_n, self._static_n[r], amplification or None)
+        carried_n, mbl_n = self._most_used[r]
+        amplification = self._amplification[r] or None
+        own = () if strength.section_n is None else (carried_n, _share(used))
+        static_n = self._static_n[r]
+        return RopeStrength(strength.name, max_n, mbl_n, static_n, amplification, *own)
 
     def _check_tension(
-        self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
+        self, r: int, tension_n: float, utilisation: float, at: tuple[float, LoadRules]
     ) -> None:
         """Record which limits of a rope this tension exceeds; at: the time [s] and the rules."""
         time_s, rules = at
         limits = rules.limits
         values = (
             (tension_n, limits.tension_n),
-            (tension_n / breaking_load_n, limits.utilisation),
+            (utilisation, limits.utilisation),
             (rules.strain_at(r, tension_n), limits.strain),
         )
         for number, (value, limit) in enumerate(values):
@@ -286,6 +302,11 @@ class LoadRecord:
             limit = rules.radius_m(name) if bent else getattr(rules.limits, key)
             value = -worst if key in LOWER_LIMITS else worst
             yield LimitBreach(key, name, float(limit), first_s, last_s, value, worst_s)
+
+
+def _share(carried: tuple[float, float]) -> float:
+    tension_n, breaking_load_n = carried
+    return tension_n / breaking_load_n
 
 
 def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:

@@ -194,14 +194,18 @@ class RopeStrength:
 
     name: str
     max_n: float  # at its upper end in every step since the start, along it at snapshots
-    breaking_load_n: float  # MBL of its weakest section
+    breaking_load_n: float  # MBL, of the section with the highest utilisation
     static_n: float | None = None  # static tension at its upper end at the present payout
     dynamic_amplification: float | None = None  # maximum tension over static since the start
+    # of a rope of several sections: maximum tension of that section, and utilisation at present
+    section_n: float | None = None
+    utilisation_now: float | None = None
 
     @property
     def utilisation(self) -> float:
         """Maximum tension over MBL; above 1 a real rope has parted, the simulated one has not."""
-        return self.max_n / self.breaking_load_n
+        carried_n = self.max_n if self.section_n is None else self.section_n
+        return carried_n / self.breaking_load_n
 
 
 @dataclass(frozen=True)

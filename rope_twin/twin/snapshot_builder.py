@@ -163,14 +163,27 @@ def build_snapshot(
         fluid_factors=factors_at(rope.effects, time_s),
         motion_ramp=ramp(time_s, ship.motion_ramp_s)[0] if ship_moves else 1.0,
         solver=_solver_health(state.health),
-        strength=(strength_of(scene.ropes[0], max_n, first.element_tension_n),),
+        strength=(strength_of(scene.ropes[0], max_n, rope),),
     )
 
 
-def strength_of(line: RopeLine, max_n: float, element_tension_n: Vector) -> RopeStrength:
-    """Return a rope's maximum tension and MBL; max_n: maximum at its top since the start [N]."""
-    peak_n = max(float(max_n), float(element_tension_n.max()))
-    return RopeStrength(line.name, peak_n, line.breaking_load_n)
+def strength_of(line: RopeLine, max_n: float, rope: Rope) -> RopeStrength:
+    """Return a rope's maximum tension and MBL; max_n: maximum at its top since the start [N].
+
+    Of several sections it is the one with the highest utilisation along the rope at present.
+    """
+    n = int(rope.state.counts[rows.ELEMENTS])
+    tension_n = rope.work[rows.TENSION, :n]
+    peak_n = max(float(max_n), float(tension_n.max()))
+    if len(line.made_of) == 1:
+        return RopeStrength(line.name, peak_n, line.breaking_load_n)
+    s = rope.state.s[: n + 1]
+    mbl_n = np.array([section.rope.breaking_load_n for section in line.made_of])
+    number = np.searchsorted(rope.sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
+    mbl_n = mbl_n[np.minimum(number, len(mbl_n) - 1)]
+    most = int(np.argmax(tension_n / mbl_n))
+    carried_n = float(tension_n[most])
+    return RopeStrength(line.name, peak_n, float(mbl_n[most]), section_n=carried_n)
 
 
 def _solver_health(health: Ints) -> SolverHealth:

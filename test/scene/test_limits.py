@@ -14,8 +14,9 @@ from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, Level, Status, decode, read_cloud, statuses
 from rope_twin.messages.diagnostics import BreachWords, breach_words, landing_words
 from rope_twin.scene.convergence import scene_digest
+from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Limits, Scene
+from rope_twin.scene.schema import Limits, RopeSection, Scene
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 from rope_twin.twin.twin import Twin
 
@@ -45,6 +46,30 @@ def row(snapshot: Snapshot) -> Status:
 
 def run(path: Path, *words: str) -> int:
     return main(["run", str(path), "--speed", "0", "--duration", "1", "--no-record", *words])
+
+
+@pytest.mark.parametrize("weak_n", [180e3, 195e3], ids=["parted", "sound"])
+def test_utilisation_is_that_of_the_most_used_section(weak_n: float) -> None:
+    """Static tension at the upper end of each section over its own MBL; half an element less.
+
+    A lower section whose MBL the top tension exceeds is sound as long as its own tension is lower.
+    """
+    line = STILL.ropes[0]
+    assert line.rope is not None
+    lower, upper = (replace(line.rope, breaking_load_n=mbl_n) for mbl_n in (weak_n, 2e6))
+    heavy = replace(upper, mass_kg_per_m=30.0)
+    sections = (RopeSection(rope=lower, length_m=0.5 * line.length_m), RopeSection(rope=heavy))
+    scene = replace(STILL, ropes=(replace(line, rope=None, sections=sections),))
+    (weak, at_joint_n), (strong, at_top_n) = lift_figures(scene).upper_ends(line.length_m)
+    assert at_top_n > 1.5 * weak_n
+    shares = (at_joint_n / weak.breaking_load_n, at_top_n / strong.breaking_load_n)
+    snapshot = Twin(scene).snapshot()
+    (strength,) = snapshot.strength
+    half_n = 0.5 * lift_figures(scene).bars[0].weight_n_per_m * line.length_m / line.elements
+    assert strength.utilisation == pytest.approx(max(shares), abs=1.01 * half_n / weak_n)
+    assert strength.utilisation_now == strength.utilisation
+    assert strength.max_n == pytest.approx(at_top_n)
+    assert ("utilisation" in breaches(snapshot)) == (max(shares) > 1.0)
 
 
 def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
