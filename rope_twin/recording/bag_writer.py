@@ -382,11 +382,9 @@ class BagWriter(bag.ClosableBag):
     def _make_directory(self) -> None:
         try:
             self.directory.mkdir(parents=True, exist_ok=True)
-            in_use = any(self.directory.iterdir())
         except OSError as error:
-            raise self._error(f"it cannot be made ({error.strerror})") from error
-        if in_use:
-            raise self._error("the directory holds something", "name one that does not exist yet")
+            raise _error(self.directory, f"it cannot be made ({error.strerror})") from error
+        check_unused(self.directory)
 
     def _displacement(self) -> BagError:
         return self._error(
@@ -394,8 +392,27 @@ class BagWriter(bag.ClosableBag):
             "what it held is lost or is where it was moved to: start another recording",
         )
 
-    def _error(self, problem: str, remedy: str = "name a place that can be written") -> BagError:
-        return BagError(f"bag {self.directory}", problem, remedy)
+    def _error(self, problem: str, remedy: str = "") -> BagError:
+        return _error(self.directory, problem, remedy)
+
+
+def check_unused(directory: Path) -> None:
+    """Check that a bag can be made in a directory, as far as it exists.
+
+    Raises:
+        BagError: it holds something, or is none.
+    """
+    try:
+        in_use = directory.exists() and any(directory.iterdir())
+    except OSError as error:
+        raise _error(directory, f"it cannot be made ({error.strerror})") from error
+    if in_use:
+        remedy = "name one that does not exist yet"
+        raise _error(directory, "the directory holds something", remedy)
+
+
+def _error(directory: Path, problem: str, remedy: str = "") -> BagError:
+    return BagError(f"bag {directory}", problem, remedy or "name a place that can be written")
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import rclpy
@@ -37,6 +37,7 @@ from rope_twin.topics import BY_NAME
 
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
+BEGUN = "ROPE_TWIN_BEGUN"  # environment: folder in which this node leaves a note once it has begun
 _WAIT_S = 0.1  # longest wait in the executor, and so the delay until a signal is noticed
 END_S = 10.0  # for the middleware to release what a node held; less than a supervisor's
 _READ_S = 0.2  # from the sentence to the end of the process
@@ -114,6 +115,9 @@ def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> in
         executor.add_node(node)
         if not stop.requested:
             node.begin()
+            if BEGUN in os.environ:
+                with suppress(OSError):  # the suite has just ended
+                    begun_note(os.environ[BEGUN], os.getpid()).touch()
         while not (stop.requested or node.finished or _orphaned()) and rclpy.ok():
             executor.spin_once(timeout_sec=_WAIT_S)
         code = 0
@@ -174,6 +178,11 @@ def middleware(*ros_args: str) -> Iterator[None]:
         yield
     finally:
         release(0)
+
+
+def begun_note(folder: str, process: int) -> Path:
+    """Return the file that says that the node of a process has begun."""
+    return Path(folder) / f"begun_{process}"
 
 
 def _orphaned() -> bool:

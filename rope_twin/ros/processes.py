@@ -24,7 +24,8 @@ from rclpy.node import Node
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
-from rope_twin.ros.entry import PARENT, initialise, leave
+from rope_twin.recording.bag_writer import check_unused
+from rope_twin.ros.entry import BEGUN, PARENT, begun_note, initialise, leave
 from rope_twin.ros.middleware import keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
@@ -39,7 +40,6 @@ from rope_twin.twin.twin import Twin
 STANDBY = "recorder_standby"  # takes over immediately if the recorder fails
 _WAIT_S = 0.1
 _RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0  # maximum number of restarts of a process
-_BEGUN_S = 5.0  # a process that exits sooner with an error of its own could not start
 _SAVE_EVERY_S = 2.0  # real time that a restarted simulation computes again at most
 _SETTLED_S = 1.0  # time from the newest start until a spare is started
 _FIND_S = 20.0  # time allowed for processes to start and to discover each other
@@ -141,6 +141,7 @@ class Processes:
     def __init__(self, options: RunOptions) -> None:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         self._started_s: dict[str, float] = {}
+        self._begun: set[str] = set()  # nodes that have ended and had begun before
         self._restarted_s: dict[str, deque[float]] = {}  # times of the last restarts
         self._bags = [options.record] if options.record else []
         self._folder = tempfile.TemporaryDirectory(prefix="rope_twin_run_")
@@ -170,14 +171,17 @@ class Processes:
             self._spare.close()
             self._spare = None
         if self._spare is None and time.monotonic() - max(self._started_s.values()) > _SETTLED_S:
-            self._spare = Spare(self._scene, _environment())
+            self._spare = Spare(self._scene, self._environment())
 
     def ended(self) -> dict[str, int]:
         """Return exit codes (negative: killed by that signal) of newly ended processes."""
         codes = {name: process.poll() for name, process in self._running.items()}
         over = {name: code for name, code in codes.items() if code is not None}
         for name in over:
-            del self._running[name]
+            process = self._running.pop(name)
+            self._begun.discard(name)
+            if begun_note(self._folder.name, process.pid).exists():
+                self._begun.add(name)
         return over
 
     def restart(self, name: str, code: int, stepping: bool) -> str:
@@ -193,8 +197,7 @@ class Processes:
         died = f"the {name} process ended ({_words(code)})"
         now_s = time.monotonic()
         times = self._restarted_s.setdefault(name, deque(maxlen=_RESTARTS))
-        begun = now_s - self._started_s[name] > _BEGUN_S
-        if code > 0 and not (stepping if name == "simulation" else begun):
+        if code > 0 and not (stepping if name == "simulation" else name in self._begun):
             raise NotRestarted(f"{died} and is not restarted: it could not start.")
         if len(times) == _RESTARTS and now_s - times[0] < _RESTARTS_WITHIN_S:
             often = f"{_RESTARTS} restarts within {_RESTARTS_WITHIN_S:g} s"
@@ -247,8 +250,12 @@ class Processes:
             return spare.process
         # A process session of its own: Ctrl-C reaches only this process, which ends the others.
         return subprocess.Popen(
-            node_command(name, parameters), env=_environment(), start_new_session=True
+            node_command(name, parameters), env=self._environment(), start_new_session=True
         )
+
+    def _environment(self) -> dict[str, str]:
+        """Return the environment of a node's process, which names the process that starts it."""
+        return {**os.environ, PARENT: str(os.getpid()), BEGUN: self._folder.name}
 
     def interrupt(self, name: str) -> None:
         """Ask a process to end, by SIGINT."""
@@ -295,11 +302,6 @@ def _node_of(name: str) -> str:
     return "recorder" if name == STANDBY else name
 
 
-def _environment() -> dict[str, str]:
-    """Return the environment of a node's process, which names the process that starts it."""
-    return {**os.environ, PARENT: str(os.getpid())}
-
-
 def _awaited(options: RunOptions) -> str:
     """Return the topics to wait for: the inputs of the run, and all topics to be recorded."""
     scene = load_scene(options.scene)
@@ -322,6 +324,8 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
         KeyboardInterrupt: a stop was requested before there was a summary.
     """
     load_scene(options.scene)  # errors of the scene are reported once, here
+    if options.record is not None:
+        check_unused(options.record)
     if not options.network:
         keep_to_loopback()
     stop = StopSignal(signal.SIG_DFL)

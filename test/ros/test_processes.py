@@ -6,6 +6,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ from ros_messages import BAD
 from ros_process import Process, Processes, until_running
 
 from rope_twin.recording.bag import BagReader
+from rope_twin.ros import processes as ros_processes
+from rope_twin.ros.entry import BEGUN, begun_note
 from rope_twin.ros.processes import node_command
+from rope_twin.run.options import RunOptions
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -95,6 +99,56 @@ def test_a_process_that_is_asked_to_end_is_restarted_too(
     process.until_says(r"restarted\n(.*\n)* +[1-9][\d.]* s  line out")
     process.send(signal.SIGINT)
     assert process.wait() == 0
+
+
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_node_that_could_not_begin_is_not_restarted_however_long_it_took(
+    monkeypatch: pytest.MonkeyPatch, begun: bool
+) -> None:
+    """Each start would end in the same way, also on a machine that takes a minute for it."""
+    folders: list[str] = []
+
+    class Ended:
+        """Takes the place of a process that has ended with an error of its own."""
+
+        pid = 77
+
+        def __init__(self, command: list[str], env: dict[str, str], **options: Any) -> None:
+            folders.append(env[BEGUN])
+
+        def poll(self) -> int:
+            return 1
+
+        def kill(self) -> None:
+            """Do nothing: no process runs."""
+
+        wait = kill
+
+    monkeypatch.setattr(subprocess, "Popen", Ended)
+    made = ros_processes.Processes(RunOptions(scene=SCENE, console="127.0.0.1:8420"))
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + 60.0)
+    if begun:
+        begun_note(folders[0], Ended.pid).touch()
+    assert made.ended()["console"] == 1
+    if begun:
+        assert made.restart("console", 1, stepping=True).endswith("restarted")
+    else:
+        with pytest.raises(ros_processes.NotRestarted, match="it could not start"):
+            made.restart("console", 1, stepping=True)
+    made.close()
+
+
+def test_a_bag_directory_in_use_is_refused_before_any_process_starts(
+    processes: Processes, tmp_path: Path
+) -> None:
+    (tmp_path / "bag").mkdir()
+    (tmp_path / "bag" / "bag_0.mcap").write_bytes(b"of another run")
+    process = processes.cli("run", SCENE, "--processes", "--headless", "--out",
+                            str(tmp_path / "bag"))  # fmt: skip
+    assert process.wait() == 1
+    (line,) = process.text.strip().splitlines()
+    assert "bag: the directory holds something" in line
 
 
 def test_nodes_do_not_outlive_a_killed_run_command(processes: Processes) -> None:
