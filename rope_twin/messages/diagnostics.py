@@ -244,7 +244,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         (snapshot.compensator, _compensator),
         (snapshot.seabed and snapshot, _seabed),
         (snapshot.touchdowns, touchdown_status),
-        (snapshot.residuals, residuals_status),
+        (snapshot.residuals, partial(residuals_status, now_s=snapshot.time_s)),
         (snapshot.quality, quality_status),
         (snapshot.bends, bend_status),
         (snapshot.cut and snapshot, _cut),

@@ -104,8 +104,11 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def residuals_status(residuals: Sequence[Residual]) -> Status:
-    """Return the row on measured less computed values: WARN if one is outside for long."""
+def residuals_status(residuals: Sequence[Residual], now_s: float = -math.inf) -> Status:
+    """Return the row on measured less computed values: WARN if one is outside for long.
+
+    now_s: twin time, to report old measurements as such.
+    """
     values: dict[str, str] = {}
     for residual in residuals:
         quantity, scale, unit, form = _QUANTITIES[residual.quantity]
@@ -119,16 +122,22 @@ def residuals_status(residuals: Sequence[Residual]) -> Status:
         if residual.outside is not None:
             values[f"{label}, outside its interval [%]"] = f"{100.0 * residual.outside:.0f}"
     outside = [residual for residual in residuals if disagrees(residual)]
-    words = "; ".join(residual_words(residual) for residual in outside or residuals)
+    words = "; ".join(residual_words(residual, now_s) for residual in outside or residuals)
     level = Level.WARN if outside else Level.OK
     return Status("simulation: residuals", level, words, values)
 
 
-def residual_words(residual: Residual) -> str:
-    """Return a residual in words, with its interval and statistics."""
+OLD_S = 10.0  # age from which a measurement is reported with it
+
+
+def residual_words(residual: Residual, now_s: float = -math.inf) -> str:
+    """Return a residual in words, with its interval and statistics; now_s: twin time."""
     quantity, scale, unit, form = _QUANTITIES[residual.quantity]
+    age_s = now_s - residual.at_s
+    old = f", {age_s:.0f} s ago" if age_s > OLD_S else ""
     words = (
-        f"{quantity} of '{residual.name}': measured {scale * residual.measured:{form}} {unit}, "
+        f"{quantity} of '{residual.name}'{old}: "
+        f"measured {scale * residual.measured:{form}} {unit}, "
         f"computed {scale * residual.computed:{form}} {unit}, mean residual "
         f"{scale * residual.mean:+{form}} {unit}"
     )

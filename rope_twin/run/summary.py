@@ -198,7 +198,8 @@ class RunSummary:
             lines.append(cut_words(CutSnapshot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
         lines += self._monitor_words()
-        lines += [residual_words(_of_fields(Residual, residual)) for residual in self.residuals]
+        residuals = (_of_fields(Residual, residual) for residual in self.residuals)
+        lines += [residual_words(residual, self.time_s) for residual in residuals]
         lines += [lowest_words(self.quality)] if self.quality else []
         lines += [learned_words(figure) for figure in self.learned]
         lines += [alarm_words(alarm) for alarm in self.alarms]

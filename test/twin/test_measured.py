@@ -112,6 +112,19 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
     assert "line out" not in row.message, "only what is outside"
 
 
+def test_a_measurement_of_long_ago_is_reported_as_such(at_rest: Twin) -> None:
+    """A cable that came off is no present disagreement of 100 kN."""
+    twin = at_rest.branch()
+    twin.advance(2)
+    twin.offer_measurement(Measurement.of_winch(twin.time_ns, tension_n=3e5))
+    for seconds, words in ((1, "of 'winch': measured"), (14, "of 'winch', 15 s ago: measured")):
+        twin.advance(100 * seconds)
+        snapshot = twin.snapshot()
+        (row,) = (row for row in statuses(snapshot, None) if row.name == "simulation: residuals")
+        assert words in row.message
+        assert words in summarise(twin, snapshot).as_text()
+
+
 def test_a_reading_between_two_samples_is_interpolated(scene: Scene) -> None:
     """T = 1e5 + 100·t² at 13 ms: a line between samples 20 ms apart errs by h²/8·T'' at most."""
     inputs = MeasuredInputs(scene)
