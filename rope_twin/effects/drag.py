@@ -91,7 +91,9 @@ class DragParams(SparingRepr):
 
     _later = frozenset(("over_keulegan_carpenter",))
 
-    normal: float = quantity("normal drag coefficient, on the diameter d", "", 0.0, 10.0)
+    normal: float = quantity(
+        "normal drag coefficient, on the hydrodynamic diameter d", "", 0.0, 10.0
+    )
     tangential: float = quantity("tangential drag coefficient, on π·d", "", 0.0, 1.0)
     over_reynolds: tuple[tuple[float, float], ...] = quantity(
         "rows of Reynolds number and factor on `normal`", "", 1e-3, 1e9, default=()

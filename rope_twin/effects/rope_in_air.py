@@ -19,8 +19,10 @@ and the power of the forces that act is put in its place.
 **wind**: Wind drag on the rope above the water (beside `wetting`).
 
 Per metre ½·ρ_air·d·C_d·|n|·n with n the normal component of the wind relative to the rope, on the
-dry part of each node. The wind grows with height by the power law U(z) = U_10·(z/10 m)^α, with α
-0.12 over open sea with waves (DNV-RP-C205, 2.3.2); a wind along the rope is neglected.
+dry part of each node, and d the hydrodynamic diameter: a C_d on the nominal one is to be multiplied
+by nominal over hydrodynamic diameter, about 1.25 for stranded wire. The wind grows with height by
+the power law U(z) = U_10·(z/10 m)^α, with α 0.12 over open sea with waves (DNV-RP-C205, 2.3.2); a
+wind along the rope is neglected.
 """
 
 from __future__ import annotations
@@ -148,7 +150,9 @@ class WindParams:
         -80.0, 80.0,
     )  # fmt: skip
     exponent: float = quantity("α of the profile (z/10 m)^α", "", 0.0, 1.0, default=0.12)
-    normal: float = quantity("normal drag coefficient, on the diameter", "", 0.0, 10.0, default=1.2)
+    normal: float = quantity(
+        "normal drag coefficient, on the hydrodynamic diameter", "", 0.0, 10.0, default=1.2
+    )
     density_kg_per_m3: float = quantity("density of the air", "kg/m³", 0.1, 10.0, default=1.226)
 
 

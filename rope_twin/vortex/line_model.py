@@ -416,7 +416,7 @@ def line_model(rope: Rope, moved_water: bool = True) -> Span:
 def wetted_shares(z: Floats) -> Floats:
     """Return the share of each element below the mean water level; z: of the nodes [m]."""
     low, high = np.minimum(z[1:], z[:-1]), np.maximum(z[1:], z[:-1])
-    return np.clip(-low / np.maximum(high - low, 1e-12), 0.0, 1.0)
+    return np.asarray(np.clip(-low / np.maximum(high - low, 1e-12), 0.0, 1.0))
 
 
 def lines_of(system: System, count: int | None = None) -> list[tuple[int, ...]]:
