@@ -41,6 +41,7 @@ from rope_twin.core.state import (
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.payload import SplashZone
 from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.joined_model import build_joined
@@ -62,6 +63,7 @@ class StillLine:
     stiffness: Floats  # dT/dl of the elements [N/m], (n,)
     mass: Floats  # of the nodes, (n + 1, 3, 3)
     couplings: Couplings | None  # of bending
+    waterplane: float  # ρ·g·V/H of a payload in the surface at its lower end, vertical [N/m]
 
     @property
     def directions(self) -> tuple[Floats, Floats]:
@@ -124,8 +126,15 @@ def bring_to_rest(scene: Scene) -> AtRest:
     node_masses = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
     return AtRest(
         line.name, position, _from_top(still), forces.tension, law.stiffness, node_masses,
-        couplings, scene, first, tangent[:, first:], still.rest, body,
+        couplings, _waterplane(rope, position[2, 0]), scene, first, tangent[:, first:], still.rest,
+        body,
     )  # fmt: skip
+
+
+def _waterplane(rope: Rope, z: float) -> float:
+    """Return the change of buoyancy with height of a payload at z [m], 0 outside the surface."""
+    zones = (effect for effect in rope.effects if isinstance(effect, SplashZone))
+    return sum(zone.lift / zone.height for zone in zones if abs(z) < 0.5 * zone.height)
 
 
 def _from_top(still: StillRope) -> Floats:
@@ -273,7 +282,10 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
     couplings = still.couplings() if still.reach > 1 else None
     stiffness = rope.work[STIFFNESS, :n].copy()
-    return StillLine(name, position, _from_top(still), tension, stiffness, mass, couplings)
+    waterplane = _waterplane(rope, position[2, 0])
+    return StillLine(
+        name, position, _from_top(still), tension, stiffness, mass, couplings, waterplane
+    )
 
 
 def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:

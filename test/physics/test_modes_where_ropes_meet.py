@@ -13,8 +13,9 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.errors import InputError
-from rope_twin.scene.schema import HangOff, Joint, Payload, RopeLine, Scene, Strut
+from rope_twin.scene.schema import HangOff, Joint, Payload, Rope, RopeLine, Scene, Strut
 from rope_twin.studies.modes import find_modes, find_system_modes
 
 LENGTH, LOAD, APART = 50.0, 50e3, 12.0
@@ -54,6 +55,35 @@ def test_modes_of_a_rope_in_two_parts_are_those_of_the_rope(
     assert first.kind == "stretching"
     assert first.vertical_share > 0.99
     assert (first.rope, first.largest_at_m) == ("lower", 300.0)
+
+
+def test_heave_of_a_payload_in_the_surface() -> None:
+    """ω² = (EA/L + ρ·g·V/H)/(m + β·A33) on a light rope, whole and in two parts: 1e-3."""
+    scene = lift()
+    rope = Rope(diameter_m=0.01, mass_kg_per_m=0.01, hydrodynamic_diameter_m=0.001,
+                    axial_stiffness_n=2e6, breaking_load_n=1e6)  # fmt: skip
+    line = replace(scene.ropes[0], rope=rope, length_m=8.0, elements=8)
+    buoy = Payload(
+        name=line.to, mass_kg=7000.0, displaced_volume_m3=12.0, drag_area_m2=(4.0, 4.0, 4.0),
+        added_mass_kg=(3000.0, 3000.0, 5000.0),
+    )  # fmt: skip
+    zone = SplashZoneParams(height_m=3.0)
+    ship = replace(scene.ship, hang_off_m=(0.0, 0.0, 8.7))
+    whole = replace(
+        scene, ropes=(line,), hang_offs=(), payloads=(buoy,), ship=ship, winch=None,
+        effects=(*scene.effects, zone),
+    )  # fmt: skip
+    upper = replace(line, elements=4, length_m=4.0, to="ring")
+    lower = replace(upper, name="lower", from_="ring", to=line.to)
+    parted = replace(whole, ropes=(upper, lower), joints=(Joint(name="ring"),))
+    one, two = find_modes(whole, 6), find_system_modes(parted, 6)
+    submerged = 0.5 - one.place[-1, 2] / 3.0
+    assert 0.1 < submerged < 0.9
+    stiffness = 2e6 / 8.0 + 1025.0 * 9.80665 * 12.0 / 3.0
+    expected_hz = math.sqrt(stiffness / (7000.0 + submerged * 5000.0)) / (2.0 * math.pi)
+    assert one.axial[0].frequency_hz == pytest.approx(expected_hz, rel=1e-3)
+    vertical = max(two.lowest, key=lambda mode: mode.vertical_share)
+    assert vertical.frequency_hz == pytest.approx(expected_hz, rel=1e-3)
 
 
 def hung_bar() -> Scene:
