@@ -261,7 +261,7 @@ def span_of(scene: Scene) -> SceneSpan:
     length = np.sqrt((steps * steps).sum(axis=0))
     unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])
     mass, volume = per_metre(rest)
-    added = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
+    added: float | Floats = sum(p.normal for p in scene.effects if isinstance(p, AddedMassParams))
     if scene.listed(WettingParams) is not None:
         added = added * wetted_shares(rest.place[2])
     density = scene.environment.water_density_kg_per_m3
