@@ -213,7 +213,7 @@ def _numerics(at: Moment) -> Iterator[Measure]:
     """Find steps that did not converge, or that failed a short time ago."""
     row = at.rows.get("simulation: solver")
     failed = row is not None and row.level >= Level.ERROR
-    if at.snapshot.doubtful or failed:
+    if at.snapshot.not_converged or failed:
         words = row.message if row is not None and failed else "a step did not converge"
         yield present("solver", WARNING, words)
 

@@ -103,8 +103,8 @@ def _show(result: Operability, alpha: AlphaTable | None) -> None:
         print(f"alpha             {low:.3g} to {high:.3g}, {alpha.source}")
     print(f"hindcast          {result.years:.3g} years, every {hours_text(result.step_s)} h")
     for share, remark in ((result.missing, "of the time has no row, and counts as above the limit"),
-                         (result.aside, "of the rows has a heading that the limits do not cover, "
-                          "and counts as above them"),
+                         (result.heading_not_covered, "of the rows has a heading that the limits "
+                          "do not cover, and counts as above them"),
                          (result.not_covered, "of the rows has a Tp that the limits do not cover, "
                           "and counts as above them")):  # fmt: skip
         if share > 0.0:

@@ -278,7 +278,7 @@ def _solver(snapshot: Snapshot) -> Status:
     level, message = Level.OK, "all steps converged"
     if health.recovered_ago_s < RECOVERY_ERROR_S:
         level, message = Level.ERROR, f"recovered from {failed}; last: {health.recovery}"
-    elif snapshot.doubtful:
+    elif snapshot.not_converged:
         level = Level.ERROR
         message = "last step not converged: tension and positions unreliable"
     elif health.unconverged_substeps:

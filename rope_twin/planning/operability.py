@@ -116,7 +116,7 @@ class Operability:
     years: float
     missing: float  # share of the time without a row in the hindcast
     not_covered: float  # share of the rows at periods that the limits do not cover
-    aside: float  # share of the rows at headings that they do not cover
+    heading_not_covered: float  # share of the rows at headings that they do not cover
     alpha: tuple[float, float]  # smallest and largest used
     whole: Period
     months: tuple[Period, ...]
@@ -147,7 +147,7 @@ def operability(
     # nan at periods that are not covered
     limit = np.min(np.stack(list(phase_limits.values())), axis=0)
     covered = known & np.isfinite(limit)
-    aside = ~np.all([limits.covers(name, heading) for name in limits.phases], axis=0)
+    heading_not_covered = ~np.all([limits.covers(name, heading) for name in limits.phases], axis=0)
     factor = np.ones(len(limit))
     if alpha is not None:
         factor[covered] = alpha.at(limit[covered], operation.planned_s, operation.reference_s)
@@ -172,8 +172,8 @@ def operability(
     alphas = factor[covered] if covered.any() else np.ones(1)
     return Operability(
         operation, hindcast.step_s, len(known) * hindcast.step_s / (365.25 * 86400.0),
-        1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~aside, known),
-        _share(aside, known),
+        1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~heading_not_covered, known),
+        _share(heading_not_covered, known),
         (float(alphas.min()), float(alphas.max())), period("all", np.ones(len(known), bool)),
         tuple(period(MONTHS[k], months == k + 1) for k in range(12) if (months == k + 1).any()),
         Spread.of(_spells(calm, True) * hindcast.step_s),
@@ -258,7 +258,7 @@ def figures(result: Operability) -> dict[str, Any]:
         "years": result.years,
         "missing_share": result.missing,
         "not_covered_share": result.not_covered,
-        "heading_not_covered_share": result.aside,
+        "heading_not_covered_share": result.heading_not_covered,
         "alpha": list(result.alpha),
         "phases_within_limit": dict(result.phases),
         "periods": [_period_figures(period) for period in (result.whole, *result.months)],

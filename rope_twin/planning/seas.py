@@ -83,7 +83,7 @@ class HullTip:
         return self.hull.describe()
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Complex:
-        """Return the heave; no motion aside."""
+        """Return the heave; no lateral motion."""
         return self.freedoms(frequency_hz, heading)[:3]
 
     def freedoms(self, frequency_hz: Vector, heading: Vector) -> Complex:
@@ -321,5 +321,7 @@ def _series(tracks: list[Vector]) -> HeaveSeries:
     """
     z, v, *lateral = tracks
     stamps = (np.arange(len(z), dtype=np.int64) - LEAD_SAMPLES) * SAMPLE_NS
-    aside = np.ascontiguousarray(np.stack(lateral)) if lateral else None
-    return HeaveSeries(stamps, np.ascontiguousarray(z), np.ascontiguousarray(v), aside=aside)
+    lateral_motion = np.ascontiguousarray(np.stack(lateral)) if lateral else None
+    return HeaveSeries(
+        stamps, np.ascontiguousarray(z), np.ascontiguousarray(v), lateral=lateral_motion
+    )

@@ -30,7 +30,7 @@ SLING = ("phase", "sling", "share %", "with skew, tilt, CoG %", "load at hook kN
 
 SNAP = (*CELL, "uplift %", "slack %", "snap force kN", "static + snap kN", "of hook limit %",
         "hook load kN")  # fmt: skip
-LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "aside m", "least by API m/s", "DAF",
+LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "lateral m", "least by API m/s", "DAF",
             "simplified DAF", "re-hit m/s")  # fmt: skip
 
 
@@ -166,17 +166,17 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             gamma = result.plan.sea.gamma
             sea = SeaState(judgement.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
             inputs = leg, work.ship.tip, sea, result.plan.method.percentile
-            closing, aside = relative_speed(*inputs), relative_offset_m(*inputs)
+            closing, lateral = relative_speed(*inputs), relative_offset_m(*inputs)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
                 *cell.row_head, f"{judgement.height_m:g}", f"{-leg.speed_m_per_s:g}",
-                f"{closing:.2f}", f"{aside:.2f}", f"{lift_off_speed(judgement.height_m):.2f}",
+                f"{closing:.2f}", f"{lateral:.2f}", f"{lift_off_speed(judgement.height_m):.2f}",
                 f"{judgement.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
                 f"{judgement.values['re_hit'].value:.2f}",
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
-        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). Aside: "
+        "characteristic speed between crane tip and deck (API Spec 2C, 7th ed., 5.4.5). Lateral: "
         "characteristic horizontal motion of the crane tip against the point of the deck below the "
         "object, in its largest direction; in the runs the deck stays in place. On a rigid rope "
         "a winch faster than the deck leaves it behind; an object that swings on its rope, or "

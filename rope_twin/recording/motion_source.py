@@ -145,7 +145,7 @@ def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
     if not samples:
         return None
     heave = ((sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) for sample in samples)
-    horizontal = [sample.aside for sample in samples if sample.aside is not None]
+    horizontal = [sample.lateral for sample in samples if sample.lateral is not None]
     return HeaveSeries.of(heave, horizontal)
 
 

@@ -106,7 +106,7 @@ def _outline_columns(params: SplashZoneParams, body: RigidBody, density: float) 
         side_y=float(b) / COLUMNS,
         span_x=0.5 * float(a) / sqrt(3.0),
         span_y=0.5 * float(b) / sqrt(3.0),
-        aside=body.buoyed - body.middle,
+        buoyancy_offset=body.buoyed - body.middle,
         slam=0.5 * density * params.slamming * params.bottom_area_m2,
     )
 

@@ -110,7 +110,7 @@ def summary(study: Study) -> list[str]:
 
 def notes(study: Study) -> list[str]:
     """Return notes on non-convergence, the independent code, VIV, and failed runs."""
-    lines, scene = [f"Independent check: {study.witness}."], study.scene
+    lines, scene = [f"Independent check: {study.independent}."], study.scene
     if vortices := "" if is_joined(scene) else vortex_words(scene, lift_figures(scene)):
         if model_beside(scene) is None:
             vortices = (

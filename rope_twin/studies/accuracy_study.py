@@ -37,7 +37,7 @@ from rope_twin.studies.accuracy_run import (
     differences,
     values,
 )
-from rope_twin.studies.accuracy_witness import Witness, call_witness
+from rope_twin.studies.independent_code import IndependentResult, run_independent_code
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have
 FEWEST, MOST = 10, 1000  # elements of settings; at least half and twice the scene's own
@@ -264,7 +264,7 @@ class Study:
     plan: Plan
     machine: Machine
     reference: Reference
-    witness: Witness | str
+    independent: IndependentResult | str
     rows: tuple[StudyLevel, ...]
     failures: tuple[str, ...]  # settings that cannot be run, and why
 
@@ -291,8 +291,10 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
 
     reference = find_reference(course, plan.reference, tell)
     tell("independent check")
-    witness = (
-        "not called" if not timed else call_witness(scene, plan.reference.step_s, plan.seconds)
+    independent = (
+        "not called"
+        if not timed
+        else run_independent_code(scene, plan.reference.step_s, plan.seconds)
     )
     rows, failures = [], []
     for setting in plan.settings:
@@ -302,14 +304,18 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         except RopeTwinError as error:
             failures.append(f"{setting}: {error}")
     report(total, total, f"{scene.name}: done")
-    return Study(scene, plan, computer, reference, witness, tuple(rows), tuple(failures))
+    return Study(scene, plan, computer, reference, independent, tuple(rows), tuple(failures))
 
 
 def as_content(study: Study) -> dict[str, Any]:
     """Return the study as its JSON file and `--json` have it."""
     scene, reference = study.scene, study.reference
-    witness = study.witness
-    check = witness if isinstance(witness, str) else {**asdict(witness), "words": str(witness)}
+    independent = study.independent
+    check = (
+        independent
+        if isinstance(independent, str)
+        else {**asdict(independent), "words": str(independent)}
+    )
     extra = {"rope_elements": [line.elements for line in scene.ropes]} if is_joined(scene) else {}
     return {
         "format": FORMAT,
@@ -325,7 +331,7 @@ def as_content(study: Study) -> dict[str, Any]:
             "values": reference.values,
             "doubts": {name: asdict(doubt) for name, doubt in reference.doubts.items()},
         },
-        "witness": check,
+        "independent_code": check,
         "units": {quantity.name: quantity.unit for quantity in QUANTITIES},
         "rows": [_as_row(row) for row in study.rows],
         "failures": list(study.failures),

@@ -334,20 +334,21 @@ def _named(scene: Scene, path: str, name: str) -> Scene:
     return dataclasses.replace(variant, digest=hashlib.sha256(key.encode()).hexdigest())
 
 
-def new_counts(scene: Scene, wish: FatigueRequest) -> Counts:
+def new_counts(scene: Scene, request: FatigueRequest) -> Counts:
     """Return the fatigue counts of a scene's ropes.
 
     Raises:
         InputError: the curve does not fit a rope.
     """
     counts = (
-        (r, damage_of(scene, r, wish.curve, piece_m=wish.piece_m)) for r in range(len(scene.ropes))
+        (r, damage_of(scene, r, request.curve, piece_m=request.piece_m))
+        for r in range(len(scene.ropes))
     )
     return {r: count for r, count in counts if count is not None}
 
 
 def run_system(
-    run: StudyRun, seconds: float, slack_interval_s: float, wish: FatigueRequest | None
+    run: StudyRun, seconds: float, slack_interval_s: float, request: FatigueRequest | None
 ) -> Row:
     """Make a run of a multi-line scene by its own twin, and return its results.
 
@@ -357,7 +358,7 @@ def run_system(
     run_scene = change_scene(run.scene, run.changes)
     sea = replace(run_scene.sea_state, start_s=run_scene.sea_state.start_s + run.sea_offset_s)
     run_scene = replace(run_scene, sea_state=sea)
-    counts = new_counts(run_scene, wish) if wish is not None else {}
+    counts = new_counts(run_scene, request) if request is not None else {}
     checks = Monitors(
         slack_steps=whole_steps("slack_interval_s", slack_interval_s, run_scene.time.step_s)
     )
@@ -367,7 +368,7 @@ def run_system(
         return _row(run_scene, None, str(error), counts)
     failure = ""
     try:
-        _step(twin, seconds, counts, wish)
+        _step(twin, seconds, counts, request)
     except SolverError as error:
         failure = str(error)
     return _row(run_scene, twin, failure, counts)
@@ -388,11 +389,11 @@ def run_together(
     variations: Sequence[Variation],
     seconds: float,
     slack_interval_s: float,
-    wish: FatigueRequest | None,
+    request: FatigueRequest | None,
 ) -> list[Row]:
     """Run a scene once for each variation, together, and return their results.
 
-    seconds: whole samples of `wish`.
+    seconds: whole samples of `request`.
 
     Raises:
         RopeTwinError: the sea is too short, or the curve does not fit a rope.
@@ -405,8 +406,10 @@ def run_together(
     )
     ensemble = Ensemble(scene, variations, slack_interval_s, threads=1, monitors=checks)
     scenes = [ensemble.scene_of(number) for number in range(len(variations))]
-    counts = [new_counts(member_scene, wish) if wish is not None else {} for member_scene in scenes]
-    every = round(wish.sample_s / step_s) if wish is not None else BATCH_STEPS
+    counts = [
+        new_counts(member_scene, request) if request is not None else {} for member_scene in scenes
+    ]
+    every = round(request.sample_s / step_s) if request is not None else BATCH_STEPS
     for _ in stepped(ensemble, seconds, every):
         for number, member in enumerate(ensemble.figures()):
             if not counts[number] or member.failure:
@@ -464,10 +467,10 @@ def _row(scene: Scene, twin: Twin | None, failure: str, counts: Counts) -> Row:
     return {**fixed, **_top(results), **_by_rope(scene, tension), **_damage(scene, counts)}
 
 
-def _step(twin: Twin, seconds: float, counts: Counts, wish: FatigueRequest | None) -> None:
+def _step(twin: Twin, seconds: float, counts: Counts, request: FatigueRequest | None) -> None:
     """Step the twin to the end; its ropes are sampled for fatigue at the requested intervals."""
     slot = steps_in_slot(twin.step_s)
-    every = round(wish.sample_s / twin.step_s) if wish is not None else slot
+    every = round(request.sample_s / twin.step_s) if request is not None else slot
     for _ in feed(twin, seconds, math.gcd(every, slot)):
         if counts and twin.steps % every == 0:
             _sample(twin, counts)

@@ -100,7 +100,7 @@ def _results(batch: Batch) -> Iterator[Row]:
         for run in batch.runs
     ]
     posed = any(
-        variation.heave is not None and variation.heave.aside is not None
+        variation.heave is not None and variation.heave.lateral is not None
         for variation in variations
     )
     if not (posed and is_joined(batch.scene)):

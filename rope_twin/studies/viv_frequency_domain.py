@@ -51,7 +51,7 @@ YEAR_S = 365.25 * 86400.0
 STEADY = 0.5  # of a run: the part that statistics are taken of
 RECORDED = 3  # times as often as the response needs its amplitude
 PLACES = 240  # at most, that stress and damage are counted at
-HARDLY = 1e-2  # of the largest motion: what moves less is as good as at rest
+AT_REST_FRACTION = 1e-2  # of the largest motion: what moves less is as good as at rest
 
 
 @dataclass(frozen=True)
@@ -152,12 +152,12 @@ def most_moved(run: FrequencyDomainRun, count: int) -> Floats:
     """Return the numbers of the modes with the largest motion, at most `count`, in rising order."""
     rms = run.modal_rms
     largest = np.argsort(-rms, kind="stable")[:count]
-    return np.sort(largest[rms[largest] > HARDLY * rms.max(initial=0.0)])
+    return np.sort(largest[rms[largest] > AT_REST_FRACTION * rms.max(initial=0.0)])
 
 
 def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
     """Return frequencies for pictures, NaN where the motion is negligible."""
-    return np.where(rms > HARDLY * rms.max(initial=0.0), frequency_hz, np.nan)
+    return np.where(rms > AT_REST_FRACTION * rms.max(initial=0.0), frequency_hz, np.nan)
 
 
 def chosen_places(run: FrequencyDomainRun, most: int = PLACES) -> Floats:

@@ -232,7 +232,7 @@ class QualityIndex:
         has_new, self._unconverged = count > self._unconverged, count
         if snapshot.stamp_ns - self._failed_ns < FAILED_NS:
             return Component(0.0, f"a step failed at {self._failed_ns * 1e-9:.2f} s")
-        if has_new or snapshot.doubtful:
+        if has_new or snapshot.not_converged:
             return Component(0.0, "a step did not converge")
         return _GOOD
 

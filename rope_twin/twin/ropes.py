@@ -200,7 +200,7 @@ class CutRope(OtherRopes):
         ends_n = lower_end_tension(lower, effects, now_ns * 1e-9), 0.0
         lower_snapshot = rope_snapshot(name, lower, ends_n, (float(rope_s(lower)[-1]), 0.0))
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
-        doubtful = snapshot.doubtful or unconverged > self._unconverged
+        not_converged = snapshot.not_converged or unconverged > self._unconverged
         self._unconverged = unconverged
         x, v = (lower.state.nodes[k : k + 3, 0].copy() for k in (rows.POSITION, rows.VELOCITY))
         if snapshot.body is not None:  # the values are those of the lower part already
@@ -214,7 +214,7 @@ class CutRope(OtherRopes):
             payloads=tuple(PayloadSnapshot(payload.name, x, v) for payload in self._scene.payloads),
             seabed=self._contact(lower),
             solver=_combined_health(snapshot.solver, lower.state.health),
-            doubtful=doubtful,
+            not_converged=not_converged,
         )
 
     def shapes(self, first: Rope, snapshot: Snapshot) -> tuple[RopeShape, ...]:

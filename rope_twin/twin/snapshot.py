@@ -409,7 +409,7 @@ class Snapshot:
     # factors on the forces of water, vortices and fairings, of a scene with a fluid ramp; else none
     fluid_factors: tuple[float, ...] = ()
     winch_at_limit: str = ""  # message if a limit of the winch is active
-    doubtful: bool = False  # a step since the previous snapshot did not converge
+    not_converged: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     study_error: KnownError = field(default_factory=KnownError)  # of the top tension, if known

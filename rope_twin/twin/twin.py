@@ -381,7 +381,7 @@ class Twin:
         amended(
             snapshot,
             winch_at_limit=at_limit,
-            doubtful=system.unconverged > record.unconverged,
+            not_converged=system.unconverged > record.unconverged,
             solver=snapshot.solver._replace(computing_s=self._clock.computing_s),
             inputs=health,
             winches=() if winch is None else (winch,),

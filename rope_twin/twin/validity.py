@@ -194,7 +194,7 @@ class HeaveSample:
     velocity_m_per_s: float
     elevation_m: float | None  # water surface at the ship, where the record has it
     pose: ShipPose | None = None  # of the ship, where that is what moves the hang-off
-    aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
+    lateral: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
 
 
 class SceneMotion(Protocol):

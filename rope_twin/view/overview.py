@@ -52,7 +52,7 @@ class Frame:
 
     factor: int  # enlargement of horizontal distances
     depth_m: float  # of the lowest node
-    aside: tuple[float, float]  # unit vector (east, north) that points right in the picture
+    across: tuple[float, float]  # unit vector (east, north) that points right in the picture
     wide: float = 0.0  # drawn extent of the rope to the right
     above_m: float = 0.0  # height of the highest node above the water
     at_m: tuple[float, float] = (0.0, 0.0)  # east, north of the hang-off: middle of the picture
@@ -79,7 +79,7 @@ class Frame:
 
     def spot(self, right: float, height_m: float) -> list[float]:
         """Return a point in the plane of the picture; `right` as drawn."""
-        return [self.aside[0] * right, self.aside[1] * right, height_m]
+        return [self.across[0] * right, self.across[1] * right, height_m]
 
 
 def frame_for(position_m: Points, gone_m: float = 0.0) -> Frame:
@@ -197,7 +197,7 @@ def eye(frame: Frame) -> tuple[list[float], list[float]]:
     are visible.
     """
     high, top = frame.high_m, -float(frame.depths_m[0])
-    right_e, right_n = frame.aside
+    right_e, right_n = frame.across
     right = frame.wide / high + _NAME
     middle = max(0.04, 0.5 * (right - _SCALE))
     farther = max(1.0, (right + _SCALE) / _SEEN)
@@ -307,7 +307,7 @@ class LowerEndView:
 
     below: float = _MIN_M
     beside: float = _MIN_M
-    aside: tuple[float, float] = (1.0, 0.0)  # unit vector (east, north) that points right
+    across: tuple[float, float] = (1.0, 0.0)  # unit vector (east, north) that points right
 
     @property
     def above(self) -> float:
@@ -326,12 +326,12 @@ class LowerEndView:
 
     def spot(self, right: float, up: float) -> list[float]:
         """Return a point in the plane of the picture, relative to its middle."""
-        return [self.aside[0] * right, self.aside[1] * right, self.middle + up]
+        return [self.across[0] * right, self.across[1] * right, self.middle + up]
 
     def eye(self) -> tuple[list[float], list[float]]:
         """Return camera position and target, for rerun's field of view of 55 degrees."""
         target = np.array([0.0, 0.0, self.middle])
-        normal = np.array([self.aside[1], -self.aside[0], 0.0])
+        normal = np.array([self.across[1], -self.across[0], 0.0])
         distance = self.half / math.tan(math.radians(27.5))
         return (target + distance * normal + [0.0, 0.0, 0.12 * distance]).tolist(), target.tolist()
 
@@ -424,7 +424,7 @@ class LowerEnd:
         lateral = float(side[farthest])
         if below <= _GROWN * self.sight.below and lateral <= _GROWN * self.sight.beside:
             return False
-        direction = self.sight.aside
+        direction = self.sight.across
         if lateral > self.sight.beside or lateral > 0.2 * below:
             east, north = (float(part) / max(lateral, 1e-9) for part in offset[farthest, :2])
             direction = (east, north) if east >= 0.0 else (-east, -north)

@@ -86,7 +86,7 @@ def snapshots() -> dict[str, tuple[Snapshot, PacingHealth | None]]:
             LATE._replace(late_ago_s=3.0),
         ),
         "solver not converged, behind real time": (
-            replace(rope, doubtful=True, energy=replace(ENERGY, residual_j=-2e3)),
+            replace(rope, not_converged=True, energy=replace(ENERGY, residual_j=-2e3)),
             LATE._replace(behind_s=1.5),
         ),
         "solver recovered": (replace(rope, solver=failed), PACED._replace(error="disk full")),

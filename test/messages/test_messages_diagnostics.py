@@ -41,7 +41,7 @@ def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
     past = replace(hanging_rope(), solver=SolverHealth(steps=10, unconverged_substeps=1))
     assert row("solver", past).level is Level.WARN
     assert "1 substep " in row("solver", past).message
-    now = row("solver", replace(past, doubtful=True))
+    now = row("solver", replace(past, not_converged=True))
     assert now.level is Level.ERROR
     assert "not converged" in now.message
 

@@ -48,7 +48,7 @@ def seen(scene: Path, text: str, rope: str) -> Floats:
         snapshots.append([snapshot.tension_top_n, snapshot.line_out_m, *load])
     assert twin.cut is not None
     assert twin.cut.left_m == pytest.approx(2.0)
-    assert not twin.snapshot().doubtful
+    assert not twin.snapshot().not_converged
     return np.array(snapshots)
 
 

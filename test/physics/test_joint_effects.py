@@ -73,7 +73,7 @@ def seen(snapshots: list[Snapshot]) -> Floats:
     rows = []
     for snapshot in snapshots:
         assert snapshot.seabed is not None
-        assert not snapshot.doubtful
+        assert not snapshot.not_converged
         extremes = snapshot.tension_top_min_n, snapshot.tension_top_max_n
         end = (snapshot.ropes[-1] if snapshot.ropes else snapshot).node_position_m[-1]
         bed = snapshot.seabed.payload_reaction_n, snapshot.seabed.payload_height_m

@@ -189,13 +189,13 @@ def test_prescribed_motion_from_a_table() -> None:
     for sample in sea.between(FIRST_NS, 3_000_000_000):
         assert offer(twin, sample) == ""
     turning = sea.between(400_000_000_000, 800_000_000_000)
-    x, y = np.array([one.aside[:2] for one in turning if one.aside]).T
+    x, y = np.array([one.lateral[:2] for one in turning if one.lateral]).T
     assert np.hypot(x - 120.0, y - 200.0) == pytest.approx(np.full(len(x), 200.0), abs=2e-3)
-    speeds = [math.hypot(*one.aside[2:]) for one in turning if one.aside]
+    speeds = [math.hypot(*one.lateral[2:]) for one in turning if one.lateral]
     assert speeds == pytest.approx([0.75] * len(speeds), abs=2e-3)
     twin.advance(200)
     assert twin.inspect().boundary.value[0, 0] == pytest.approx(
-        sea.between(2_000_000_000, 2_000_000_001)[0].aside[0], abs=1e-9
+        sea.between(2_000_000_000, 2_000_000_001)[0].lateral[0], abs=1e-9
     )
 
 
@@ -238,7 +238,7 @@ def test_motion_series_have_horizontal_columns() -> None:
     assert sea is not None
     series = series_of(sea.between(FIRST_NS, 10_000_000_000))
     assert series is not None
-    assert series.aside is not None
-    assert series.aside.shape == (4, len(series.stamp_ns))
+    assert series.lateral is not None
+    assert series.lateral.shape == (4, len(series.stamp_ns))
     u = 9.95 / 60.0  # of the minute in which it gathers way: v = 3u² - 2u³
-    assert series.aside[0, -1] == pytest.approx(45.0 * (u**3 - 0.5 * u**4), abs=1e-3)
+    assert series.lateral[0, -1] == pytest.approx(45.0 * (u**3 - 0.5 * u**4), abs=1e-3)

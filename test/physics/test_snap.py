@@ -27,6 +27,6 @@ def test_peak_tension_of_the_snap_scenes(
     tensions = []
     for snapshot in march(twin, heave, 60.0):
         tensions.append(snapshot.tension_top_n)
-        assert not snapshot.doubtful
+        assert not snapshot.not_converged
     assert snapshot.solver.unconverged_substeps == 0
     assert np.max(tensions) == pytest.approx(peak_kn * 1e3, rel=within)

@@ -225,7 +225,7 @@ def test_sectors_that_are_not_covered_are_not_workable(
     weather = Hindcast("w", HOUR, hs, np.full(len(at), 8.0), -at, month)
     result = operability(weather, limits, Operation(HOUR, 0.0, bow_deg=0.0))
     assert result.whole.within_limit == pytest.approx(inside.mean())
-    assert result.aside == pytest.approx(1.0 - inside.mean())
+    assert result.heading_not_covered == pytest.approx(1.0 - inside.mean())
     assert result.not_covered == 0.0
 
 

@@ -63,9 +63,9 @@ def test_velocity_is_the_rate_of_position() -> None:
     record = tip_record(Ship(TIP, 0.0), SEA, 3, 120.0)
     rate = np.gradient(record.position_m, 0.05)[5:-5]
     assert np.abs(rate - record.velocity_m_per_s[5:-5]).max() < 2e-3
-    assert record.aside is not None
-    rate = np.gradient(record.aside[0], 0.05)[5:-5]
-    assert np.abs(rate - record.aside[2][5:-5]).max() < 2e-3
+    assert record.lateral is not None
+    rate = np.gradient(record.lateral[0], 0.05)[5:-5]
+    assert np.abs(rate - record.lateral[2][5:-5]).max() < 2e-3
 
 
 def test_a_seed_is_the_same_sea_whatever_its_height() -> None:
@@ -79,10 +79,10 @@ def test_bow_turns_the_motion_aside() -> None:
     """With the bow to the north, what was east is north."""
     east = tip_record(Ship(TIP, 0.0), SEA, 5, 60.0)
     north = tip_record(Ship(TIP, 0.5 * math.pi), SEA, 5, 60.0)
-    assert east.aside is not None
-    assert north.aside is not None
-    np.testing.assert_allclose(north.aside[1], east.aside[0], atol=1e-12)
-    np.testing.assert_allclose(north.aside[0], -east.aside[1], atol=1e-12)
+    assert east.lateral is not None
+    assert north.lateral is not None
+    np.testing.assert_allclose(north.lateral[1], east.lateral[0], atol=1e-12)
+    np.testing.assert_allclose(north.lateral[0], -east.lateral[1], atol=1e-12)
 
 
 def test_hull_on_waves_is_that_of_a_run() -> None:
@@ -114,6 +114,6 @@ def test_responses_on_waves_are_those_of_a_run_for_small_turns() -> None:
     heave = np.array([one.position_m for one in samples])
     assert np.abs(heave).max() > 0.3
     assert np.abs(record.position_m - heave).max() < 0.02 * np.abs(heave).max()
-    aside = np.array([one.aside for one in samples if one.aside is not None])
-    assert record.aside is not None
-    assert np.abs(record.aside[0] - aside[:, 0]).max() < 0.05 * np.abs(aside[:, 0]).max()
+    aside = np.array([one.lateral for one in samples if one.lateral is not None])
+    assert record.lateral is not None
+    assert np.abs(record.lateral[0] - aside[:, 0]).max() < 0.05 * np.abs(aside[:, 0]).max()

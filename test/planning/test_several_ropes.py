@@ -96,8 +96,8 @@ def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
     late = [snapshot for snapshot in snapshots if snapshot.motion_ramp == 1.0]
     time = np.array([snapshot.time_s for snapshot in late])
     at = series.stamp_ns[LEAD_SAMPLES:] * 1e-9
-    assert series.aside is not None
-    expected = [series.aside[0], series.aside[1], series.position_m]
+    assert series.lateral is not None
+    expected = [series.lateral[0], series.lateral[1], series.position_m]
     moved = np.array([snapshot.hang_off_position_m for snapshot in late]) - scene.ship.hang_off_m
     for own, right in zip(moved.T, expected, strict=True):
         assert own == pytest.approx(np.interp(time, at, right[LEAD_SAMPLES:]), abs=0.01)

@@ -50,7 +50,7 @@ def test_heading_counts_from_the_bow() -> None:
     heading = next(one.value for one in own.changes if one.path.endswith("heading_deg"))
     assert heading % 360.0 == pytest.approx(270.0)
     assert own.heave is not None
-    assert own.heave.aside is not None
+    assert own.heave.lateral is not None
 
 
 def test_seeds_differ_by_phase_leg_and_number() -> None:

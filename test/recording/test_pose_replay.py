@@ -100,7 +100,7 @@ def test_poses_come_back_to_the_bit_lap_after_lap(tmp_path: Path) -> None:
         for one, pose in zip(found, shifted, strict=True):
             place, velocity = hang_off_motion(pose, ARM)
             assert (one.position_m, one.velocity_m_per_s) == (place[2], velocity[2])
-            assert one.aside == (*place[:2], *velocity[:2])
+            assert one.lateral == (*place[:2], *velocity[:2])
     assert found[5].elevation_m == pytest.approx(math.sin(5), abs=1e-9)
     assert not sea.is_over(10**15)
 
@@ -176,7 +176,7 @@ def test_a_record_in_a_map_is_taken_from_its_rest(tmp_path: Path) -> None:
     for one, two in zip(here.between(0, 9 * SECOND), there.between(0, 9 * SECOND), strict=True):
         assert two.position_m == pytest.approx(one.position_m, abs=1e-9)
         assert two.velocity_m_per_s == pytest.approx(one.velocity_m_per_s, abs=1e-9)
-        assert two.aside == pytest.approx(one.aside, abs=1e-9)
+        assert two.lateral == pytest.approx(one.lateral, abs=1e-9)
     note = replay(bag).note
     assert "it begins 4388 m and 115° from rest; give where it rests" in note
 

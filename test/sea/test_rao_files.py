@@ -105,8 +105,8 @@ def test_a_scene_moves_alike_with_any_rao_format(tmp_path: Path, name: str) -> N
     for stamp in (0, 3_650_000_000, 171_000_000_000):
         ours, other = (sea.between(stamp, stamp + 1)[0] for sea in seas if sea is not None)
         assert ours.position_m == pytest.approx(other.position_m, abs=1e-9)
-        assert ours.aside is not None
-        assert np.array(ours.aside) == pytest.approx(np.array(other.aside), abs=1e-9)
+        assert ours.lateral is not None
+        assert np.array(ours.lateral) == pytest.approx(np.array(other.lateral), abs=1e-9)
     assert abs(other.position_m) > 0.02
 
 

@@ -45,7 +45,7 @@ def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m
     """
     snapshots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
     assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
-    assert not any(snapshot.doubtful for snapshot in snapshots)
+    assert not any(snapshot.not_converged for snapshot in snapshots)
     stale = np.array([snapshot.inputs["heave"].stale for snapshot in snapshots])
     times = np.array([snapshot.time_s for snapshot in snapshots])
     assert not stale[times < 6.0].any()

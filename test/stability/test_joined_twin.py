@@ -107,7 +107,7 @@ def test_rope_ends_stay_at_their_joints(bridle: Scene) -> None:
         assert (hoist.node_position_m[-1] == starboard.node_position_m[0]).all()
         assert (port.node_position_m[-1] == low_port.node_position_m[0]).all()
         assert (starboard.node_position_m[-1] == low_starboard.node_position_m[0]).all()
-        assert not snapshot.doubtful
+        assert not snapshot.not_converged
         bar = snapshot.struts[0].ends_m
         assert np.linalg.norm(bar[1] - bar[0]) == pytest.approx(8.0, abs=5e-3)
     assert snapshots[-1].line_out_m > 1015.0

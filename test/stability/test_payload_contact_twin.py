@@ -75,7 +75,7 @@ def test_energy_balance_of_payload_contact_and_a_cut() -> None:
         assert (np.array(one.position_m) == np.array(same.position_m)).all()
     assert after.energy is not None
     assert abs(after.energy.residual_j) < 5e-3 * after.energy.exchanged_j
-    assert not after.doubtful
+    assert not after.not_converged
 
 
 @pytest.mark.parametrize(

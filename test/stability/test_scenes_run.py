@@ -45,7 +45,7 @@ def test_a_shipped_scene_runs(name: str, seconds: int) -> None:
         twin.advance(round(1.0 / twin.step_s))
         snapshot = twin.snapshot()
         assert not not_finite(snapshot)
-        assert not snapshot.doubtful
+        assert not snapshot.not_converged
         tensions += [snapshot.tension_top_min_n, snapshot.tension_top_max_n]
     assert snapshot.time_s == pytest.approx(seconds)
     weakest = min(section.rope.breaking_load_n for section in scene.ropes[0].made_of)

@@ -83,7 +83,7 @@ def test_tensions_are_smooth_while_rope_runs_over_the_sheave(scene: Scene) -> No
             assert (position[0] == snapshot.payloads[payload].position_m).all()
             assert (position[-1] == snapshot.sheaves[0].position_m).all()
             assert len(snapshot.ropes[rope].element_tension_n) == len(position) - 1
-        assert not snapshot.doubtful
+        assert not snapshot.not_converged
     calm = snapshots[:30]  # then the skips pass the border of the current's layers
     t = np.linspace(-1.0, 1.0, len(calm))
     for name in stretches:

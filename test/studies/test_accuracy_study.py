@@ -30,8 +30,8 @@ from rope_twin.studies.accuracy_run import (
     values,
 )
 from rope_twin.studies.accuracy_study import SAFETY, judge, make_plan, uncertainty
-from rope_twin.studies.accuracy_witness import Witness, call_witness
 from rope_twin.studies.driven_twin import variant
+from rope_twin.studies.independent_code import IndependentResult, run_independent_code
 
 LOOK_S = 0.2
 
@@ -216,32 +216,32 @@ def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
 
 
 @pytest.fixture(scope="module")
-def snap_witness() -> Witness:
+def snap_result() -> IndependentResult:
     """snap_2km with its first snap, by both codes."""
-    found = call_witness(load_scene("snap_2km"), 0.0025, 14.0)
-    assert isinstance(found, Witness)
+    found = run_independent_code(load_scene("snap_2km"), 0.0025, 14.0)
+    assert isinstance(found, IndependentResult)
     return found
 
 
-def test_the_witness_agrees(snap_witness: Witness) -> None:
+def test_the_independent_code_agrees(snap_result: IndependentResult) -> None:
     """An explicit code of its own finds the same tension, in a snap too."""
-    assert snap_witness.seconds == 14.0
-    assert snap_witness.rms_pct < 0.1
-    assert abs(snap_witness.peak_pct) < 0.05
-    assert "explicit leapfrog" in str(snap_witness)
-    stiff = call_witness(load_scene("riser_300m"), 0.0025)
+    assert snap_result.seconds == 14.0
+    assert snap_result.rms_pct < 0.1
+    assert abs(snap_result.peak_pct) < 0.05
+    assert "explicit leapfrog" in str(snap_result)
+    stiff = run_independent_code(load_scene("riser_300m"), 0.0025)
     assert stiff == "none: the explicit code does not know the effect of Bending"
 
 
-def test_the_witness_can_object(snap_witness: Witness) -> None:
+def test_the_witness_can_object(snap_result: IndependentResult) -> None:
     """A payload 1 % heavier in one of the two would stand out."""
     light = load_scene("snap_2km")
     heavy = change_scene(light, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
     course = [Course(replace(one, winch=None), 14.0, 0.0025) for one in (light, heavy)]
-    seen = [Trial(one, Setting(snap_witness.elements, 0.0025)).run() for one in course]
+    seen = [Trial(one, Setting(snap_result.elements, 0.0025)).run() for one in course]
     apart = differences(*seen)["tension_rms"]
     assert apart is not None
-    assert apart > 10.0 * snap_witness.rms_pct
+    assert apart > 10.0 * snap_result.rms_pct
 
 
 @pytest.fixture(scope="module")

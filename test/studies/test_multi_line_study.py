@@ -136,8 +136,8 @@ vary:
     assert more == pytest.approx(6000.0 * 9.80665, rel=2e-3)
 
 
-@pytest.mark.parametrize("wish", [None, FatigueRequest(curve="six_strand_tension", piece_m=50.0)])
-def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueRequest | None) -> None:
+@pytest.mark.parametrize("request", [None, FatigueRequest(curve="six_strand_tension", piece_m=50.0)])
+def test_runs_together_have_the_rows_of_lone_runs(request: FatigueRequest | None) -> None:
     """To the bit: in lanes, each with its own drag and from elsewhere in the sea."""
     scene = load_scene("bridle_lift")
     runs = [
@@ -146,8 +146,8 @@ def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueRequest | None) -
     ]
     seas = Seas(scene, 5.0)
     own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in runs]
-    together = run_together(scene, own, 3.0, 0.5, wish)
-    assert together == [run_system(one, 3.0, 0.5, wish) for one in runs]
+    together = run_together(scene, own, 3.0, 0.5, request)
+    assert together == [run_system(one, 3.0, 0.5, request) for one in runs]
     assert len({row["tension_top_max_n"] for row in together}) == LANES
     assert all(row["steps"] == 300 for row in together)
 
@@ -155,10 +155,10 @@ def test_runs_together_have_the_rows_of_lone_runs(wish: FatigueRequest | None) -
 def test_ropes_over_a_sheave_are_one_material_in_a_row() -> None:
     """The loop: 1,500 m of the two ropes on its lower sheave are counted with the first of them."""
     scene = load_scene("two_line_loop")
-    wish = FatigueRequest(curve="six_strand_tension", piece_m=20.0)
-    counts = new_counts(scene, wish)
+    request = FatigueRequest(curve="six_strand_tension", piece_m=20.0)
+    counts = new_counts(scene, request)
     assert [len(count.middles) for count in counts.values()] == [65, 75, 65]
-    row = run_system(StudyRun(0, (), scene, (), 0.0), 0.5, 0.1, wish)
+    row = run_system(StudyRun(0, (), scene, (), 0.0), 0.5, 0.1, request)
     assert len(row["below_descending.damage"]) == 75
     assert "below_ascending.damage" not in row
     lists = [row[f"{scene.ropes[number].name}.damage"] for number in counts]

@@ -59,7 +59,7 @@ def test_no_error_without_its_uncertainty(name: str) -> None:
 
 
 def check_again(name: str) -> None:
-    """Run the whole study again, but for times and witness, and compare each error."""
+    """Run the whole study again, but for times and the independent code, and compare each error."""
     scene, shipped = load_scene(name), content(name)
     plan = make_plan(scene, shipped["seconds"])
     again = accuracy.as_content(

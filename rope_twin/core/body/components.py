@@ -312,7 +312,7 @@ def load_afloat(part: Any, body: Any, q: float, pose: Any) -> Any:
         if not anywhere(share > 0.0):
             continue
         wet, weight = choose(share > 0.0, min(share, 1.0), 0.0), part.columns[j, 3]
-        arm = axpy(axpy(r, 1.0, vector(part.aside, 0)), -0.5 * (1.0 - wet), extent[1])
+        arm = axpy(axpy(r, 1.0, vector(part.buoyancy_offset, 0)), -0.5 * (1.0 - wet), extent[1])
         lift = axpy(ZERO_VECTOR, weight * wet * body.displaced * body.g, n)
         enters = choose(share < 1.0, max(-drift - dot(n, cross(spin, r)), 0.0), 0.0)
         enters = choose(share > 0.0, enters, 0.0)
@@ -367,11 +367,11 @@ def prepare_afloat(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> No
     s, half_x, half_y = body.stage, part.span_x, part.span_y
     middle = axpy(x, 1.0, to_world(R, vector(body.middle, 0)))
     ahead = (half_x * R[0][0], half_x * R[1][0], half_x * R[2][0])
-    aside = (half_y * R[0][1], half_y * R[1][1], half_y * R[2][1])
+    across = (half_y * R[0][1], half_y * R[1][1], half_y * R[2][1])
     east = _surface_at(body, rope, stage, axpy(middle, 1.0, ahead))
     west = _surface_at(body, rope, stage, axpy(middle, -1.0, ahead))
-    north = _surface_at(body, rope, stage, axpy(middle, 1.0, aside))
-    south = _surface_at(body, rope, stage, axpy(middle, -1.0, aside))
+    north = _surface_at(body, rope, stage, axpy(middle, 1.0, across))
+    south = _surface_at(body, rope, stage, axpy(middle, -1.0, across))
     s[at.SURFACE_Z] = 0.25 * (east + west + north + south)
     s[at.SURFACE_X] = 0.5 * (east - west) / half_x
     s[at.SURFACE_Y] = 0.5 * (north - south) / half_y
@@ -423,7 +423,7 @@ def power_afloat(part: Afloat, body: RigidBody, pose: Any) -> float:
     _, g = _extent_now(sides, pose.turn[2])
     wet, lift, slam = columns_now(part, body, pose)
     r = part.columns[:, :3]
-    arm = r + part.aside - 0.5 * (1.0 - wet)[:, None] * g
+    arm = r + part.buoyancy_offset - 0.5 * (1.0 - wet)[:, None] * g
     whole = body.displaced * body.g * pose.speed(body.buoyed)[2]
     total = (lift * pose.speed(arm)).sum() + (slam * pose.speed(r - 0.5 * g)).sum()
     return float(total - whole)

@@ -105,7 +105,7 @@ class Afloat(NamedTuple):
     side_y: float
     span_x: float  # distance from the middle where the surface is sampled, along x, y [m]
     span_y: float
-    aside: Floats  # centre of buoyancy relative to the middle, (3,) [m]
+    buoyancy_offset: Floats  # centre of buoyancy relative to the middle, (3,) [m]
     slam: float  # ½·ρ·C_s·A of the whole bottom [kg/m]
 
 

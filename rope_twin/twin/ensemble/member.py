@@ -358,7 +358,7 @@ class Member:
         at, top = (self.steps * self._step_ns, self.steps), (self._seen, self._recent)
         boundary = Boundary(self._value, self._rate)
         snapshot = build_snapshot(self.scene, rope, boundary, self._pull, at, top)
-        amended(snapshot, doubtful=unconverged > self._unconverged)
+        amended(snapshot, not_converged=unconverged > self._unconverged)
         self._unconverged, self._recent = unconverged, Extremes()
         if self._viv_drag is not None:
             (vibration,) = self._viv_drag.snapshots((rope,))
@@ -388,7 +388,7 @@ class TwinMember:
         """
         scene = start.scene
         check_commands(winch_of(scene, scene.ropes[0]), scene.ropes[0].length_m, commands or ())
-        if heave is not None and heave.aside is not None:
+        if heave is not None and heave.lateral is not None:
             problem = (
                 "the ship's poses move its hang-offs sideways, which this scene takes from a run"
             )

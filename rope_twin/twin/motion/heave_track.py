@@ -344,13 +344,15 @@ class HeaveSeries:
     position_m: NDArray[np.float64]  # of the hang-off above its mean position, + up
     velocity_m_per_s: NDArray[np.float64]
     start_ns: int = 0
-    aside: NDArray[np.float64] | None = None  # east, north [m] and their rates [m/s], (4, samples)
+    lateral: NDArray[np.float64] | None = (
+        None  # east, north [m] and their rates [m/s], (4, samples)
+    )
 
     def __post_init__(self) -> None:
         """Check the samples."""
-        if self.aside is not None and self.aside.shape != (4, len(self.stamp_ns)):
+        if self.lateral is not None and self.lateral.shape != (4, len(self.stamp_ns)):
             remedy = f"give (4, {len(self.stamp_ns)}), as many as samples"
-            raise InputError("hang-off", f"east and north of shape {self.aside.shape}", remedy)
+            raise InputError("hang-off", f"east and north of shape {self.lateral.shape}", remedy)
         shapes = {self.stamp_ns.shape, self.position_m.shape, self.velocity_m_per_s.shape}
         if len(shapes) != 1 or self.stamp_ns.ndim != 1 or len(self.stamp_ns) < 2:
             raise InputError(
@@ -364,16 +366,16 @@ class HeaveSeries:
     def of(
         cls,
         samples: Iterable[tuple[int, float, float]],
-        aside: Sequence[tuple[float, float, float, float]] = (),
+        lateral: Sequence[tuple[float, float, float, float]] = (),
     ) -> HeaveSeries:
         """Return a series from stamp [ns], position [m] and velocity [m/s] of each sample.
 
-        aside: x, y [m] and their rates [m/s] of each sample, if the hang-off moves laterally.
+        lateral: x, y [m] and their rates [m/s] of each sample, if the hang-off moves laterally.
         """
         stamps, positions, velocities = zip(*samples, strict=True)
-        lateral = np.array(aside).T if aside else None
+        lateral_motion = np.array(lateral).T if lateral else None
         heave = np.array(positions), np.array(velocities)
-        return cls(np.array(stamps, np.int64), *heave, aside=lateral)
+        return cls(np.array(stamps, np.int64), *heave, lateral=lateral_motion)
 
     def starting_at(self, start_ns: int) -> HeaveSeries:
         """Return the same samples with twin time 0 at this stamp; arrays are shared."""
@@ -412,8 +414,8 @@ class HeaveSeries:
     def _samples(self) -> Samples:
         """Samples of heave, or with lateral ones of east, north and heave."""
         z, v = self.position_m[None], self.velocity_m_per_s[None]
-        if self.aside is not None:
-            z, v = np.concatenate([self.aside[:2], z]), np.concatenate([self.aside[2:], v])
+        if self.lateral is not None:
+            z, v = np.concatenate([self.lateral[:2], z]), np.concatenate([self.lateral[2:], v])
         stamps = np.ascontiguousarray(self.stamp_ns)
         return Samples(stamps, np.ascontiguousarray(z), np.ascontiguousarray(v))
 

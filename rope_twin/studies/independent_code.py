@@ -36,7 +36,7 @@ KNOWN = (CurrentParams, WeightParams, DragParams, AddedMassParams, PayloadParams
 
 
 @dataclass(frozen=True)
-class Witness:
+class IndependentResult:
     """Result of the independent code."""
 
     elements: int
@@ -54,7 +54,9 @@ class Witness:
         )
 
 
-def call_witness(scene: Scene, step_s: float, max_s: float = math.inf) -> Witness | str:
+def run_independent_code(
+    scene: Scene, step_s: float, max_s: float = math.inf
+) -> IndependentResult | str:
     """Run both codes for this time, the solver with this step; or return why it is impossible.
 
     Raises:
@@ -78,7 +80,7 @@ def call_witness(scene: Scene, step_s: float, max_s: float = math.inf) -> Witnes
     deviation, scale = tension - exact[: len(tension)], float(tension.std())
     if scale < 1e-4 * tension.mean():
         scale = float(tension.mean())
-    return Witness(
+    return IndependentResult(
         count,
         seconds,
         step_s / inner,
