@@ -168,6 +168,13 @@ class InputBorder:
 
     def take_lower_end(self, data: bytes) -> None:
         """Accept or reject a lower_end/odometry message."""
+        if self._twin.inputs.lower_end is None:
+            problem = "the scene does not let another simulator move it"
+            remedy = "give its rope `end_motion: {from_outside: true}`"
+            with self._lock:
+                sentence = phrase(topics.LOWER_END, problem, remedy)
+                self._malformed[topics.LOWER_END].add(sentence, self._now_s())
+            return
         content = self._read(topics.LOWER_END, lambda: read_lower_end(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, position_m, velocity_m_per_s = content

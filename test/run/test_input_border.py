@@ -12,6 +12,7 @@ from rope_twin.messages import (
     Status,
     encode_current,
     encode_heave,
+    encode_lower_end,
     encode_measurement,
     encode_order,
 )
@@ -279,6 +280,14 @@ def test_what_became_of_forecasts_reaches_the_quality_index(rig: Rig) -> None:
     rig.border.take_forecast(encode_forecast(FORECAST_RISK, EPOCH_NS, "map", []))
     assert rig.row(MESSAGES_ROW).values[FORECAST_RISK] == "2"
     assert not rig.remarks()
+
+
+def test_a_lower_end_that_the_scene_does_not_let_move_is_reported(rig: Rig) -> None:
+    rig.border.take_lower_end(encode_lower_end(EPOCH_NS, (0.0, 0.0, -200.0), (0.0, 0.0, 0.0)))
+    assert rig.calls() == []
+    row = rig.row(MESSAGES_ROW)
+    assert (row.level, row.values["lower_end/odometry"]) == (Level.WARN, "1")
+    assert "give its rope `end_motion: {from_outside: true}`" in row.message
 
 
 COMMANDS_NS = 100_000_000  # a stream at 10 Hz
