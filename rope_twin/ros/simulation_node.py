@@ -190,15 +190,14 @@ class SimulationNode(SuiteNode, LifecycleNode):
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Drop the twin."""
         self.paced = None
-        for service in self._own_services:
-            self.destroy_service(service)
-        self._own_services.clear()
+        self._withdraw_services()
         self._state = "unconfigured"
         return _SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Shut down, from any state."""
+        """Shut down, from any state; no service promises anything from then on."""
         self.close()
+        self._withdraw_services()
         return _SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -296,6 +295,11 @@ class SimulationNode(SuiteNode, LifecycleNode):
             self._serve(APPLY_ESTIMATE, Trigger, paced.learning.apply)
             self._serve(TARE_ESTIMATE, Trigger, paced.learning.tare)
             self._serve(ACKNOWLEDGE_ALARM, Trigger, paced.learning.acknowledge)
+
+    def _withdraw_services(self) -> None:
+        for service in self._own_services:
+            self.destroy_service(service)
+        self._own_services.clear()
 
     def _serve(self, name: str, kind: Any, act: Callable[..., tuple[bool, str]]) -> None:
         """Create a service; `act` returns success and text, by the value of a SetBool."""

@@ -122,6 +122,20 @@ def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running:
     assert running.paced is None
 
 
+def test_a_simulation_that_was_shut_down_takes_no_emergency_stop(
+    bench: Bench, running: Any
+) -> None:
+    """It will never go on, so that no stop can be latched for it: its services are gone."""
+
+    def served() -> bool:
+        services = bench.own.get_service_names_and_types()
+        return any(name == "/winch/emergency_stop" for name, _ in services)
+
+    bench.until(served, "the service")
+    running.trigger_shutdown()
+    bench.until(lambda: not served(), "its end", timeout_s=30.0)
+
+
 def test_an_emergency_stop_in_a_pause_holds_from_the_first_step_after_it(bench: Bench) -> None:
     from rope_twin.messages import encode_order
     from rope_twin.twin.winch.commands import WinchCommand
