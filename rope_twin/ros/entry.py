@@ -30,7 +30,7 @@ from rclpy.timer import Timer
 from rclpy.utilities import remove_ros_args
 
 from rope_twin.errors import InputError, RopeTwinError
-from rope_twin.ros.middleware import make_executor
+from rope_twin.ros.middleware import check_profile, make_executor
 from rope_twin.ros.qos import listen
 from rope_twin.run.progress import StopSignal
 from rope_twin.topics import BY_NAME
@@ -82,11 +82,12 @@ def initialise(args: list[str] | None) -> None:
     `args` are the arguments of a process, its name first; None: sys.argv.
 
     Raises:
-        InputError: the arguments are invalid; one sentence.
+        InputError: the arguments are invalid, or a profile does not exist; one sentence.
     """
     home = Path(os.environ.get("HOME", "/nonexistent"))
     if "ROS_LOG_DIR" not in os.environ and not os.access(home, os.W_OK):
         os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "rope_twin_log")
+    check_profile()
     arguments = sys.argv if args is None else args
     try:
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import time
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import rclpy
@@ -167,6 +168,7 @@ def _run(call: Any) -> None:
 
 
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
+PROFILE = "FASTDDS_DEFAULT_PROFILES_FILE"
 _PATIENCE_S = 0.05  # with a message, which is lost while the participants do not know each other
 _COUNTED = 5  # messages; the fastest is reported
 
@@ -189,7 +191,21 @@ def keep_to_loopback() -> None:
         return
     os.environ[DISCOVERY_RANGE] = "LOCALHOST"
     profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"
-    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
+    os.environ.setdefault(PROFILE, str(profile))
+
+
+def check_profile() -> None:
+    """Check that a profile which the environment names exists.
+
+    Fast DDS would use its defaults without a word, and receive on every network interface.
+
+    Raises:
+        InputError: there is no such file.
+    """
+    profile = os.environ.get(PROFILE, "")
+    if profile and not Path(profile).is_file():
+        remedy = "name a profile of Fast DDS, or unset it"
+        raise InputError(f"environment, {PROFILE}", f"there is no file '{profile}'", remedy)
 
 
 def rmw_name() -> str:

@@ -26,7 +26,7 @@ from rope_twin.messages import decode
 from rope_twin.recording.bag import free_path
 from rope_twin.recording.bag_writer import check_unused
 from rope_twin.ros.entry import BEGUN, PARENT, begun_note, initialise, leave
-from rope_twin.ros.middleware import keep_to_loopback
+from rope_twin.ros.middleware import check_profile, keep_to_loopback
 from rope_twin.ros.params import NODES, node_parameters
 from rope_twin.ros.qos import Senders, listen
 from rope_twin.run.options import RunOptions
@@ -324,6 +324,7 @@ def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
         KeyboardInterrupt: a stop was requested before there was a summary.
     """
     load_scene(options.scene)  # errors of the scene are reported once, here
+    check_profile()
     if options.record is not None:
         check_unused(options.record)
     if not options.network:

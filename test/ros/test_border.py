@@ -93,6 +93,17 @@ def test_a_run_receives_on_the_loopback_interface_only(
     assert set(addresses.values()) == {"127.0.0.1"}
 
 
+def test_a_profile_that_does_not_exist_is_refused(processes: Processes, tmp_path: Path) -> None:
+    """Fast DDS ignores it: the run would receive on every interface."""
+    profile = str(tmp_path / "loopback.xml")
+    for command in (["run", SCENE, "--headless"], ["run", SCENE, "--headless", "--processes"]):
+        arguments = ["-m", "rope_twin", *command, "--no-record", "--duration", "1"]
+        run = processes.start(arguments, FASTDDS_DEFAULT_PROFILES_FILE=profile)
+        assert run.wait() == 1
+        assert len(run.text.strip().splitlines()) == 1
+        assert f"FASTDDS_DEFAULT_PROFILES_FILE: there is no file '{profile}'" in run.text
+
+
 @pytest.mark.usefixtures("_environment")
 def test_a_run_is_open_where_it_is_asked_to_be(processes: Processes, domain: int) -> None:
     by_option = start(processes, "--network")
