@@ -220,6 +220,7 @@ def round_trip(timeout_s: float) -> RoundTrip:
         InputError: rclpy cannot be initialised, or no message arrives in time.
     """
     keep_to_loopback()
+    check_profile()
     contexts = Context(), Context()
     try:
         for context in contexts:
