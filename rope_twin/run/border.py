@@ -18,6 +18,9 @@ from dataclasses import replace
 from functools import partial
 from typing import TypeVar
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rope_twin import topics
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status
@@ -136,9 +139,22 @@ class InputBorder:
         self.motion_listener: Callable[[int, float], None] | None = None
         # called with all winches whose stop is latched, at each new one; None: no listener
         self.latch_listener: Callable[[set[str]], None] | None = None
-        self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
+        self._epoch_ns: int | None = None
+        self._held_current: NDArray[np.float64] | None = None  # newest profile of a pause
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
         self.lower_end_ns: int | None = None  # likewise of the motion of the lower end
+
+    @property
+    def epoch_ns(self) -> int | None:
+        """ROS time of t = 0 [ns]; None: inputs are ignored, but for a current profile and stops."""
+        return self._epoch_ns
+
+    @epoch_ns.setter
+    def epoch_ns(self, epoch_ns: int | None) -> None:
+        self._epoch_ns = epoch_ns
+        if epoch_ns is not None and self._held_current is not None:
+            self._inputs.offer_current(self._held_current)
+            self._held_current = None
 
     def take_motion(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
@@ -222,8 +238,8 @@ class InputBorder:
         if self._epoch() is None:
             self._latch_stop(winch)
             return True, _latched_words([winch])
-        self._inputs.offer_command(None, WinchCommand(kind), winch)
-        return True, f"winch {winch}: {kind.replace('_', ' ')}"
+        refusal = self._inputs.offer_command(None, WinchCommand(kind), winch)
+        return not refusal, refusal or f"winch {winch}: {kind.replace('_', ' ')}"
 
     def ask_seat(self, winch: str) -> tuple[bool, str]:
         """Reserve the seat of a winch by a service; return success and text."""
@@ -289,9 +305,14 @@ class InputBorder:
         return note
 
     def take_current(self, data: bytes) -> None:
-        """Accept or reject a `current` message; it has no stamp and applies from now on."""
+        """Accept or reject a `current` message; it has no stamp and applies from now on.
+
+        Of those that come in a pause the newest applies at its end: a sensor may send for hours.
+        """
         content = self._read("current", lambda: read_current(data))
-        if content is not None:
+        if content is not None and self.epoch_ns is None:
+            self._held_current = content
+        elif content is not None:
             self._inputs.offer_current(content)
 
     def take_forecast(self, data: bytes) -> list[dict[str, float]]:

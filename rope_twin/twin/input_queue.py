@@ -22,7 +22,7 @@ from rope_twin.twin.pacing import Steppable
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
@@ -53,6 +53,11 @@ def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
             getattr(twin, method)(*arguments, **named)
         except InputError:
             pass
+
+
+def _is_stop(call: Call) -> bool:
+    """Return whether a call is an emergency stop, for which there is always room."""
+    return call.method == "offer_command" and call.arguments[1].kind == EMERGENCY_STOP
 
 
 def _queued(method: str) -> Callable[..., str]:
@@ -127,7 +132,7 @@ class InputQueue:
             or 1
         )
         with self._lock:
-            if self._waiting_numbers + size > WAITING_LIMIT:
+            if self._waiting_numbers + size > WAITING_LIMIT and not _is_stop(call):
                 self.refused += 1
                 problem = f"inputs of {self._waiting_numbers} numbers wait for the next slot"
                 return phrase(call.method, problem, "send fewer, or let the twin run")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
 import pytest
 
 from rope_twin.messages import (
@@ -23,7 +24,7 @@ from rope_twin.run.border import LONGEST_S, MESSAGES_ROW, SENDERS_ROW, InputBord
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
-from rope_twin.twin.input_queue import InputQueue, LogEntry
+from rope_twin.twin.input_queue import WAITING_LIMIT, InputQueue, LogEntry
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.snapshot import SPEED
@@ -119,6 +120,33 @@ def test_an_emergency_stop_in_a_pause_is_latched() -> None:
         assert [name for name, _ in rig.calls()] == ["offer_command"]
         assert rig.inputs.snapshot().winches[0].mode == "emergency_stop"
         assert rig.row(MESSAGES_ROW).level == Level.OK
+
+
+def test_a_stop_finds_room_beside_the_currents_of_a_long_pause() -> None:
+    """A profiler sends on for hours: the newest profile applies, and the stop is executed."""
+    rig = Rig("emergency_stop")
+    rig.border.epoch_ns = None
+    many = encode_current(np.zeros((WAITING_LIMIT // 6, 3)).tolist())
+    for _ in range(3):
+        rig.border.take_current(many)
+    assert rig.border.switch("winch", "emergency_stop")[0]
+    rig.border.take_current(encode_current([(0.0, 0.1, 0.0), (-500.0, 0.0, 0.0)]))
+    rig.border.epoch_ns = EPOCH_NS
+    assert sorted(name for name, _ in rig.calls()) == ["offer_command", "offer_current"]
+    snapshot = rig.inputs.snapshot()
+    assert snapshot.winches[0].mode == "emergency_stop"
+    assert (snapshot.inputs["current"].accepted, snapshot.inputs["current"].refused) == (1, 0)
+
+
+def test_a_stop_finds_room_where_nothing_is_taken_out() -> None:
+    """As while a step takes long; what else is switched is refused in the answer of the service."""
+    rig = Rig("emergency_stop")
+    rig.border.take_current(encode_current(np.zeros((WAITING_LIMIT // 4, 4)).tolist()))
+    done, words = rig.border.switch("winch", "set_brake")
+    assert (done, "wait for the next slot" in words) == (False, True)
+    assert rig.border.switch("winch", "emergency_stop")[0]
+    rig.inputs.advance(2)
+    assert rig.inputs.snapshot().winches[0].mode == "emergency_stop"
 
 
 def test_a_stop_that_no_winch_executes_is_not_reported_as_latched(rig: Rig) -> None:
