@@ -136,8 +136,10 @@ vary:
     assert more == pytest.approx(6000.0 * 9.80665, rel=2e-3)
 
 
-@pytest.mark.parametrize("request", [None, FatigueRequest(curve="six_strand_tension", piece_m=50.0)])
-def test_runs_together_have_the_rows_of_lone_runs(request: FatigueRequest | None) -> None:
+@pytest.mark.parametrize(
+    "counted", [None, FatigueRequest(curve="six_strand_tension", piece_m=50.0)]
+)
+def test_runs_together_have_the_rows_of_lone_runs(counted: FatigueRequest | None) -> None:
     """To the bit: in lanes, each with its own drag and from elsewhere in the sea."""
     scene = load_scene("bridle_lift")
     runs = [
@@ -146,8 +148,8 @@ def test_runs_together_have_the_rows_of_lone_runs(request: FatigueRequest | None
     ]
     seas = Seas(scene, 5.0)
     own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in runs]
-    together = run_together(scene, own, 3.0, 0.5, request)
-    assert together == [run_system(one, 3.0, 0.5, request) for one in runs]
+    together = run_together(scene, own, 3.0, 0.5, counted)
+    assert together == [run_system(one, 3.0, 0.5, counted) for one in runs]
     assert len({row["tension_top_max_n"] for row in together}) == LANES
     assert all(row["steps"] == 300 for row in together)
 
