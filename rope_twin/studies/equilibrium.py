@@ -16,6 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.bed_shape import clearance
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import bed_forces, deck_forces
 from rope_twin.core.body.loads import component_of
@@ -29,6 +31,7 @@ from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
     END,
+    FRONTAL,
     LINE,
     MOTIONS,
     PER_METRE,
@@ -40,9 +43,11 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.statics import solve_statics
 from rope_twin.core.still_rope import SYMMETRIC, Couplings, Elastic, StillRope
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import SplashZone
 from rope_twin.effects.rope_in_air import WettingParams
+from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rope_model import build
@@ -63,7 +68,7 @@ class StillLine:
     stiffness: Floats  # dT/dl of the elements [N/m], (n,)
     mass: Floats  # of the nodes, (n + 1, 3, 3)
     couplings: Couplings | None  # of bending
-    waterplane: float  # ρ·g·V/H of a payload in the surface at its lower end, vertical [N/m]
+    held: Floats  # stiffness of surface and seabed at the nodes along x, y, z [N/m], (n + 1, 3)
 
     @property
     def directions(self) -> tuple[Floats, Floats]:
@@ -81,6 +86,7 @@ class AtRest(StillLine):
     first: int  # free node
     tangent: Floats  # at the free nodes, (3, n)
     rest: Floats  # unstretched lengths of the elements [m]
+    lies: Any  # whether each node is on the seabed, (n + 1,)
     body: SuspendedBody | None  # below node 0, whose mass is then that of rope and hook alone
 
     @property
@@ -126,15 +132,38 @@ def bring_to_rest(scene: Scene) -> AtRest:
     node_masses = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
     return AtRest(
         line.name, position, _from_top(still), forces.tension, law.stiffness, node_masses,
-        couplings, _waterplane(rope, position[2, 0]), scene, first, tangent[:, first:], still.rest,
-        body,
+        couplings, _held(scene, rope, position), scene, first, tangent[:, first:], still.rest,
+        lying(rope, position), body,
     )  # fmt: skip
 
 
-def _waterplane(rope: Rope, z: float) -> float:
-    """Return the change of buoyancy with height of a payload at z [m], 0 outside the surface."""
-    zones = (effect for effect in rope.effects if isinstance(effect, SplashZone))
-    return sum(zone.lift / zone.height for zone in zones if abs(z) < 0.5 * zone.height)
+def lying(rope: Rope, position: Floats) -> Any:
+    """Return whether each node is on the seabed, (nodes,); position: (3, nodes)."""
+    bed = _bed_of(rope)
+    return np.zeros(position.shape[1], bool) if bed is None else clearance(bed, position) <= 0.0
+
+
+def _bed_of(rope: Rope) -> Plane | Grid | None:
+    return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
+
+
+def _held(scene: Scene, rope: Rope, position: Floats) -> Floats:
+    """Return the stiffness of surface and seabed at the nodes along x, y, z [N/m], (nodes, 3).
+
+    A payload in the surface has ρ·g·V/H. A node on the seabed has the stiffness of the soil, in all
+    directions if there is friction: it sticks in a motion that is small.
+    """
+    held, lowest_m = np.zeros((position.shape[1], 3)), position[2, 0]
+    zones = [effect for effect in rope.effects if isinstance(effect, SplashZone)]
+    held[0, 2] = sum(one.lift / one.height for one in zones if abs(lowest_m) < 0.5 * one.height)
+    bed, params = _bed_of(rope), scene.listed(SeabedParams)
+    if bed is not None and params is not None:
+        n, sticks = position.shape[1] - 1, scene.listed(BedFrictionParams) is not None
+        soil = bed.soil.k * rope.work[FRONTAL, : n + 1]
+        soil[0] += bed.soil.k_payload
+        sideways = 1.0 if params.friction > 0.0 or sticks else 0.0
+        held += (soil * lying(rope, position))[:, None] * np.array([sideways, sideways, 1.0])
+    return held
 
 
 def _from_top(still: StillRope) -> Floats:
@@ -282,10 +311,8 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
     couplings = still.couplings() if still.reach > 1 else None
     stiffness = rope.work[STIFFNESS, :n].copy()
-    waterplane = _waterplane(rope, position[2, 0])
-    return StillLine(
-        name, position, _from_top(still), tension, stiffness, mass, couplings, waterplane
-    )
+    held = _held(scene, rope, position)
+    return StillLine(name, position, _from_top(still), tension, stiffness, mass, couplings, held)
 
 
 def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:

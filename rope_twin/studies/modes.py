@@ -134,8 +134,7 @@ def _axial_guesses(rest: AtRest) -> Floats:
     k = rest.stiffness
     diagonal = k[rest.first :].copy()
     diagonal[1 - rest.first :] += k[: len(k) - 1]
-    if rest.first == 0:
-        diagonal[0] += rest.waterplane * rest.tangent[2, 0] ** 2
+    diagonal += (rest.held[rest.first : -1] * rest.tangent.T**2).sum(axis=1)
     root = 1.0 / np.sqrt(mass)
     between = -k[rest.first : -1] * root[:-1] * root[1:]
     last = min(AXIAL_MODES, len(mass)) - 1
@@ -313,15 +312,15 @@ def _stretch(line: StillLine) -> Any:
 
 def _turn(line: StillLine) -> Any:
     """Return the geometric stiffness (T/l)·(I - t·tᵀ) of each element, that of bending, and that of
-    a payload in the surface.
+    surface and seabed at the nodes.
     """
-    from scipy.sparse import coo_array
+    from scipy.sparse import diags_array
 
     t, length = line.directions
     lateral = line.tension / length
     chain = _chain(lateral[:, None, None] * (np.eye(3) - np.einsum("ke,ce->ekc", t, t)))
-    if line.waterplane > 0.0:
-        chain = chain + coo_array(([line.waterplane], ([2], [2])), shape=chain.shape).tocsr()
+    if line.held.any():
+        chain = chain + diags_array(line.held.ravel()).tocsr()
     return chain if line.couplings is None else chain + _bent(line)
 
 

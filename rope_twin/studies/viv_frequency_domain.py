@@ -6,7 +6,8 @@ of current and rope, for which a sagging rope is a string of its own length (Irv
 
 In a multi-line scene each line is assessed by itself, with its shape and tension in the equilibrium
 of all; a line is a rope, or ropes that continue each other (rope_twin.vortex.line_model).
-Connections are held across the line.
+Connections are held across the line. Of a line that lies on the seabed in part, the longest
+suspended part is assessed, held where it touches down.
 
 Drag is amplified by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Bending strain is d/2·y″, that of the
 outermost fibre of a section that stays plane. Stress is that of bending, E·d/2·y″ with E = EA over
@@ -17,9 +18,11 @@ area. Damage is counted by rainflow of the bending stress alone; the tension is 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import System
@@ -36,6 +39,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.equilibrium import (
     bring_system_to_rest,
     bring_to_rest,
+    lying,
     node_diameters,
     per_metre,
     speed_across,
@@ -201,7 +205,7 @@ def _per_curvature(
             figures.append((radius, rope.tangent_n(0.0) / area * radius))
             ends.append(low_m + min(end_m, length_m))
         low_m += length_m
-    below = run.from_top_m[0] - run.from_top_m[nodes]
+    below = sum(run.scene.lengths_m) - run.from_top_m[nodes]
     index = np.searchsorted(ends, below, side="left")
     at_places = np.array(figures)[np.minimum(index, len(figures) - 1)]
     return at_places[:, 0], at_places[:, 1]
@@ -246,7 +250,8 @@ def _span_in(scene: Scene, system: System, numbers: tuple[int, ...]) -> SceneSpa
         end_mass = sum(x * load.Mx + y * load.My for load in loads) / (x + y)
         span = span._replace(end_mass=float(end_mass))
     lengths_m = tuple(float(item.state.s[item.state.counts[rows.ELEMENTS]]) for item in ropes)
-    return SceneSpan(span, position, s[-1] - s, numbers, lengths_m)
+    whole = SceneSpan(span, position, s[-1] - s, numbers, lengths_m)
+    return _suspended(scene, whole, lying(rope, position))
 
 
 def span_of(scene: Scene) -> SceneSpan:
@@ -279,7 +284,34 @@ def span_of(scene: Scene) -> SceneSpan:
         end_mass = float(normal @ rest.mass[0] @ normal)
         span = span._replace(end_mass=max(end_mass - float(span.node_mass[0]), 0.0))
     length_m = float(unstretched[-1])
-    return SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))
+    whole = SceneSpan(span, rest.place, length_m - unstretched, (0,), (length_m,))
+    return _suspended(scene, whole, rest.lies)
+
+
+def _suspended(scene: Scene, whole: SceneSpan, lies: NDArray[np.bool_]) -> SceneSpan:
+    """Return the longest suspended part of a line, held where it touches down.
+
+    lies: whether each node is on the seabed, (nodes,).
+
+    Raises:
+        SceneError: all of it lies there.
+    """
+    if not lies.any():
+        return whole
+    if lies.all():
+        problem = "the whole line lies on the seabed, where it does not vibrate"
+        raise SceneError(f"{scene.path}: ropes[{whole.ropes[0]}]", problem, "give less rope")
+    borders = np.flatnonzero(np.diff(np.concatenate([[1], lies, [1]])))
+    parts = [(max(low - 1, 0), min(high, len(lies) - 1)) for low, high in borders.reshape(-1, 2)]
+    first, last = max(parts, key=lambda part: whole.span.s[part[1]] - whole.span.s[part[0]])
+    nodes, elements, span = slice(first, last + 1), slice(first, last), whole.span
+    span = span._replace(
+        s=span.s[nodes] - span.s[first], tension=span.tension[elements], mass=span.mass[elements],
+        diameter=span.diameter[nodes], speed=span.speed[nodes],
+        end_mass=None if first > 0 or lies[0] else span.end_mass,
+    )  # fmt: skip
+    place, unstretched = whole.place[:, nodes], whole.unstretched[nodes]
+    return replace(whole, span=span, place=place, unstretched=unstretched)
 
 
 def _check_current(scene: Scene) -> None:
