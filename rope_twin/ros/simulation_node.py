@@ -466,6 +466,8 @@ def _switch(
     paced: PacedTwin, winch: str, on: str, off: str, value: bool = True
 ) -> tuple[bool, str]:
     """Execute a switch by a service; return success and text."""
+    if error := paced.pacer.health().error:
+        return False, phrase(f"winch {winch}", "nothing is executed any more", error.rstrip("."))
     return paced.border.switch(winch, on if value else off)
 
 

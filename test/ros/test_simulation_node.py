@@ -221,6 +221,10 @@ def test_a_solver_that_gives_up_is_reported_and_the_node_lives(bench: Bench, run
     reported = len(diagnostics)
     bench.until(lambda: len(diagnostics) > reported, "the node still tells")
     assert not running.finished
+    stop = next(one for one in running._own_services if one.service_name.endswith("/set_brake"))
+    answer = stop.callback(stop.srv_type.Request(), stop.srv_type.Response())
+    assert not answer.success
+    assert "nothing is executed any more; the twin gives up" in answer.message
 
 
 def test_parameters_carry_description_and_range(bench: Bench) -> None:
