@@ -444,6 +444,7 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         factor = f", safety factor {rope.breaking_load_n / largest:.2f}" if largest > 0.0 else ""
         dry = figures.suspended.dry_share(line.length_m)
         air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
+        axial += " with the payload submerged" if dry > 0.0 else ""
         condition = ", without current" if scene.listed(CurrentParams) is not None else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
