@@ -50,8 +50,9 @@ from rope_twin.effects.rope_in_air import WettingParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.joined_model import build_joined
+from rope_twin.scene.rigging import winch_of
 from rope_twin.scene.rope_model import build
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.snapshot_builder import body_of
 
 HOOK, CENTRE, TURN = slice(0, 3), slice(3, 6), slice(6, 9)  # of the unknowns
@@ -130,11 +131,31 @@ def bring_to_rest(scene: Scene) -> AtRest:
     still.rest_at(position)
     couplings = still.couplings() if still.reach > 1 else None
     node_masses = np.append(np.moveaxis(mass, 2, 0), np.zeros((1, 3, 3)), axis=0)
+    stiffness = _yielding(scene, line, forces.tension, law.stiffness)
     return AtRest(
-        line.name, position, _from_top(still), forces.tension, law.stiffness, node_masses,
+        line.name, position, _from_top(still), forces.tension, stiffness, node_masses,
         couplings, _held(scene, rope, position), scene, first, tangent[:, first:], still.rest,
         lying(rope, position), body,
     )  # fmt: skip
+
+
+def _yielding(scene: Scene, line: RopeLine, tension: Floats, stiffness: Floats) -> Floats:
+    """Return the stiffness of a rope's elements [N/m], a passive compensator at its winch included.
+
+    Its gas carries the static tension; the uppermost element and k/falls² are in series. The mass
+    of the flying sheave is neglected.
+    """
+    stiffness, winch = stiffness.copy(), winch_of(scene, line)
+    unit = None if winch is None else winch.passive_compensation
+    if unit is not None:
+        load_n, area = unit.falls * float(tension[-1]), unit.piston_area_m2
+        ratio = (unit.gas_pressure_pa * area / load_n) ** (1.0 / unit.exponent)
+        volume = unit.gas_volume_m3 * ratio
+        spring = unit.exponent * load_n * area / volume
+        if abs(unit.gas_volume_m3 - volume) > 0.5 * unit.stroke_m * area:  # at a stop
+            spring += unit.stop_stiffness_n_per_m
+        stiffness[-1] = 1.0 / (1.0 / stiffness[-1] + unit.falls**2 / spring)
+    return stiffness
 
 
 def lying(rope: Rope, position: Floats) -> Any:
@@ -310,7 +331,7 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     position: Floats = still.place.copy()
     mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
     couplings = still.couplings() if still.reach > 1 else None
-    stiffness = rope.work[STIFFNESS, :n].copy()
+    stiffness = _yielding(scene, scene.ropes[number], tension, rope.work[STIFFNESS, :n])
     held = _held(scene, rope, position)
     return StillLine(name, position, _from_top(still), tension, stiffness, mass, couplings, held)
 

@@ -14,6 +14,7 @@ from rope_twin import Twin, load_scene
 from rope_twin.errors import SceneError
 from rope_twin.files import share_dir
 from rope_twin.scene.winch import PassiveCompensation, Winch
+from rope_twin.studies.modes import find_modes
 from rope_twin.twin.winch.components import root
 
 MASS, AREA, VOLUME, EXPONENT, FALLS, SHEAVE = 50e3, 0.1, 1.2, 1.3, 2, 2000.0
@@ -83,6 +84,21 @@ def test_heave_transmissibility_of_a_flying_sheave(period: float) -> None:
     pull = EA * k * (sine_part * np.cos(phase) - np.sin(phase))
     expected = 1.0 / (end + pull / flown)
     assert abs(moved / lifted - expected) < 0.01
+
+
+@pytest.mark.parametrize("stroke_m", [4.0, 0.4], ids=["between its stops", "at a stop"])
+def test_axial_mode_with_a_flying_sheave(stroke_m: float) -> None:
+    """1/(M·ω²) = L/EA + falls²/k with the gas spring at 1.2 times its mid-stroke load; 1e-3."""
+    rig = replace(RIG, mass=1e-3, diameter=1e-4)
+    unit = replace(
+        UNIT, stroke_m=stroke_m, gas_pressure_pa=FALLS * rig.top_weight / AREA / 1.2,
+        stop_stiffness_n_per_m=3e6,
+    )  # fmt: skip
+    spring = EXPONENT * FALLS * rig.top_weight * AREA / (VOLUME / 1.2 ** (1.0 / EXPONENT))
+    spring += 3e6 if stroke_m < 1.0 else 0.0
+    expected = 2.0 * pi * sqrt(MASS * (rig.length / rig.EA + FALLS**2 / spring))
+    (first, *_) = find_modes(replace(rig, winch=winch(unit)).scene(), 4).axial
+    assert first.period_s == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_flying_sheave_reports_its_stops() -> None:
