@@ -242,19 +242,18 @@ class LimitWatch:
         for number, rope in enumerate(snapshot.strength):
             used_up = (max_utilisation or math.inf) * rope.breaking_load_n
             own = figures.allowed_n.get(rope.name, rope.breaking_load_n)
+            if rope.utilisation_now is not None:  # sections, each with its own MBL
+                own, used_up = figures.limits.tension_n or math.inf, math.inf
             allowed = min(own, max_n or math.inf, used_up)
             now = snapshot.tension_top_max_n if number == 0 else tops.get(rope.name, 0.0)
             is_limited = figures.limited or max_n is not None or max_utilisation is not None
             near = NEAR_LIMIT if is_limited else WITHOUT_LIMIT
             share = now / allowed
             text = f"tension of '{rope.name}' {now / 1e3:.1f} kN, limit {allowed / 1e3:.1f} kN"
-            if rope.utilisation_now is not None:  # sections, each with its own MBL
-                limit_n = min(figures.limits.tension_n or math.inf, max_n or math.inf)
-                limit = min(figures.limits.utilisation, max_utilisation or math.inf)
-                share = max(now / limit_n, rope.utilisation_now / limit)
-                if share > now / limit_n:
-                    text = f"utilisation of '{rope.name}' {rope.utilisation_now:.2f}"
-                    text += f", limit {limit:.2f}"
+            limit = min(figures.limits.utilisation, max_utilisation or math.inf)
+            if rope.utilisation_now is not None and rope.utilisation_now / limit > share:
+                share = rope.utilisation_now / limit
+                text = f"utilisation of '{rope.name}' {rope.utilisation_now:.2f}, limit {limit:.2f}"
             yield Measure(rope.name, share, ((near, WARNING), (1.0, ALARM)), text)
 
     def payload(self, snapshot: Snapshot) -> Iterator[Measure]:

@@ -13,12 +13,14 @@ from small_scene import SMALL_SCENE, small_scene
 
 from rope_twin import load_scene
 from rope_twin.alerts.alert_list import AlertList, Priority, State
+from rope_twin.alerts.limits import SceneFigures
 from rope_twin.alerts.monitor import AlertMonitor, rates
 from rope_twin.alerts.situations import Watch
 from rope_twin.errors import InputError
 from rope_twin.messages.reports import Level, Status, decode_alerts, encode_alerts
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
+from rope_twin.scene.schema import RopeSection
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.snapshot import (
     Bend,
@@ -101,6 +103,23 @@ def test_a_crew_can_only_be_stricter_than_the_scene(scene: Any) -> None:
         with pytest.raises(InputError):
             crew.command(f"limit {words}")
     assert course.see(1.0, tension_top_max_n=6.1e4) == {}
+
+
+def test_sections_count_with_their_own_breaking_load(with_bed: Any) -> None:
+    """A top tension above the MBL of the lowest section is no alarm; its own utilisation is."""
+    key = (10001, "hoist")
+    fields = {"max_n": 9e5, "breaking_load_n": 6e5, "section_n": 1.8e5}
+
+    def used(now: float) -> Any:
+        return (RopeStrength("hoist", utilisation_now=now, **fields),)
+
+    course = Course(with_bed)
+    assert course.see(0.02, tension_top_max_n=9e5, strength=used(0.3)) == {}
+    assert course.see(0.02, tension_top_max_n=9e5, strength=used(1.01)) == {key: Priority.ALARM}
+    course = commanded(with_bed, "utilisation 0.25")
+    assert course.see(0.02, tension_top_max_n=9e5, strength=used(0.3)) == {key: Priority.ALARM}
+    course = commanded(with_bed, "tension_n 850000")
+    assert course.see(0.02, tension_top_max_n=9e5, strength=used(0.3)) == {key: Priority.ALARM}
 
 
 @pytest.fixture(scope="module")
@@ -350,6 +369,22 @@ def test_events_and_modes(scene: Any) -> None:
     assert course.see(9.0, winches=(stopped,), winch_at_limit=stopped.at_limit) == {
         (10012, "winch"): Priority.WARNING
     }, "one situation has one alert"
+
+
+def test_the_upper_section_is_on_the_drum(tmp_path: Any) -> None:
+    """Turns and layers are those of its diameter."""
+    path = tmp_path / "drum.yaml"
+    drum = "drum: {core_radius_m: 0.5, turns_per_layer: 10}"
+    path.write_text(
+        SMALL_SCENE.replace("max_line_out_m: 400.0", f"max_line_out_m: 250.0\n  {drum}")
+    )
+    scene = load_scene(path)
+    line = scene.ropes[0]
+    assert line.rope is not None
+    thin = RopeSection(rope=replace(line.rope, diameter_m=0.02), length_m=50.0)
+    sections = (thin, RopeSection(rope=line.rope))
+    scene = replace(scene, ropes=(replace(line, rope=None, sections=sections),))
+    assert SceneFigures(scene).stores[0].diameter_m == line.rope.diameter_m
 
 
 def test_a_drum_that_is_nearly_empty_and_its_layers(tmp_path: Any) -> None:
