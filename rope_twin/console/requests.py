@@ -315,7 +315,7 @@ def _winch(scene: Scene, winch: Winch) -> dict[str, Any]:
         figures["compensation_speed_m_per_s"] = ahc.speed_limit_m_per_s
     if winch.drum is not None:
         line_of_winch = next(line for line in scene.ropes if winch_of(scene, line) is winch)
-        diameter_m = line_of_winch.made_of[0].rope.diameter_m
+        diameter_m = line_of_winch.made_of[-1].rope.diameter_m  # the upper end is on the drum
         figures["drum_radius_m"] = winch.drum.core_radius_m
         figures["layer_rise_m"] = LAYER_RISE * diameter_m
     figures["modes"] = ["speed", "length", "depth"]

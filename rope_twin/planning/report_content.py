@@ -281,13 +281,12 @@ def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
     drag = "scene" if entry.drag_area_m2 is not None else f"{shaped}, DNV-RP-N103"
     yield "added mass A33", f"{1e-3 * payload.added_mass_kg[2]:.1f} t", added
     yield "vertical drag C_D·A", f"{payload.drag_area_m2[2]:.1f} m²", drag
-    for section in scene.ropes[0].made_of:
+    for section, bar in zip(scene.ropes[0].made_of, figures.bars, strict=True):
         rope = section.rope
-        stiffness = figures.bars[0].stiffness_n
         yield (
             "rope",
             f"{1e3 * rope.diameter_m:g} mm, {rope.mass_kg_per_m:.4g} kg/m, EA "
-            f"{1e-6 * stiffness:.1f} MN, MBL {1e-3 * rope.breaking_load_n:.4g} kN",
+            f"{1e-6 * bar.stiffness_n:.1f} MN, MBL {1e-3 * rope.breaking_load_n:.4g} kN",
             rope.source or rope.about or "scene",
         )
     yield (

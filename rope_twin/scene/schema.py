@@ -345,11 +345,6 @@ class RopeLine(SparingRepr):
         """Return whether another simulator moves its lower end."""
         return self.end_motion is not None and self.end_motion.from_outside
 
-    @property
-    def thinnest_m(self) -> float:
-        """Return the hydrodynamic diameter of the thinnest section."""
-        return min(section.rope.hydrodynamic_diameter_m for section in self.made_of)
-
     @cached_property
     def breaking_load_n(self) -> float:
         """Return the MBL of the weakest section [N]."""

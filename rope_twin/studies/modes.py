@@ -38,6 +38,7 @@ from rope_twin.studies.equilibrium import (
     water_at,
     with_body,
 )
+from rope_twin.vortex.line_model import diameters
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
 AXIAL_MODES = 3
@@ -410,4 +411,4 @@ def _strouhal(still: StillSystem, r: int, node: int) -> float:
     water = water_at(still.scene, line.place[2, node : node + 1])[:, 0]
     across = water - (water @ t) * t
     speed = float(np.sqrt(across @ across))
-    return strouhal_number(still.scene) * speed / still.scene.ropes[r].thinnest_m
+    return strouhal_number(still.scene) * speed / float(diameters(still.system.ropes[r])[node])

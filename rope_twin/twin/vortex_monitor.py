@@ -311,5 +311,5 @@ def _wires(
     line: RopeLine, sheave: BendingSheave, inboard_m: float = 0.0
 ) -> tuple[tuple[float, float], ...]:
     """Return position [m] and bending stress [Pa] of the outer wires over a sheave, if given."""
-    stress_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m)
+    stress_pa = sheave.bending_stress_pa(line.made_of[-1].rope.diameter_m)  # the upper section runs
     return ((inboard_m, stress_pa),) if stress_pa > 0.0 else ()

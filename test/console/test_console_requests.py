@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import pytest
 from console_rig import ConsoleRig, replies
 
+from rope_twin import load_scene
 from rope_twin.console.control import FEEDBACK_S
 from rope_twin.console.pages import Page
+from rope_twin.console.requests import scene_facts
+from rope_twin.scene.winch import Drum
 
 
 def seated() -> tuple[ConsoleRig, Page]:
@@ -100,3 +104,13 @@ def test_a_limit_of_what_the_scene_has_not_is_refused_at_once() -> None:
     assert not answer["ok"]
     assert "the scene has not two lines" in answer["words"]
     assert rig.commander.alert_words == []
+
+
+def test_the_drum_has_layers_of_the_upper_section() -> None:
+    """Not of the compensator at the lower end."""
+    scene = load_scene("passive_lift")
+    assert scene.winch is not None
+    drum = Drum(core_radius_m=0.5, turns_per_layer=20)
+    scene = replace(scene, winch=replace(scene.winch, drum=drum))
+    rise_m = scene_facts(scene)["winches"]["winch"]["layer_rise_m"]
+    assert rise_m == pytest.approx(0.9 * 0.04)

@@ -13,9 +13,19 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.errors import InputError
-from rope_twin.scene.schema import HangOff, Joint, Payload, Rope, RopeLine, Scene, Strut
+from rope_twin.scene.schema import (
+    HangOff,
+    Joint,
+    Payload,
+    Rope,
+    RopeLine,
+    RopeSection,
+    Scene,
+    Strut,
+)
 from rope_twin.studies.modes import find_modes, find_system_modes
 
 LENGTH, LOAD, APART = 50.0, 50e3, 12.0
@@ -84,6 +94,28 @@ def test_heave_of_a_payload_in_the_surface() -> None:
     assert one.axial[0].frequency_hz == pytest.approx(expected_hz, rel=1e-3)
     vertical = max(two.lowest, key=lambda mode: mode.vertical_share)
     assert vertical.frequency_hz == pytest.approx(expected_hz, rel=1e-3)
+
+
+def test_strouhal_frequency_of_the_section_that_moves_most() -> None:
+    """St·U/d with the diameter there: a pipe of 0.3 m below wire, across a uniform current."""
+    scene = lift()
+    line = scene.ropes[0]
+    assert line.rope is not None
+    pipe = replace(line.rope, hydrodynamic_diameter_m=0.3, mass_kg_per_m=120.0)
+    sections = (RopeSection(rope=pipe, length_m=300.0), RopeSection(rope=line.rope))
+    flow = CurrentParams(profile=((0.0, (0.3, 0.0)), (-1000.0, (0.3, 0.0))))
+    others = [own for own in scene.effects if not isinstance(own, CurrentParams)]
+    whole = replace(line, rope=None, sections=sections, length_m=600.0, elements=40)
+    parted = replace(
+        scene, ropes=(whole,), hang_offs=(), effects=(flow, *others),
+    )  # fmt: skip
+    seen = set()
+    for mode in find_system_modes(parted, 12).lowest:
+        thick = mode.largest_at_m > 300.0
+        d = 0.3 if thick else line.rope.hydrodynamic_diameter_m
+        assert mode.strouhal_hz == pytest.approx(0.17 * 0.3 / d, rel=0.1)
+        seen.add(thick)
+    assert seen == {True, False}
 
 
 def hung_bar() -> Scene:

@@ -11,11 +11,13 @@ from pathlib import Path
 import pypdfium2
 import pytest
 
+from rope_twin import load_scene
 from rope_twin.planning.cells import RowStore
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.report import Figure, Heading, Report, Table, Text, html_report, pdf_report
-from rope_twin.planning.report_content import report_of
+from rope_twin.planning.report_content import _object, report_of
 from rope_twin.planning.run import PlanResult, run_plan
+from rope_twin.scene.lift import lift_figures
 
 PLAN = """about: hanging deep & deeper
 source: assumptions of a test
@@ -150,3 +152,13 @@ def test_plan_without_a_limit_has_a_report(tmp_path: Path) -> None:
     text = "\n".join(said(report))
     assert "no sea state of the grid meets the criteria in phase 'halfway'" in text
     assert pdf_report(report).startswith(b"%PDF")
+
+
+def test_each_section_of_the_rope_has_its_own_stiffness() -> None:
+    """Chain, fibre and wire of hybrid_lift."""
+    scene = load_scene("hybrid_lift")
+    ropes = [value for name, value, _ in _object(scene) if name == "rope"]
+    expected = [f"EA {1e-6 * bar.stiffness_n:.1f} MN" for bar in lift_figures(scene).bars]
+    assert len(set(expected)) == len(scene.ropes[0].made_of)
+    for words, stiffness in zip(ropes, expected, strict=True):
+        assert stiffness in words
