@@ -1,4 +1,4 @@
-"""Morison drag of the rope, cross-flow principle (Morison et al. 1950; Hoerner 1965).
+"""Morison drag of the rope by the cross-flow principle (Morison 1950; Hoerner 1965).
 
 Per metre, with the velocity u of the rope relative to the water, split along the tangent τ into s =
 u·τ and n = u - s·τ: force = -½·ρ·d·Cdn·|n|·n - ½·ρ·π·d·Cdt·|s|·s·τ. Cdn refers to the projected
