@@ -212,7 +212,11 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
     kinds = [type(params) for params in scene.effects]
     if not {PayloadParams, RigidBodyParams}.intersection(kinds):
         remedy = "add `- payload: {}`"
-        yield "effects", "`payload` is not listed: no payload has weight", remedy
+        yield (
+            "effects",
+            "`payload` is not listed: no payload, joint, strut or sheave has weight",
+            remedy,
+        )
 
 
 def _own_bending(scene: Scene) -> Iterator[Fault]:
