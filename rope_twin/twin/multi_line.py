@@ -220,7 +220,7 @@ class MultiLineRopes(OtherRopes):
         counts = [int(rope.state.counts[rows.ELEMENTS]) for rope in ropes]
         highest = max(float(z[:n].max()) for z, n in zip(heights, counts, strict=True))
         check_equilibrium(self._scene, equilibrium, highest)
-        for warning in weak_ropes(self._scene, [element_tension(rope) for rope in ropes]):
+        for warning in weak_ropes(self._scene, ropes):
             _log.warning(warning)
         system = copy.deepcopy(self.system(self.first))
         boundary = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))

@@ -22,7 +22,7 @@ from rope_twin.scene.lift import suspended_weights
 from rope_twin.scene.rigging import places
 from rope_twin.scene.rope_data import SAFETY_FACTOR
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.snapshot_builder import body_of
+from rope_twin.twin.snapshot_builder import body_of, strength_of
 
 MAX_FLOAT_HEIGHT_M = 1.0
 
@@ -108,19 +108,20 @@ def check_equilibrium(scene: Scene, equilibrium: Equilibrium, highest_m: float) 
         )
 
 
-def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
-    """Yield a warning for each rope that is too weak for its static load.
+def weak_ropes(scene: Scene, ropes: Sequence[Rope]) -> Iterator[str]:
+    """Yield a warning for each rope at rest with a section that is too weak for its load.
 
-    tensions: of the elements of each rope [N]. The first rope is left out if it alone carries the
-    suspended load: the sense checks of the scene cover it.
+    The first rope is left out if it alone carries the suspended load: the sense checks of the scene
+    cover it.
     """
     suspended = suspended_weights(scene)
     alone = suspended is not None and len(suspended.lines) == 1
-    for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
+    for number, (line, rope) in enumerate(zip(scene.ropes, ropes, strict=True)):
         if number == 0 and alone:
             continue
-        breaking = line.breaking_load_n
-        load = float(tension.max())
+        strength = strength_of(line, 0.0, rope)
+        breaking = strength.breaking_load_n
+        load = strength.utilisation * breaking
         if load > breaking / SAFETY_FACTOR:
             problem = (
                 f"'{line.name}' carries {kilonewtons(load)} at rest against a breaking load "

@@ -16,8 +16,9 @@ from rope_twin.messages.diagnostics import BreachWords, breach_words, landing_wo
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Limits, RopeSection, Scene
+from rope_twin.scene.schema import Joint, Limits, RopeSection, Scene
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
+from rope_twin.twin.statics import weak_ropes
 from rope_twin.twin.twin import Twin
 
 STILL = load_scene("still_water")
@@ -70,6 +71,27 @@ def test_utilisation_is_that_of_the_most_used_section(weak_n: float) -> None:
     assert strength.utilisation_now == strength.utilisation
     assert strength.max_n == pytest.approx(at_top_n)
     assert ("utilisation" in breaches(snapshot)) == (max(shares) > 1.0)
+
+
+def test_a_section_is_weak_by_its_own_tension() -> None:
+    """Heavy wire above a sling: a warning for a sling whose own load is a third of its MBL."""
+    line = STILL.ropes[0]
+    assert line.rope is not None
+    heavy = replace(line.rope, mass_kg_per_m=60.0, breaking_load_n=5e6)
+    upper = replace(line, length_m=200.0, elements=5, to="ring")
+    warned = []
+    for mbl_n in (6e5, 4e5):
+        sling = replace(line.rope, breaking_load_n=mbl_n)
+        sections = (RopeSection(rope=sling, length_m=20.0), RopeSection(rope=heavy))
+        lower = replace(
+            line, name="lower", rope=None, sections=sections, length_m=800.0, elements=40,
+            from_="ring",
+        )  # fmt: skip
+        scene = replace(STILL, ropes=(upper, lower), joints=(Joint(name="ring"),))
+        warned.append(list(weak_ropes(scene, Twin(scene).all_ropes)))
+    assert warned[0] == []
+    (weak,) = warned[1]
+    assert "'lower' carries 156 kN at rest against a breaking load of 400 kN" in weak
 
 
 def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
