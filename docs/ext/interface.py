@@ -45,7 +45,7 @@ ROWS_MEAN = {
     "simulation: fluid ramp": "factors on the forces of the water, in scenes that build them up",
     "simulation: input ...": "one row per input (heave, lower end, winch command, current, "
     "measured values): accepted and rejected samples, age, faults",
-    "simulation: learned figures": "what is learned from the measured tension, and why it stands",
+    "simulation: learned figures": "learned from the measured tension, and why learning pauses",
     "simulation: limits": "limits of the scene that were exceeded",
     "simulation: messages": "messages that could not be decoded",
     "simulation: pacing": "CPU load, deadline misses, lag behind real time",

@@ -68,7 +68,7 @@ def _list_sessions(args: argparse.Namespace) -> int:
     for session in content.sessions:
         for name, text in _session_rows(session.session):
             print(f"  {name:12} {text}")
-        print(f"  {'inputs':12} in {len(session.entries)} slots")
+        print(f"  {'inputs':12} in {len(session.entries)} cycles")
     for note in content.notes:
         print(f"  note: {note}")
     return ExitCode.OK
@@ -224,8 +224,8 @@ def _run_export(args: argparse.Namespace) -> int:
 
 
 ALERTS_EXAMPLES = (
-    "alerts bags/lift",
-    "alerts bags/lift --json",
+    "alerts lift",
+    "alerts lift --json",
     "alerts --udp 127.0.0.1:60001 --replies 60002",
 )
 ALERTS_MORE = """\

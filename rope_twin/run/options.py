@@ -267,6 +267,10 @@ def read_options(args: argparse.Namespace) -> RunOptions:
     ):  # fmt: skip
         if is_wrong:
             raise InputError(option, problem, remedy)
+    if args.console:
+        from rope_twin.console.server import read_address
+
+        read_address(args.console)
     if args.save_state is not None:
         check_place(args.save_state, f"--save-state {args.save_state}")
     start = None

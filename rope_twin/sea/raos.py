@@ -146,7 +146,7 @@ class Responses:
         """
         if self.origin_m is None:
             problem = "its RAOs are those of a point that is not stated"
-            raise InputError(self.source, problem, "give `origin_m`")
+            raise InputError(self.source, problem, "give `origin_m`, or the option --origin")
         full = self.around()
         return replace(full, answer=moved_by(full.answer, _arm(self.origin_m, to_m)))
 

@@ -110,13 +110,13 @@ class CoupledModel:
         search_ms = 1e3 * (time.perf_counter() - started)
         node_count = len(self._response.span.s)
         every = f"every {self._every_s:g} s"
-        search_text = f"found again {every} in {search_ms:.0f} ms, {part_count} parts"
+        search_text = f"computed {every} in {search_ms:.0f} ms, {part_count} parts"
         if not len(modes.frequency):
-            idle = f"the current excites no mode on {node_count} places"
+            idle = f"the current excites no mode on {node_count} nodes"
             return f"vibration {self.model}: {idle}; modes are {search_text}."
         return (
             f"vibration {self.model}: {len(modes.frequency)} modes up to "
-            f"{modes.frequency.max():.3g} Hz on {node_count} places, {search_text}, steps of "
+            f"{modes.frequency.max():.3g} Hz on {node_count} nodes, {search_text}, steps of "
             f"{1e3 * self._response.step_s:.3g} ms."
         )
 

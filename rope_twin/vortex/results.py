@@ -29,6 +29,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.vortex.fatigue import (
+    CURVES,
     OWN,
     BendCount,
     BendPlace,
@@ -64,8 +65,9 @@ class MonitorSettings:
         if self.vibration and self.vibration not in MODELS:
             problem = f"no model '{self.vibration}'"
             raise InputError("vibration", problem, did_you_mean(self.vibration, MODELS))
-        if self.fatigue and self.fatigue != OWN:
-            find_curve("fatigue", self.fatigue)
+        if self.fatigue and self.fatigue not in (known := (OWN, *CURVES)):
+            problem = f"no curve '{self.fatigue}'"
+            raise InputError("fatigue", problem, did_you_mean(self.fatigue, known))
 
     def __bool__(self) -> bool:
         return bool(self.vibration or self.fatigue)

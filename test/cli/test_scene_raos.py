@@ -85,3 +85,10 @@ def test_what_cannot_be_shown_is_one_sentence(
     said = capsys.readouterr().err
     assert fault in said
     assert said.count("\n") == 1
+
+
+def test_a_table_without_its_point_asks_for_the_option(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scene", "raos", "vessel_120m", "--crane-tip", "0", "0", "5"]) == ExitCode.ERROR
+    assert "point that is not stated; give `origin_m`, or the option --origin." in (
+        capsys.readouterr().err
+    )

@@ -125,7 +125,7 @@ def test_the_node_loop_of_drag_is_vectorised(whole: str, bare: str) -> None:
     """Drag brings a packed square root into the step.
 
     Where LLVM gives up on the overlap checks of many arrays it is a scalar one, and the loop five
-    times slower, without a word (SOLVER.md, traps; tried with a limit of 8 checks: none is left).
+    times slower, without a word (tried with a limit of 8 checks: none is left).
     """
     assert PACKED_ROOT.search(bare), "the loop over elements"
     assert len(PACKED_ROOT.findall(whole)) > len(PACKED_ROOT.findall(bare))

@@ -53,7 +53,7 @@ def test_no_tension_jump_at_splits_and_merges(rope: Rig, heave: float, element: 
 def test_no_tension_jump_at_splits_and_merges_in_a_current(rope: Rig, element: float) -> None:
     """Test across a current of 1 m/s, where a bent pair is longer than its chord.
 
-    Without the length offsets 30 m of HMPE jump by 0.8 % (PAYOUT.md, section 5).
+    Without the length offsets 30 m of HMPE jump by 0.8 %.
     """
     rig = replace(rope, elements=round(rope.length / element), damping=rope.EA * KELVIN_VOIGT_S)
     assert_smooth(rig, 1.0, 2)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from rope_twin.errors import InputError
 from rope_twin.run import options
 from rope_twin.run.options import RunOptions, add_arguments, read_options
 
@@ -62,3 +63,12 @@ def test_a_view_is_announced_only_where_there_will_be_one(
     assert "no view: rerun is missing, install it with pip" in chosen.announcement
     assert ".rrd" not in chosen.announcement
     assert "rerun" not in read("shallow_lift", "--headless", "--no-record").announcement
+
+
+@pytest.mark.parametrize("address", ["foo", "127.0.0.1:99999"])
+def test_a_wrong_console_address_is_refused_before_the_run_begins(
+    folder: Path, address: str
+) -> None:
+    with pytest.raises(InputError, match="not an address; give HOST:PORT"):
+        read("shallow_lift", "--console", address)
+    assert not folder.exists(), "no bag was begun"

@@ -193,6 +193,8 @@ def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
 def test_what_cannot_be_reported_is_refused() -> None:
     with pytest.raises(InputError, match=r"fatigue: no curve 'wire'; did you mean 'spiral_wire'"):
         MonitorSettings(fatigue="wire")
+    with pytest.raises(InputError, match=r"fatigue: no curve 'x'; known: own, polyester_tension"):
+        MonitorSettings(fatigue="x")
     words = r"vibration: no model 'time_domain'; did you mean 'time-domain'"
     with pytest.raises(InputError, match=words):
         MonitorSettings(vibration="time_domain")
@@ -202,7 +204,7 @@ def test_what_cannot_be_reported_is_refused() -> None:
         watched(load_scene("hmpe_lift"))
     assert STEEL.twin().snapshot().vibration is None
     still_water = watched(STEEL.scene(), MonitorSettings(vibration="frequency-domain"))
-    assert "the current excites no mode on 33 places; modes are found again" in still_water.notice
+    assert "the current excites no mode on 33 nodes; modes are computed" in still_water.notice
 
 
 def test_a_section_that_is_no_wire_is_reported() -> None:
