@@ -174,6 +174,7 @@ def nominal_states(
     return states
 
 
+FIRST_ORIGIN = round(max(PAST_S, SHORTEST_RECORD_S) / SAMPLE_S) + 1  # sample of the earliest origin
 UNIT_SHARE = 0.02  # of the static tension: less, or as many times more, is another unit
 LARGEST_GAP_S = 2.0  # bridged by interpolation
 WINCH_STATE = "winch/state"
@@ -203,7 +204,7 @@ class RecordedLift:
     @property
     def first_origin(self) -> int:
         """Sample of the earliest possible origin."""
-        return round(max(PAST_S, SHORTEST_RECORD_S) / SAMPLE_S) + 1
+        return FIRST_ORIGIN
 
     def known_at(self, sample: int, to_contact_m: float | None = None) -> Observations:
         """Return the observations at a sample, which is not before the first origin."""
@@ -283,9 +284,9 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     begin = max(series[1][0] for series in all_series)
     end = min(series[1][-1] for series in all_series)
     count = math.floor((end - begin) / SAMPLE_S + 1e-6) + 1
-    if count * SAMPLE_S < PAST_S + SHORTEST_RECORD_S:
+    if count <= FIRST_ORIGIN:
         problem = f"{max(end - begin, 0.0):.0f} s of it have heave, line out and tension"
-        raise BagError(f"bag {path}", problem, f"a forecast needs {PAST_S + SHORTEST_RECORD_S:g} s")
+        raise BagError(f"bag {path}", problem, f"a forecast needs {FIRST_ORIGIN * SAMPLE_S:g} s")
     times = begin + SAMPLE_S * np.arange(count)
     rest_m = base.ship.hang_off_m[2] if heave[0] == HANG_OFF else 0.0
     measured_m = base.measured.line_out.bias

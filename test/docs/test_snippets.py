@@ -5,13 +5,18 @@ from __future__ import annotations
 import json
 import os
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from snippets import run_page
 
 from rope_twin import Twin, load_scene
+from rope_twin.feeds.configuration import read_settings
+from rope_twin.planning.plan_reader import read_plan
 from rope_twin.scene.rope_warnings import sense_checks
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.study_design import Study, StudyRun, design_runs, read_study, run_of
 
 ROOT = Path(__file__).resolve().parents[2]
 TUTORIALS = ROOT / "docs" / "tutorials"
@@ -48,6 +53,21 @@ def test_the_scene_of_the_readme_is_the_tutorials_and_balances_by_hand(tmp_path:
     assert Twin(scene).snapshot().tension_top_n == pytest.approx(by_hand_n, rel=2e-3)
 
 
+@pytest.mark.parametrize(
+    ("guide", "read"),
+    [("parameter_studies", lambda path: runs_of(*read_study(path))), ("lift_planning", read_plan),
+     ("instruments", lambda path: read_settings(str(path)))],
+    ids=["study", "plan", "feeds"],
+)  # fmt: skip
+def test_the_first_file_of_a_guide_is_valid(
+    guide: str, read: Callable[[Path], object], tmp_path: Path
+) -> None:
+    page = (ROOT / "docs" / "how-to" / f"{guide}.md").read_text("utf-8")
+    path = tmp_path / "file.yaml"
+    path.write_text(page.partition("```yaml\n")[2].partition("```")[0], "utf-8")
+    assert read(path)
+
+
 @pytest.mark.parametrize("path", sorted(TUTORIALS.glob("*.ipynb")), ids=lambda path: path.stem)
 def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every cell, and the printed lines are those that the page shows."""
@@ -63,6 +83,11 @@ def test_a_notebook_runs(path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyP
     NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
     assert printed(shown)
     assert printed(notebook) == printed(shown)
+
+
+def runs_of(study: Study, scene: Scene) -> list[StudyRun]:
+    """Return the runs of a study, which checks each path and value in its scene."""
+    return [run_of(study, scene, *numbered) for numbered in enumerate(design_runs(study))]
 
 
 def printed(notebook: object) -> list[str]:

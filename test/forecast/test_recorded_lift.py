@@ -188,6 +188,16 @@ def test_recordings_that_do_not_serve(tmp_path: Path) -> None:
         read_lift("sea_2p5m")
 
 
+def test_two_minutes_suffice_as_in_a_run(tmp_path: Path) -> None:
+    two_minutes = write_lift(tmp_path, slice(2440, 10**6))
+    short = read_lift(two_minutes, str(tmp_path / "small.yaml"))
+    assert len(short.heave_m) > short.first_origin
+    (tmp_path / "less").mkdir()
+    less = write_lift(tmp_path / "less", slice(2380, 10**6))
+    with pytest.raises(BagError, match=r"119 s of it have heave.*a forecast needs 120\.5 s"):
+        read_lift(less, str(tmp_path / "less" / "small.yaml"))
+
+
 def test_messages_that_a_twin_would_refuse_are_left_out(folder: Path, tmp_path: Path) -> None:
     """By one rule for `ahead` and `learn`: heave of no orientation, bytes that do not decode."""
     topics = [BY_NAME["ship/heave"], BY_NAME["winch/measured"]]
