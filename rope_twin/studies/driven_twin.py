@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -10,7 +11,7 @@ from typing import Any
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.errors import SolverError
+from rope_twin.errors import InputError, SolverError
 from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.grid import elements_with
 from rope_twin.scene.rigging import winches_by_name
@@ -19,6 +20,7 @@ from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
+from rope_twin.twin.winch.winch import input_of
 
 
 def variant(
@@ -60,20 +62,27 @@ Speeds = Sequence[tuple[float, float] | tuple[float, float, str]]
 def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
     """Step a twin with its scene's sea and winches; yield after each `every` steps.
 
-    every: 0 for those of a publish period.
+    every: 0 for those of a publish period. What the twin has received already is not repeated.
 
     Raises:
+        InputError: the twin is later than that, or it is not a time.
         SolverError: a step that is not finite.
     """
+    if not math.isfinite(seconds) or round(seconds * 1e9) < twin.time_ns:
+        problem = f"{seconds:g} s is not possible, the twin is at {1e-9 * twin.time_ns:g} s"
+        raise InputError("fed", problem, "give a later simulation time")
     sea, winches = open_sea(twin.scene), winches_by_name(twin.scene)
-    steps, offered_ns = every or steps_in_slot(twin.step_s), FIRST_NS
+    steps, known_ns = every or steps_in_slot(twin.step_s), twin.inputs.newest_ns()
+    offered_ns = FIRST_NS if twin.steps == 0 else twin.time_ns
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
         for heave in sea.between(offered_ns, until_ns) if sea else ():
-            offer(twin, heave)
+            if heave.stamp_ns > known_ns.get("heave", FIRST_NS - 1):
+                offer(twin, heave)
         for name, winch in winches.items():
             for command in schedule_samples(winch, offered_ns, until_ns):
-                twin.offer_command(command.stamp_ns, command.command, name)
+                if command.stamp_ns > known_ns.get(input_of(command.command, name), FIRST_NS - 1):
+                    twin.offer_command(command.stamp_ns, command.command, name)
         offered_ns = until_ns
         twin.advance(steps)
         yield
@@ -82,7 +91,10 @@ def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
 def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
     """Step a twin with its scene's sea and winches; a snapshot after each publish period.
 
+    seconds: simulation time at which it ends. A second call with a later time continues.
+
     Raises:
+        InputError: the twin is later than that, or it is not a time.
         SolverError: a step that is not finite.
     """
     for _ in feed(twin, seconds):

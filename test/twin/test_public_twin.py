@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from scene_text import STEPPED, written
 
-from rope_twin import Twin, load_scene
+from rope_twin import Twin, fed, load_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.twin import twin as internal
 from rope_twin.twin.motion.ship_motion import ShipPose
@@ -87,6 +87,27 @@ def test_a_scene_is_given_by_name_by_path_or_as_it_is(scene_file: Path, tmp_path
     assert Twin("still_water").scene.name == "still_water"
     with pytest.raises(SceneError, match="did you mean 'still_water'"):
         Twin("still_watr")
+
+
+def test_feeding_continues_where_it_ended() -> None:
+    """In two parts as in one, bit for bit; and after time without inputs."""
+    whole = [snapshot.tension_top_n for snapshot in fed(Twin("shallow_lift"), 4.0)]
+    twin = Twin("shallow_lift")
+    parts = [snapshot.tension_top_n for until_s in (2.0, 4.0) for snapshot in fed(twin, until_s)]
+    assert parts == whole
+    late = Twin("shallow_lift")
+    late.advance(100)
+    assert (
+        max(snapshot.tension_top_n for snapshot in fed(late, 6.0)) > late.snapshot().tension_top_n
+    )
+
+
+@pytest.mark.parametrize("until_s", [math.nan, -1.0, 0.5])
+def test_feeding_into_the_past_is_refused(until_s: float) -> None:
+    twin = Twin("still_water")
+    twin.advance(100)
+    with pytest.raises(InputError, match=r"fed: .* the twin is at 1 s; give a later"):
+        list(fed(twin, until_s))
 
 
 def test_the_example_of_the_readme_runs(capsys: pytest.CaptureFixture[str]) -> None:
