@@ -19,7 +19,6 @@ area. Damage is counted by rainflow of the bending stress alone; the tension is 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
