@@ -334,7 +334,7 @@ def test_a_controller_that_sends_only_what_is_rejected_is_lost(rig: Rig, fault: 
         border.take_order(*encode_order(at_ns, order), "controller")
         rig.inputs.advance(10)
         if k % 5 == 4:
-            border.seats.look({"controller"}, twin.time_ns)
+            border.seats.check({"controller"}, twin.time_ns)
         if k == 20:
             assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.4)
     assert twin.snapshot().payout_speed_m_per_s == 0.0
