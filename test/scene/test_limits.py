@@ -74,7 +74,7 @@ def test_utilisation_is_that_of_the_most_used_section(weak_n: float) -> None:
 
 
 def test_a_section_is_weak_by_its_own_tension() -> None:
-    """Heavy wire above a sling: a warning for a sling whose own load is a third of its MBL."""
+    """Heavy wire above a sling: a warning for a sling whose own load is above MBL/3."""
     line = STILL.ropes[0]
     assert line.rope is not None
     heavy = replace(line.rope, mass_kg_per_m=60.0, breaking_load_n=5e6)
