@@ -46,7 +46,7 @@ _UNITS = (
 _SYMBOLS = {"hs": "Hs", "tp": "Tp", "std": "standard deviation"}
 ELEVATION_HZ = 4.0
 EXAMPLES = (
-    "sea-state make --jonswap 2.5m 9s --seed 1 --out sea_2p5m",
+    "sea-state make --jonswap 2.5m 9s --seed 1 --out my_sea",
     "sea-state make --jonswap 4 11 2 --seed 7 --duration 20min --rate 10Hz --out sea_4m",
     "sea-state info sea_2p5m",
 )
