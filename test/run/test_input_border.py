@@ -139,7 +139,7 @@ def test_a_stop_finds_room_beside_the_currents_of_a_long_pause() -> None:
 
 
 def test_a_stop_finds_room_where_nothing_is_taken_out() -> None:
-    """As while a step takes long; what else is switched is refused in the answer of the service."""
+    """The queue is full, as in a long step: other switches are refused by their service."""
     rig = Rig("emergency_stop")
     rig.border.take_current(encode_current(np.zeros((WAITING_LIMIT // 4, 4)).tolist()))
     done, words = rig.border.switch("winch", "set_brake")
