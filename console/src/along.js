@@ -56,7 +56,7 @@ export function draw() {
   context.setLineDash([]);
   context.fillStyle = colour("--element-neutral-color");
   context.textAlign = "left";
-  const text = `${Math.round(rope.span_s)} s: least ${force(rope.min_n)} ${units().force} at ${Math.round(rope.min_at_m)} m`;
+  const text = `${Math.round(rope.span_s)} s: min ${force(rope.min_n)} ${units().force} at ${Math.round(rope.min_at_m)} m`;
   context.fillText(text, 0, height - 3);
 }
 

@@ -19,7 +19,7 @@ export function start() {
   window.addEventListener("beforeprint", sheet);
   window.addEventListener("afterprint", () => { $("sheet").hidden = true; });
   $("new-cast").onclick = async () => {
-    if (!(await ask("Begin a new cast?", "Highest and lowest values of the cast start again.", "Begin"))) return;
+    if (!(await ask("Begin a new cast?", "Maxima and minima of the cast start again.", "Begin"))) return;
     if (!(await mayWrite())) return;
     const answer = await request({ do: "new_cast" });
     if (!answer.ok) toast(answer.words, false);

@@ -32,7 +32,7 @@ function bigNumbers(rope, winch) {
   write($("line-speed"), speed(rate, true));
   write($("line-speed-unit"), units().speed);
   const still = 0.5 / units().perSecond / 10 ** units().decimals;
-  write($("direction"), !known(rate) || Math.abs(rate) < still ? "standing" : rate > 0 ? "↓ paying out" : "↑ hauling in");
+  write($("direction"), !known(rate) || Math.abs(rate) < still ? "stopped" : rate > 0 ? "↓ paying out" : "↑ hauling in");
   write($("line-speed-under"), winch ? `limit ±${speed(winch.speed_limit_m_per_s)} ${units().speed}` : "");
   const share = winch && known(rate) ? Math.max(-1, Math.min(1, rate / winch.speed_limit_m_per_s)) : 0;
   const bar = $("line-speed-meter").firstChild;

@@ -317,7 +317,7 @@ def _utilisation(values: Values, rope: Values, tension: float | None, units: Uni
         note = f"of MBL {units.forces(load)} {units.force}"
         if known(highest):
             amplification = fixed(used.get("dynamic_amplification"), 2)
-            note += f", highest {units.forces(highest)}, DAF {amplification}"
+            note += f", maximum {units.forces(highest)}, DAF {amplification}"
     share = 100.0 * tension / load if known(tension) and known(load) else None
     return Figure("Utilisation", fixed(share, 1), "%", "ropes/utilisation", note)
 
@@ -346,7 +346,7 @@ def _compared(values: Values, quantity: str, text: Any, other: str) -> tuple[str
 
 def _direction(rate: float | None, units: Units) -> str:
     if not known(rate) or not re.search(r"[1-9]", units.speeds(rate)):
-        return "standing"
+        return "stopped"
     return "↓ paying out" if rate > 0.0 else "↑ hauling in"
 
 

@@ -455,7 +455,7 @@ class PacedTwin:
             state=state,
             not_kept=trouble,
             mixed=self.border.mixed,
-            rung_changes=changes,
+            level_changes=changes,
             core_share=cpu_usage,
         )
 

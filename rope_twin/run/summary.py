@@ -114,7 +114,7 @@ class RunSummary:
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why --within or --budget selected these elements and this time step
     core_share: dict[str, float | None] | None = None  # fields of CpuUsage; None: not real-time
-    rung_changes: int = 0  # changes of the accuracy level
+    level_changes: int = 0  # changes of the accuracy level
     recoveries: int = 0  # failed steps that the simulation recovered from
     recovery: str = ""  # why the last of them failed, and what was done
     error: str = ""  # why the run ended early
@@ -246,8 +246,8 @@ class RunSummary:
         lines = [real_time, deadlines]
         if self.core_share is not None:
             lines.append(CpuUsage(**self.core_share).words())  # type: ignore[arg-type]
-        if self.rung_changes:
-            lines.append(counted(self.rung_changes, "change") + " of the accuracy level")
+        if self.level_changes:
+            lines.append(counted(self.level_changes, "change") + " of the accuracy level")
         return lines
 
     def _monitor_words(self) -> list[str]:

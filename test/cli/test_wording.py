@@ -141,7 +141,7 @@ def summaries() -> dict[str, RunSummary]:
     return {
         "summary": SUMMARY,
         "summary of an overloaded run": replace(
-            SUMMARY, late_steps=3, worst_lateness_s=0.012, core_share=share, rung_changes=2,
+            SUMMARY, late_steps=3, worst_lateness_s=0.012, core_share=share, level_changes=2,
             heave_refused=4, heave_refusal="heave: position 90 m.", recoveries=1,
             recovery="step 4: not finite", bag="run", not_recorded=250,
             tension_top_error_pct=None, tension_top_error_reason="unknown: no study",

@@ -123,7 +123,7 @@ def test_every_variable_says_what_it_is(found: PlanResult) -> None:
             assert "units" not in variable.attrs, name
     assert data.tp_s.attrs["units"] == "s"
     assert data.hook_load_n.attrs["units"] == "N"
-    assert data.run_least_n.attrs["units"] == "N"
+    assert data.run_min_n.attrs["units"] == "N"
     assert data.criterion_unit.sel(criterion="swl_n") == "N"
     assert data.attrs["plan_digest_sha256"] == found.plan.digest
     assert data.attrs["scene_digest_sha256"] == found.scene.digest

@@ -29,7 +29,7 @@ def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:
     assert row.values["step [s]"] == "0.01"
     assert row.values["changes"] == "0"
     assert list(twin.notices()) == []
-    assert twin.summary().rung_changes == 0
+    assert twin.summary().level_changes == 0
 
 
 def test_a_lower_rung_is_reported_once_in_a_sentence_and_stays_in_the_diagnostics() -> None:
@@ -46,7 +46,7 @@ def test_a_lower_rung_is_reported_once_in_a_sentence_and_stays_in_the_diagnostic
     assert row.level is Level.WARN
     assert "level 3 of 4, 40 elements and steps of 50 ms, error" in row.message
     assert row.values["step [s]"] == "0.05"
-    assert twin.summary().rung_changes == 1
+    assert twin.summary().level_changes == 1
     assert twin.summary().step_s == 0.05
     assert twin.twin.level == AccuracyLevel(50_000_000)
 
@@ -55,7 +55,7 @@ def test_without_a_ladder_nothing_is_said_of_one() -> None:
     twin = paced(overload_protection=False)
     assert twin.protection is None
     assert rung_rows(twin) == []
-    assert twin.summary().rung_changes == 0
+    assert twin.summary().level_changes == 0
 
 
 @pytest.mark.parametrize("halvings", [0, 1])

@@ -45,7 +45,13 @@ from rope_twin.core.state import (
     WORK_ROWS,
     Rope,
 )
-from rope_twin.core.tridiagonal import eliminate, eliminate_wide, push, reduce_wide, substitute_wide
+from rope_twin.core.tridiagonal import (
+    eliminate,
+    eliminate_wide,
+    reduce,
+    reduce_wide,
+    substitute_wide,
+)
 from rope_twin.effects.bed_friction import CARRIED, PlaneFriction
 from rope_twin.effects.hull_contact import HullContact
 from rope_twin.errors import InputError
@@ -555,4 +561,4 @@ def eliminate_one(work: Any, first: int, n: int) -> None:
 @jit_entry
 def push_one(work: Any, first: int, n: int) -> None:
     """Solve one rope for another residual."""
-    push(work, first, n)
+    reduce(work, first, n)
