@@ -159,15 +159,14 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
 
 @pytest.mark.ros
 def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
-    """How fine a setting it buys depends on the machine: steps that fill slots, as announced."""
+    """How fine a setting it selects, and whether it can be kept, depends on the machine."""
     process = processes.cli(
         "run", "shallow_lift", "--duration", "2", "--headless", "--json", "--no-record",
         "--budget", "20%",
     )  # fmt: skip
     assert process.wait() == 0
     summary = last_line(process.text)
-    elements, step_s = summary["elements"], summary["step_s"]
-    assert isinstance(elements, int)
+    step_s = summary["step_s"]
     assert isinstance(step_s, float)
     assert round(0.02 / step_s) * step_s == pytest.approx(0.02)
     share = summary["core_share"]
@@ -176,10 +175,9 @@ def test_a_budget_is_spent_and_its_use_reported(processes: Processes) -> None:
     assert share["calibrated_pct"] > 0.0
     assert 0.0 < share["steps_pct"] < share["process_pct"]
     assert 0.0 < share["publishing_pct"] < share["process_pct"]
-    chosen = re.match(r"--budget 20 %: (\d+) elements at ", str(summary["chosen"]))
-    assert chosen is not None
-    assert elements == pytest.approx(int(chosen[1]), abs=1), "at the paid-out length"
-    assert summary["tension_top_error_pct"] is not None, summary["tension_top_error_reason"]
+    assert re.match(r"--budget 20 %: \d+ elements at [\d.]+ ms, ", str(summary["chosen"]))
+    if not summary["level_changes"]:
+        assert summary["tension_top_error_pct"] is not None, summary["tension_top_error_reason"]
 
 
 @pytest.mark.parametrize("number", SIGNALS)
