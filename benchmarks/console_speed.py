@@ -22,7 +22,7 @@ import numpy as np
 
 from rope_twin import messages
 from rope_twin.console import server as console_server
-from rope_twin.console.control import Desk
+from rope_twin.console.control import RequestHandler
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.requests import Log
@@ -197,7 +197,7 @@ def serve(epoch_ns: int, pace: float = 1.0) -> console_server.Server:
     """Return a served console of a rope, with `pace` times as many rows as in a run."""
     pages = Pages(HangingRope(epoch_ns, pace), time.monotonic)
     pages.pace = pace
-    desk = Desk(pages, time.monotonic)
+    desk = RequestHandler(pages, time.monotonic)
     log = Log(pages)
     log.connect(desk)
     server = console_server.Server(pages, desk, log, port=0)

@@ -19,7 +19,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.vortex.decomposed_response import DecomposedResponse, Integrator, bathe
-from rope_twin.vortex.force_table import Drives
+from rope_twin.vortex.force_table import NodeExcitation
 from rope_twin.vortex.line_model import Span
 from rope_twin.vortex.power_in import ROUNDS, Decomposed
 
@@ -77,7 +77,7 @@ class CellResponse(DecomposedResponse):
             frequency = first * np.sqrt((ratio + 1.0) / np.maximum(ratio + added, 0.1 * ratio))
         return np.asarray(frequency)
 
-    def _groups(self, frequency: Floats, reduced: Floats, locked: Floats) -> Drives:
+    def _groups(self, frequency: Floats, reduced: Floats, locked: Floats) -> NodeExcitation:
         """Return the drives of the groups: mode and cell, with the mean frequency of its nodes."""
         cell = np.searchsorted(self._table.frequency, reduced)
         group = self._mode * (len(self._table.frequency) + 1) + cell
@@ -88,4 +88,4 @@ class CellResponse(DecomposedResponse):
         shape: Any = self.excitation.modes.shape[self._first : -1]
         part = locked * np.sign(shape[np.arange(len(group)), self._mode])
         first = np.searchsorted(driven, np.arange(len(group) + 1))
-        return Drives(first, group[driven], part[driven], omega, self._turned)
+        return NodeExcitation(first, group[driven], part[driven], omega, self._turned)

@@ -179,7 +179,7 @@ class CrewLimits:
         return crew_limits_row(self._set, words)
 
 
-class Store(NamedTuple):
+class DrumRope(NamedTuple):
     """Rope on the drum of a winch."""
 
     winch: str
@@ -210,12 +210,12 @@ class SceneFigures:
         self.allowed_n = dict(zip(rules.ropes, rules.allowed_n, strict=True))
         self.limited = scene.limits.tension_n is not None or scene.limits.utilisation < 1.0
         self.crew = CrewLimits(scene_limits(scene), impossible_limits(scene))
-        self.stores: dict[int, Store] = {}  # rope on each drum by the number of its rope
+        self.stores: dict[int, DrumRope] = {}  # rope on each drum by the number of its rope
         for number, line in enumerate(scene.ropes):
             winch = winch_of(scene, line)
             if winch is not None and winch.drum is not None:
                 diameter_m = line.made_of[-1].rope.diameter_m  # the upper end is on the drum
-                store = Store(line.from_, winch.drum, diameter_m, winch.max_line_out_m)
+                store = DrumRope(line.from_, winch.drum, diameter_m, winch.max_line_out_m)
                 self.stores[number] = store
         self._lift: LiftFigures | None = None
         if not is_joined(scene) and scene.payloads and not scene.ropes[0].fixed_at_m:

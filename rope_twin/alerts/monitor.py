@@ -15,7 +15,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rope_twin.alerts.alert_list import ACTIONS, EVERY, SECOND, Alert, AlertList, Priority
-from rope_twin.alerts.situations import Watch
+from rope_twin.alerts.situations import SituationMonitor
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.messages.reports import Status
 from rope_twin.scene.schema import Scene
@@ -28,7 +28,7 @@ CHATTER, CHATTER_NS = 3, 60 * SECOND
 
 
 @dataclass(frozen=True)
-class Coming:
+class Activation:
     """Activation of one alert."""
 
     key: str
@@ -44,7 +44,7 @@ class AlertRates:
     """Rates of a recording."""
 
     duration_s: float
-    comings: tuple[Coming, ...]  # alarms and warnings, in their order
+    comings: tuple[Activation, ...]  # alarms and warnings, in their order
     cautions: int
     max_in_window: int  # largest number within any 10 min
     standing: tuple[str, ...]  # keys of those active for a day
@@ -69,7 +69,7 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
     lists: twin time [ns] and alerts of each message, in their order; end_ns: twin time of the end
     of the recording, which began at 0.
     """
-    begun: dict[tuple[str, int], Coming] = {}  # by key and time of activation
+    begun: dict[tuple[str, int], Activation] = {}  # by key and time of activation
     cautions: set[tuple[str, int]] = set()
     standing: dict[str, None] = {}
     for now_ns, alerts in lists:
@@ -82,12 +82,16 @@ def rates(lists: Iterable[tuple[int, tuple[Alert, ...]]], end_ns: int) -> AlertR
                 continue
             recorded = begun.get(at)
             if recorded is None:
-                recorded = Coming(alert.key, alert.name, alert.priority, alert.since_ns, alert.text)
+                recorded = Activation(
+                    alert.key, alert.name, alert.priority, alert.since_ns, alert.text
+                )
             after = recorded.acknowledged_after_s
             if after is None and not alert.waits:
                 after = (alert.changed_ns - alert.since_ns) / SECOND
             highest = max(recorded.priority, alert.priority)
-            begun[at] = Coming(alert.key, alert.name, highest, alert.since_ns, recorded.text, after)
+            begun[at] = Activation(
+                alert.key, alert.name, highest, alert.since_ns, recorded.text, after
+            )
     comings = tuple(sorted(begun.values(), key=lambda one: (one.at_ns, one.key)))
     times: dict[str, list[int]] = {}
     for coming in comings:
@@ -127,7 +131,7 @@ class AlertMonitor:
     """Owns the alert list; snapshots and commands may come from different threads."""
 
     def __init__(self, scene: Scene) -> None:
-        self._watch, self._list = Watch(scene), AlertList()
+        self._watch, self._list = SituationMonitor(scene), AlertList()
         self._lock = threading.Lock()
         self._refreshed_ns = -REFRESH_NS
         self._commanded = False

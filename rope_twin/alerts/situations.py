@@ -54,7 +54,7 @@ SUPERVISED = (  # rows of the diagnostics
 RISK_AGE_NS = 5 * SECOND  # of the last forecast heard: an older one is of the past
 
 
-class Moment(NamedTuple):
+class LiftState(NamedTuple):
     """Knowledge about the lift at one time."""
 
     snapshot: Snapshot
@@ -73,14 +73,14 @@ class Kind:
 
     identifier: int
     name: str
-    find: Callable[[Moment], Iterator[Measure]]
+    find: Callable[[LiftState], Iterator[Measure]]
     delay_s: float = 0.0  # until a level counts
     hold_s: float = 5.0  # until it ends
     deadband: float = 0.02  # of the threshold
     category: str = "B"  # A: acknowledged only where its cause can be judged
 
 
-def _slack(at: Moment) -> Iterator[Measure]:
+def _slack(at: LiftState) -> Iterator[Measure]:
     """Find the minimum tension at the payload in a minute, against its static weight."""
     weight, least = at.scene.weight_n(at.snapshot.line_out_m), at.min_payload_n
     if not (weight > 0.0 and math.isfinite(least)):
@@ -93,7 +93,7 @@ def _slack(at: Moment) -> Iterator[Measure]:
     yield Measure("payload", 1.0 - fraction, levels, words)
 
 
-def _winch(at: Moment) -> Iterator[Measure]:
+def _winch(at: LiftState) -> Iterator[Measure]:
     """Find a winch that is often at a limit: speed, acceleration, torque, stroke of its AHC.
 
     In waves it is there for a second or two of each; the share of a minute tells it from an end of
@@ -105,14 +105,14 @@ def _winch(at: Moment) -> Iterator[Measure]:
         yield Measure("winch", at.at_limit, ((AT_LIMIT_SHARE, WARNING),), text)
 
 
-def _residual(at: Moment) -> Iterator[Measure]:
+def _residual(at: LiftState) -> Iterator[Measure]:
     """Find a heave compensation that leaves much of the heave."""
     if math.isfinite(at.residual_heave):
         text = f"{at.residual_heave:.0%} of the heave rate of a minute is left at the line"
         yield Measure("winch", at.residual_heave, ((RESIDUAL_HEAVE, CAUTION),), text)
 
 
-def _drum(at: Moment) -> Iterator[Measure]:
+def _drum(at: LiftState) -> Iterator[Measure]:
     """Find a drum that is nearly empty, and one whose rope changes its layer soon."""
     lengths = [at.snapshot.line_out_m, *(rope.line_out_m for rope in at.snapshot.ropes[1:])]
     for number, line_out_m in enumerate(lengths):
@@ -127,7 +127,7 @@ def _drum(at: Moment) -> Iterator[Measure]:
         yield Measure(f"{store.winch} layer", near, ((1.0, CAUTION),), text)
 
 
-def _stroke(at: Moment) -> Iterator[Measure]:
+def _stroke(at: LiftState) -> Iterator[Measure]:
     """Find a heave compensator at one of its stops."""
     compensator = at.snapshot.compensator
     if compensator is not None and compensator.at_stop:
@@ -135,7 +135,7 @@ def _stroke(at: Moment) -> Iterator[Measure]:
         yield present("compensator", WARNING, text)
 
 
-def _apart(at: Moment) -> Iterator[Measure]:
+def _apart(at: LiftState) -> Iterator[Measure]:
     """Find measured values that lie apart from the computed ones."""
     for residual in at.snapshot.residuals:
         if disagrees(residual):
@@ -147,7 +147,7 @@ def _apart(at: Moment) -> Iterator[Measure]:
             yield present(f"{residual.name} {residual.quantity}", WARNING, text)
 
 
-def _touchdown(at: Moment) -> Iterator[Measure]:
+def _touchdown(at: LiftState) -> Iterator[Measure]:
     """Find a payload that the bed carries."""
     bed = at.snapshot.seabed
     if bed is not None and bed.payload_landed:
@@ -155,7 +155,7 @@ def _touchdown(at: Moment) -> Iterator[Measure]:
         yield present("payload", CAUTION, text)
 
 
-def _inputs(at: Moment) -> Iterator[Measure]:
+def _inputs(at: LiftState) -> Iterator[Measure]:
     """Find inputs that fail or are doubtful."""
     for name, health in at.snapshot.inputs.items():
         if name == BORDER:
@@ -176,7 +176,7 @@ def _about(label: str, words: str) -> str:
     return f"{label}: {subject}{colon}{detail}"
 
 
-def _quality(at: Moment) -> Iterator[Measure]:
+def _quality(at: LiftState) -> Iterator[Measure]:
     """Find results that may no longer be relied on: one alert, since most share their cause.
 
     The start-up, from which an index rises for some seconds more, is known to everybody.
@@ -194,14 +194,14 @@ def _quality(at: Moment) -> Iterator[Measure]:
     yield Measure("twin", 1.0 - worst.index, levels, text)
 
 
-def _stopped(at: Moment) -> Iterator[Measure]:
+def _stopped(at: LiftState) -> Iterator[Measure]:
     """Find winches in emergency stop."""
     for winch in at.snapshot.winches:
         if winch.mode == EMERGENCY_STOP:
             yield present(winch.name, WARNING, f"'{winch.name}' is in emergency stop")
 
 
-def _cut(at: Moment) -> Iterator[Measure]:
+def _cut(at: LiftState) -> Iterator[Measure]:
     """Find a rope that was cut."""
     cut = at.snapshot.cut
     if cut is not None:
@@ -209,7 +209,7 @@ def _cut(at: Moment) -> Iterator[Measure]:
         yield present(cut.rope or "rope", ALARM, text)
 
 
-def _numerics(at: Moment) -> Iterator[Measure]:
+def _numerics(at: LiftState) -> Iterator[Measure]:
     """Find steps that did not converge, or that failed a short time ago."""
     row = at.rows.get("simulation: solver")
     failed = row is not None and row.level >= Level.ERROR
@@ -218,7 +218,7 @@ def _numerics(at: Moment) -> Iterator[Measure]:
         yield present("solver", WARNING, words)
 
 
-def _forecast(at: Moment) -> Iterator[Measure]:
+def _forecast(at: LiftState) -> Iterator[Measure]:
     """Find what the forecast node expects within RISK_SPAN_S."""
     risk, levels = at.risk, ((POSSIBLE, CAUTION), (LIKELY, WARNING))
     if not risk:
@@ -234,7 +234,7 @@ def _forecast(at: Moment) -> Iterator[Measure]:
             yield Measure(name, risk[name], levels, text)
 
 
-def _supervision(at: Moment) -> Iterator[Measure]:
+def _supervision(at: LiftState) -> Iterator[Measure]:
     """Find trouble of the suite beside the lift."""
     for name in SUPERVISED:
         row = at.rows.get(name)
@@ -242,10 +242,10 @@ def _supervision(at: Moment) -> Iterator[Measure]:
             yield present(name.removeprefix("simulation: "), CAUTION, row.message)
 
 
-def _by_level(name: str) -> Callable[[Moment], Iterator[Measure]]:
+def _by_level(name: str) -> Callable[[LiftState], Iterator[Measure]]:
     """Return what finds a row of the diagnostics: a warning at ERROR, a caution at WARN."""
 
-    def find(at: Moment) -> Iterator[Measure]:
+    def find(at: LiftState) -> Iterator[Measure]:
         row = at.rows.get(f"simulation: {name}")
         if row is not None and row.level > Level.OK:
             yield present(name, WARNING if row.level >= Level.ERROR else CAUTION, row.message)
@@ -315,7 +315,7 @@ class _Gate:
         return self.on
 
 
-class Watch:
+class SituationMonitor:
     """Finds the situations of a run; `look` takes one snapshot after the other."""
 
     def __init__(self, scene: Scene) -> None:
@@ -352,7 +352,7 @@ class Watch:
         least, at_limit = self._min_payload_n(snapshot), self._share_at_limit(snapshot)
         residual_heave = self._residual_heave(snapshot)
         risk = self._risk if snapshot.stamp_ns - self._risk_ns <= RISK_AGE_NS else {}
-        moment = Moment(
+        moment = LiftState(
             snapshot, self._rows, self._scene, self._limits, least, at_limit, residual_heave, risk
         )
         situations: list[Situation] = []

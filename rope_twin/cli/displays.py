@@ -237,7 +237,7 @@ def _terminal(args: argparse.Namespace) -> int:
     except ImportError as error:
         remedy = "install it with `pip install 'rope_twin[console]'`"
         raise InputError("--terminal", f"{error.name} is not installed", remedy) from error
-    from rope_twin.console.control import Desk
+    from rope_twin.console.control import RequestHandler
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.console.requests import session_facts
@@ -251,7 +251,7 @@ def _terminal(args: argparse.Namespace) -> int:
         with suite_source() if args.bag is None else closing(Recording(args.bag)) as source:
             pages = Pages(source, time.monotonic, read_session=session_facts)
             if isinstance(source, Recording):
-                connect_playback(source, pages, Desk(pages, time.monotonic))
+                connect_playback(source, pages, RequestHandler(pages, time.monotonic))
             TerminalConsole(pages, stopped=lambda: stop.requested).run()
     finally:
         stop.restore()
@@ -259,7 +259,7 @@ def _terminal(args: argparse.Namespace) -> int:
 
 
 def _recorded(args: argparse.Namespace) -> int:
-    from rope_twin.console.control import Desk
+    from rope_twin.console.control import RequestHandler
     from rope_twin.console.pages import Pages
     from rope_twin.console.playback import Recording, connect_playback
     from rope_twin.console.requests import Log, SeaLimits, session_facts
@@ -271,7 +271,7 @@ def _recorded(args: argparse.Namespace) -> int:
     source = Recording(args.bag)
     try:
         pages = Pages(source, time.monotonic, read_session=session_facts)
-        desk = Desk(pages, time.monotonic)
+        desk = RequestHandler(pages, time.monotonic)
         connect_playback(source, pages, desk)
         if args.load_chart:
             chart = read_load_chart(args.load_chart)

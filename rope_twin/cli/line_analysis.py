@@ -215,7 +215,7 @@ def _run_viv(args: argparse.Namespace) -> int:
     return ExitCode.OK
 
 
-class Assessed(NamedTuple):
+class LineAssessment(NamedTuple):
     """Assessment of one line of a scene."""
 
     name: str
@@ -226,7 +226,7 @@ class Assessed(NamedTuple):
 
 def _frequency_domain(
     args: argparse.Namespace, scene: Scene, curve: StressCurve
-) -> Iterator[Assessed]:
+) -> Iterator[LineAssessment]:
     shedding = _shedding(args, scene)
     for lying in spans_of(scene):
         response = run_frequency_domain(lying, shedding, args.duration)
@@ -237,10 +237,12 @@ def _frequency_domain(
             title = f"{scene.name}, {name}" if is_joined(scene) else scene.name
             files = write_all(title, response, fatigue, _folder_of(args.out, scene, name))
         sums = _viv_summary(response, fatigue)
-        yield Assessed(name, sums, partial(_show_viv, sums), files)
+        yield LineAssessment(name, sums, partial(_show_viv, sums), files)
 
 
-def _time_domain(args: argparse.Namespace, scene: Scene, curve: StressCurve) -> Iterator[Assessed]:
+def _time_domain(
+    args: argparse.Namespace, scene: Scene, curve: StressCurve
+) -> Iterator[LineAssessment]:
     scene = with_model(scene, args.strouhal, args.damping)
     if not is_joined(scene) and (warning := vortex_words(scene, lift_figures(scene))):
         print(warning, file=sys.stderr)  # required resolution, and its cost
@@ -249,7 +251,9 @@ def _time_domain(args: argparse.Namespace, scene: Scene, curve: StressCurve) -> 
         if args.out is not None:
             files = write_time_domain(response, _folder_of(args.out, scene, response.line))
         warning = time_domain_words(response)
-        yield Assessed(response.line, time_domain_figures(response), partial(print, warning), files)
+        yield LineAssessment(
+            response.line, time_domain_figures(response), partial(print, warning), files
+        )
 
 
 def _folder_of(folder: Path, scene: Scene, name: str) -> Path:

@@ -111,7 +111,7 @@ Outcome = tuple[bool, str]  # whether a request was done, and words
 
 
 @dataclass(frozen=True)
-class Sent:
+class PendingRequest:
     """A request that was sent, whose outcome is awaited."""
 
     outcome: Callable[[], Outcome | None]  # None while it is not seen
@@ -119,7 +119,7 @@ class Sent:
     words: str = "sent"
 
 
-Act = Callable[[Page, Mapping[str, Any]], str | Sent]  # the words are what was done
+Act = Callable[[Page, Mapping[str, Any]], str | PendingRequest]  # the words are what was done
 
 
 @dataclass
@@ -136,7 +136,7 @@ class _SetPoint:
         self.command = self.in_force = _STOP
 
 
-class Desk:
+class RequestHandler:
     """Takes the messages of pages; call `update` regularly."""
 
     def __init__(
@@ -152,7 +152,7 @@ class Desk:
         self._token = token
         self._holder: Page | None = None
         self._left_s: float | None = None  # since when the holder's page is gone
-        self._awaited: list[tuple[Page, object, Sent, float]] = []
+        self._awaited: list[tuple[Page, object, PendingRequest, float]] = []
         # page, number of its request, and when it was sent
         self._set_points: dict[str, _SetPoint] = {}
         self._repeated_s = 0.0
@@ -189,13 +189,13 @@ class Desk:
         except Refusal as refusal:
             self._answer(page, number, False, str(refusal))
             return
-        if isinstance(result, Sent):
+        if isinstance(result, PendingRequest):
             self._awaited.append((page, number, result, self._clock()))
             self._answer(page, number, True, result.words, stage="sent")
         else:
             self._answer(page, number, True, result)
 
-    def _act(self, page: Page, action: object, content: Mapping[str, Any]) -> str | Sent:
+    def _act(self, page: Page, action: object, content: Mapping[str, Any]) -> str | PendingRequest:
         acts: dict[str, Act] = {
             "sign_in": self._sign_in,
             "take_seat": self._take_seat,
@@ -270,7 +270,7 @@ class Desk:
         self._give_up()
         return "seat released"
 
-    def _command(self, page: Page, content: Mapping[str, Any]) -> Sent:
+    def _command(self, page: Page, content: Mapping[str, Any]) -> PendingRequest:
         assert self._commander is not None
         winch, command = self._read_command(page, content)
         if command.kind in CONTROL_MODES:
@@ -281,7 +281,7 @@ class Desk:
             self._set_points[winch].stop()
         refused = self._refused(winch, command)
         self._commander.send(winch, command)
-        return Sent(
+        return PendingRequest(
             lambda: self._effect(winch, command),
             lambda: self._why_not(winch, command, refused),
             f"sent: {_words(command)}",

@@ -15,7 +15,7 @@ from typing import Any
 
 from mcap.records import Channel
 
-from rope_twin.console.control import Desk, is_finite
+from rope_twin.console.control import RequestHandler, is_finite
 from rope_twin.console.pages import WINDOW_S, Page, Pages
 from rope_twin.console.readings import NODES, SHOWN, Readings, Values
 from rope_twin.errors import BagError, phrase
@@ -169,7 +169,7 @@ class Recording:
             self._enough.set()
 
 
-def connect_playback(source: Recording, pages: Pages, desk: Desk) -> None:
+def connect_playback(source: Recording, pages: Pages, desk: RequestHandler) -> None:
     """Let pages play, pause, jump and change the rate of a recording."""
 
     def look() -> None:

@@ -22,7 +22,14 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from rope_twin.alerts.limits import CREW_LIMITS, SCENE, impossible_limits, scene_limits
-from rope_twin.console.control import Commander, Desk, Outcome, Refusal, Sent, is_finite
+from rope_twin.console.control import (
+    Commander,
+    Outcome,
+    PendingRequest,
+    Refusal,
+    RequestHandler,
+    is_finite,
+)
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import Values, crew_limit
 from rope_twin.effects.seabed import SeabedParams
@@ -63,7 +70,7 @@ class Extremes:
 
 
 @dataclass
-class Cast:
+class RopeExtremes:
     """Extremes of each rope between two times."""
 
     number: int
@@ -97,10 +104,10 @@ class Log:
 
     pages: Pages
     now_s: Callable[[], float] = time.time  # Unix time
-    casts: list[Cast] = field(default_factory=list)
+    casts: list[RopeExtremes] = field(default_factory=list)
     markers: list[Marker] = field(default_factory=list)
 
-    def connect(self, desk: Desk) -> None:
+    def connect(self, desk: RequestHandler) -> None:
         """Let pages set markers and begin casts, and show both on all pages."""
         self.pages.rows.append(self.see)
         self.pages.extra["log"] = self.state
@@ -156,7 +163,7 @@ class Log:
         now_s = self.now_s()
         if self.casts:
             self.casts[-1].open = False
-        self.casts.append(Cast(len(self.casts) + 1, now_s, now_s))
+        self.casts.append(RopeExtremes(len(self.casts) + 1, now_s, now_s))
 
     def _new_cast(self, page: Page, content: Mapping[str, Any]) -> str:
         if len(self.casts) >= MAX_CASTS:
@@ -191,12 +198,12 @@ def _csv(names: list[str], rows: list[list[Any]]) -> str:
 class Requests:
     """Takes limits and requests to learning."""
 
-    def __init__(self, pages: Pages, desk: Desk, commander: Commander) -> None:
+    def __init__(self, pages: Pages, desk: RequestHandler, commander: Commander) -> None:
         """Add the requests to those of a desk that commands."""
         self._pages, self._commander = pages, commander
         desk.staged |= {"limit": self._limit, "learning": self._learning}
 
-    def _limit(self, page: Page, content: Mapping[str, Any]) -> Sent:
+    def _limit(self, page: Page, content: Mapping[str, Any]) -> PendingRequest:
         """Set a limit, or end it if the value is None."""
         name, value = content.get("name"), content.get("value")
         self._check_limit(name, value)
@@ -209,15 +216,15 @@ class Requests:
 
         why_not = phrase(f"limit {name}", "the twin does not report it", "it must be stricter than "
                          "the scene's")  # fmt: skip
-        return Sent(outcome, lambda: why_not)
+        return PendingRequest(outcome, lambda: why_not)
 
-    def _learning(self, page: Page, content: Mapping[str, Any]) -> Sent:
+    def _learning(self, page: Page, content: Mapping[str, Any]) -> PendingRequest:
         action = content.get("what")
         service = LEARNING.get(action) if isinstance(action, str) else None
         if service is None:
             raise Refusal("learning", f"'{action}'", did_you_mean(str(action), LEARNING))
         why_not = phrase(f"service {service}", "no answer", "learning needs a run with --learn")
-        return Sent(self._commander.call(service), lambda: why_not)
+        return PendingRequest(self._commander.call(service), lambda: why_not)
 
     def _check_limit(self, name: object, value: object) -> None:
         if not isinstance(name, str) or name not in CREW_LIMITS:
@@ -346,7 +353,7 @@ class SeaLimits:
         self.sea: EnteredSea | None = None
         self._depth_m = math.nan
 
-    def connect(self, desk: Desk) -> None:
+    def connect(self, desk: RequestHandler) -> None:
         """Show the chart on all pages, and let them enter the sea."""
         self._pages.rows.append(self.see)
         self._pages.extra["sea_limits"] = self.state

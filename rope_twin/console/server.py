@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
-from rope_twin.console.control import Desk
+from rope_twin.console.control import RequestHandler
 from rope_twin.console.pages import Page, Pages, Source
 from rope_twin.console.requests import Log
 from rope_twin.errors import InputError
@@ -113,7 +113,7 @@ def is_own_host(host: str, own: set[str]) -> bool:
     return False
 
 
-def make_app(pages: Pages, desk: Desk, log: Log, hosts: set[str] | None = None) -> Any:
+def make_app(pages: Pages, desk: RequestHandler, log: Log, hosts: set[str] | None = None) -> Any:
     """Return the ASGI application; hosts: further names of this machine.
 
     Raises:
@@ -230,7 +230,7 @@ async def _send(websocket: Any, page: Page) -> None:
             await websocket.send_text(await page.frames())
 
 
-async def _receive(websocket: Any, page: Page, desk: Desk) -> None:
+async def _receive(websocket: Any, page: Page, desk: RequestHandler) -> None:
     """Hand what the page sends to the desk until it disconnects."""
     while (message := await websocket.receive())["type"] != "websocket.disconnect":
         content = _content(message.get("text") or "")
@@ -259,7 +259,7 @@ class Server:
     """The web server in its own thread."""
 
     def __init__(
-        self, pages: Pages, desk: Desk, log: Log, host: str = LOOPBACK, port: int = PORT
+        self, pages: Pages, desk: RequestHandler, log: Log, host: str = LOOPBACK, port: int = PORT
     ) -> None:
         """Bind the address; `start` serves it.
 

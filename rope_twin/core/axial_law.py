@@ -85,7 +85,7 @@ class LowestElementLaw(NamedTuple):
     effect: Any  # effect with the kernel `axial`
 
 
-class Bound(NamedTuple):
+class BoundLaw(NamedTuple):
     """Law of the elements from `low` on, the lowest of which may have one of its own."""
 
     law: Any  # of the other elements
@@ -153,7 +153,7 @@ def _choose_part(law: Any, work: Any, low: Any) -> Any:
 @jit_within
 def _bound(law: Any, work: Any, low: Any) -> Any:
     depth = -0.5 * (work[POSITION + 2, 0] + work[POSITION + 2, 1])
-    return Bound(law_from(law.law, work, low), law.effect, low, depth)
+    return BoundLaw(law_from(law.law, work, low), law.effect, low, depth)
 
 
 @jit_within
@@ -171,7 +171,7 @@ def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, w
     rows: section and stiffness; a table stores its tangent in the latter. rate: of the length
     [m/s], which only the law of an effect depends on; weights: p and q of the stage.
     """
-    if isinstance(law, Bound):
+    if isinstance(law, BoundLaw):
         if e + law.low == 0 and law.effect.here != 0.0:
             kernel = kernel_of("axial", type(law.effect))
             return kernel(law.effect, extension, rate, weights, rows[1][e], law.depth)
@@ -186,7 +186,7 @@ def pull_of(law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, w
 def _choose_pull(
     law: Any, rows: Any, e: Any, extension: Any, rest: Any, rate: Any, weights: Any
 ) -> Any:
-    bound = getattr(law, "instance_class", None) is Bound
+    bound = getattr(law, "instance_class", None) is BoundLaw
     base = field_type(law, "law") if bound else law
     force_of = _by_stiffness if isinstance(base, types.NoneType) else _by_table
     if getattr(base, "instance_class", None) is FibrePart:

@@ -96,7 +96,7 @@ class Elements(NamedTuple):
     water: float = 0.0  # power of the water on the lowest element [W]
 
 
-class Store(NamedTuple):
+class StoredEnergy(NamedTuple):
     """Energy in rope and payload [J]."""
 
     kinetic: float  # added mass included
@@ -117,15 +117,15 @@ class Power(NamedTuple):
     water: float
 
 
-class Border(NamedTuple):
+class StepEnergy(NamedTuple):
     """Energy, power and elements at a step boundary."""
 
-    store: Store
+    store: StoredEnergy
     power: Power
     elements: Elements
 
 
-def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
+def measure(rope: Rope, pull: Floats, time: float, V: float) -> StepEnergy:
     """Return energy and power of the state at a step boundary.
 
     pull: the rope's force on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
@@ -134,7 +134,7 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     place = _place(rope, elements, time, V)
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
-    store = Store(
+    store = StoredEnergy(
         kinetic=_kinetic_energy(rope.effects, place)
         + account_sum("kinetic_end", rope.effects, end),
         elastic=float(elements.stored.sum()),
@@ -155,7 +155,7 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
         + account_sum("power_end", effects, end)
         + elements.water,
     )
-    return Border(store, power, elements)
+    return StepEnergy(store, power, elements)
 
 
 def damped(before: Elements, after: Elements, step: float) -> float:
@@ -294,35 +294,35 @@ def _find_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     set_flow(effects, work, stage, low, high)
 
 
-class SystemBorder(NamedTuple):
+class SystemStepEnergy(NamedTuple):
     """Energy and power of one rope or of a multi-line system at a step boundary."""
 
-    store: Store
+    store: StoredEnergy
     power: Power
     elements: tuple[Elements, ...]  # of each rope, and of the links as one more
     rubbed: float  # dissipation by sheave friction and by contact of ropes and payloads [W]
 
 
-def of_one(border: Border) -> SystemBorder:
+def of_one(border: StepEnergy) -> SystemStepEnergy:
     """Return the SystemBorder of a single rope."""
-    return SystemBorder(border.store, border.power, (border.elements,), 0.0)
+    return SystemStepEnergy(border.store, border.power, (border.elements,), 0.0)
 
 
-def dissipated(before: SystemBorder, after: SystemBorder, step: float) -> float:
+def dissipated(before: SystemStepEnergy, after: SystemStepEnergy, step: float) -> float:
     """Return the energy dissipated over a step by dampers and sheave friction [J]."""
     pairs = zip(before.elements, after.elements, strict=True)
     dissipated = sum(damped(earlier, later, step) for earlier, later in pairs)
     return dissipated + 0.5 * step * (before.rubbed + after.rubbed)
 
 
-def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -> SystemBorder:
+def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -> SystemStepEnergy:
     """Return energy and power of the state of a system at a step boundary.
 
     pulls: of each rope at its upper end, (ropes, PULL_COLUMNS); speeds: payout over its hang-off,
     (ropes,) [m/s], arbitrary where there is none.
     """
     joints, sheaves = system.joints, system.sheaves
-    borders: list[Border] = []
+    borders: list[StepEnergy] = []
     for r, rope in enumerate(system.ropes):
         at_ship = bool(joints.upper[r] == LOOSE)
         V = float(speeds[r]) if at_ship else _sheave_speed(joints, sheaves, r)
@@ -341,8 +341,8 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
     extra = _sheave_energy(joints, sheaves) + np.array([0.0, stored, 0.0])
     store = np.sum([border.store for border in borders], axis=0) + extra
     power = np.sum([border.power for border in borders], axis=0)
-    return SystemBorder(
-        Store(*store.tolist()),
+    return SystemStepEnergy(
+        StoredEnergy(*store.tolist()),
         Power(*power.tolist()),
         (*elements, links),
         _friction_power(joints, sheaves, elements, pulls[:, PULL])

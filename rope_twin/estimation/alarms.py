@@ -37,7 +37,7 @@ from rope_twin.estimation.fault_tests import (
     LostPayload,
     RepeatedSample,
     StuckEncoder,
-    Suspicion,
+    SuspectedFault,
 )
 from rope_twin.estimation.figures import (
     HEAVE_DELAY,
@@ -407,7 +407,7 @@ class FaultWatch:
                     self.alarm = Alarm(found_s, rule.since_s, 0.0, (self._stuck[k],))
 
 
-def _pairs(suspicions: list[Suspicion]) -> list[tuple[str, float]]:
+def _pairs(suspicions: list[SuspectedFault]) -> list[tuple[str, float]]:
     """Return the causes of suspicions and their ratios, each once."""
     gains: dict[str, float] = {}
     for suspicion in suspicions:

@@ -29,7 +29,7 @@ import numpy as np
 
 from rope_twin.core.state import Floats, Ints
 from rope_twin.estimation.figures import NAMES, Gaussian
-from rope_twin.estimation.measured_lift import MEAN_S, Passage
+from rope_twin.estimation.measured_lift import MEAN_S, UnsteadyStretch
 from rope_twin.estimation.noise import FREQUENCY_HZ, FREQUENCY_STEP_HZ, Complexes
 
 KNOT_S = 0.3  # between knots: the smoothing resolves no less
@@ -48,7 +48,7 @@ class CounterErrors:
     sd_m: Floats  # (m,) of the figures' priors
 
     @classmethod
-    def of(cls, passages: Sequence[Passage]) -> CounterErrors:
+    def of(cls, passages: Sequence[UnsteadyStretch]) -> CounterErrors:
         """Return the errors of passages, which are in the order of time."""
         knots: list[float] = []
         keys: list[Hashable] = []

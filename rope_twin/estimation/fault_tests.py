@@ -216,7 +216,7 @@ class Signature:
 
 
 @dataclass(frozen=True)
-class Suspicion:
+class SuspectedFault:
     """Most likely onset and size of one cause."""
 
     cause: str
@@ -376,7 +376,7 @@ class FaultTests:
         np.divide(self._product**2, self._power, out=ratio, where=ready)
         return ratio
 
-    def suspicions(self) -> list[Suspicion]:
+    def suspicions(self) -> list[SuspectedFault]:
         """Return each cause with its most likely onset, the most likely cause first."""
         ratio, suspicions = self.ratios(), []
         for cause, signature in enumerate(self.signatures):
@@ -385,7 +385,9 @@ class FaultTests:
                 continue
             onset_s = self.begin_s + self.interval_s * float(self._onset[onset])
             size = float(self._product[onset, cause] / self._power[onset, cause])
-            suspicions.append(Suspicion(signature.cause, float(ratio[onset, cause]), onset_s, size))
+            suspicions.append(
+                SuspectedFault(signature.cause, float(ratio[onset, cause]), onset_s, size)
+            )
         return sorted(suspicions, key=lambda suspicion: -suspicion.ratio)
 
     def detectable(self, onset_s: float, threshold: float, share: float) -> Floats:

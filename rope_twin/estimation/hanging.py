@@ -33,7 +33,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Hanging:
+class SuspendedSystem:
     """The ropes from the ship and what hangs on them, at the scene's figures."""
 
     # each with the mass of its sections with added mass [kg/m], (sections,), and its length [m]
@@ -76,7 +76,7 @@ def _vertical_figures(effect: Any) -> tuple[float, float, float] | None:
     return None
 
 
-def hanging_of(scene: Scene) -> Hanging:
+def hanging_of(scene: Scene) -> SuspendedSystem:
     """Return what hangs on a scene's ropes from the ship.
 
     Raises:
@@ -93,7 +93,7 @@ def hanging_of(scene: Scene) -> Hanging:
     loads = [_vertical_figures(effect) for rope in ropes for effect in rope.effects]
     bodies = [figures for figures in loads if figures is not None]
     air_kg = sum(figures.mass_kg for figures in point_figures(scene).values())
-    return Hanging(tuple(suspended), tuple(bodies), slings_kg, air_kg)
+    return SuspendedSystem(tuple(suspended), tuple(bodies), slings_kg, air_kg)
 
 
 @dataclass(frozen=True)

@@ -137,7 +137,7 @@ class ExpectedMotion:
 
 
 @dataclass(frozen=True)
-class Lead:
+class LengthAdjustment:
     """Way of the further winches' ropes from their lengths in a state to those of the figures."""
 
     begin_s: float
@@ -159,7 +159,7 @@ class Prediction:
     begin_s: float
     end_s: float
     states: list[FleetState]  # of the members at the end
-    lead: Lead
+    lead: LengthAdjustment
     tension_n: list[Floats] = field(default_factory=list)  # (pins, steps, members) each
     line_out_m: list[Floats] = field(default_factory=list)  # (pins, steps) each
     # of the ropes over their sheaves before `begin_s`: friction state and position; None: none
@@ -467,13 +467,13 @@ class LiftModel:
 
     def lead(
         self, begin_s: float, state: FleetState, thetas: Floats, motion: ExpectedMotion | None
-    ) -> Lead:
+    ) -> LengthAdjustment:
         """Return how further ropes come from a state to the lengths of figures, (members, ...)."""
         longer_m = {}
         for winch, (line_out_m, _) in self._lines(np.array([begin_s]), thetas, motion).items():
             rope = state.others[self._numbers[winch] - 1]
             longer_m[winch] = float(rope.s[rope.counts[rows.ELEMENTS]]) - line_out_m[0]
-        return Lead(begin_s, longer_m)
+        return LengthAdjustment(begin_s, longer_m)
 
     def _lines(
         self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None
@@ -493,7 +493,7 @@ class LiftModel:
         return lines
 
     def lines(
-        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
+        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: LengthAdjustment
     ) -> dict[str, tuple[Floats, Floats]]:
         """Return line out and line speed of further winches, (k, members) each."""
         lines = {}
@@ -507,7 +507,7 @@ class LiftModel:
         return np.asarray(begin_s + self.step_s * np.arange(steps + 1), dtype=np.float64)
 
     def _inputs(
-        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: Lead
+        self, times_s: Floats, thetas: Floats, motion: ExpectedMotion | None, lead: LengthAdjustment
     ) -> FleetInputs:
         """Return what moves the members, whose sensors differ in gain and delay of the heave."""
         gains, delays = thetas[:, INDEX[HEAVE_GAIN]], thetas[:, INDEX[HEAVE_DELAY]]

@@ -37,7 +37,7 @@ from rope_twin.estimation.figures import (
 )
 from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
-from rope_twin.estimation.worker import Ask, Begin, Heave, Input, Motion, Reading, Worker
+from rope_twin.estimation.worker import Heave, Input, Motion, Reading, Restart, Worker, WorkerCall
 from rope_twin.messages.reports import Level, Status, estimate_status
 from rope_twin.scene.instruments import SHEAVE
 from rope_twin.scene.rigging import winches_by_name
@@ -151,10 +151,10 @@ class Learner:
             rope.counter.add(inputs.time_s, inputs.line_out_m)
         elif isinstance(inputs, Heave):
             self._lift.sensor.add(*inputs)
-        elif isinstance(inputs, Begin):
+        elif isinstance(inputs, Restart):
             self._begin(inputs)
 
-    def _begin(self, begin: Begin) -> None:
+    def _begin(self, begin: Restart) -> None:
         """Begin from a live state; figures that were learned before are the prior."""
         belief = None if self.estimator is None else self.estimator.belief
         results = [] if self.estimator is None else self.estimator.results
@@ -240,7 +240,7 @@ class AlarmTask:
 
     def take(self, inputs: Input) -> None:
         """Begin again after the learner did; it keeps the measured series for both."""
-        if isinstance(inputs, Begin):
+        if isinstance(inputs, Restart):
             self._estimator, self._stands = None, ""
 
     def tare(self) -> None:
@@ -350,15 +350,15 @@ class LiveLearning:
         self._inputs.at_next_slot(lambda: self._begin(twin))
         self.worker.start()
 
-    def _begin(self, twin: Twin, *before: Ask) -> None:
+    def _begin(self, twin: Twin, *before: WorkerCall) -> None:
         """Begin from the twin's present state, after calls in the worker; the twin steps on."""
         for call in before:
             self.worker.take(call)
         try:
-            begin = Begin(live_state(twin))
+            begin = Restart(live_state(twin))
         except RopeTwinError as error:
             reason = str(error)
-            self.worker.take(Ask(lambda: self.learner.freeze(reason)))
+            self.worker.take(WorkerCall(lambda: self.learner.freeze(reason)))
             return
         self.worker.take(begin)
 
@@ -422,8 +422,8 @@ class LiveLearning:
 
     def tare(self) -> tuple[bool, str]:
         """Report that the load pin was set to zero with an empty hook; return success and text."""
-        self.worker.take(Ask(self.learner.tare))
-        self.worker.take(Ask(self.alarms.tare))
+        self.worker.take(WorkerCall(self.learner.tare))
+        self.worker.take(WorkerCall(self.alarms.tare))
         return True, "the load pin's bias is learned from its zero of now"
 
     def acknowledge(self) -> tuple[bool, str]:
@@ -434,7 +434,7 @@ class LiveLearning:
         alarm = self.alarms.newest
         if alarm is None:
             return False, "there is no alarm to acknowledge"
-        twin, ask = self._twin, Ask(self.alarms.acknowledge)
+        twin, ask = self._twin, WorkerCall(self.alarms.acknowledge)
         if twin is None:
             self.worker.take(ask)
         else:

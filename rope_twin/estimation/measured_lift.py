@@ -212,7 +212,7 @@ def straightened(positions: Floats, resolution_m: float) -> tuple[Floats, Bools]
 
 
 @dataclass(frozen=True)
-class Passage:
+class UnsteadyStretch:
     """Stretch of a moving line whose speed is not constant, by a counter of coarse resolution."""
 
     begin_s: float
@@ -447,7 +447,7 @@ class MeasuredLift:
         padded = np.pad(raw, half, mode="reflect", reflect_type="odd")
         return LineTrack(CubicSpline(grid, np.convolve(padded, _SMOOTHING, "valid")))
 
-    def passages(self, begin_s: float, end_s: float) -> list[Passage]:
+    def passages(self, begin_s: float, end_s: float) -> list[UnsteadyStretch]:
         """Return the stretches between two times [s] in which a line moves, but not steadily."""
         grid, raw, table = self._line_samples(begin_s, end_s)
         resolution_m = _resolution(table[:, 1])
@@ -470,8 +470,8 @@ class MeasuredLift:
             edges = np.concatenate([[times[0]], times[changes + 1], [times[-1]]])
             wide = np.flatnonzero(np.diff(edges) > SMOOTHED_SAMPLES / LINE_HZ)
             standing = tuple((float(edges[k]), float(edges[k + 1])) for k in wide)
-            passages.append(Passage(float(grid[begin]), float(grid[end - 1]), name.tobytes(),
-                                 resolution_m, standing))  # fmt: skip
+            span_s = float(grid[begin]), float(grid[end - 1])
+            passages.append(UnsteadyStretch(*span_s, name.tobytes(), resolution_m, standing))
         return passages
 
     def _line_samples(self, begin_s: float, end_s: float) -> tuple[Floats, Floats, Floats]:

@@ -49,19 +49,19 @@ class Heave(NamedTuple):
     heave_m: float
 
 
-class Begin(NamedTuple):
+class Restart(NamedTuple):
     """State of the live twin, from which tasks begin (again)."""
 
     live: LiveState
 
 
-class Ask(NamedTuple):
+class WorkerCall(NamedTuple):
     """A call to be made in the worker's thread, such as a tare."""
 
     act: Callable[[], None]
 
 
-Input = Motion | Reading | Heave | Begin | Ask
+Input = Motion | Reading | Heave | Restart | WorkerCall
 
 
 class Task(Protocol):
@@ -120,7 +120,7 @@ class Worker:
     def _pass_on(self) -> None:
         while self._waiting:
             inputs = self._waiting.popleft()
-            if isinstance(inputs, Ask):
+            if isinstance(inputs, WorkerCall):
                 inputs.act()
                 continue
             for task in self._tasks:

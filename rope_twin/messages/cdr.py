@@ -136,7 +136,7 @@ class Template:
 
     def __init__(self, message: Any) -> None:
         self.data = serialise(message)
-        walk = _Walk()
+        walk = _NumberLocator()
         walk.part(message, message.__msgtype__, "")
         if walk.position != len(self.data):
             sizes = f"{len(self.data)} bytes, but its fields end at {walk.position}"
@@ -267,7 +267,7 @@ def _uniform(type_name: str) -> tuple[np.dtype[Any], int] | None:
     return np.dtype(_LITTLE[kinds[0]]), len(kinds)
 
 
-class _Walk:
+class _NumberLocator:
     """Walks a message in the order of serialisation and records the location of its numbers."""
 
     def __init__(self) -> None:

@@ -17,7 +17,13 @@ from typing import Self
 import numpy as np
 
 from rope_twin.errors import RopeTwinError
-from rope_twin.planning.judgement import Judgement, Limit, judge, limits_of, simplified_uses
+from rope_twin.planning.judgement import (
+    CriteriaAssessment,
+    Limit,
+    judge,
+    limits_of,
+    simplified_uses,
+)
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.plan_file import MAX_LEGS, MAX_SEEDS, Plan
 from rope_twin.planning.plan_reader import spreading_of
@@ -110,8 +116,8 @@ class CellLimit:
     high_m: float
     capped: str  # why no higher sea was judged: the end of the grid, or breaking waves; "": judged
     governing: str  # criterion that the next height breaks; at the cap that of the largest use
-    judged: Judgement | None  # at the limiting height
-    beyond: Judgement | None  # at the next height
+    judged: CriteriaAssessment | None  # at the limiting height
+    beyond: CriteriaAssessment | None  # at the next height
     simplified_height_m: float | None  # by the simplified method alone
     simplified_capped: str  # as `capped`, of that height
     simplified: tuple[Simplified, ...]  # at the limiting height, of each leg
@@ -122,7 +128,7 @@ class CellLimit:
     refinements: int  # times that a leg's setting was made finer, as the error was too large
 
     @property
-    def shown(self) -> Judgement | None:
+    def shown(self) -> CriteriaAssessment | None:
         """Return the judgement at the limit, or of the lowest height where none is allowed."""
         return self.judged or self.beyond
 
@@ -158,7 +164,7 @@ class Cell:
         _, self._period, self._heading = self._cell = cell
         self._spreading = spreading_of(plan, work.legs[0].scene)
         self.heights_m = plan.heights_m(self._period, self._heading)
-        self.judged: dict[int, Judgement] = {}
+        self.judged: dict[int, CriteriaAssessment] = {}
 
     def at_settings(self, settings: Sequence[Setting], refinements: int) -> Cell:
         """Return the search of the same cell with its legs at these settings.
@@ -233,7 +239,7 @@ class Cell:
         self.store.add(rows)
         return rows
 
-    def judge(self, height: int, narrow: bool = False, more: bool = False) -> Judgement:
+    def judge(self, height: int, narrow: bool = False, more: bool = False) -> CriteriaAssessment:
         """Return the judgement of a height, with as many seeds as the decision requires.
 
         narrow: until the intervals are narrow, even if the decision is clear; more: with more seeds
@@ -248,7 +254,9 @@ class Cell:
             try:
                 rows = self.rows(height, seeds)
             except RopeTwinError as error:
-                judgement = Judgement(self.heights_m[height], 0, {}, {}, 0.0, 0, str(error))
+                judgement = CriteriaAssessment(
+                    self.heights_m[height], 0, {}, {}, 0.0, 0, str(error)
+                )
                 break
             weight = self.work.weight_n
             judgement = judge(self.plan, self.work.limits, rows, self.heights_m[height], weight)
@@ -284,7 +292,9 @@ class Cell:
         uses = simplified_uses(self.work.limits, loads, self.work.weight_n)
         return max(uses.values(), default=0.0)
 
-    def find(self, refine: Callable[[Cell, int, Judgement], float] | None = None) -> CellLimit:
+    def find(
+        self, refine: Callable[[Cell, int, CriteriaAssessment], float] | None = None
+    ) -> CellLimit:
         """Return the limiting sea state.
 
         refine: returns the discretisation error of the governing run of a height.

@@ -277,7 +277,7 @@ def samples_of(rows: Sequence[Row], weight_n: float) -> dict[str, list[float]]:
 
 
 @dataclass(frozen=True)
-class Judgement:
+class CriteriaAssessment:
     """Characteristic values in one sea state, and their use of the limits."""
 
     height_m: float
@@ -328,7 +328,7 @@ class Judgement:
 
 def judge(
     plan: Plan, limits: Sequence[Limit], rows: Sequence[Row], height_m: float, weight_n: float
-) -> Judgement:
+) -> CriteriaAssessment:
     """Return the judgement of rows of a sea state."""
     failures = sum(bool(row["failure"]) for row in rows)
     samples = samples_of([row for row in rows if not row["failure"]], weight_n)
@@ -344,7 +344,7 @@ def judge(
     beyond = next((limit for limit in limits if limit.most <= 0.0), None)
     fault = f"{beyond.key} is out of reach at rest" if beyond is not None else ""
     seed, leg = _governing_run(limits, uses, rows, weight_n)
-    return Judgement(
+    return CriteriaAssessment(
         height_m=height_m,
         seeds=len({row["seed"] for row in rows}),
         values=values,

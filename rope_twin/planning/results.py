@@ -15,7 +15,7 @@ from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.files import write_whole
-from rope_twin.planning.judgement import Judgement
+from rope_twin.planning.judgement import CriteriaAssessment
 from rope_twin.planning.seas import ResponsesTip, SeaState
 from rope_twin.planning.tables import sling_loads
 from rope_twin.quantity import json_value
@@ -374,7 +374,7 @@ def _simple(loads: Sequence[Simplified]) -> tuple[float, float]:
     return max(load.hook_n for load in loads), max(load.uplift_share for load in loads)
 
 
-def _judgement_object(judged: Judgement | None) -> dict[str, Any] | None:
+def _judgement_object(judged: CriteriaAssessment | None) -> dict[str, Any] | None:
     if judged is None:
         return None
     return {

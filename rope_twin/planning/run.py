@@ -35,7 +35,7 @@ from rope_twin.twin.ensemble.ensemble import cores
 if TYPE_CHECKING:
     from xarray import Dataset
 
-    from rope_twin.planning.judgement import Judgement
+    from rope_twin.planning.judgement import CriteriaAssessment
 
 # From coarse to fine; each is compared with twice its elements and half its step.
 SETTINGS = tuple(
@@ -149,7 +149,7 @@ def relative_error(rows: Sequence[Row], reference: Sequence[Row], weight_n: floa
     return float(SECOND_ORDER * max(errors))
 
 
-def governing_error(cell: Cell, height: int, judged: Judgement) -> float:
+def governing_error(cell: Cell, height: int, judged: CriteriaAssessment) -> float:
     """Return the discretisation error of the run that governs a height, as `relative_error`.
 
     NaN if it does not run at the finer setting.

@@ -159,7 +159,7 @@ PointTransfer = TipTransfer | RelativeTip | DeckTransfer
 
 
 @dataclass(frozen=True)
-class Moments:
+class TipMoments:
     """Motion of the crane tip in a sea state, along one direction."""
 
     rms_m: float
@@ -183,18 +183,18 @@ def tip_spectrum(tip: PointTransfer, sea: SeaState) -> tuple[Vector, Vector]:
     return f, squared_response * density
 
 
-def tip_moments(tip: PointTransfer, sea: SeaState) -> Moments:
+def tip_moments(tip: PointTransfer, sea: SeaState) -> TipMoments:
     """Return the standard deviations of the tip's height, velocity and acceleration."""
     return _moments(*tip_spectrum(tip, sea))
 
 
-def _moments(f: Vector, density: Vector) -> Moments:
+def _moments(f: Vector, density: Vector) -> TipMoments:
     omega = 2.0 * np.pi * f
     rms = [math.sqrt(float(np.trapezoid(omega ** (2 * k) * density, f))) for k in range(3)]
-    return Moments(*rms)
+    return TipMoments(*rms)
 
 
-def lateral_moments(tip: PointTransfer, sea: SeaState) -> Moments:
+def lateral_moments(tip: PointTransfer, sea: SeaState) -> TipMoments:
     """Return the standard deviations of the horizontal motion in the direction of its largest."""
     spectrum = sea.spectrum()
     f, density = spectrum.frequency_hz, spectrum.density_m2_per_hz

@@ -130,7 +130,7 @@ def verify(bag: Path) -> Verification:
     return verification
 
 
-class Produced(NamedTuple):
+class ReplayedMessage(NamedTuple):
     """A message of the replay."""
 
     session: int
@@ -146,7 +146,7 @@ class RunReplay:
         self._sessions = sessions
         self._last_ns = last_ns - sessions[-1].session.epoch_ns
         self._newest = Counter[str]()  # number of the newest message of each topic
-        self._waiting: dict[tuple[str, int], Produced] = {}
+        self._waiting: dict[tuple[str, int], ReplayedMessage] = {}
         self._missing = Counter[str]()
         self._unknown: list[tuple[Counter[str], Counter[str] | None]] = []
         self._making = self._make()
@@ -154,7 +154,7 @@ class RunReplay:
         self.gap = ""  # why a part of it cannot be replayed
         self.ended = ""  # why the replay ended before the bag
 
-    def find(self, topic: str, number: int) -> Produced | None:
+    def find(self, topic: str, number: int) -> ReplayedMessage | None:
         """Return a message of the replay, once, or None if it makes no such message."""
         key = topic, number
         while key not in self._waiting and self._newest[topic] < number:
@@ -190,7 +190,7 @@ class RunReplay:
             self._missing[oldest[0]] += 1
         return True
 
-    def _make(self) -> Iterator[tuple[str, int, Produced]]:
+    def _make(self) -> Iterator[tuple[str, int, ReplayedMessage]]:
         """Return topic, number and bytes of each due message, in the order of publishing."""
         twin: Twin | None = None
         stepper: Recovery | None = None
@@ -222,7 +222,7 @@ class RunReplay:
 
 def _session_messages(
     twin: Twin, stepper: Steppable, recorded: RecordedSession, until_ns: int
-) -> Iterator[tuple[str, Produced]]:
+) -> Iterator[tuple[str, ReplayedMessage]]:
     """Return topic and bytes of the messages due in the cycles of a session before a time."""
     encoder, waiting = Encoder(recorded.session.epoch_ns), recorded.calls()
     while twin.time_ns < until_ns:
@@ -241,7 +241,7 @@ def _session_messages(
                 data = encoder.encode(name, snapshot)
             except Exception:
                 continue  # nor did the run publish it
-            yield name, Produced(recorded.session.number, snapshot.stamp_ns, data)
+            yield name, ReplayedMessage(recorded.session.number, snapshot.stamp_ns, data)
 
 
 def _compare(message: Recorded, replay: RunReplay, verification: Verification) -> bool:
@@ -288,7 +288,7 @@ def _no_such(message: Recorded, replay: RunReplay) -> Difference:
     return Difference(message.topic, replay.time_ns * 1e-9, 0, "", number, none)
 
 
-def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
+def _difference(topic: str, recorded: bytes, produced: ReplayedMessage) -> Difference:
     """Return in words the first difference of two messages."""
     sizes = f"{len(recorded)} bytes", f"{len(produced.data)} bytes"
     try:

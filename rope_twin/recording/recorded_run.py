@@ -19,7 +19,13 @@ import numpy as np
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages import inputs
 from rope_twin.recording.mcap_scan import McapScan, mcap_files
-from rope_twin.recording.session import LoggedCalls, Session, Skipped, decode_json, read_log
+from rope_twin.recording.session import (
+    LoggedCalls,
+    Session,
+    SkippedSnapshots,
+    decode_json,
+    read_log,
+)
 from rope_twin.topics import (
     CUT_TOPIC,
     INPUT_LOG_TOPIC,
@@ -63,7 +69,7 @@ class RecordedSession:
     session: Session
     log_ns: int
     entries: list[LoggedCalls] = field(default_factory=list)
-    skipped: list[Skipped] = field(default_factory=list)
+    skipped: list[SkippedSnapshots] = field(default_factory=list)
     known_ns: int | None = None  # slots that begin before this have all their inputs; None: all
     gap: str = ""  # why not all
 
@@ -117,7 +123,7 @@ class BagContent:
         self.notes: list[str] = []
         self._stamps: list[tuple[int, int]] = []  # log time and stamp of _STAMPED
         own_notes: dict[str, str] = {}
-        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]] = defaultdict(list)
+        logged: dict[tuple[str, int], list[LoggedCalls | SkippedSnapshots]] = defaultdict(list)
         known: dict[tuple[str, int], RecordedSession] = {}
         for file in self._files:
             scan = McapScan(file)
@@ -128,7 +134,7 @@ class BagContent:
         self.sessions = sorted(known.values(), key=lambda one: (one.log_ns, one.session.number))
         for key, session in known.items():
             session.entries += [one for one in logged[key] if isinstance(one, LoggedCalls)]
-            session.skipped += [one for one in logged[key] if isinstance(one, Skipped)]
+            session.skipped += [one for one in logged[key] if isinstance(one, SkippedSnapshots)]
         for index, session in enumerate(self.sessions):
             session.judge(self._logged(index), self._first_ns(index))
         if self.sessions and (self.notes or _RECOVERED in own_notes):
@@ -170,7 +176,7 @@ class BagContent:
         self,
         message: Recorded,
         sessions: dict[tuple[str, int], RecordedSession],
-        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]],
+        logged: dict[tuple[str, int], list[LoggedCalls | SkippedSnapshots]],
     ) -> None:
         if message.topic == SESSION_TOPIC:
             session = Session.read(decode_json(message.topic, message.data))
@@ -216,7 +222,7 @@ class BagContent:
 
 
 @dataclass(frozen=True)
-class Match:
+class MatchedInput:
     """One applied input and its recording in the topic that it came on."""
 
     topic: str
@@ -244,19 +250,19 @@ class RecordedInputs:
             self._by_stamp[message.topic, stamp_ns].append(values)
         self._by_values[message.topic].add(repr(values))
 
-    def find(self, call: Call, epoch_ns: int) -> Match | None:
+    def find(self, call: Call, epoch_ns: int) -> MatchedInput | None:
         """Return the recorded input of a logged call, or None if it is not an external input."""
         key = _key_of(call)
         if key is None:
             return None
         topic, stamp_ns, values = key
         if repr(values) in self._by_values[topic]:
-            return Match(topic, stamp_ns, True)
+            return MatchedInput(topic, stamp_ns, True)
         if stamp_ns is None:
-            return Match(topic, None, False)
+            return MatchedInput(topic, None, False)
         recorded = self._by_stamp.get((topic, stamp_ns + epoch_ns))
         if not recorded:
-            return Match(topic, stamp_ns, False)
+            return MatchedInput(topic, stamp_ns, False)
         pairs = zip(recorded[0], values, strict=False)
         index, (recorded_value, value) = next(
             ((k, pair) for k, pair in enumerate(pairs) if repr(pair[0]) != repr(pair[1])),
@@ -264,7 +270,7 @@ class RecordedInputs:
         )
         names = _NAMES.get(topic, ())
         where = names[index] if index < len(names) else f"number {index + 1}"
-        return Match(topic, stamp_ns, False, where, repr(recorded_value), repr(value))
+        return MatchedInput(topic, stamp_ns, False, where, repr(recorded_value), repr(value))
 
 
 _NAMES = {

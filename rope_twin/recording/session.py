@@ -83,7 +83,7 @@ def decode_json(topic: str, data: bytes) -> dict[str, Any]:
     return content
 
 
-class Mark(NamedTuple):
+class SessionStart(NamedTuple):
     """A session that begins while the twin runs."""
 
     time_ns: int
@@ -98,7 +98,7 @@ class InputLog:
         self.run = run
         self.session = 0  # number of the newest one, from 1
         self.logged = 0  # messages of the newest session
-        self._waiting: deque[LogEntry | Mark] = deque()
+        self._waiting: deque[LogEntry | SessionStart] = deque()
         self._published_ns = 0
 
     def begin(self, time_ns: int) -> dict[str, Any]:
@@ -106,7 +106,7 @@ class InputLog:
         self._published_ns = time_ns
         return self._next_session()
 
-    def take(self, entry: LogEntry | Mark) -> None:
+    def take(self, entry: LogEntry | SessionStart) -> None:
         """Queue an entry; to be called by the solver thread."""
         self._waiting.append(entry)
 
@@ -118,7 +118,7 @@ class InputLog:
         """
         while self._waiting and (snapshot is None or self._waiting[0].time_ns < snapshot.stamp_ns):
             entry = self._waiting.popleft()
-            if isinstance(entry, Mark):
+            if isinstance(entry, SessionStart):
                 yield SESSION_TOPIC, entry.described | self._next_session()
             else:
                 content = {"time_ns": entry.time_ns, "calls": plain_calls(entry.calls)}
@@ -161,7 +161,7 @@ class LoggedCalls:
 
 
 @dataclass(frozen=True)
-class Skipped:
+class SkippedSnapshots:
     """Snapshots that were not published: those of twin times between the two."""
 
     number: int
@@ -169,7 +169,7 @@ class Skipped:
     before_ns: int
 
 
-def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
+def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | SkippedSnapshots]:
     """Return run and number of the session, and the content of a message of twin/inputs.
 
     Raises:
@@ -182,7 +182,7 @@ def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
         if "calls" in content:
             return session, LoggedCalls(number, int(content["time_ns"]), content["calls"])
         after_ns, before_ns = content["skipped_ns"]
-        return session, Skipped(number, int(after_ns), int(before_ns))
+        return session, SkippedSnapshots(number, int(after_ns), int(before_ns))
     except (KeyError, TypeError, ValueError) as error:
         raise _damaged(INPUT_LOG_TOPIC, repr(error)) from error
 
@@ -193,7 +193,7 @@ def _damaged(topic: str, reason: str) -> BagError:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
+class RunSetup:
     """Parameters of a run that its numbers depend on, besides scene and inputs."""
 
     elements: int | None = None  # in place of the scene's
@@ -209,7 +209,7 @@ class Setup:
     feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
 
     @classmethod
-    def of(cls, options: Any, **others: Any) -> Setup:
+    def of(cls, options: Any, **others: Any) -> RunSetup:
         """Return the parameters that a run's options have under the same names, and others."""
         names = [field.name for field in dataclasses.fields(cls) if hasattr(options, field.name)]
         return cls(**{name: getattr(options, name) for name in names} | others)
@@ -247,7 +247,7 @@ def expect_own_sea(twin: Twin) -> None:
         twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
 
 
-def describe_run(scene: Scene, setup: Setup, speed: float) -> dict[str, Any]:
+def describe_run(scene: Scene, setup: RunSetup, speed: float) -> dict[str, Any]:
     """Return what all sessions of a run have in common. Some 20 ms."""
     root, files = _root_and_files(scene)
     return {
@@ -313,7 +313,7 @@ class Session:
     epoch_ns: int
     time_ns: int
     level: AccuracyLevel  # elements and step that it begins with
-    setup: Setup
+    setup: RunSetup
     published: Mapping[str, int]
     logged_before: int  # messages of twin/inputs of the session before, in the same run
     content: Mapping[str, Any]  # all of it
@@ -335,7 +335,7 @@ class Session:
                 epoch_ns=int(content["epoch_ns"]),
                 time_ns=int(content["time_ns"]),
                 level=AccuracyLevel(*(int(value) for value in content["level"])),
-                setup=Setup(**content["setup"]),
+                setup=RunSetup(**content["setup"]),
                 published={str(k): int(v) for k, v in content["published"].items()},
                 logged_before=int(content["logged_before"]),
                 content=content,

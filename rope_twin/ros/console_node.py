@@ -23,7 +23,7 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from rope_twin import topics
-from rope_twin.console.control import Desk, Outcome, Token, new_token
+from rope_twin.console.control import Outcome, RequestHandler, Token, new_token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import DIAGNOSTICS, SHOWN, Readings, Values
 from rope_twin.console.requests import (
@@ -228,7 +228,7 @@ class ConsoleNode(SuiteNode):
         allowed = self._params.control
         commander = WinchCommander(self) if allowed else None
         token = Token(secret, time.monotonic) if allowed else None
-        desk = Desk(pages, time.monotonic, commander, token)
+        desk = RequestHandler(pages, time.monotonic, commander, token)
         pages.before_tick.append(desk.update)
         if commander is not None:
             Requests(pages, desk, commander)

@@ -26,15 +26,15 @@ from rope_twin.messages.diagnostics import BreachWords
 from rope_twin.messages.reports import counted, encode_alerts, encode_estimate
 from rope_twin.recording.session import (
     InputLog,
-    Mark,
-    Setup,
+    RunSetup,
+    SessionStart,
     describe_run,
     describe_session,
     encode_json,
     encode_session,
 )
 from rope_twin.ros.params import SimulationParams
-from rope_twin.run.border import InputBorder
+from rope_twin.run.border import InputDecoder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import pacing
@@ -262,7 +262,7 @@ class PacedTwin:
         self._publish, self._published = publish, published
         self._made_ns = time.monotonic_ns()
         mesh = {"elements": params.elements or None, "step_s": params.step_s or None}
-        setup = Setup.of(params, **mesh)
+        setup = RunSetup.of(params, **mesh)
         self.twin, self.begun = _begin(scene, setup, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self._recovery = Recovery(self.twin)
@@ -303,7 +303,7 @@ class PacedTwin:
             self._handover, publish, self._first, self._log, published, self.alerts, watch
         )
         self._ros_ahead_ns = 0  # ROS time less steady time at the last start
-        self.border = InputBorder(self.twin, self._inputs, params.command_priority)
+        self.border = InputDecoder(self.twin, self._inputs, params.command_priority)
         self.border.latch_listener = self._keep_stops
         if self.learning is not None:
             self.border.listener = self.learning.hear
@@ -368,7 +368,7 @@ class PacedTwin:
         def mark() -> None:
             described = describe_session(self._described, self.twin, epoch_ns)
             self._inputs.begin()
-            self._log.take(Mark(self.twin.time_ns, described))
+            self._log.take(SessionStart(self.twin.time_ns, described))
 
         self._inputs.at_next_slot(mark)
 
@@ -514,7 +514,7 @@ class PacedTwin:
         return rows
 
 
-def _begin(scene: Scene, setup: Setup, params: SimulationParams) -> tuple[Twin, str]:
+def _begin(scene: Scene, setup: RunSetup, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
     if not params.from_state:
         return setup.make(scene, None), "starting from static equilibrium"

@@ -94,7 +94,7 @@ class Monitor(Node):
             self.get_logger().warning(sentence)
 
 
-class Spare:
+class SpareProcess:
     """Spare process of a run, as the process that starts the nodes sees it.
 
     It has imported everything, and has loaded the compiled code of the scene, before a node dies:
@@ -152,7 +152,7 @@ class Processes:
         simulation["save_state"] = simulation["save_state"] or own_state  # for a restarted one
         simulation["save_every_s"] = _SAVE_EVERY_S
         self._scene = options.scene
-        self._spare: Spare | None = None
+        self._spare: SpareProcess | None = None
         self._call = Path()  # file that activates the current standby recorder
         self._state_before = _signature(Path(simulation["save_state"]))
         for name in self._parameters:
@@ -171,7 +171,7 @@ class Processes:
             self._spare.close()
             self._spare = None
         if self._spare is None and time.monotonic() - max(self._started_s.values()) > _SETTLED_S:
-            self._spare = Spare(self._scene, self._environment())
+            self._spare = SpareProcess(self._scene, self._environment())
 
     def ended(self) -> dict[str, int]:
         """Return exit codes (negative: killed by that signal) of newly ended processes."""

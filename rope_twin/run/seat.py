@@ -47,7 +47,7 @@ QUIET_S = 1.0  # a commander that has sent a command since cannot be released by
 WARNED_S = 60.0  # how long a rejection is reported as a warning
 
 
-class Verdict(NamedTuple):
+class CommandDecision(NamedTuple):
     """Decision on a command."""
 
     refusal: str = ""  # why it is rejected, in one sentence; "": accepted
@@ -94,23 +94,25 @@ class CommandSeat:
 
     def judge(
         self, sender: str, order: WinchCommand, now_s: float, executable: bool = True
-    ) -> Verdict:
+    ) -> CommandDecision:
         """Accept or reject a command; an accepted one may take the seat if it is executable."""
         if order.kind == EMERGENCY_STOP or sender == self.holder:
-            return Verdict()
+            return CommandDecision()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
             remedy = f"request the seat with the service {service_name(self.winch, TAKE)}"
-            return Verdict(self._refuse(f"'{order.kind}' from node {sender}", remedy, now_s))
+            return CommandDecision(
+                self._refuse(f"'{order.kind}' from node {sender}", remedy, now_s)
+            )
         if not executable:
-            return Verdict()
+            return CommandDecision()
         is_new = self._former not in ("", sender)
         self.holder = self._former = sender
         self._reserved_until_s = 0.0
         self._lost = self._yielded = ""
         self._awaited_ns = None
         self._streak, self._unseen_s, self._silent = 0, None, False
-        return Verdict(is_new=is_new)
+        return CommandDecision(is_new=is_new)
 
     def permit(self, kind: str, now_s: float) -> str:
         """Accept ("") or reject (why) a switch that comes by a service, which has no sender."""

@@ -39,7 +39,7 @@ from rope_twin.recording.motion_source import (
 )
 from rope_twin.recording.session import (
     InputLog,
-    Setup,
+    RunSetup,
     describe_run,
     describe_session,
     encode_json,
@@ -90,7 +90,7 @@ class UnpacedRun:
             scene = following_measured(scene)
         watch = {} if options.watch is None else asdict(options.watch)
         # `_offer` passes on the samples of `open_sea` only
-        setup, start = Setup.of(options, **watch, feeds_itself=True), options.start_from
+        setup, start = RunSetup.of(options, **watch, feeds_itself=True), options.start_from
         self.twin = setup.make(scene, start)
         self.twin.failure_folder = options.failure_folder
         self._recovery = Recovery(self.twin)

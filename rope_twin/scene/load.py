@@ -93,7 +93,7 @@ class Construction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Sized:
+class SizedRope:
     """A rope given by its construction and diameter."""
 
     construction: str = text("name under `constructions`")
@@ -101,11 +101,11 @@ class Sized:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RopeBook:
+class RopeLibrary:
     """Content of config/ropes.yaml."""
 
     constructions: dict[str, Construction] = text("properties per power of the diameter")
-    by_diameter: dict[str, Sized] = text("presets evaluated from a construction")
+    by_diameter: dict[str, SizedRope] = text("presets evaluated from a construction")
     by_figures: dict[str, Rope] = text("presets with explicit properties")
 
 
@@ -129,15 +129,15 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
     return presets
 
 
-def _rope_book(path: Path | None = None) -> tuple[RopeBook, Item, Path]:
+def _rope_book(path: Path | None = None) -> tuple[RopeLibrary, Item, Path]:
     path = path or share_dir() / "config" / "ropes.yaml"
     return _rope_book_of(path, path.stat().st_mtime_ns if path.is_file() else 0)
 
 
 @cache  # each rope of each scene asks for it
-def _rope_book_of(path: Path, _written_ns: int) -> tuple[RopeBook, Item, Path]:
+def _rope_book_of(path: Path, _written_ns: int) -> tuple[RopeLibrary, Item, Path]:
     tree, _ = read_document(path)
-    book: RopeBook = read_object(RopeBook, tree, Place(path))
+    book: RopeLibrary = read_object(RopeLibrary, tree, Place(path))
     return book, tree, path
 
 

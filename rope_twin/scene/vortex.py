@@ -36,7 +36,7 @@ STROUHAL = 0.17  # default, where the model has none
 
 
 @dataclass(frozen=True)
-class Pace:
+class LockInResolution:
     """Highest expected lock-in frequency, and the resolution that it requires."""
 
     frequency_hz: float
@@ -44,7 +44,7 @@ class Pace:
     step_s: float  # maximum
 
 
-def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
+def expected_pace(scene: Scene, figures: LiftFigures) -> LockInResolution | None:
     """Return the pace for a straight hanging rope; None without a model or without flow."""
     if not shedding_model(scene):
         return None
@@ -67,7 +67,9 @@ def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
         shortest = min(shortest, 2.0 * pi / sqrt(square))
     if fastest == 0.0:
         return None
-    return Pace(fastest, shortest / ELEMENTS_PER_WAVE, 1.0 / (STEPS_PER_PERIOD * fastest))
+    return LockInResolution(
+        fastest, shortest / ELEMENTS_PER_WAVE, 1.0 / (STEPS_PER_PERIOD * fastest)
+    )
 
 
 def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[float], list[Bar]]:
@@ -124,14 +126,14 @@ def vortex_words(scene: Scene, figures: LiftFigures) -> str:
     return f"{text}, too coarse; fine ones are {cost:.2g} times slower than this scene without it."
 
 
-def _wanted(pace: Pace) -> str:
+def _wanted(pace: LockInResolution) -> str:
     return (
         f"lock-in at {pace.frequency_hz:.3g} Hz requires elements below "
         f"{_rounded(pace.element_m):g} m and steps below {_rounded(1e3 * pace.step_s):g} ms"
     )
 
 
-def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
+def _cost(scene: Scene, figures: LiftFigures, pace: LockInResolution) -> float:
     """Return the factor of elements and steps over the scene's, without the model's own cost."""
     elements = max(figures.longest_element_m / pace.element_m, 1.0)
     return elements * max(scene.time.step_s / pace.step_s, 1.0)

@@ -27,9 +27,9 @@ from rope_twin.sea.raos import (
     XZ_AND_YZ_PLANES,
     XZ_PLANE,
     Answers,
+    FileRaos,
     Point,
     RaoConventions,
-    Written,
 )
 from rope_twin.sea.tables import Vector
 
@@ -87,7 +87,7 @@ def length_unit_m(model: Keys, where: str) -> float:
     return 1.0 if unit == "m" else FOOT_M
 
 
-def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
+def read_orcaflex(path: Path, conventions: RaoConventions) -> FileRaos:
     """Read one vessel type at one draught.
 
     Raises:
@@ -114,7 +114,7 @@ def read_orcaflex(path: Path, conventions: RaoConventions) -> Written:
     origin = _point(table, "RAOOrigin", where)
     phases = _point(table, "PhaseOrigin", where, origin)
     known = frequency < np.inf
-    return Written(
+    return FileRaos(
         where, f"{path}, OrcaFlex vessel type {name}", headings, frequency[known],
         answer[:, :, known], _choice(kind, "Symmetry", _SYMMETRIES, where),
         _scaled(origin, unit_m), _scaled(phases, unit_m),

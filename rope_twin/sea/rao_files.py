@@ -35,9 +35,9 @@ from rope_twin.sea.raos import (
     SHIFTS,
     TURNS,
     Answers,
+    FileRaos,
     RaoConventions,
     Responses,
-    Written,
     assemble,
 )
 from rope_twin.sea.tables import Vector, find_table, read_grid
@@ -113,7 +113,7 @@ def read_csv(path: Path, conventions: RaoConventions) -> Responses:
     return Responses(headings, frequencies, answer, where, mirrored, conventions.origin_m)
 
 
-def read_wamit(path: Path, conventions: RaoConventions) -> Written:
+def read_wamit(path: Path, conventions: RaoConventions) -> FileRaos:
     """Read the RAOs of one body from a WAMIT `.4` file; one line of titles may come first.
 
     Raises:
@@ -145,7 +145,7 @@ def read_wamit(path: Path, conventions: RaoConventions) -> Written:
     answer[mode, i, j] = value
     answer[3:] /= length_m
     source = f"{where}, WAMIT"
-    return Written(where, source, heading, 1.0 / period, answer, symmetry, origin, phases)
+    return FileRaos(where, source, heading, 1.0 / period, answer, symmetry, origin, phases)
 
 
 def _wamit_rows(path: Path) -> tuple[Vector, list[int]]:
@@ -250,7 +250,7 @@ class _DataSet:
         return tuple(self._file.variables[name].dimensions)
 
 
-def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
+def read_capytaine(path: Path, conventions: RaoConventions) -> FileRaos:
     """Read the RAOs of a file.
 
     Raises:
@@ -275,7 +275,7 @@ def read_capytaine(path: Path, conventions: RaoConventions) -> Written:
         raise InputError(where, f"it cannot be read ({message})", remedy) from None
 
 
-def _written(data: _DataSet, conventions: RaoConventions) -> Written:
+def _written(data: _DataSet, conventions: RaoConventions) -> FileRaos:
     """Return the RAOs of an open file. Raises InputError."""
     where = data.where
     states = data.has("rotation_center")
@@ -309,7 +309,7 @@ def _written(data: _DataSet, conventions: RaoConventions) -> Written:
         origin = (x, y, z)
     if not np.isfinite(origin).all():
         raise InputError(where, "rotation_center is not finite", "give one in the data set")
-    return Written(where, f"{where}, Capytaine", np.degrees(direction), frequency, answer,
+    return FileRaos(where, f"{where}, Capytaine", np.degrees(direction), frequency, answer,
                    conventions.symmetry, origin, (0.0, 0.0, 0.0))  # fmt: skip
 
 

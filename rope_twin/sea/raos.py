@@ -219,7 +219,7 @@ def _cells(axis: Vector, values: Vector) -> tuple[NDArray[np.int64], Vector]:
 
 
 @dataclass(frozen=True)
-class Written:
+class FileRaos:
     """RAOs as a file has them, in the units, signs and phases of `Responses`."""
 
     where: str  # path of the file, for errors
@@ -232,7 +232,7 @@ class Written:
     phase_origin_m: Point  # point whose wave the phases refer to
 
 
-def assemble(written: Written) -> Responses:
+def assemble(written: FileRaos) -> Responses:
     """Return RAOs with ascending axes that cover every heading, of the point of their phases.
 
     Raises:

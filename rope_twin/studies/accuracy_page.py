@@ -10,7 +10,7 @@ from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.vortex import model_beside, vortex_words
 from rope_twin.studies.accuracy_run import QUANTITIES, STILL
-from rope_twin.studies.accuracy_study import FORMAL_ORDER, Doubt, Study, page_table
+from rope_twin.studies.accuracy_study import FORMAL_ORDER, ReferenceUncertainty, Study, page_table
 from rope_twin.studies.accuracy_within import cheapest_within
 from rope_twin.studies.picture import check_picture, mark_decades, new_figure, write_picture
 
@@ -186,7 +186,7 @@ def _bound(row: StudyLevel, name: str, study: Study) -> str:
     return f"within {format_bound(at_most)} %"
 
 
-def _spread(name: str, doubt: Doubt) -> str:
+def _spread(name: str, doubt: ReferenceUncertainty) -> str:
     if doubt.spread is None:
         return "it is not there on every grid"
     low, high = doubt.spread

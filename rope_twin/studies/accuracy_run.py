@@ -67,7 +67,7 @@ class Series:
     memory_mb: float
 
 
-class Course:
+class MotionWindow:
     """Motion of a scene's rope over a window, for runs at many settings.
 
     Raises:
@@ -150,7 +150,7 @@ class Trial:
         SceneError: the scene cannot be built so, or there is no equilibrium.
     """
 
-    def __init__(self, course: Course, setting: Setting) -> None:
+    def __init__(self, course: MotionWindow, setting: Setting) -> None:
         self.setting = setting
         self._course = course
         self._body = body_of(

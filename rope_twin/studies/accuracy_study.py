@@ -30,7 +30,7 @@ from rope_twin.scene.vortex import shedding_model
 from rope_twin.studies.accuracy_run import (
     BY_NAME,
     QUANTITIES,
-    Course,
+    MotionWindow,
     Series,
     Trial,
     Values,
@@ -53,7 +53,7 @@ SHORTEST_WINDOW = 10  # looks
 
 
 @dataclass(frozen=True)
-class Reach:
+class StudyExtent:
     """Extent of a convergence study."""
 
     step_factors: tuple[float, ...]  # of the scene's own step
@@ -63,8 +63,8 @@ class Reach:
     longest_window_s: float
 
 
-USUAL = Reach((0.5, 1.0, 2.0, 5.0), 2, 0.25, 60.0, 120.0)
-SHORT = Reach((1.0, 2.0, 5.0), 1, 0.5, 30.0, 30.0)  # of scenes that cost much
+USUAL = StudyExtent((0.5, 1.0, 2.0, 5.0), 2, 0.25, 60.0, 120.0)
+SHORT = StudyExtent((1.0, 2.0, 5.0), 1, 0.5, 30.0, 30.0)  # of scenes that cost much
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def dearness(scene: Scene) -> float:
     return 1.0 + components / COMPONENTS + vortices
 
 
-def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
+def _plan(scene: Scene, seconds: float | None, reach: StudyExtent) -> Plan:
     setting = Setting(scene.ropes[0].elements, scene.time.step_s)
     h = setting.step_s
     factors = [factor for factor in reach.step_factors if factor * h <= LONGEST_STEP_S]
@@ -133,7 +133,7 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     return Plan(span, setting, sampling_s, (*grid, *others), fine, ropes)
 
 
-def _window_s(scene: Scene, reach: Reach) -> float:
+def _window_s(scene: Scene, reach: StudyExtent) -> float:
     """Return a minute, or one cycle of the winch schedule if longer (two minutes at most) [s].
 
     A build-up of the water's forces comes before it.
@@ -169,7 +169,7 @@ NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
 
 
 @dataclass(frozen=True)
-class Doubt:
+class ReferenceUncertainty:
     """Uncertainty of one quantity of the reference, in the quantity's unit."""
 
     element_order: float | None  # None: there was none, or nothing to measure it by
@@ -185,10 +185,12 @@ class Reference:
     setting: Setting
     series: Series
     values: Values
-    doubts: dict[str, Doubt]
+    doubts: dict[str, ReferenceUncertainty]
 
 
-def find_reference(course: Course, setting: Setting, report: Callable[[str], None]) -> Reference:
+def find_reference(
+    course: MotionWindow, setting: Setting, report: Callable[[str], None]
+) -> Reference:
     """Run the five grids around the finest setting, each tighter in tolerance than the scene.
 
     Raises:
@@ -217,7 +219,7 @@ def judge(setting: Setting, runs: list[Series]) -> Reference:
         known = [term for term, _ in parts]
         total = None if None in known else math.fsum(term for term in known if term is not None)
         spread = None if total is not None else _spread(name, results, [*by_element, *by_step])
-        doubts[name] = Doubt(parts[0][1], parts[1][1], total, spread)
+        doubts[name] = ReferenceUncertainty(parts[0][1], parts[1][1], total, spread)
     return Reference(setting, fine, results[0], doubts)
 
 
@@ -281,7 +283,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
         RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
     computer = this_machine()
-    course = Course(scene, plan.seconds, plan.sampling_s)
+    course = MotionWindow(scene, plan.seconds, plan.sampling_s)
     total, done = 5 + 1 + len(plan.settings), 0
 
     def tell(activity: str) -> None:
@@ -354,7 +356,7 @@ def _as_row(row: StudyLevel) -> dict[str, Any]:
     }
 
 
-def _level(course: Course, setting: Setting, reference: Reference, timed: bool) -> StudyLevel:
+def _level(course: MotionWindow, setting: Setting, reference: Reference, timed: bool) -> StudyLevel:
     trial = Trial(course, setting)
     series = trial.run()
     figures = {}

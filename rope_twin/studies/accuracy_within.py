@@ -15,7 +15,7 @@ from rope_twin.scene.convergence import ConvergenceStudy, read_study
 from rope_twin.scene.error_bound import Setting, StudyLevel, format_bound
 from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy_run import Course, Quantity, Trial, differences
+from rope_twin.studies.accuracy_run import MotionWindow, Quantity, Trial, differences
 from rope_twin.studies.accuracy_study import make_plan
 
 NOTHING = 1e-6  # below, errors are round-off
@@ -99,7 +99,7 @@ Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 
 @dataclass(frozen=True)
-class Selected:
+class SelectedSetting:
     """Selected setting of one scene, and its measured error."""
 
     scene: str
@@ -126,7 +126,7 @@ def check_scenes(
     within: float,
     seconds: float | None,
     report: Report,
-) -> Iterator[Selected]:
+) -> Iterator[SelectedSetting]:
     """Yield the selection of each scene for a target, and its error over a window.
 
     within: in the quantity's unit; seconds: of the window, None: the study's.
@@ -142,7 +142,7 @@ def check_scenes(
 
 def _check_scene(
     scene: Scene, quantity: Quantity, within: float, seconds: float | None
-) -> Selected:
+) -> SelectedSetting:
     study = current_study(scene, f"scene {scene.name}")
     known = [level for level in study.own_levels if not math.isnan(level.bound(quantity.name))]
     level = cheapest_within(known, quantity.name, within)
@@ -152,29 +152,29 @@ def _check_scene(
             best = format_bound(best_bound(known, quantity.name))
             refusal = f"the best of its study is {best} {quantity.unit}"
         nothing = (None,) * 6
-        return Selected(scene.name, quantity.name, within, *nothing, "", refusal)
+        return SelectedSetting(scene.name, quantity.name, within, *nothing, "", refusal)
     plan = make_plan(scene, seconds or study.seconds)
-    course = Course(scene, plan.seconds, plan.sampling_s)
+    course = MotionWindow(scene, plan.seconds, plan.sampling_s)
     elements, step_s, tolerance_n = plan.reference
     times = 1 if elements > ENOUGH else 2
     finer = Setting(times * elements, 0.5 * step_s, tolerance_n)
     result = Trial(course, level.setting).run()
     error = differences(result, Trial(course, finer).run())[quantity.name]
-    return Selected(
+    return SelectedSetting(
         scene.name, quantity.name, within, plan.seconds, level.elements, level.step_s,
         level.real_time_factor, level.bound(quantity.name), error,
         f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
     )  # fmt: skip
 
 
-def selected_table(rows: Sequence[Selected], unit: str) -> list[list[str]]:
+def selected_table(rows: Sequence[SelectedSetting], unit: str) -> list[list[str]]:
     """Return the results as rows of text, below a head."""
     head = ["scene", "elements", "step ms", "× real time", f"study ≤ {unit}", f"measured {unit}",
             "over s", "against", "holds"]  # fmt: skip
     return [head, *([row.scene, *_cells(row)] for row in rows)]
 
 
-def _cells(row: Selected) -> list[str]:
+def _cells(row: SelectedSetting) -> list[str]:
     if row.error is None or row.step_s is None:
         return ["", "", "", "", "", "", "", f"nothing selected: {row.refusal}"]
     return [

@@ -31,7 +31,7 @@ from rope_twin.scene.relations import faults
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene, SeaState, Triple
 from rope_twin.scene.vortex import model_beside
-from rope_twin.studies.accuracy_run import Course, Trial
+from rope_twin.studies.accuracy_run import MotionWindow, Trial
 from rope_twin.studies.driven_twin import fed, with_effect
 from rope_twin.twin.twin import Twin
 
@@ -119,7 +119,7 @@ Listener = Callable[[int, int, str], None]
 
 
 @dataclass(frozen=True)
-class Ran:
+class SceneRun:
     """One run of a scene."""
 
     us_per_step: float
@@ -148,7 +148,7 @@ class EffectStudy:
     seconds: float
     elements: int
     step_s: float
-    as_it_is: Ran
+    as_it_is: SceneRun
     us_noise: float  # difference of two timings of the scene as it is, before and after all else
     rows: tuple[EffectRow, ...]
 
@@ -160,7 +160,7 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
         RopeTwinError: the unchanged scene cannot be run for so long.
     """
     by_twin = is_joined(scene) or model_beside(scene) is not None
-    course = None if by_twin else Course(scene, seconds, LOOK_S)
+    course = None if by_twin else MotionWindow(scene, seconds, LOOK_S)
     listed = listed_effects(scene)
     count = len(EFFECTS) + 2
     listen(0, count, "as it is")
@@ -186,7 +186,9 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
     )
 
 
-def _row(scene: Scene, effect: Effect, base: Ran, run: Callable[[Scene], Ran]) -> EffectRow:
+def _row(
+    scene: Scene, effect: Effect, base: SceneRun, run: Callable[[Scene], SceneRun]
+) -> EffectRow:
     """Return the result with one effect removed or added."""
     listed = effect.name in listed_effects(scene)
     text = ""
@@ -225,7 +227,7 @@ def _sound(scene: Scene) -> Scene:
     return scene
 
 
-def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
+def _run(scene: Scene, course: MotionWindow | None, seconds: float) -> SceneRun:
     if course is None:
         return _run_twin(scene, seconds)
     scene_course = copy.copy(course)
@@ -233,10 +235,10 @@ def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
     trial = Trial(scene_course, Setting(scene.ropes[0].elements, scene.time.step_s))
     tension = trial.run().tension_n
     us_per_step = 1e6 * scene.time.step_s / trial.real_time_factor()
-    return Ran(us_per_step, float(np.mean(tension)), float(np.max(tension)))
+    return SceneRun(us_per_step, float(np.mean(tension)), float(np.max(tension)))
 
 
-def _run_twin(scene: Scene, seconds: float) -> Ran:
+def _run_twin(scene: Scene, seconds: float) -> SceneRun:
     """Run the scene by its twin; return the median over its publish periods, inputs included."""
     twin = Twin(scene)
     times_s, before = [], twin.statistics()
@@ -244,7 +246,7 @@ def _run_twin(scene: Scene, seconds: float) -> Ran:
         after = twin.statistics()
         times_s.append((after.computing_s - before.computing_s) / (after.steps - before.steps))
         before = after
-    return Ran(
+    return SceneRun(
         1e6 * statistics.median(times_s), before.tension_top_mean_n, before.tension_top_max_n
     )
 

@@ -210,7 +210,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
         InputError: a sea ends before the run does.
     """
     result = []
-    seas = Seas(scene, seconds)
+    seas = MemberHeave(scene, seconds)
     for number, row in enumerate(plan.rows):
         pairs = list(zip(plan.axes, row, strict=True))
         scene_pairs = [(axis, value) for axis, value in pairs if axis.path != SEA_OFFSET_S]
@@ -221,7 +221,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
     return result
 
 
-class Seas:
+class MemberHeave:
     """The heave of members; those of one record share its samples."""
 
     def __init__(self, scene: Scene, seconds: float) -> None:

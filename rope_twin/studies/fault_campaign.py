@@ -28,7 +28,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea
-from rope_twin.run.border import InputBorder
+from rope_twin.run.border import InputDecoder
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fault_injection import (
@@ -159,7 +159,7 @@ class LoneTwin:
         self.scene = scene
         self._twin = Twin(scene, monitors)
         self._inputs = InputQueue(self._twin, Recovery(self._twin))
-        self._border = InputBorder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
+        self._border = InputDecoder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
         self._border.epoch_ns = EPOCH_NS
         self._steps = steps_in_slot(self._twin.step_s)
         self._last = self._twin.snapshot()
@@ -245,7 +245,7 @@ class Finding:
 
 
 @dataclass
-class Course:
+class TopTensionRecord:
     """A run's top tension and the level of each row, slot by slot."""
 
     time_s: list[float] = field(default_factory=list)
@@ -256,9 +256,11 @@ class Course:
     ended: str = ""  # why it did not come to its end
 
 
-def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MONITORS) -> Course:
+def follow(
+    scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MONITORS
+) -> TopTensionRecord:
     """Run a twin to UNTIL_S with these messages, in the order of their arrival."""
-    course, twin = Course(), LoneTwin(scene, monitors)
+    course, twin = TopTensionRecord(), LoneTwin(scene, monitors)
     waiting = iter(messages)
     following = next(waiting, None)
     while not course.time_s or course.time_s[-1] < UNTIL_S - 1e-9:
@@ -281,7 +283,7 @@ def follow(scene: Scene, messages: Iterable[Message], monitors: Monitors = NO_MO
     return course
 
 
-def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
+def judge(topic: str, fault: Fault, sound: TopTensionRecord, faulted: TopTensionRecord) -> Finding:
     """Compare a faulted run with the undisturbed one."""
     count = min(len(sound.time_s), len(faulted.time_s))
     time_s = np.array(sound.time_s[:count])
@@ -314,7 +316,7 @@ def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
     )
 
 
-def _fall(sound: Course, faulted: Course) -> tuple[float, str] | None:
+def _fall(sound: TopTensionRecord, faulted: TopTensionRecord) -> tuple[float, str] | None:
     """Return time [s] and reason of the first drop of the quality index; None: it never fell."""
     samples = zip(sound.time_s, sound.quality, faulted.quality, strict=False)
     falls = ((time_s, observed[1]) for time_s, true, observed in samples
@@ -322,7 +324,9 @@ def _fall(sound: Course, faulted: Course) -> tuple[float, str] | None:
     return next(falls, None)
 
 
-def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tuple[Level, str]]]:
+def _raised(
+    sound: TopTensionRecord, faulted: TopTensionRecord, count: int
+) -> Iterator[dict[str, tuple[Level, str]]]:
     """Yield the rows of each slot that are worse than those of the sound run."""
     for true, observed in zip(sound.rows[:count], faulted.rows[:count], strict=True):
         yield {name: row for name, row in observed.items()
@@ -349,7 +353,7 @@ def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[
             if pairs or PAIR not in fault.name]  # fmt: skip
 
 
-class Bench:
+class Baseline:
     """Undisturbed traffic and run of a scene, against which each fault is compared."""
 
     def __init__(self, scene: Scene, posed: bool, measured: bool = False) -> None:
@@ -386,7 +390,7 @@ class Bench:
         traffic[topic] = laid_over(traffic[topic], fault, round(FROM_S * SECOND_NS), SEED)
         return judge(topic, fault, self._sound, self._follow(traffic))
 
-    def _follow(self, traffic: dict[str, list[Message]]) -> Course:
+    def _follow(self, traffic: dict[str, list[Message]]) -> TopTensionRecord:
         merged = merge(*traffic.values(), key=lambda message: message.received_ns)
         return follow(self._scene, merged, self._monitors)
 
@@ -407,7 +411,7 @@ def run_campaign(
     """
     _BENCHES.clear()
     _RUNS[:] = runs
-    _BENCHES.update({kind: Bench(scene, *kind) for kind in {_kind(topic) for topic, _ in runs}})
+    _BENCHES.update({kind: Baseline(scene, *kind) for kind in {_kind(topic) for topic, _ in runs}})
     findings = []
     # A forked process has the compiled code and the sound runs already.
     with ProcessPoolExecutor(max(1, jobs), get_context("fork")) as pool:
@@ -418,7 +422,7 @@ def run_campaign(
 
 
 # filled before the processes are forked that look there
-_BENCHES: dict[tuple[bool, bool], Bench] = {}
+_BENCHES: dict[tuple[bool, bool], Baseline] = {}
 _RUNS: list[tuple[str, Fault]] = []
 
 

@@ -24,7 +24,7 @@ from rope_twin.scene.grid import find_payload, section_damping
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
-from rope_twin.studies.accuracy_run import Course, Trial
+from rope_twin.studies.accuracy_run import MotionWindow, Trial
 from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.statics import solve_scene_statics
 
@@ -72,7 +72,7 @@ def run_independent_code(
         return f"none: its steps would be shorter than {1e3 * SHORTEST_S:g} ms"
     scene = rope.scene
     seconds = min(math.ceil(scene.ship.motion_ramp_s + AFTER_RAMP_S), max_s)
-    course = Course(scene, seconds, step_s)
+    course = MotionWindow(scene, seconds, step_s)
     count = scene.ropes[0].elements
     tension = Trial(course, Setting(count, step_s)).run().tension_n
     inner = math.ceil(step_s / (SHARE * rope.largest_step()))

@@ -23,7 +23,7 @@ from rope_twin.scene.convergence import known_error, solver_version
 from rope_twin.scene.joined_model import build_joined
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import Seas
+from rope_twin.studies.ensemble import MemberHeave
 from rope_twin.studies.study_design import (
     FatigueRequest,
     Row,
@@ -94,7 +94,7 @@ def run_batch(batch: Batch) -> list[Row]:
 
 def _results(batch: Batch) -> Iterator[Row]:
     """Yield the results of each run, stepped together unless poses move a multi-line scene."""
-    seas = Seas(batch.scene, batch.seconds)  # rejects a sea that does not reach
+    seas = MemberHeave(batch.scene, batch.seconds)  # rejects a sea that does not reach
     variations = [
         seas.variation(run.changes, run.sea_offset_s, "seconds", f"run {run.number}")
         for run in batch.runs

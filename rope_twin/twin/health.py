@@ -42,7 +42,7 @@ def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
     return problem, "raise the input delay by more than that"
 
 
-class Judgement(NamedTuple):
+class InputAssessment(NamedTuple):
     """Faults and warnings of an input beyond its counts."""
 
     fault: str = ""
@@ -51,7 +51,7 @@ class Judgement(NamedTuple):
     interval_s: float | None = None
 
 
-UNJUDGED = Judgement()
+UNJUDGED = InputAssessment()
 NOTHING_CAME = InputHealth()
 _KINDS = ("accepted", "late", "repeated", "non_finite", "impossible", "stuck", "unconfirmed")
 
@@ -109,7 +109,7 @@ class InputCounter:
         """Number of rejected samples since the start."""
         return self._refused
 
-    def health(self, now_ns: int, stale: bool, judged: Judgement = UNJUDGED) -> InputHealth:
+    def health(self, now_ns: int, stale: bool, judged: InputAssessment = UNJUDGED) -> InputHealth:
         """Return a frozen copy; its age is that of the newest accepted sample.
 
         A rejection counts as recent from the first call after it, for RECENT_NS of twin time.

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, SystemBorder, dissipated
+from rope_twin.core.energy import Power, SystemStepEnergy, dissipated
 from rope_twin.core.joined.joints import System
 from rope_twin.core.loads.accounts import accounts_of
 from rope_twin.core.loads.hooks import hooks_of
@@ -209,7 +209,7 @@ def new_monitors(scene: Scene, requested: Monitors) -> tuple[Monitor, ...]:
 class EnergyAccount:
     """Energy sums over the steps, from the state at which it was opened."""
 
-    def __init__(self, time_s: float, start: SystemBorder) -> None:
+    def __init__(self, time_s: float, start: SystemStepEnergy) -> None:
         self._since_s = time_s
         self._first = self._now = start
         self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
@@ -218,7 +218,7 @@ class EnergyAccount:
         self._last_rises: deque[Floats] = deque(maxlen=2)
         self._damped = self._exchanged = 0.0
 
-    def take(self, step_s: float, end: SystemBorder) -> None:
+    def take(self, step_s: float, end: SystemStepEnergy) -> None:
         """Add a step of this length [s] that ended at this state."""
         before, after = np.array(self._now.power), np.array(end.power)
         work = 0.5 * step_s * (before + after)
@@ -233,7 +233,7 @@ class EnergyAccount:
         self._exchanged += 0.5 * float(exchanged)
         self._now = end
 
-    def restart_at(self, state: SystemBorder) -> None:
+    def restart_at(self, state: SystemStepEnergy) -> None:
         """Start the next step from this state, as the rope's elements have changed."""
         self._now = state
 
@@ -302,7 +302,7 @@ class EnergyMonitor(Monitor):
         self._account.restart_at(_energy_state(view))
 
 
-def _energy_state(view: TwinView) -> SystemBorder:
+def _energy_state(view: TwinView) -> SystemStepEnergy:
     """Return energy and power of the present state."""
     return view.ropes.measure(view.rope, view.pull, view.line[1], view.time_ns * 1e-9)
 

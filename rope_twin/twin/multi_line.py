@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import SystemBorder, measure_system
+from rope_twin.core.energy import SystemStepEnergy, measure_system
 from rope_twin.core.joined.joints import LOOSE, PULL, System
 from rope_twin.core.joined.statics import solve_reeved_statics
 from rope_twin.core.state import Boundary, Floats, Rope
@@ -341,7 +341,7 @@ class MultiLineRopes(OtherRopes):
         self.first, self._ropes = system.ropes[0], system.ropes[1:]
         self._joints, self._stack, self._sheaves = system.joints, system.stack, system.sheaves
 
-    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemStepEnergy:
         """Return energy and power of all ropes now; pull [N], speed [m/s]: of the first one."""
         pulls, speeds = self.pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
         pulls[0], speeds[0] = pull, speed

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Power, Store, SystemBorder, measure, of_one
+from rope_twin.core.energy import Power, StoredEnergy, SystemStepEnergy, measure, of_one
 from rope_twin.core.joined.joints import System, loaded_ends
 from rope_twin.core.loads.balance import lower_end_force, lower_end_tension
 from rope_twin.core.state import (
@@ -104,7 +104,7 @@ class OneRope(OtherRopes):
         """Continue with the rope on another mesh."""
         (self.first,) = ropes
 
-    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemStepEnergy:
         """Return energy and power of the rope now."""
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
@@ -244,14 +244,14 @@ class CutRope(OtherRopes):
         """Return the lower part, which has the payload."""
         return self._lower
 
-    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemStepEnergy:
         """Return energy and power of both parts; pull [N], speed [m/s]: of the upper one."""
         self._share_effects(first)
         with np.errstate(divide="ignore"):  # the node beyond the free end has zero diameter
             lower = measure(self._lower, np.zeros(3), time, 0.0)
         upper = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
-        return SystemBorder(
-            Store(*(a + b for a, b in zip(lower.store, upper.store, strict=True))),
+        return SystemStepEnergy(
+            StoredEnergy(*(a + b for a, b in zip(lower.store, upper.store, strict=True))),
             Power(*(a + b for a, b in zip(lower.power, upper.power, strict=True))),
             (lower.elements, upper.elements),
             0.0,

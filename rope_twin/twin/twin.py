@@ -36,7 +36,11 @@ from rope_twin.twin.monitors import (
     chunk_of,
     new_monitors,
 )
-from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, PrescribedMotion, Present
+from rope_twin.twin.motion.boundary_conditions import (
+    BoundaryConditions,
+    LastState,
+    PrescribedMotion,
+)
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
@@ -329,7 +333,7 @@ class Twin:
                 for monitor in self._monitors:
                     monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
-            present = Present(clock.time_ns, self.step_ns, system.first, self.top_tension_n)
+            present = LastState(clock.time_ns, self.step_ns, system.first, self.top_tension_n)
             steps = self._motion.fill(steps, inputs, present)
             if inputs.lower_end is not None:
                 effects = inputs.current.effects

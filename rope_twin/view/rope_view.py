@@ -36,11 +36,11 @@ from rope_twin.view.series import (
     OVERVIEW,
     PROFILE,
     SURFACE,
+    AvailableContent,
     Cells,
     Figures,
     Ranges,
     Series,
-    Shown,
     StatusLog,
     Timelines,
     layout,
@@ -101,7 +101,7 @@ class RopeView:
             "sea/elevation": self._elevation,
             "diagnostics": self._diagnostics,
         }
-        sink.stream.send_blueprint(layout(Shown(), sink.live))
+        sink.stream.send_blueprint(layout(AvailableContent(), sink.live))
 
     def show(self, topic_name: str, message: Any, time_ns: int) -> None:
         """Show a decoded message received (or recorded) at a ROS time; ignore other topics."""
@@ -135,7 +135,7 @@ class RopeView:
         plots = tuple(self._figures.plots)
         charts = self._watched.shown
         upper = self._surface.sight.eye()
-        shown = Shown(self._overview.frame, close, upper, plots, ranges or {}, charts)
+        shown = AvailableContent(self._overview.frame, close, upper, plots, ranges or {}, charts)
         self._sink.stream.send_blueprint(layout(shown, self._sink.live))
 
     def _take(self, name: str, message: Any, time_ns: int) -> None:
@@ -353,7 +353,7 @@ def _stamp_ns(message: Any, time_ns: int) -> int:
 
 
 @dataclass
-class Played:
+class PlaybackResult:
     """Result of a playback."""
 
     shown: int = 0
@@ -367,7 +367,9 @@ class Played:
         return 0.0 if self.start_ns is None else (self.end_ns - self.start_ns) / NANOSECONDS
 
 
-def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = None) -> Played:
+def play(
+    bag: str | os.PathLike[str], view: RopeView, until_s: float | None = None
+) -> PlaybackResult:
     """Show a bag's messages up to `until_s` after the start of the simulation.
 
     Raises:
@@ -375,7 +377,7 @@ def play(bag: str | os.PathLike[str], view: RopeView, until_s: float | None = No
         InputError: the bag ends before `until_s`.
     """
     path = find_bag(os.fspath(bag))
-    played = Played()
+    played = PlaybackResult()
     undecoded: dict[str, int] = {}
     ended = False
     files = mcap_files(path)

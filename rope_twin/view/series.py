@@ -309,7 +309,7 @@ Camera = tuple[list[float], list[float]]  # position and target
 
 
 @dataclass(frozen=True)
-class Shown:
+class AvailableContent:
     """Content that is available for display."""
 
     frame: overview.Frame | None = None  # of the line profile
@@ -320,7 +320,7 @@ class Shown:
     charts: tuple[str, ...] = ()  # which of VIBRATION, FATIGUE and BENDS have data
 
 
-def layout(shown: Shown, live: bool) -> Any:
+def layout(shown: AvailableContent, live: bool) -> Any:
     """Return the blueprint; live: plots span LIVE_S instead of the whole run."""
     import rerun.blueprint as rrb
 
@@ -383,7 +383,7 @@ def _profile_title(frame: overview.Frame | None) -> str:
     return f"Line profile ({scale})"
 
 
-def _right(shown: Shown, live: bool) -> Any:
+def _right(shown: AvailableContent, live: bool) -> Any:
     """Return the plots that every run has, and in tabs those of quantities that came by name."""
     import rerun.blueprint as rrb
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
-from rope_twin.vortex.force_table import Drives, Nodes, node_forces, update_means
+from rope_twin.vortex.force_table import NodeExcitation, Nodes, node_forces, update_means
 from rope_twin.vortex.line_model import RecentSpeeds, Span, half_waves
 from rope_twin.vortex.modes import stiffness
 from rope_twin.vortex.power_in import (
@@ -304,7 +304,7 @@ class DecomposedResponse:
         )
         return Nodes(*(np.ascontiguousarray(values[self._first : -1]) for values in all_nodes))
 
-    def _driven(self) -> Drives:
+    def _driven(self) -> NodeExcitation:
         """Return the modes excited by the free nodes, and set the longest step."""
         frequency = float(self.excitation.driven.max())
         self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
@@ -314,7 +314,7 @@ class DecomposedResponse:
         node, mode = np.nonzero(zones)
         first = np.searchsorted(node, np.arange(len(zones) + 1))
         omega = 2.0 * pi * self.excitation.frequency
-        return Drives(first, mode, signed[node, mode], omega, self._angles)
+        return NodeExcitation(first, mode, signed[node, mode], omega, self._angles)
 
     def _below_top(self) -> Floats:
         """Return the coordinate of the free nodes below the hang-off, negative [m]."""

@@ -160,7 +160,7 @@ class Nodes(NamedTuple):
     omega: Floats  # initial frequency, before it has moved [rad/s]
 
 
-class Drives(NamedTuple):
+class NodeExcitation(NamedTuple):
     """Modes excited by each node: of node n the entries first[n] to first[n + 1]."""
 
     first: NDArray[Any]  # (n + 1,)

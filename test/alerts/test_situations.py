@@ -15,7 +15,7 @@ from rope_twin import load_scene
 from rope_twin.alerts.alert_list import AlertList, Priority, State
 from rope_twin.alerts.limits import SceneFigures
 from rope_twin.alerts.monitor import AlertMonitor, rates
-from rope_twin.alerts.situations import Watch
+from rope_twin.alerts.situations import SituationMonitor
 from rope_twin.errors import InputError
 from rope_twin.messages.reports import Level, Status, decode_alerts, encode_alerts
 from rope_twin.run.options import RunOptions
@@ -49,7 +49,7 @@ class Course:
     """A watch that sees one quiet snapshot after the other, with changes."""
 
     def __init__(self, scene: Any) -> None:
-        self.watch, self.time_ns = Watch(scene), 0
+        self.watch, self.time_ns = SituationMonitor(scene), 0
         quiet = replace(
             hanging_rope(), residuals=(), quality=(), seabed=None, compensator=None,
             tension_top_max_n=5e4, tension_payload_n=6.5e4, line_out_m=200.0, inputs={},

@@ -17,7 +17,7 @@ from console_rig import FACTS, TENSION_ALARM, TOKEN, FakeCommander, SnapshotSour
 from sample_snapshot import RESIDUAL, hanging_rope, lifted
 
 from rope_twin.alerts.alert_list import Priority, State
-from rope_twin.console.control import Desk, Token
+from rope_twin.console.control import RequestHandler, Token
 from rope_twin.console.pages import Pages
 from rope_twin.console.readings import Readings, stale_limits_s
 from rope_twin.console.requests import Log, Requests
@@ -61,7 +61,9 @@ class Served:
         self.source = RunningSource()
         self.pages = Pages(self.source, time.monotonic, FACTS)
         self.commander = FakeCommander(self.source)
-        self.desk = Desk(self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic))
+        self.desk = RequestHandler(
+            self.pages, time.monotonic, self.commander, Token(TOKEN, time.monotonic)
+        )
         self.desk.further["what_if"] = self.source.compare
         self.pages.before_tick.append(self.desk.update)
         Requests(self.pages, self.desk, self.commander)

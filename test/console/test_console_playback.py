@@ -10,7 +10,7 @@ from console_rig import EPOCH_NS, Clock, encode_text, frames, recorded_lift
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
-from rope_twin.console.control import Desk
+from rope_twin.console.control import RequestHandler
 from rope_twin.console.pages import Pages
 from rope_twin.console.playback import Recording, connect_playback
 from rope_twin.errors import BagError
@@ -34,7 +34,7 @@ class Player:
         while not self.source.state()["loaded"]:
             time.sleep(0.01)
         self.pages = Pages(self.source, self.clock)
-        self.desk = Desk(self.pages, self.clock)
+        self.desk = RequestHandler(self.pages, self.clock)
         connect_playback(self.source, self.pages, self.desk)
         self.page = self.pages.connect("127.0.0.1")
 

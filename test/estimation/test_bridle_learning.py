@@ -32,7 +32,7 @@ from rope_twin.estimation.live import Learner
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.noise import bar_of, top_impedance
 from rope_twin.estimation.report import base_values, derived_mass_kg
-from rope_twin.estimation.worker import Begin, Motion, Reading
+from rope_twin.estimation.worker import Motion, Reading, Restart
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.lift import suspended_weights
 from rope_twin.scene.load import load_scene
@@ -209,7 +209,7 @@ def test_a_live_bridle_takes_over_what_was_learned() -> None:
     twin, series = Twin(scene), lift(0)
     learner = Learner(scene)
     learner.tare()
-    learner.take(Begin(live_state(twin)))
+    learner.take(Restart(live_state(twin)))
     lines = dict(series.line_out.table)
     for (at, z, v), (_, force) in zip(series.heave.table, series.tension.table, strict=True):
         learner.take(Motion(float(at), float(z), float(v), float(lines[at])))

@@ -14,14 +14,14 @@ from rope_twin.estimation.counter_error import (
 )
 from rope_twin.estimation.figures import COUNT, Gaussian
 from rope_twin.estimation.least_squares import Whitening, gauss_newton_step
-from rope_twin.estimation.measured_lift import MEAN_S, SMOOTHING_LEAVES, Passage
+from rope_twin.estimation.measured_lift import MEAN_S, SMOOTHING_LEAVES, UnsteadyStretch
 from rope_twin.estimation.noise import FREQUENCY_HZ, Bar, top_impedance
 
 RESOLUTION_M = 0.01
 
 
-def passage(begin_s: float, counts: bytes) -> Passage:
-    return Passage(begin_s, begin_s + 3.0, counts, RESOLUTION_M, ())
+def passage(begin_s: float, counts: bytes) -> UnsteadyStretch:
+    return UnsteadyStretch(begin_s, begin_s + 3.0, counts, RESOLUTION_M, ())
 
 
 def test_columns_are_the_response_of_a_mass_on_a_spring() -> None:

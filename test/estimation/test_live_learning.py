@@ -14,7 +14,7 @@ from rope_twin import load_scene
 from rope_twin.errors import InputError, StateError
 from rope_twin.estimation.figures import BIAS, INDEX
 from rope_twin.estimation.live import LiveLearning
-from rope_twin.estimation.worker import Ask, Input, Motion, Reading, Worker
+from rope_twin.estimation.worker import Input, Motion, Reading, Worker, WorkerCall
 from rope_twin.messages.cdr import typestore
 from rope_twin.messages.reports import FIGURE_COLUMNS, ROW, Level, encode_estimate
 from rope_twin.topics import BY_NAME, ESTIMATE_TOPIC
@@ -50,7 +50,7 @@ def test_every_task_gets_all_inputs_and_a_failed_one_stands() -> None:
     called = threading.Event()
     worker.take(Motion(0.0, 0.1, 0.0, 200.0))
     worker.take(Reading(0.0, 1e5))
-    worker.take(Ask(called.set))
+    worker.take(WorkerCall(called.set))
     worker.start()
     assert called.wait(30.0)
     while good.left or not bad.taken:

@@ -45,7 +45,7 @@ from rope_twin.estimation.noise import (
     share_autocovariances,
 )
 from rope_twin.estimation.recorded_lift import read_lift
-from rope_twin.estimation.worker import Begin, Motion, Reading
+from rope_twin.estimation.worker import Motion, Reading, Restart
 from rope_twin.messages import encode_heave, templates
 from rope_twin.messages.cdr import serialise
 from rope_twin.messages.inputs import encode_measurement
@@ -370,7 +370,7 @@ def test_a_live_twin_learns_from_both_pins() -> None:
     learner = Learner(two_lines())
     watch = AlarmTask(two_lines(), learner)
     learner.tare()
-    learner.take(Begin(live_state(twin)))
+    learner.take(Restart(live_state(twin)))
     lines = [one.line_out.table[:, 1] for one in lift.ropes]
     for (t, z, v), fore, aft in zip(lift.heave.table, *lines, strict=True):
         learner.take(Motion(t, z, v, fore, (aft,)))

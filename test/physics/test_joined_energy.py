@@ -14,7 +14,7 @@ from sheave_rigs import atwood, flow, let_run
 
 from rope_twin import load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.energy import SystemBorder, dissipated, measure_system
+from rope_twin.core.energy import SystemStepEnergy, dissipated, measure_system
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.monitors import ENERGY
 from rope_twin.twin.snapshot import EnergyBalance
@@ -67,7 +67,7 @@ def test_energy_balance_of_a_bridle_with_a_spreader_bar() -> None:
     assert abs(energy.residual_j) < 5e-6 * energy.exchanged_j
 
 
-def borders(bench: JointBench, steps: int) -> Iterator[SystemBorder]:
+def borders(bench: JointBench, steps: int) -> Iterator[SystemStepEnergy]:
     """Measure a system whose ropes have no hang-off, after each step."""
     still = np.zeros(len(bench.lines))
     for _ in range(steps):

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from benchmarks.effect_speed import traces
 from rope_twin.core import state as rows
-from rope_twin.core.energy import SystemBorder, measure_system
+from rope_twin.core.energy import SystemStepEnergy, measure_system
 from rope_twin.core.jit.decorators import assembly, jit_entry
 from rope_twin.core.joined.joints import Joined
 from rope_twin.core.joined.payload_contact import PayloadContact, payload_contact_of
@@ -84,7 +84,7 @@ def speeds(bench: JointBench) -> Vector:
     return bench.system.joints.nodes[rows.VELOCITY : rows.VELOCITY + 3]
 
 
-def border(bench: JointBench) -> SystemBorder:
+def border(bench: JointBench) -> SystemStepEnergy:
     count = len(bench.lines)
     return measure_system(bench.system, np.zeros((count, 5)), np.zeros(count), bench.time)
 

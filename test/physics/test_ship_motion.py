@@ -22,7 +22,7 @@ from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
 from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import Waves
-from rope_twin.studies.accuracy_run import Course
+from rope_twin.studies.accuracy_run import MotionWindow
 from rope_twin.twin.motion.ship_motion import ShipPose, hang_off_motion
 from rope_twin.twin.twin import Twin
 
@@ -175,7 +175,7 @@ def test_each_hang_off_has_its_own_lever_arm() -> None:
             computed = snapshot.ropes[rope].node_position_m[0] - at
             assert computed == pytest.approx(moved, abs=1e-6)
             assert np.abs(computed[:2]).max() > 1e-3, "it moves aside too"
-    course = Course(posed, 1.0, 0.1).motion(twin.step_s)
+    course = MotionWindow(posed, 1.0, 0.1).motion(twin.step_s)
     for rope in (0, 1):
         ends = twin.snapshot().ropes[rope].node_position_m[0]
         assert course.value[rope, -1, : rows.LINE] == pytest.approx(ends, abs=1e-12)
@@ -212,7 +212,7 @@ def test_studies_and_live_twins_use_the_same_motion() -> None:
     """A course, as accuracy studies step it, prescribes what a twin that is fed prescribes."""
     scene = load_scene("ship_6dof")
     twin = fed(scene, 2_000_000_000)
-    course = Course(scene, 1.0, 0.1).motion(scene.time.step_s)
+    course = MotionWindow(scene, 1.0, 0.1).motion(scene.time.step_s)
     for row in range(1, 51):
         twin.advance(1)
         assert (twin.inspect().boundary.value[0] == course.value[row]).all()

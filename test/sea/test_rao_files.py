@@ -21,10 +21,10 @@ from rope_twin.sea.rao_files import read_responses
 from rope_twin.sea.raos import (
     NO_CONVENTIONS,
     SYMMETRIES,
+    FileRaos,
     Point,
     RaoConventions,
     Responses,
-    Written,
     assemble,
     long_wave_doubts,
     moved_by,
@@ -153,8 +153,8 @@ def test_the_limits_of_a_table_are_read(tmp_path: Path) -> None:
     assert list(long_wave_doubts(table)) == []
 
 
-def written(vessel: Responses, headings: object, answer: object, symmetry: str) -> Written:
-    return Written("file", "file", np.asarray(headings, float), vessel.frequency_hz,
+def written(vessel: Responses, headings: object, answer: object, symmetry: str) -> FileRaos:
+    return FileRaos("file", "file", np.asarray(headings, float), vessel.frequency_hz,
                    np.asarray(answer), symmetry, samples.MIDSHIPS, samples.MIDSHIPS)  # fmt: skip
 
 

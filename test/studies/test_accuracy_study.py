@@ -22,7 +22,7 @@ from rope_twin.scene.convergence import known_error, read_study
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.studies.accuracy_run import (
-    Course,
+    MotionWindow,
     Series,
     Trial,
     differences,
@@ -137,7 +137,7 @@ def test_spread_in_place_of_an_error() -> None:
 def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
     """Sea, winch and ramp of deep_lift: the same top tension, to the bit, as --speed 0."""
     scene = load_scene("deep_lift")
-    course = Course(scene, 12.0, 0.1)
+    course = MotionWindow(scene, 12.0, 0.1)
     seen = Trial(course, Setting(25, 0.02)).run()
     run = UnpacedRun(RunOptions(scene="deep_lift", speed=0.0, elements=25, step_s=0.02))
     for _ in range(600):
@@ -159,7 +159,7 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
     """
     scene = load_scene(name)
     elements, step_s = 20, 0.01
-    trial = Trial(Course(scene, 6.0, 0.1), Setting(elements, step_s))
+    trial = Trial(MotionWindow(scene, 6.0, 0.1), Setting(elements, step_s))
     first, again = trial.run(), trial.run()
     run = UnpacedRun(RunOptions(scene=name, speed=0.0, elements=elements, step_s=step_s))
     run.advance_blindly(6.0)
@@ -167,7 +167,7 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
     assert run.twin.statistics().tension_top_max_n == first.tension_n.max()
     assert np.array_equal(again.tension_n, first.tension_n)
     bare = replace(scene, effects=tuple(one for one in scene.effects if not sheds(one)))
-    without = Trial(Course(bare, 6.0, 0.1), Setting(elements, step_s)).run()
+    without = Trial(MotionWindow(bare, 6.0, 0.1), Setting(elements, step_s)).run()
     assert not np.array_equal(without.tension_n, first.tension_n), "the model is at work"
 
 
@@ -175,7 +175,7 @@ def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> No
 def test_the_run_of_ropes_that_meet_is_that_of_the_command() -> None:
     """Both winches' schedules and the sea; elements of both ropes halved."""
     scene = load_scene("two_line_lift")
-    seen = Trial(Course(scene, 12.0, 0.1), Setting(30, 0.02)).run()
+    seen = Trial(MotionWindow(scene, 12.0, 0.1), Setting(30, 0.02)).run()
     run = UnpacedRun(RunOptions(scene="two_line_lift", speed=0.0, elements=30, step_s=0.02))
     assert [line.elements for line in run.twin.scene.ropes] == [30, 30]
     run.advance_blindly(12.0)
@@ -237,7 +237,7 @@ def test_the_witness_can_object(snap_result: IndependentResult) -> None:
     """A payload 1 % heavier in one of the two would stand out."""
     light = load_scene("snap_2km")
     heavy = change_scene(light, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
-    course = [Course(replace(one, winch=None), 14.0, 0.0025) for one in (light, heavy)]
+    course = [MotionWindow(replace(one, winch=None), 14.0, 0.0025) for one in (light, heavy)]
     seen = [Trial(one, Setting(snap_result.elements, 0.0025)).run() for one in course]
     apart = differences(*seen)["tension_rms"]
     assert apart is not None
@@ -294,7 +294,7 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
     assert main(options) == 0
     content = json.loads(convergence.study_path(scene).read_text(encoding="utf-8"))
     good = [row for row in content["rows"] if row["error_rms_pct"] <= 0.3]
-    course = Course(scene, 6.0, 0.1)
+    course = MotionWindow(scene, 6.0, 0.1)
     truth = Trial(course, Setting(400, 0.00125)).run()
     for row in good:
         seen = Trial(course, Setting(row["elements"], row["step_s"])).run()

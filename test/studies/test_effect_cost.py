@@ -94,7 +94,7 @@ def test_the_command_tells_it_as_json(
 ) -> None:
     row = EffectRow("current", False, "", None, None, None, "no data")
     study = effect_cost.EffectStudy(
-        "still_water", 2.0, 50, 0.01, effect_cost.Ran(9.0, 2e5, 3e5), 0.1, (row,)
+        "still_water", 2.0, 50, 0.01, effect_cost.SceneRun(9.0, 2e5, 3e5), 0.1, (row,)
     )
     monkeypatch.setattr(command, "measure_effects", lambda *given: study)
     args = argparse.Namespace(action="measure", scene="still_water", duration=2.0, json=True)

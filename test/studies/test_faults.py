@@ -18,7 +18,7 @@ from rope_twin.studies.fault_campaign import (
     FROM_S,
     PATIENCE_S,
     UNTIL_S,
-    Course,
+    TopTensionRecord,
     judge,
     plan,
 )
@@ -149,9 +149,11 @@ def test_a_fault_of_a_measurement_must_lower_the_index() -> None:
     assert not judge(SENSORS, off, sound, course(0.0, 0.0, Level.WARN, FROM_S + 11.0)).met
 
 
-def course(errors_n: float, from_s: float, level: Level = Level.OK, level_s: float = 0.0) -> Course:
+def course(
+    errors_n: float, from_s: float, level: Level = Level.OK, level_s: float = 0.0
+) -> TopTensionRecord:
     """A tension of ±100 N that is off by so much from a time on, and a row raised from another."""
-    made = Course()
+    made = TopTensionRecord()
     for k in range(1, round(UNTIL_S / 0.02) + 1):
         time_s = 0.02 * k
         made.time_s.append(time_s)

@@ -16,7 +16,7 @@ from rope_twin.cli import main
 from rope_twin.core.jit.wide import LANES
 from rope_twin.files import share_dir
 from rope_twin.scene.load import Change, load_scene
-from rope_twin.studies.ensemble import Seas
+from rope_twin.studies.ensemble import MemberHeave
 from rope_twin.studies.study_design import (
     FatigueRequest,
     StudyRun,
@@ -146,7 +146,7 @@ def test_runs_together_have_the_rows_of_lone_runs(counted: FatigueRequest | None
         StudyRun(k, (), scene, (Change("effects.drag.normal", 1.0 + 0.1 * k),), 3.0 * k)
         for k in range(LANES)
     ]
-    seas = Seas(scene, 5.0)
+    seas = MemberHeave(scene, 5.0)
     own = [Variation(one.changes, seas.heave(one.changes, one.sea_offset_s)) for one in runs]
     together = run_together(scene, own, 3.0, 0.5, counted)
     assert together == [run_system(one, 3.0, 0.5, counted) for one in runs]

@@ -13,7 +13,7 @@ from rope_twin.errors import RopeTwinError
 from rope_twin.files import share_dir
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble import Seas
+from rope_twin.studies.ensemble import MemberHeave
 from rope_twin.studies.study_design import Study, StudyRun, design_runs, read_study, run_of
 from rope_twin.studies.study_run import cut_into_batches
 
@@ -64,7 +64,7 @@ def test_the_ship_rides_on_the_waves_of_its_run(tmp_path: Path) -> None:
     study, scene = read_study(
         written(tmp_path, text + f"vary:\n  - {{path: {path}, values: [1.0, 2.0]}}\n")
     )
-    seas = Seas(scene, 29.0)
+    seas = MemberHeave(scene, 29.0)
     low, high = (seas.heave(run.changes, 0.0) for run in runs_of(study, scene))
     assert low is not None
     assert high is not None

@@ -13,7 +13,7 @@ from sample_snapshot import RESIDUAL, hanging_rope
 from rope_twin import Snapshot, messages
 from rope_twin.alerts.alert_list import Alert, Priority, State
 from rope_twin.alerts.limits import CREW_LIMITS, CrewLimits
-from rope_twin.console.control import Desk, Token
+from rope_twin.console.control import RequestHandler, Token
 from rope_twin.console.pages import Page, Pages
 from rope_twin.console.readings import SHOWN, Readings, Values
 from rope_twin.console.requests import Log, Requests
@@ -219,7 +219,7 @@ class ConsoleRig:
         self.pages = Pages(self.source, self.clock, FACTS)
         self.commander = FakeCommander(self.source)
         token = Token(TOKEN, self.clock) if control else None
-        self.desk = Desk(self.pages, self.clock, self.commander, token)
+        self.desk = RequestHandler(self.pages, self.clock, self.commander, token)
         self.silent: set[int] = set()  # pages that hang: they are connected and say nothing
         self.pages.before_tick.append(self.desk.update)
         if control:

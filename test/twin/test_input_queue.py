@@ -13,7 +13,13 @@ from hypothesis import strategies as st
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
-from rope_twin.recording.session import InputLog, Mark, Skipped, encode_json, read_log
+from rope_twin.recording.session import (
+    InputLog,
+    SessionStart,
+    SkippedSnapshots,
+    encode_json,
+    read_log,
+)
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.input_queue import (
@@ -147,7 +153,7 @@ def test_snapshots_that_were_thrown_out_are_in_the_log(twin: Twin) -> None:
     log.take(later)  # of the slot after that snapshot
     (_, first), (_, second) = log.messages(snapshots[3])
     assert read_log(encode_json(first))[0] == ("a", 1)
-    assert read_log(encode_json(second))[1] == Skipped(2, 20_000_000, 80_000_000)
+    assert read_log(encode_json(second))[1] == SkippedSnapshots(2, 20_000_000, 80_000_000)
     ((topic, content),) = log.messages(None)
     assert topic == INPUT_LOG_TOPIC
     assert (content["time_ns"], content["number"]) == (later.time_ns, 3)
@@ -157,7 +163,7 @@ def test_a_session_that_begins_on_the_way_counts_its_log_from_one(twin: Twin) ->
     log = InputLog("a")
     assert log.begin(0)["session"] == 1
     log.take(LogEntry(0, ()))
-    log.take(Mark(20_000_000, {"scene": "here"}))
+    log.take(SessionStart(20_000_000, {"scene": "here"}))
     log.take(LogEntry(20_000_000, ()))
     first, mark, second = log.messages(None)
     assert mark == (

@@ -39,11 +39,11 @@ from rope_twin.twin.ensemble.joined_batch import MAX_ALONE_FRACTION, MIN_ALONE_S
 from rope_twin.twin.ensemble.member import (
     WATCHED,
     Batch,
+    InitialEquilibrium,
     Member,
     MemberResults,
     Scratch,
     SharedBoundaries,
-    Start,
     SteppedMember,
     TwinMember,
     UnstartedMember,
@@ -63,7 +63,7 @@ SAMPLING_S = 0.5
 MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 AnyMember = SteppedMember | UnstartedMember
 StartKey = tuple[Scene, bool]  # scene, and whether the member is stepped by a twin
-AnyStart = Start | Twin | str  # str: the reason why there is no equilibrium
+AnyStart = InitialEquilibrium | Twin | str  # str: the reason why there is no equilibrium
 Key = TypeVar("Key")
 Result = TypeVar("Result")
 MIN_GROUP = LANES // 2  # members of a group: a step of all lanes costs about as much as these alone
@@ -326,7 +326,7 @@ def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
     tension = element_tension(rope).copy()
     work_rows, columns = rope.work.shape
     without_scratch = rope._replace(work=np.zeros((0, 0)))
-    return Start(without_scratch, (work_rows, columns), pull, tension, viv_drag)
+    return InitialEquilibrium(without_scratch, (work_rows, columns), pull, tension, viv_drag)
 
 
 def _new_member(

@@ -191,7 +191,7 @@ def sample_of(rope: Rope) -> Floats:
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialEquilibrium:
     """Static equilibrium of a scene's rope, for all members of the same scene."""
 
     rope: Rope  # without scratch
@@ -235,7 +235,7 @@ class UnstartedMember:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: Start, boundaries: SharedBoundary) -> None:
+    def __init__(self, scene: Scene, start: InitialEquilibrium, boundaries: SharedBoundary) -> None:
         self.scene, self.boundaries = scene, boundaries
         self.failure = ""
         self.steps = 0

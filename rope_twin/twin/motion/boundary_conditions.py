@@ -73,7 +73,7 @@ class Blending:
         return blended
 
 
-class Present(NamedTuple):
+class LastState(NamedTuple):
     """State of the rope at the end of the last step."""
 
     time_ns: int
@@ -134,7 +134,7 @@ class BoundaryConditions:
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
-    def fill(self, steps: int, inputs: TwinInputs, present: Present) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: LastState) -> int:
         """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
         Steps prescribed by an earlier call but not done keep their values. Where a winch needs
@@ -145,13 +145,13 @@ class BoundaryConditions:
             feedback = inputs.winch.needs_feedback(begin_ns)
             if row > 1 and (feedback or inputs.ropes.needing_feedback(begin_ns)):
                 return row - 1
-            begin = Present(begin_ns, present.step_ns, present.rope, present.pull_n)
+            begin = LastState(begin_ns, present.step_ns, present.rope, present.pull_n)
             self._fill_row(row, inputs, begin, feedback)
             self.steps = row
         return steps
 
     def _fill_row(
-        self, row: int, inputs: TwinInputs, present: Present, needs_feedback: bool
+        self, row: int, inputs: TwinInputs, present: LastState, needs_feedback: bool
     ) -> None:
         """Set the boundary at the end of the step that begins now.
 
@@ -206,7 +206,7 @@ class PrescribedMotion(BoundaryConditions):
         """Prescribe the motion from the boundary before step `first` on, by rope; read-only."""
         self._first, self._given = first, motion
 
-    def fill(self, steps: int, inputs: TwinInputs, present: Present) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: LastState) -> int:
         """Set hang-off and payout of all ropes for these steps, which must have been given."""
         row = present.time_ns // present.step_ns - self._first
         motion = {

@@ -22,7 +22,7 @@ from rope_twin.twin.health import (
     MIN_AGREEING_SAMPLES,
     STUCK_NS,
     UNJUDGED,
-    Judgement,
+    InputAssessment,
     SenderClock,
     StuckDetector,
 )
@@ -374,7 +374,7 @@ class HangOffTrack(HeaveTrack):
             self._judged_ns, self._judged = now_ns, self._assess(now_ns)
         return self.counter.health(now_ns, self.stale(now_ns), self._judged)
 
-    def _assess(self, now_ns: int) -> Judgement:
+    def _assess(self, now_ns: int) -> InputAssessment:
         clock, clock_is_wrong = self.clock.fault()
         faults: list[str] = []
         warnings: list[str] = []
@@ -411,7 +411,7 @@ class HangOffTrack(HeaveTrack):
         if self._rejoining(now_ns):
             warnings.append(f"the motion is led over to the samples in {self._rejoin_s:.3g} s")
         measured = or_none(self.clock.offset_s), or_none(self._timing.interval_s)
-        return Judgement("; ".join(faults), "; ".join(warnings), *measured)
+        return InputAssessment("; ".join(faults), "; ".join(warnings), *measured)
 
     def lateral_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return displacement [m] and velocity [m/s], east and north, at a time; after `at`."""
