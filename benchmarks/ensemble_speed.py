@@ -187,7 +187,7 @@ def _alone(scene: Scene, variation: Variation, steps: int) -> Snapshot:
         last = int(np.searchsorted(stamps, end_ns))
         for k in range(last):
             position, velocity = variation.heave.position_m[k], variation.heave.velocity_m_per_s[k]
-            twin.offer_heave(int(stamps[k]), float(position), float(velocity))
+            twin.submit_heave(int(stamps[k]), float(position), float(velocity))
     twin.advance(steps)
     return twin.snapshot()
 

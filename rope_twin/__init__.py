@@ -2,7 +2,7 @@
 
 from rope_twin import Twin
 twin = Twin("deep_lift")
-twin.offer_speed(None, 0.5)
+twin.submit_speed(None, 0.5)
 twin.advance(100)
 print(twin.snapshot().tension_top_n)
 """

@@ -73,7 +73,7 @@ class Page:
         """Return its name for other pages."""
         return f"page {self.number} ({self.address})"
 
-    def offer(self, frame: str) -> None:
+    def submit(self, frame: str) -> None:
         """Queue a frame; if the queue is full, all that waits is dropped for it."""
         if self.queue.full():
             while not self.queue.empty():
@@ -130,10 +130,10 @@ class Pages:
         self._number += 1
         page = Page(self._number, address)
         self.pages[page.number] = page
-        page.offer(self._hello(page))
-        page.offer(self._all_values())
+        page.submit(self._hello(page))
+        page.submit(self._all_values())
         if self._newest_profile:
-            page.offer(self._newest_profile)
+            page.submit(self._newest_profile)
         return page
 
     def disconnect(self, page: Page) -> None:
@@ -160,12 +160,12 @@ class Pages:
     def resend(self) -> None:
         """Send everything to every page again."""
         for page in self.pages.values():
-            page.offer(self._hello(page))
-            page.offer(self._all_values())
+            page.submit(self._hello(page))
+            page.submit(self._all_values())
 
     def send(self, page: Page, content: Values) -> None:
         """Send one page a message of its own."""
-        page.offer(_json(content))
+        page.submit(_json(content))
 
     def tick(self) -> None:
         """Read the source and send a row, 20 times a second."""
@@ -188,7 +188,7 @@ class Pages:
         if self._rows % PROFILE_EVERY == 0:
             if self._read_profile():
                 for page in self.pages.values():
-                    page.offer(self._newest_profile)
+                    page.submit(self._newest_profile)
             self._send_state()
 
     def tick_or_report(self) -> None:
@@ -229,12 +229,12 @@ class Pages:
                     {**head, "values": self.readings.values, "whole": True}
                 )
                 page.behind = False
-                page.offer(self._hello(page))  # what was dropped may have been state
-                page.offer(complete)
+                page.submit(self._hello(page))  # what was dropped may have been state
+                page.submit(complete)
                 if self._newest_profile:
-                    page.offer(self._newest_profile)
+                    page.submit(self._newest_profile)
             else:
-                page.offer(frame)
+                page.submit(frame)
 
     def _read_profile(self) -> bool:
         """Read the newest nodes; return whether there were any."""
@@ -255,7 +255,7 @@ class Pages:
             self.state = state
             frame = _json({"type": "state", **state})
             for page in self.pages.values():
-                page.offer(frame)
+                page.submit(frame)
 
     def _state(self) -> Values:
         return {"source": self.source.state(),

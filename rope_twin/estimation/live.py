@@ -414,7 +414,7 @@ class LiveLearning:
             factors = self.learner.factors_to_apply()
         except InputError as error:
             return False, str(error)
-        refusal = self._inputs.offer_figures(ramp_s=RAMP_S, **factors)
+        refusal = self._inputs.submit_figures(ramp_s=RAMP_S, **factors)
         if refusal:
             return False, refusal
         listed = ", ".join(f"{name} × {value:.4g}" for name, value in factors.items())

@@ -179,7 +179,7 @@ def _applied(topic: str, data: bytes) -> dict[str, float]:
         calls = calls_of(decode_json(topic, data).get("calls", []))
     except ValueError as error:
         raise InputError(INPUT_LOG_TOPIC, str(error), "give the bag as recorded") from error
-    accepted = (call.named for call in calls if call.method == "offer_figures")
+    accepted = (call.named for call in calls if call.method == "submit_figures")
     return {
         name: float(value)
         for named in accepted

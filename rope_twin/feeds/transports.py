@@ -233,7 +233,7 @@ class FileSource(Source):
 
     A line begins with the time of a logger, or has one inside. Stamps keep the spacing of the file
     at every speed: they begin at `start_ns`, or are those of the file where it is None. Lines
-    before the first time are left out. A leap of more than a day is no time unless the next time
+    before the first time are left out. A jump of more than a day is no time unless the next time
     confirms it; such a hole is not waited for.
     """
 
@@ -274,7 +274,7 @@ class FileSource(Source):
     def _timed(self) -> Iterator[tuple[bytes, int, int]]:
         """Yield each line with its time and the time since the first one [ns]."""
         first_ns: int | None = None
-        leapt_ns: int | None = None
+        jumped_ns: int | None = None
         time_ns = DAY_NS  # of lines without a time, so that a delay can be subtracted
         with self._path.open("rb") as file:
             while not self._stop.is_set():
@@ -289,13 +289,13 @@ class FileSource(Source):
                     if own_ns is not None and first_ns is None:
                         first_ns = time_ns = own_ns
                     elif own_ns is not None and abs(own_ns - time_ns) <= DAY_NS:
-                        time_ns, leapt_ns = own_ns, None
+                        time_ns, jumped_ns = own_ns, None
                     elif own_ns is not None and first_ns is not None:
-                        if leapt_ns is not None and abs(own_ns - leapt_ns) <= DAY_NS:
+                        if jumped_ns is not None and abs(own_ns - jumped_ns) <= DAY_NS:
                             first_ns += own_ns - time_ns
-                            time_ns, leapt_ns = own_ns, None
+                            time_ns, jumped_ns = own_ns, None
                         else:
-                            leapt_ns = own_ns
+                            jumped_ns = own_ns
                 if first_ns is not None:
                     yield line, time_ns, time_ns - first_ns
 

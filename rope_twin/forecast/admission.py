@@ -54,7 +54,7 @@ class Admission:
             known_ns = min(stamp_ns, self._simulated_ns) if self._simulates else stamp_ns
             self._asked_ns = max(self._asked_ns, known_ns - BEHIND_NS)
             self._heave.at(self._asked_ns)
-            refusal = self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
+            refusal = self._heave.submit(stamp_ns, position_m, velocity_m_per_s)
         return self._counted("ship/heave", "heave", stamp_ns, refusal)
 
     def reading(self, stamp_ns: int, winch: str, row: Row) -> Row:

@@ -115,16 +115,16 @@ class SceneModel:
             raise InputError("FMU", problem, "step without gaps, from 0 on")
         now, ahead = _motion(inputs, "tip", 0.0), _motion(inputs, "tip", step_s)
         if at_ns == 0:
-            _raise_refusal(twin.offer_pose(ShipPose(0, *now)))
-        _raise_refusal(twin.offer_pose(ShipPose(until_ns, *ahead)))
+            _raise_refusal(twin.submit_pose(ShipPose(0, *now)))
+        _raise_refusal(twin.submit_pose(ShipPose(until_ns, *ahead)))
         line = twin.scene.ropes[0]
         if line.is_led and line.fixed_at_m is not None:
             a, b, c = line.fixed_at_m
             (x, y, z), rate = _motion(inputs, "low", step_s)
-            _raise_refusal(twin.offer_lower_end(until_ns, (a + x, b + y, c + z), rate))
+            _raise_refusal(twin.submit_lower_end(until_ns, (a + x, b + y, c + z), rate))
         speed = inputs["winch_speed_m_per_s"]
         if twin.scene.winch is not None and speed != self._speed:
-            _raise_refusal(twin.offer_command(at_ns, WinchCommand(SPEED, speed)))
+            _raise_refusal(twin.submit_command(at_ns, WinchCommand(SPEED, speed)))
             self._speed = speed
         twin.advance(steps)
         self.snapshot = twin.snapshot()

@@ -204,16 +204,16 @@ def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snaps
     while twin.steps < steps:
         until = twin.time_ns + every * step + AHEAD_NS
         while stamp < until:
-            check_taken(twin.offer_pose(motion.pose(stamp)))
+            check_taken(twin.submit_pose(motion.pose(stamp)))
             stamp += SAMPLE_PERIOD_NS
         for name, winch in winches_by_name(scene).items():
             if name != WINCH or not leg.commands:
                 for sample in schedule_samples(winch, commanded, until):
-                    check_taken(twin.offer_command(sample.stamp_ns, sample.command, name))
+                    check_taken(twin.submit_command(sample.stamp_ns, sample.command, name))
         commanded = until
         while waiting and waiting[0].stamp_ns < until:
             sample = waiting.pop(0)
-            check_taken(twin.offer_command(sample.stamp_ns, sample.command))
+            check_taken(twin.submit_command(sample.stamp_ns, sample.command))
         twin.advance(min(every, steps - twin.steps))
         yield twin.snapshot()
 

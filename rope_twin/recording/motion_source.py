@@ -122,11 +122,11 @@ def open_sea(
     return sea_of_waves(scene)
 
 
-def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:
+def submit(twin: Twin | InputQueue, sample: HeaveSample) -> str:
     """Pass one sample to a twin; return why it was rejected, or ""."""
     if sample.pose is not None:
-        return twin.offer_pose(sample.pose)
-    return twin.offer_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s)
+        return twin.submit_pose(sample.pose)
+    return twin.submit_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s)
 
 
 def encode_motion(stamp_ns: int, sample: HeaveSample) -> tuple[str, bytes]:

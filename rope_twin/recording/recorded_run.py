@@ -334,32 +334,32 @@ def _numbers_in(topic: str, data: bytes) -> tuple[int | None, Values]:
 
 def _key_of(call: Call) -> tuple[str, int | None, Values] | None:
     """Return topic, stamp in simulation time and values of a call, or None if it has no topic."""
-    if call.method == "offer_heave":
+    if call.method == "submit_heave":
         stamp_ns, position_m, velocity_m_per_s = call.arguments[:3]
         return "ship/heave", stamp_ns, (position_m, velocity_m_per_s)
-    if call.method == "offer_pose":
+    if call.method == "submit_pose":
         pose = call.arguments[0]
         assert isinstance(pose, ShipPose)
         return "ship/odometry", pose.stamp_ns, pose_numbers(pose)
-    if call.method == "offer_lower_end":
+    if call.method == "submit_lower_end":
         stamp_ns, place, velocity = call.arguments
         return LOWER_END, stamp_ns, (*place, *velocity)
-    if call.method == "offer_command":
+    if call.method == "submit_command":
         stamp_ns, order = call.arguments[:2]
         assert isinstance(order, WinchCommand)
         if order.kind in COMMANDER_EVENTS:
             return None
         return ORDER_TOPICS.get(order.kind, SWITCH_TOPIC), stamp_ns, _order_values(order)
-    if call.method == "offer_cut":
+    if call.method == "submit_cut":
         return CUT_TOPIC, call.arguments[0], (call.arguments[1],)
-    if call.method == "offer_measurement":
+    if call.method == "submit_measurement":
         measurement = call.arguments[0]
         assert isinstance(measurement, Measurement)
         topic = {MOTOR: MOTOR_TENSION, PAYLOAD: MEASURED_DEPTH}.get(
             measurement.source, WINCH_MEASURED
         )
         return topic, measurement.stamp_ns, _measured_values(measurement)
-    if call.method == "offer_current":
+    if call.method == "submit_current":
         return "current", None, tuple(np.asarray(call.arguments[0]).ravel().tolist())
     return None
 

@@ -337,8 +337,8 @@ def joins(track: Track) -> bool:
     regular = steps_s[:-1] < 1.5 * usual_s
     turn = np.abs(np.diff(rate, axis=0))
     mean = 0.5 * (rate[1:] + rate[:-1]) * steps_s[:, None]
-    leap = np.abs(np.diff(value, axis=0) - mean)
-    sizes = np.concatenate([turn, leap], axis=1)
+    jump = np.abs(np.diff(value, axis=0) - mean)
+    sizes = np.concatenate([turn, jump], axis=1)
     usual = np.percentile(sizes[:-1][regular], 99.0, axis=0)
     return bool((sizes[-1] <= np.maximum(1e-3, 3.0 * usual)).all())
 

@@ -378,9 +378,9 @@ class PacedTwin:
         if (keeper := self._keeper) is None:
             return
         for call in entry.calls:
-            if call.method == "offer_cut":
+            if call.method == "submit_cut":
                 keeper.request()
-            if call.method != "offer_command":
+            if call.method != "submit_command":
                 continue
             _, command, winch = call.arguments
             if command.kind == RESET:
@@ -398,7 +398,7 @@ class PacedTwin:
             return
         stopped = self.twin.branch()
         for winch in winches:
-            stopped.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
+            stopped.submit_command(None, WinchCommand(EMERGENCY_STOP), winch)
         self._keeper.keep(stopped)
 
     def halt(self) -> None:

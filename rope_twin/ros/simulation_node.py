@@ -156,7 +156,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish, self._published.copy)
-            self._offer_services(self.paced)
+            self._submit_services(self.paced)
             if self._params.from_state:
                 self.get_logger().info(self.paced.begun)
             if self.paced.twin.notice:
@@ -229,7 +229,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
                     )
                 epoch_ns = self.paced.begin(self.get_clock().now().nanoseconds)
                 self._publish("twin/epoch", encode_epoch(epoch_ns))
-                self._describe_to_newcomers(begun=True)
+                self._describe_to_new_subscribers(begun=True)
                 self._publish_seat()
                 self._state = "active"
             self._waited_s += _POLL_S
@@ -239,10 +239,10 @@ class SimulationNode(SuiteNode, LifecycleNode):
             self._publish_diagnostics()
             self._finished = True
         elif self._state == "active":
-            self._describe_to_newcomers()
+            self._describe_to_new_subscribers()
             self._check_commanders()
 
-    def _describe_to_newcomers(self, begun: bool = False) -> None:
+    def _describe_to_new_subscribers(self, begun: bool = False) -> None:
         """Begin a new session for a recorder that joins, so that its bag can be replayed."""
         assert self.paced is not None
         listeners = self._own_publishers[INPUT_LOG_TOPIC].get_subscription_count()
@@ -281,7 +281,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
             self._seat_words = words
             self._publish(SEAT_TOPIC, encode_text(words))
 
-    def _offer_services(self, paced: PacedTwin) -> None:
+    def _submit_services(self, paced: PacedTwin) -> None:
         """Create the services of the table for each winch, and the one that saves the state."""
         seats = paced.border.seats
         for winch in seats.winches:

@@ -3,7 +3,7 @@
 A message that cannot be decoded, comes from a second sender of the ship motion, or from a node that
 does not command the winch is rejected here, counted and reported, and so are the values of a second
 sender of a measured quantity. The twin itself checks whether the values are plausible
-(`Twin.offer_*`). One sender is used at a time; another one is accepted once the first has been
+(`Twin.submit_*`). One sender is used at a time; another one is accepted once the first has been
 silent for SILENT_S, or for INTERVALS of a slow sensor's own intervals.
 """
 
@@ -131,7 +131,7 @@ class InputDecoder:
         self._ignored = 0
         self.latched: set[str] = set()  # winches whose stop waits for the simulation to go on
         self._remarked_s = -math.inf
-        order = partial(inputs.offer_command, None)
+        order = partial(inputs.submit_command, None)
         self.seats = Seats(twin.scene, priority, order, now_s)
         # called with each measurement that could be decoded, in twin time; None: no listener
         self.listener: Callable[[Measurement], None] | None = None
@@ -153,7 +153,7 @@ class InputDecoder:
     def epoch_ns(self, epoch_ns: int | None) -> None:
         self._epoch_ns = epoch_ns
         if epoch_ns is not None and self._held_current is not None:
-            self._inputs.offer_current(self._held_current)
+            self._inputs.submit_current(self._held_current)
             self._held_current = None
 
     def take_motion(
@@ -177,9 +177,9 @@ class InputDecoder:
             height_m = sample.position_m[2] if isinstance(sample, ShipPose) else sample[0]
             self.motion_listener(stamp_ns - epoch_ns, height_m)
         if isinstance(sample, ShipPose):
-            self._inputs.offer_pose(replace(sample, stamp_ns=stamp_ns - epoch_ns), arrival_ns)
+            self._inputs.submit_pose(replace(sample, stamp_ns=stamp_ns - epoch_ns), arrival_ns)
         else:
-            self._inputs.offer_heave(stamp_ns - epoch_ns, *sample, arrival_ns)
+            self._inputs.submit_heave(stamp_ns - epoch_ns, *sample, arrival_ns)
         self.motion_ns = max(self.motion_ns or 0, stamp_ns - epoch_ns)  # once it is queued
 
     def take_lower_end(self, data: bytes) -> None:
@@ -194,7 +194,7 @@ class InputDecoder:
         content = self._read(topics.LOWER_END, lambda: read_lower_end(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, position_m, velocity_m_per_s = content
-            self._inputs.offer_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
+            self._inputs.submit_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
     def take_order(self, topic: str, data: bytes, sender: str) -> None:
@@ -223,7 +223,7 @@ class InputDecoder:
             with self._lock:
                 self._remark(f"winch {winch}: {doubt}", self._now_s())
         if command is not None:
-            self._inputs.offer_command(command.stamp_ns, order, name)
+            self._inputs.submit_command(command.stamp_ns, order, name)
 
     def switch(self, winch: str, kind: str) -> tuple[bool, str]:
         """Execute a switch that comes by a service immediately; return success and text.
@@ -238,7 +238,7 @@ class InputDecoder:
         if self._epoch() is None:
             self._latch_stop(winch)
             return True, _latched_words([winch])
-        refusal = self._inputs.offer_command(None, WinchCommand(kind), winch)
+        refusal = self._inputs.submit_command(None, WinchCommand(kind), winch)
         return not refusal, refusal or f"winch {winch}: {kind.replace('_', ' ')}"
 
     def ask_seat(self, winch: str) -> tuple[bool, str]:
@@ -253,7 +253,7 @@ class InputDecoder:
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, below_m, rope = content
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-            self._inputs.offer_cut(at_ns, below_m, rope)
+            self._inputs.submit_cut(at_ns, below_m, rope)
 
     def take_measurement(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
@@ -270,7 +270,7 @@ class InputDecoder:
         if rows:
             measurement = content._replace(stamp_ns=content.stamp_ns - epoch_ns, rows=rows)
             arrival_ns = None if received_ns is None else received_ns - epoch_ns
-            self._inputs.offer_measurement(measurement, arrival_ns)
+            self._inputs.submit_measurement(measurement, arrival_ns)
             if self.listener is not None:
                 self.listener(measurement)
 
@@ -313,7 +313,7 @@ class InputDecoder:
         if content is not None and self.epoch_ns is None:
             self._held_current = content
         elif content is not None:
-            self._inputs.offer_current(content)
+            self._inputs.submit_current(content)
 
     def take_forecast(self, data: bytes) -> list[dict[str, float]]:
         """Accept or reject a message on FORECAST_RISK; return its risks, none if it is rejected.
@@ -322,7 +322,7 @@ class InputDecoder:
         """
         rows = self._read(topics.FORECAST_RISK, lambda: read_risks(data)) or []
         if rows and self._epoch() is not None:
-            self._inputs.offer_forecast_score(**{name: rows[0][name] for name in SCORE})
+            self._inputs.submit_forecast_score(**{name: rows[0][name] for name in SCORE})
         return rows
 
     def rows(self) -> list[Status]:
@@ -377,7 +377,7 @@ class InputDecoder:
                 self.latched.add(winch)
             if self.latch_listener is not None:
                 self.latch_listener(set(self.latched))
-        self._inputs.offer_command(None, WinchCommand(EMERGENCY_STOP), winch)
+        self._inputs.submit_command(None, WinchCommand(EMERGENCY_STOP), winch)
 
     def _epoch(self) -> int | None:
         """Return the epoch; if there is none, count the input as ignored and return None."""

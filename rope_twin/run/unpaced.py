@@ -33,9 +33,9 @@ from rope_twin.recording.motion_source import (
     LEAD_NS,
     MeasuredReplay,
     encode_motion,
-    offer,
     open_measured,
     open_sea,
+    submit,
 )
 from rope_twin.recording.session import (
     InputLog,
@@ -89,7 +89,7 @@ class UnpacedRun:
         if options.follow_measured:
             scene = following_measured(scene)
         watch = {} if options.watch is None else asdict(options.watch)
-        # `_offer` passes on the samples of `open_sea` only
+        # `_submit` passes on the samples of `open_sea` only
         setup, start = RunSetup.of(options, **watch, feeds_itself=True), options.start_from
         self.twin = setup.make(scene, start)
         self.twin.failure_folder = options.failure_folder
@@ -107,7 +107,7 @@ class UnpacedRun:
         self._sequence = Counter[str]()  # messages in the bag, by topic
         # A saved state already has inputs that its bag does not have: they are recorded again.
         self._known_ns = {} if start is None else self.twin.inputs.newest_ns()
-        self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
+        self._submitted_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
         self._reported_ns = self.twin.time_ns
         self._saved = False
         self.last: Snapshot = self.twin.snapshot()
@@ -131,7 +131,7 @@ class UnpacedRun:
             SolverError: the solver failed; the last good state is kept.
         """
         began_ns = self.twin.time_ns
-        self._offer(began_ns + self._slot_ns + LEAD_NS)
+        self._submit(began_ns + self._slot_ns + LEAD_NS)
         self._inputs.advance(self._steps)
         self.last = snapshot = self._inputs.snapshot()
         for name, content in self._log.messages(snapshot):
@@ -155,7 +155,7 @@ class UnpacedRun:
             SolverError: the solver failed.
         """
         steps = max(1, round(time_s / self.twin.step_s))
-        self._offer(self.twin.time_ns + steps * self.twin.step_ns + LEAD_NS)
+        self._submit(self.twin.time_ns + steps * self.twin.step_ns + LEAD_NS)
         self._messages.clear()
         self._inputs.advance(steps)
 
@@ -180,40 +180,40 @@ class UnpacedRun:
         if self._bag is not None:
             self._bag.close()
 
-    def _offer(self, until_ns: int) -> None:
+    def _submit(self, until_ns: int) -> None:
         """Pass all samples before `until_ns` to the twin that it has not received yet."""
         messages: list[Message] = []
-        for heave in self._sea.between(self._offered_ns, until_ns) if self._sea else ():
+        for heave in self._sea.between(self._submitted_ns, until_ns) if self._sea else ():
             at_ns = heave.stamp_ns
             if at_ns > self._known_ns.get("heave", FIRST_NS - 1):
-                offer(self._inputs, heave)
+                submit(self._inputs, heave)
             messages.append((at_ns, *encode_motion(self.epoch_ns + at_ns, heave)))
             if heave.elevation_m is not None:
                 data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
                 messages.append((at_ns, "sea/elevation", data))
         for measured in (
-            self._measured.between(self._offered_ns, until_ns) if self._measured else ()
+            self._measured.between(self._submitted_ns, until_ns) if self._measured else ()
         ):
             at_ns = measured.stamp_ns
             if at_ns > self._known_ns.get(GROUPS[measured.source], FIRST_NS - 1):
-                self._inputs.offer_measurement(measured)
+                self._inputs.submit_measurement(measured)
             messages.append((at_ns, *encode_measurement(self.epoch_ns + at_ns, measured)))
         for name, winch in winches_by_name(self.twin.scene).items():
             if winch.follows == FOLLOWS_MEASURED:
                 continue  # it takes no commands
-            for command in schedule_samples(winch, self._offered_ns, until_ns):
+            for command in schedule_samples(winch, self._submitted_ns, until_ns):
                 at_ns, order = command.stamp_ns, command.command
                 if at_ns > self._known_ns.get(input_of(order, name), FIRST_NS - 1):
-                    self._inputs.offer_command(at_ns, order, name)
+                    self._inputs.submit_command(at_ns, order, name)
                 messages.append((at_ns, *encode_order(self.epoch_ns + at_ns, order, name)))
-        if self._cut is not None and self._offered_ns <= self._cut.at_ns < until_ns:
+        if self._cut is not None and self._submitted_ns <= self._cut.at_ns < until_ns:
             cut = self._cut
             at_ns = cut.at_ns
             if at_ns > self._known_ns.get("cut", FIRST_NS - 1):
-                self._inputs.offer_cut(at_ns, cut.below_m, cut.rope)
+                self._inputs.submit_cut(at_ns, cut.below_m, cut.rope)
             messages.append((at_ns, *encode_cut(self.epoch_ns + at_ns, cut.below_m, cut.rope)))
         self._messages.extend(sorted(messages, key=lambda message: message[0]))
-        self._offered_ns = until_ns
+        self._submitted_ns = until_ns
 
     def _tell(self, snapshot: Snapshot) -> None:
         self._reported_ns = snapshot.stamp_ns

@@ -111,9 +111,9 @@ class TimeHistory:
     def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
         remedy = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
         distance = np.sqrt((np.diff(place, axis=0) ** 2).sum(axis=1))
-        leap = np.flatnonzero(distance > FASTEST_M_PER_S * np.diff(time_s))
-        if leap.size:
-            k = int(leap[0])
+        jump = np.flatnonzero(distance > FASTEST_M_PER_S * np.diff(time_s))
+        if jump.size:
+            k = int(jump[0])
             problem = f"it jumps by {distance[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
             raise InputError(self.source, problem, remedy)
         speed = np.sqrt((self._spline(trials, 1) ** 2).sum(axis=1))

@@ -246,7 +246,7 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
         return
     axes.set_xscale("log")
     axes.set_yscale("log")
-    _draw_rungs(axes, rows, name)
+    _draw_levels(axes, rows, name)
     _draw_front(axes, rows, name)
     level = study.own
     if level is not None:
@@ -261,7 +261,7 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     axes.grid(True, which="major", linewidth=0.3)
 
 
-def _draw_rungs(axes: Any, rows: list[StudyLevel], name: str) -> None:
+def _draw_levels(axes: Any, rows: list[StudyLevel], name: str) -> None:
     """Draw a line for each number of elements, with a marker for each time step."""
     from matplotlib import colormaps
 

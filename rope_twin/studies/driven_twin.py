@@ -12,7 +12,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, SolverError
-from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, open_sea, submit
 from rope_twin.scene.grid import elements_with
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
@@ -73,17 +73,17 @@ def feed(twin: Twin, seconds: float, every: int = 0) -> Iterator[None]:
         raise InputError("fed", problem, "give a later simulation time")
     sea, winches = open_sea(twin.scene), winches_by_name(twin.scene)
     steps, known_ns = every or steps_in_slot(twin.step_s), twin.inputs.newest_ns()
-    offered_ns = FIRST_NS if twin.steps == 0 else twin.time_ns
+    submitted_ns = FIRST_NS if twin.steps == 0 else twin.time_ns
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
-        for heave in sea.between(offered_ns, until_ns) if sea else ():
+        for heave in sea.between(submitted_ns, until_ns) if sea else ():
             if heave.stamp_ns > known_ns.get("heave", FIRST_NS - 1):
-                offer(twin, heave)
+                submit(twin, heave)
         for name, winch in winches.items():
-            for command in schedule_samples(winch, offered_ns, until_ns):
+            for command in schedule_samples(winch, submitted_ns, until_ns):
                 if command.stamp_ns > known_ns.get(input_of(command.command, name), FIRST_NS - 1):
-                    twin.offer_command(command.stamp_ns, command.command, name)
-        offered_ns = until_ns
+                    twin.submit_command(command.stamp_ns, command.command, name)
+        submitted_ns = until_ns
         twin.advance(steps)
         yield
 
@@ -111,22 +111,22 @@ def march(
 ) -> Iterator[Snapshot]:
     """Advance with exact heave samples on every border; a snapshot after each `every` steps.
 
-    Winch commands are offered up to five seconds ahead.
+    Winch commands are submitted up to five seconds ahead.
 
     Raises:
         SolverError: the twin refused a sample, or its next state would not be finite.
     """
     twin.prescribe_motion()
     if twin.steps == 0:
-        check_taken(twin.offer_heave(0, *heave(0.0)))
+        check_taken(twin.submit_heave(0, *heave(0.0)))
     waiting = deque(speeds)
     for _ in range(round(seconds / (every * twin.step_s))):
         last = twin.steps + every
         while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
             at_s, speed, *name = waiting.popleft()
-            check_taken(twin.offer_speed(round(at_s * 1e9), speed, *name))
+            check_taken(twin.submit_speed(round(at_s * 1e9), speed, *name))
         for k in range(twin.steps + 1, last + 1):
-            check_taken(twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)))
+            check_taken(twin.submit_heave(k * twin.step_ns, *heave(k * twin.step_s)))
         twin.advance(every)
         yield twin.snapshot()
 

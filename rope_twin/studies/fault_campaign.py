@@ -188,7 +188,7 @@ class LoneTwin:
 
     def measure(self, measurement: Measurement) -> None:
         """Take a measurement that has arrived, stamped in simulation time."""
-        self._inputs.offer_measurement(measurement)
+        self._inputs.submit_measurement(measurement)
 
     @property
     def time_ns(self) -> int:

@@ -222,9 +222,9 @@ def _times(factor: float, rate: float | None = None) -> Change:
     return _scaled_by(lambda value: factor * value, lambda value: other * value)
 
 
-def _leap(leap_m: float) -> Change:
+def _jump(jump_m: float) -> Change:
     """Move every position by so much at once; rates stay true."""
-    return _scaled_by(lambda value: value + leap_m, _same)
+    return _scaled_by(lambda value: value + jump_m, _same)
 
 
 def _noise(sigma_m: float) -> Change:
@@ -320,9 +320,9 @@ _MEASURED = [
     Fault("rate times 100", _times(1.0, 100.0)),
     Fault("rate of opposite sign", _times(1.0, -1.0)),
     Fault("rate +15 m/s", _scaled_by(_same, lambda v: v + 15.0)),
-    Fault("leap by 5 m", _leap(5.0)),
-    Fault("leap by 29 m", _leap(29.0)),
-    Fault("leap by 500 m", _leap(500.0)),
+    Fault("jump by 5 m", _jump(5.0)),
+    Fault("jump by 29 m", _jump(29.0)),
+    Fault("jump by 500 m", _jump(500.0)),
     Fault("noise of 0.5 m", _noise(0.5)),
     Fault("relayed 0.5 s late", _shifted(0.5, 0.5), "stamps and values agree"),
     Fault("relayed 5 s late", _shifted(5.0, 5.0), "stamps and values agree"),
@@ -349,7 +349,7 @@ _OF = {
         Fault("times 10", _times(10.0)),
         Fault("times 100", _times(100.0)),
         Fault("opposite sign", _times(-1.0), _ORDERED),
-        Fault("plus 5 m/s", _leap(5.0)),
+        Fault("plus 5 m/s", _jump(5.0)),
         Fault("relayed 0.5 s late", _shifted(0.5, 0.5), _ORDERED),
     ],
     CURRENT: [
@@ -357,7 +357,7 @@ _OF = {
         Fault("times 10", _times(10.0)),
         Fault("times 100", _times(100.0)),
         Fault("opposite sign", _times(-1.0), "it is a current as good as any"),
-        Fault("plus 1 m/s", _leap(1.0)),
+        Fault("plus 1 m/s", _jump(1.0)),
     ],
 }
 _COMPARED = "readings are compared for the time of their stamps"
@@ -388,7 +388,7 @@ _OF[SENSORS] = [
     Fault("line out stuck", _stuck_at_first(1)),
     Fault("line out in ft", _readings(place=lambda m: m / _FT)),
     Fault("line out of opposite sign", _readings(place=lambda m: -m)),
-    Fault("line out leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("line out jumps by 5 m", _readings(place=lambda m: m + 5.0)),
     Fault("line out spikes of 3 m", _spikes(1, lambda m: m + 3.0)),
     Fault("line speed stuck", _stuck_at_first(2)),
     Fault("line speed in m/min", _readings(speed=lambda v: 60.0 * v)),
@@ -400,14 +400,14 @@ _OF[DEPTH] = [
     Fault("in ft", _readings(place=lambda m: m / _FT)),
     Fault("in fathoms", _readings(place=lambda m: m / (6.0 * _FT))),
     Fault("opposite sign", _readings(place=lambda m: -m)),
-    Fault("leaps by 5 m", _readings(place=lambda m: m + 5.0)),
+    Fault("jumps by 5 m", _readings(place=lambda m: m + 5.0)),
     Fault("spikes of 20 m", _spikes(1, lambda m: m + 20.0)),
 ]
 _HIDDEN = {(CURRENT, "off"): "a profile holds until the next one comes"}
 _PAIRED = {
     "stuck", "slow, 2 Hz", "intermittent", "half lost", "repeated", "out of order", "delayed 0.5 s",
     "clock +1.5 s", "position times 10", "rate times 10", "rate of opposite sign", "another sender",
-    "leap by 5 m",
+    "jump by 5 m",
 }  # fmt: skip
 
 

@@ -91,7 +91,7 @@ def run_lines(
     tops = [line[0] for line in watch.lines]
     samples, events = list[_Sample](), list[LineEvent]()
     for second in range(seconds):
-        _offer(twin, second, sea)
+        _submit(twin, second, sea)
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
             snapshot = twin.snapshot()
@@ -128,25 +128,25 @@ def _flat(snapshot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
     return first, second
 
 
-def _offer(twin: Twin, second: int, sea: SeaRecord | None) -> None:
+def _submit(twin: Twin, second: int, sea: SeaRecord | None) -> None:
     """Pass on commands and heave of (second, second + 1]."""
     for name, winch in winches_by_name(twin.scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
-            twin.offer_command(row.stamp_ns, row.command, name)
+            twin.submit_command(row.stamp_ns, row.command, name)
     if sea is None:
         return
     rate = round(sea.rate_hz)
     for part in range(1, rate + 1):
         k = (second * rate + part) % len(sea.heave_m)
         stamp = second * SECOND_NS + part * SECOND_NS // rate
-        twin.offer_heave(stamp, float(sea.heave_m[k]), float(sea.heave_velocity_m_per_s[k]))
+        twin.submit_heave(stamp, float(sea.heave_m[k]), float(sea.heave_velocity_m_per_s[k]))
 
 
 def _listen(twin: Twin, second: int, tops: list[int]) -> tuple[Noise, Noise]:
     """Continue step by step, calm, and measure the smoothness of the tensions."""
     pulls, before = [], twin.snapshot().solver
     for more in range(round(NOISE_S)):
-        _offer(twin, second + more, None)
+        _submit(twin, second + more, None)
         for _ in range(round(1.0 / twin.step_s)):
             twin.advance(1)
             snapshot = twin.snapshot()

@@ -31,7 +31,7 @@ from rope_twin.vortex.line_model import (
 PLACES = 200  # along the rope, over its length at the time
 PER_PERIOD = 24  # samples per period of the fastest vortices
 MIN_PER_PERIOD = 4.0  # of a model outside the time step, which advances once a step at most
-AHEAD_S = 5.0  # by which `march` offers winch commands in advance
+AHEAD_S = 5.0  # by which `march` submits winch commands in advance
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
@@ -101,11 +101,11 @@ def advance_by(
     Raises:
         SolverError: as `march` does.
     """
-    offered_s, total = -1.0, round(duration_s / twin.step_s)
+    submitted_s, total = -1.0, round(duration_s / twin.step_s)
     while twin.steps + (count := steps()) <= total:
         ahead_s = (twin.steps + count) * twin.step_s + AHEAD_S
-        due = [speed for speed in speeds if offered_s < speed[0] <= ahead_s]
-        offered_s = ahead_s
+        due = [speed for speed in speeds if submitted_s < speed[0] <= ahead_s]
+        submitted_s = ahead_s
         yield from march(twin, heave, count * twin.step_s, count, due)
 
 

@@ -62,7 +62,7 @@ class CutInput:
         # due time [ns], metres below the upper end, number of the rope
         self._waiting: tuple[int, float, int] | None = None
 
-    def offer(self, stamp_ns: int | None, below_m: float, now_ns: int, rope: str = "") -> str:
+    def submit(self, stamp_ns: int | None, below_m: float, now_ns: int, rope: str = "") -> str:
         """Submit a cut below the upper end (stamp None: at once); return "" or the rejection.
 
         below_m: unstretched distance below the upper end [m].

@@ -227,7 +227,7 @@ class LearnedFigures:
         self.begin_ns = 0
         self.ramp_ns = 0
 
-    def offer(
+    def submit(
         self, rope: Rope, factors: Mapping[str, float], ramp_s: float, now_ns: int, cut: bool
     ) -> str:
         """Start a ramp of the figures to these factors; return "" or the rejection.

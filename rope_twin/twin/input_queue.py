@@ -57,7 +57,7 @@ def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
 
 def _is_stop(call: Call) -> bool:
     """Return whether a call is an emergency stop, for which there is always room."""
-    return call.method == "offer_command" and call.arguments[1].kind == EMERGENCY_STOP
+    return call.method == "submit_command" and call.arguments[1].kind == EMERGENCY_STOP
 
 
 def _queued(method: str) -> Callable[..., str]:
@@ -72,7 +72,7 @@ def _queued(method: str) -> Callable[..., str]:
 class InputQueue:
     """A twin for the pacer that applies its inputs between cycles only.
 
-    Its `offer_*` methods, `take_remark` and `invalidate_inputs` take the arguments of the twin's,
+    Its `submit_*` methods, `take_remark` and `invalidate_inputs` take the arguments of the twin's,
     from any thread, and return "" or the reason why the full queue rejects them.
     """
 
@@ -119,12 +119,15 @@ class InputQueue:
         """Return a frozen copy of the present."""
         return self._stepper.snapshot()
 
-    offer_heave, offer_pose = _queued("offer_heave"), _queued("offer_pose")
-    offer_lower_end = _queued("offer_lower_end")
-    offer_command, offer_cut = _queued("offer_command"), _queued("offer_cut")
-    offer_current, offer_measurement = _queued("offer_current"), _queued("offer_measurement")
-    offer_figures, take_remark = _queued("offer_figures"), _queued(_REMARK)
-    offer_forecast_score, invalidate_inputs = _queued("offer_forecast_score"), _queued(_INVALIDATE)
+    submit_heave, submit_pose = _queued("submit_heave"), _queued("submit_pose")
+    submit_lower_end = _queued("submit_lower_end")
+    submit_command, submit_cut = _queued("submit_command"), _queued("submit_cut")
+    submit_current, submit_measurement = _queued("submit_current"), _queued("submit_measurement")
+    submit_figures, take_remark = _queued("submit_figures"), _queued(_REMARK)
+    submit_forecast_score, invalidate_inputs = (
+        _queued("submit_forecast_score"),
+        _queued(_INVALIDATE),
+    )
 
     def _put(self, call: Call) -> str:
         size = (
@@ -173,7 +176,7 @@ def calls_of(plain: Any) -> tuple[Call, ...]:
 
 
 def _call(method: str, arguments: Any, named: Any) -> Call:
-    if not (method.startswith("offer_") or method in (_INVALIDATE, _REMARK, SET_LEVEL)):
+    if not (method.startswith("submit_") or method in (_INVALIDATE, _REMARK, SET_LEVEL)):
         raise ValueError(f"'{method}' is no input")
     named_values = {str(name): _value(value) for name, value in named.items()}
     return Call(method, tuple(_value(value) for value in arguments), named_values)

@@ -66,7 +66,7 @@ class InputState(NamedTuple):
 
 
 class TwinInputs:
-    """Inputs of a twin behind one lock; each `offer_*` method validates its input.
+    """Inputs of a twin behind one lock; each `submit_*` method validates its input.
 
     The stepping thread reads the inputs under `lock`.
     """
@@ -115,7 +115,7 @@ class TwinInputs:
         self.scene_motion, self._judges_motion = scene_motion, scene_motion is not None
         self.motion_judged = True
 
-    def offer_heave(
+    def submit_heave(
         self,
         stamp_ns: int,
         position_m: float,
@@ -129,23 +129,23 @@ class TwinInputs:
         """
         with self.lock:
             sample = position_m, velocity_m_per_s
-            refusal = self.heave.offer(stamp_ns, *sample, received_ns)
+            refusal = self.heave.submit(stamp_ns, *sample, received_ns)
             if not refusal and self._judges_motion:
                 self.validity.compare_heave(self.scene_motion, stamp_ns, *sample)
             return refusal
 
-    def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
+    def submit_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Submit a ship pose, which moves the hang-off in x, y, z; return "" or the rejection.
 
-        received_ns: as in `offer_heave`.
+        received_ns: as in `submit_heave`.
         """
         with self.lock:
-            refusal = self.heave.offer_pose(pose, received_ns)
+            refusal = self.heave.submit_pose(pose, received_ns)
             if not refusal and self._judges_motion:
                 self.validity.compare_pose(self.scene_motion, pose)
             return refusal
 
-    def offer_lower_end(
+    def submit_lower_end(
         self,
         stamp_ns: int,
         position_m: tuple[float, float, float],
@@ -156,7 +156,7 @@ class TwinInputs:
             remedy = "give its rope `end_motion: {from_outside: true}`"
             return phrase("lower_end", "the scene does not let another simulator move it", remedy)
         with self.lock:
-            refusal = self.lower_end.offer_position(stamp_ns, position_m, velocity_m_per_s)
+            refusal = self.lower_end.submit_position(stamp_ns, position_m, velocity_m_per_s)
             if not refusal:
                 self.validity.invalidate("the lower end is moved from elsewhere")
             return refusal
@@ -172,7 +172,9 @@ class TwinInputs:
             self.heave.clock.lead_s, self.heave.clock.correct = lead_s, correct
             self.measured.lead_s = lead_s
 
-    def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
+    def submit_command(
+        self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH
+    ) -> str:
         """Command or switch a winch (stamp None: at once); return "" or the rejection.
 
         A command for an unknown winch counts as rejected by the first one.
@@ -188,7 +190,7 @@ class TwinInputs:
                     remedy = f"name it '{WINCH}', or leave the name empty"
                 sentence = phrase("winch command", f"there is no winch '{winch}'", remedy)
                 return self.winch.refuse(command, sentence)
-            return self.ropes.offer(winch, stamp_ns, command, self._clock.time_ns)
+            return self.ropes.submit(winch, stamp_ns, command, self._clock.time_ns)
 
     def winch_may_execute(self, winch: str, stamp_ns: int | None, command: WinchCommand) -> bool:
         """Return whether a winch of the scene would not reject a command for its value or another
@@ -214,24 +216,24 @@ class TwinInputs:
         names = [WINCH, *(line.from_ for line in self._lines[1:])]
         return names.index(self.winch_name(winch))
 
-    def offer_current(self, profile: ArrayLike) -> str:
+    def submit_current(self, profile: ArrayLike) -> str:
         """Submit a current profile; return "" or the reason for its rejection.
 
         profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
         """
         with self.lock:
-            return self.current.offer(np.asarray(profile, dtype=float), self._clock.time_ns)
+            return self.current.submit(np.asarray(profile, dtype=float), self._clock.time_ns)
 
-    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
+    def submit_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
 
         below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
         as possible. rope: its name in a multi-line scene; "" is the first one.
         """
         with self.lock:
-            return self.cut.offer(stamp_ns, below_m, self._clock.time_ns, rope)
+            return self.cut.submit(stamp_ns, below_m, self._clock.time_ns, rope)
 
-    def offer_measurement(self, measurement: Measurement, received_ns: int | None = None) -> str:
+    def submit_measurement(self, measurement: Measurement, received_ns: int | None = None) -> str:
         """Submit measured values; return "" or the (first) reason for a rejection.
 
         received_ns: arrival in twin time, to see a sensor's clock that is ahead; None: unknown.
@@ -240,9 +242,9 @@ class TwinInputs:
             # An empty name stays: the only winch, or a fault.
             rows = tuple((row[0] and self.winch_name(row[0]), *row[1:]) for row in measurement.rows)
             named = measurement._replace(rows=rows)
-            return self.measured.offer(named, self._clock.time_ns, self._follow, received_ns)
+            return self.measured.submit(named, self._clock.time_ns, self._follow, received_ns)
 
-    def offer_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
+    def submit_figures(self, /, ramp_s: float = RAMP_S, **factors: float) -> str:
         """Ramp the figures to factors times the scene's values; return "" or the rejection.
 
         As in a fleet, a factor applies to all ropes of a multi-line system and to the suspended
@@ -253,13 +255,13 @@ class TwinInputs:
         with self.lock:
             now_ns = self._clock.time_ns
             cut = self.cut.done is not None
-            refusal = self.figures.offer(self.ropes.first, factors, ramp_s, now_ns, cut)
+            refusal = self.figures.submit(self.ropes.first, factors, ramp_s, now_ns, cut)
             if not refusal:
                 at_s = now_ns * 1e-9
                 self.validity.invalidate(f"learned figures were taken over at {at_s:.2f} s")
             return refusal
 
-    def offer_forecast_score(
+    def submit_forecast_score(
         self, coverage: float, judged: float, factor: float, age_s: float
     ) -> str:
         """Report how the last forecasts turned out; return "" or the reason for the rejection.
@@ -269,7 +271,7 @@ class TwinInputs:
         """
         with self.lock:
             now_s = self._clock.time_ns * 1e-9
-            return self.forecast.offer(now_s, coverage, judged, factor, age_s)
+            return self.forecast.submit(now_s, coverage, judged, factor, age_s)
 
     @property
     def factors(self) -> dict[str, float]:
@@ -367,7 +369,7 @@ class CurrentInput:
         self.effects = effects
         self.changes = 0  # number of changes of the profile since the start
 
-    def offer(self, profile: NDArray[np.float64], now_ns: int) -> str:
+    def submit(self, profile: NDArray[np.float64], now_ns: int) -> str:
         """Submit a profile; return "" or the reason for its rejection."""
         fault = self._fault(profile)
         if fault:
@@ -492,7 +494,7 @@ class ForecastInput:
         # an unknown coverage is None.
         self._newest: tuple[float, float, float | None, int, float] | None = None
 
-    def offer(
+    def submit(
         self, now_s: float, coverage: float, judged: float, factor: float, age_s: float
     ) -> str:
         """Submit a score (fields of ForecastScore); return "" or the reason for its rejection."""

@@ -74,7 +74,7 @@ class OtherRopes:
     def _winch_named(self, name: str) -> Winch:
         return self._winches[[line.from_ for line in self._scene.ropes].index(name)]
 
-    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+    def submit(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to the winch of this name; return "" or the rejection."""
         return self._winch_named(name).take(stamp_ns, command, now_ns)
 

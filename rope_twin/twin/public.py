@@ -1,7 +1,7 @@
 """Public Python API of the twin: it takes a scene by name and raises on rejected inputs.
 
-The nodes use `rope_twin.twin.twin.Twin`, whose `offer_*` methods return the reason for a rejection:
-a faulty sensor is reported and never ends a run.
+The nodes use `rope_twin.twin.twin.Twin`, whose `submit_*` methods return the reason for a
+rejection: a faulty sensor is reported and never ends a run.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ Arguments = ParamSpec("Arguments")
 class Twin(twin.Twin):
     """Simulation of one scene, given by its name, the path of its file, or from `load_scene`.
 
-    Every `offer_*` method raises InputError with the reason if the input is rejected; inputs
+    Every `submit_*` method raises InputError with the reason if the input is rejected; inputs
     accepted earlier stay in force. Otherwise it returns "".
 
-    `advance` applies what was offered and nothing else: the scene's vessel motion and winch
-    schedule are offered by `rope_twin.fed`.
+    `advance` applies what was submitted and nothing else: the scene's vessel motion and winch
+    schedule are submitted by `rope_twin.fed`.
 
     Raises:
         SceneError: the scene is invalid or cannot be built, or its rope has no static equilibrium
@@ -60,21 +60,21 @@ def _loaded(scene: Scene | str | Path) -> Scene:
     return scene if isinstance(scene, Scene) else load_scene(scene)
 
 
-def _raising(offer: Callable[Arguments, str]) -> Callable[Arguments, str]:
-    """Return a method that raises InputError with the rejection that `offer` returns."""
+def _raising(submit: Callable[Arguments, str]) -> Callable[Arguments, str]:
+    """Return a method that raises InputError with the rejection that `submit` returns."""
 
-    @functools.wraps(offer)
-    def offered(*args: Arguments.args, **kwargs: Arguments.kwargs) -> str:
-        refusal = offer(*args, **kwargs)
+    @functools.wraps(submit)
+    def submitted(*args: Arguments.args, **kwargs: Arguments.kwargs) -> str:
+        refusal = submit(*args, **kwargs)
         if refusal:
             raise InputError(refusal)
         return refusal
 
-    about = str(offer.__doc__).strip().splitlines()[0]
-    offered.__doc__ = f"{about.partition('; ')[0].rstrip('.')}. Raises InputError if refused."
-    return offered
+    about = str(submit.__doc__).strip().splitlines()[0]
+    submitted.__doc__ = f"{about.partition('; ')[0].rstrip('.')}. Raises InputError if refused."
+    return submitted
 
 
 for _name in dir(twin.Twin):
-    if _name.startswith("offer_"):
+    if _name.startswith("submit_"):
         setattr(Twin, _name, _raising(getattr(twin.Twin, _name)))

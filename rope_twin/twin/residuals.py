@@ -112,7 +112,7 @@ class Comparison:
         """Known offset of the instrument."""
         return self._sensor.bias
 
-    def offer(self, stamp_ns: int, value: float) -> None:
+    def submit(self, stamp_ns: int, value: float) -> None:
         """Record an accepted reading; the oldest that waits is dropped if there are too many."""
         self._waiting.append((stamp_ns, value - self._sensor.bias))
         if len(self._waiting) > MAX_WAITING:
@@ -237,7 +237,7 @@ def _half_width(u: float | None, twin: float | None) -> float | None:
 
 
 class MeasuredInputs:
-    """All measured inputs of a twin; `offer` takes them, `record` and `look` compare them."""
+    """All measured inputs of a twin; `submit` takes them, `record` and `look` compare them."""
 
     def __init__(self, scene: Scene) -> None:
         """Make the checks and comparisons of a scene."""
@@ -264,7 +264,7 @@ class MeasuredInputs:
         self._depths = Comparison(lower, DEPTH, -1, sensors.payload_depth, PAYLOAD_DEPTH)
         self._history = History()
 
-    def offer(
+    def submit(
         self, measurement: Measurement, now_ns: int, follow: Follow | None = None,
         received_ns: int | None = None,
     ) -> str:  # fmt: skip
@@ -277,7 +277,7 @@ class MeasuredInputs:
         self._heard = True
         refusals = []
         for row in rows:
-            (name, line_out, speed, _), refusal = self._offer(
+            (name, line_out, speed, _), refusal = self._submit(
                 source, stamp_ns, row, now_ns, received_ns
             )
             refusals.append(refusal)
@@ -289,7 +289,7 @@ class MeasuredInputs:
             follow(name, stamp_ns, line_out - self._lengths[0].bias, speed)
         return next(filter(None, refusals), "")
 
-    def _offer(
+    def _submit(
         self, source: str, stamp_ns: int, row: Row, now_ns: int, received_ns: int | None
     ) -> tuple[Row, str]:
         """Check a row; return it with None for each rejected value, and the first rejection."""
@@ -298,7 +298,7 @@ class MeasuredInputs:
             accepted, refusal = self._depth.take(stamp_ns, row, now_ns, received_ns)
             if (depth_m := accepted[1]) is not None:
                 self.active = True
-                self._depths.offer(stamp_ns, depth_m)
+                self._depths.submit(stamp_ns, depth_m)
             return accepted, refusal
         group = self._motors if source == MOTOR else self._winches
         if not name and len(self.names) > 1:
@@ -313,9 +313,9 @@ class MeasuredInputs:
         _, position, _, tension = accepted
         self.active = self.active or accepted != nothing
         if tension is not None and (source == MOTOR) == self._motor_tells:
-            self._tensions[index].offer(stamp_ns, tension)
+            self._tensions[index].submit(stamp_ns, tension)
         if position is not None:
-            self._lengths[index].offer(stamp_ns, position)
+            self._lengths[index].submit(stamp_ns, position)
         return accepted, refusal
 
     def invalidate(self) -> None:

@@ -36,11 +36,7 @@ from rope_twin.twin.monitors import (
     chunk_of,
     new_monitors,
 )
-from rope_twin.twin.motion.boundary_conditions import (
-    BoundaryConditions,
-    LastState,
-    PrescribedMotion,
-)
+from rope_twin.twin.motion.boundary_conditions import BoundaryConditions, LastStep, PrescribedMotion
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.multi_line_snapshot import with_vibration
 from rope_twin.twin.pacing import steps_in_slot
@@ -99,43 +95,43 @@ class Twin:
         self._system = RopeSystem(scene, rows.STEPS_PER_CALL)
         self._mesh = Mesh(scene, self._system.ropes.all_with(self._system.first))
         self.inputs = TwinInputs(scene, self._system.ropes, self._clock)
-        self._motion: BoundaryConditions = BoundaryConditions(
-            scene, rows.STEPS_PER_CALL, self.inputs.winch.line.length_m
-        )
+        length_m = self.inputs.winch.line.length_m
+        self._motion = BoundaryConditions(scene, rows.STEPS_PER_CALL, length_m)
         self._study_error = known_error(scene)  # by the scene's convergence study alone
         end_n = float(self._system.tension[0])
         self._record = RunRecord(scene, self._system.ropes, self._system.upper_pulls, end_n)
         self.viv_drag = new_viv_drag(scene, self._system)  # None: the scene has no such model
         for monitor in self._monitors:
             monitor.start(self.inspect(), self._present())
-        sources = self.viv_drag, *self._monitors  # for the user before the run
-        self.notice = "\n".join(
-            source.notice for source in sources if source is not None and source.notice
-        )
+        sources = [one for one in (self.viv_drag, *self._monitors) if one is not None]
+        # for the user before the run
+        self.notice = "\n".join(source.notice for source in sources if source.notice)
 
     # Inputs, accepted from any thread
 
-    offer_heave = _delegate_to_inputs(TwinInputs.offer_heave)
-    offer_pose = _delegate_to_inputs(TwinInputs.offer_pose)
-    offer_lower_end = _delegate_to_inputs(TwinInputs.offer_lower_end)
-    offer_current = _delegate_to_inputs(TwinInputs.offer_current)
-    offer_cut = _delegate_to_inputs(TwinInputs.offer_cut)
-    offer_measurement = _delegate_to_inputs(TwinInputs.offer_measurement)
-    offer_figures = _delegate_to_inputs(TwinInputs.offer_figures)
-    offer_forecast_score = _delegate_to_inputs(TwinInputs.offer_forecast_score)
+    submit_heave = _delegate_to_inputs(TwinInputs.submit_heave)
+    submit_pose = _delegate_to_inputs(TwinInputs.submit_pose)
+    submit_lower_end = _delegate_to_inputs(TwinInputs.submit_lower_end)
+    submit_current = _delegate_to_inputs(TwinInputs.submit_current)
+    submit_cut = _delegate_to_inputs(TwinInputs.submit_cut)
+    submit_measurement = _delegate_to_inputs(TwinInputs.submit_measurement)
+    submit_figures = _delegate_to_inputs(TwinInputs.submit_figures)
+    submit_forecast_score = _delegate_to_inputs(TwinInputs.submit_forecast_score)
     take_remark = _delegate_to_inputs(TwinInputs.take_remark)
     prescribe_motion = _delegate_to_inputs(TwinInputs.prescribe_motion)
 
-    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
+    def submit_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
-        return self.offer_command(stamp_ns, WinchCommand(SPEED, speed_m_per_s), winch)
+        return self.submit_command(stamp_ns, WinchCommand(SPEED, speed_m_per_s), winch)
 
-    def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
+    def submit_command(
+        self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH
+    ) -> str:
         """Command or switch a winch (stamp None: at once); return "" or the rejection.
 
         A command for an unknown winch counts as rejected by the first one.
         """
-        refusal = self.inputs.offer_command(stamp_ns, command, winch)
+        refusal = self.inputs.submit_command(stamp_ns, command, winch)
         if self._monitors and not refusal:
             with self.inputs.lock:
                 for monitor in self._monitors:
@@ -333,7 +329,7 @@ class Twin:
                 for monitor in self._monitors:
                     monitor.cut(self.inspect())
             steps = inputs.steps_before(clock.time_ns, self.step_ns, steps)
-            present = LastState(clock.time_ns, self.step_ns, system.first, self.top_tension_n)
+            present = LastStep(clock.time_ns, self.step_ns, system.first, self.top_tension_n)
             steps = self._motion.fill(steps, inputs, present)
             if inputs.lower_end is not None:
                 effects = inputs.current.effects

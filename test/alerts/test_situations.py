@@ -261,7 +261,7 @@ def test_delays_keep_short_troubles_out(scene: Any) -> None:
     ("name", "words", "text"),
     [
         ("heave", "its clock is doubtful", "heave: its clock is doubtful"),
-        ("current", "current: it leaps; check it.", "current: it leaps; check it"),
+        ("current", "current: it jumps; check it.", "current: it jumps; check it"),
         ("winch_measured", "winch/measured: it jumps.", "winch measured: it jumps"),
         ("heave", "ship/heave: of two", "heave: ship/heave: of two"),
     ],

@@ -430,9 +430,9 @@ def test_a_slow_page_is_sent_the_state_again() -> None:
     frames(slow)
     rig.desk.take(other, {"do": "take_seat", "id": 1})
     for _ in range(3):
-        slow.offer("{}")  # fill its queue up to the loss of what waits
+        slow.submit("{}")  # fill its queue up to the loss of what waits
         while not slow.behind:
-            slow.offer("{}")
+            slow.submit("{}")
         rig.tick()
     hellos = [one for one in frames(slow) if one.get("type") == "hello"]
     assert hellos

@@ -185,7 +185,7 @@ def test_a_slip_of_the_line_is_named() -> None:
 def test_a_large_delay_is_one_of_its_shifts(late_s: float) -> None:
     """Named; most likely is the motion sensor that is as late: size 1, by the tangent it is ±4.
 
-    The leap of the measured heave at the onset rings the rope, which no signature has.
+    The jump of the measured heave at the onset rings the rope, which no signature has.
     """
     watch, _ = watched(late_s=late_s)
     assert alarm_of(watch).causes == (SENSOR_DELAY,)

@@ -218,7 +218,7 @@ def test_a_live_bridle_takes_over_what_was_learned() -> None:
         pass
     assert learner.trouble == ""
     before_n = twin.top_tension_n
-    assert not twin.offer_figures(ramp_s=20.0, **learner.factors_to_apply())
+    assert not twin.submit_figures(ramp_s=20.0, **learner.factors_to_apply())
     after_n = []
     for _ in range(60):  # the last half is a mean over the ringing
         twin.advance(100)

@@ -97,7 +97,7 @@ def test_a_live_twin_learns_and_takes_over(tmp_path: Path) -> None:
     for k in range(int(SECONDS / 0.05)):
         at = k * 0.05
         for t, z, v in heave[k : k + 1]:
-            queue.offer_heave(round(t * 1e9), float(z), float(v))
+            queue.submit_heave(round(t * 1e9), float(z), float(v))
         stamp, force = tension[k]
         learning.hear(Measurement.of_winch(round(stamp * 1e9), line[stamp], 0.0, float(force)))
         learning.worker.take(Motion(at, float(heave[k, 1]), float(heave[k, 2]), line[stamp]))

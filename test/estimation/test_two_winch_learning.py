@@ -388,7 +388,7 @@ def test_a_live_twin_learns_from_both_pins() -> None:
     truth_n = weight.prior * np.exp(drawn(1, 3)[0, k])
     assert abs(np.log(weight.value / truth_n)) < 3.0 * weight.sd
     assert own[f"{AFT}/line_offset"].state == report.LEARNED
-    assert not twin.offer_figures(ramp_s=20.0, **learner.factors_to_apply())
+    assert not twin.submit_figures(ramp_s=20.0, **learner.factors_to_apply())
 
 
 def test_readings_of_a_live_twin_go_to_their_winch() -> None:

@@ -49,7 +49,7 @@ def top_tension_n(rate_hz: float, digit_m: float, noise_m: float, fit_samples: i
     for slot in range(round(SECONDS / SLOT_S)):
         while newest_ns < ((slot + 1) * SLOT_S + 0.5 * AHEAD_S) * 1e9:
             motion = next(waiting)
-            twin.offer_heave(motion.stamp_ns, motion.heave_m, motion.heave_rate_m_per_s)
+            twin.submit_heave(motion.stamp_ns, motion.heave_m, motion.heave_rate_m_per_s)
             newest_ns = motion.stamp_ns
         twin.advance(round(SLOT_S / twin.step_s))
         tension.append(twin.snapshot().tension_top_n)

@@ -222,7 +222,7 @@ def test_no_rate_is_derived_across_a_hole() -> None:
 
 
 def test_a_sample_that_was_held_up_on_its_way_makes_no_rate() -> None:
-    """Every seventh arrives together with the next: by arrival the heave would leap in 1 ms."""
+    """Every seventh arrives together with the next: by arrival the heave would jump in 1 ms."""
     track, found = MotionTrack(settings("tss1")), []
     for k in range(400):
         sample = motion(k * 0.05)

@@ -141,7 +141,7 @@ def test_lower_end_is_an_input_where_the_scene_leaves_it_so(tmp_path: Path) -> N
     assert set(inputs_of(scene)) - set(INPUTS) == set(LOWER_INPUTS)
     model, twin = SceneModel(str(tmp_path), "led.yaml"), Twin(scene)
     twin.prescribe_motion()
-    twin.offer_speed(0, 0.0)
+    twin.submit_speed(0, 0.0)
     still, place = dict.fromkeys(inputs_of(scene), 0.0), scene.ropes[0].fixed_at_m
     assert place is not None
     for step in range(100):
@@ -150,7 +150,7 @@ def test_lower_end_is_an_input_where_the_scene_leaves_it_so(tmp_path: Path) -> N
         model.step(still | {"low_x_m": x, "low_vx_m_per_s": v, "low_ax_m_per_s2": a}, time, STEP_S)
         moved = x + STEP_S * (v + 0.5 * STEP_S * a)
         at = (place[0] + moved, *place[1:])
-        assert twin.offer_lower_end(round(then * 1e9), at, (v + STEP_S * a, 0.0, 0.0)) == ""
+        assert twin.submit_lower_end(round(then * 1e9), at, (v + STEP_S * a, 0.0, 0.0)) == ""
         twin.advance(round(STEP_S / twin.step_s))
         found = model.outputs()
         right = twin.snapshot().lower_end_force_n

@@ -60,7 +60,7 @@ def encoded(topic: str, nodes: int) -> bytes:
         "twin/epoch": messages.encode_epoch(STAMP_NS),
         "winch/seat": messages.encode_text("winch: console"),
         "twin/session": encode_json({"session": 1, "files": {"a.yaml": "about: ä\n"}}),
-        "twin/inputs": encode_json({"number": 1, "calls": [["offer_heave", [1, 0.1, -0.0], {}]]}),
+        "twin/inputs": encode_json({"number": 1, "calls": [["submit_heave", [1, 0.1, -0.0], {}]]}),
         **{
             name: encode_forecast(name, STAMP_NS, "map", nodes * [{"age_s": 0.2}])
             for name in FORECAST_TOPICS

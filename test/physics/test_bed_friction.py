@@ -122,7 +122,7 @@ def test_a_cross_current_moves_a_rope_within_the_slip_distance() -> None:
     for lateral in (2.0 * share, 0.5 * share):
         twin = Twin(scene_of(FLAT, BedFrictionParams(lateral=lateral, slip_m=slip)))
         for now in np.linspace(0.0, speed, 100):
-            assert not twin.offer_current([[0.0, 0.0, now]])
+            assert not twin.submit_current([[0.0, 0.0, now]])
             twin.advance(round(0.1 / CHAIN.step))
         twin.advance(round(30.0 / CHAIN.step))
         moved.append(float(twin.rope.state.nodes[1, 100]))

@@ -252,7 +252,7 @@ def test_the_fallen_part_of_a_stiff_rope_falls_freely() -> None:
     """In vacuum its momentum grows by its weight alone while it swings and straightens."""
     rig = replace(VACUUM, EI=2e5, length=100.0)
     twin = swinging(rig)
-    twin.offer_cut(None, 33.0)
+    twin.submit_cut(None, 33.0)
     twin.advance(1)
     last = parts(twin, rig)[1]
     for _ in range(50):

@@ -170,7 +170,7 @@ def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
     """The gas drives the unloaded piston to its stop; half of the unit's mass stays on the rope."""
     unit = replace(PASSIVE, damping_newton_seconds_per_m=2e4)
     twin = Twin(compensated(unit))
-    assert not twin.offer_cut(None, float("inf"))
+    assert not twin.submit_cut(None, float("inf"))
     snapshot = march_to_end(twin, still, 20.0)
     assert snapshot.cut is not None
     length = snapshot.node_position_m[-2, 2] - snapshot.node_position_m[-1, 2]
@@ -185,7 +185,7 @@ def test_a_cut_at_the_payload_leaves_the_unit_on_the_rope() -> None:
 def test_unit_and_payload_fall_freely_after_a_cut_above(below_m: float) -> None:
     """The upper part of the rope stays."""
     twin = Twin(compensated())
-    assert not twin.offer_cut(None, below_m)
+    assert not twin.submit_cut(None, below_m)
     snapshot = march_to_end(twin, still, 2.0)
     assert snapshot.cut is not None
     below = max(RIG.length - below_m, UNIT_M)

@@ -44,7 +44,7 @@ def test_a_cut_conserves_mass_momentum_and_energy(at: float) -> None:
 def test_the_lower_part_falls_freely_in_vacuum() -> None:
     """Its momentum grows by its weight to round-off from the first step on; energy only falls."""
     twin = swinging(VACUUM)
-    twin.offer_cut(None, 250.0)
+    twin.submit_cut(None, 250.0)
     before = sums(twin.rope, VACUUM, VACUUM.load)
     energy = before.motion + before.stretch + before.height
     twin.advance(1)
@@ -67,7 +67,7 @@ def test_the_release_wave_velocity_after_a_cut() -> None:
     """
     rig = replace(VACUUM, elements=400, damping=6500.0, step=5e-4, tolerance=1.0)
     twin = rig.twin()
-    twin.offer_cut(None, 200.0)
+    twin.submit_cut(None, 200.0)
     twin.advance(80)
     T, t, reached = (rig.load + 200.0 * rig.mass) * rig.gravity, 0.04, 0.8
     V, c = T / math.sqrt(rig.EA * rig.mass), math.sqrt(rig.EA / rig.mass)
@@ -84,7 +84,7 @@ def test_terminal_velocity_of_payload_and_rope(below: float) -> None:
     """W + w·l = (½·ρ·CdA + ½·ρ·Ct·π·d·l)·v² while the rope trails taut behind the payload."""
     rig = replace(WATER, drag=(1.2, 0.1))
     twin = rig.twin()
-    twin.offer_cut(None, below)
+    twin.submit_cut(None, below)
     twin.advance(1500)
     assert twin.cut is not None
     length = twin.cut.lost_m

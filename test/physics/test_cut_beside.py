@@ -37,7 +37,7 @@ def test_modal_viv_after_a_cut_uses_the_remaining_rope(name: str) -> None:
     twin = shaken(name)
     before = twin.snapshot().vibration
     assert before is not None
-    assert not twin.offer_cut(None, 300.0)
+    assert not twin.submit_cut(None, 300.0)
     twin.advance(1)
     after, n = twin.snapshot().vibration, int(twin.rope.state.counts[rows.ELEMENTS])
     assert after is not None
@@ -68,7 +68,7 @@ def test_modal_viv_after_a_cut_uses_the_remaining_rope(name: str) -> None:
 def test_a_cut_run_with_modal_viv_resumes_bit_identically(name: str) -> None:
     """Saved states and branches, right after the cut and later."""
     twin = shaken(name)
-    assert not twin.offer_cut(None, 300.0)
+    assert not twin.submit_cut(None, 300.0)
     others = []
     for steps in (1, 230):
         twin.advance(steps)

@@ -87,7 +87,7 @@ def test_a_falling_body_is_independent_of_the_call_pattern() -> None:
     snapshots = []
     for chunk in (1, 7, 64):
         twin = Twin(scene_of(WET, BODY))
-        assert not twin.offer_cut(505_000_000, 30.0)
+        assert not twin.submit_cut(505_000_000, 30.0)
         for due in (48, 130, 300):
             while twin.steps < due:
                 twin.advance(min(chunk, due - twin.steps))
@@ -105,7 +105,7 @@ def test_hook_slings_and_body_fall_freely_in_vacuum() -> None:
     """Momentum grows by weight as the slings spring back, within the hook's solver tolerance."""
     twin = Twin(scene_of(replace(HEAVY, step=0.005), DRY))
     set_swinging(twin)
-    assert not twin.offer_cut(None, 35.0)
+    assert not twin.submit_cut(None, 35.0)
     twin.advance(1)
     mass = HEAVY.load + HOOK + HEAVY.mass * (60.0 - 35.0)
     last, missed = momentum(twin, HEAVY), fallen(twin).model.tolerance * 0.005
@@ -124,7 +124,7 @@ def test_the_remaining_rope_equals_a_bare_rope() -> None:
     assert (loads(without_load(effects), some_work()) == loads((), some_work())).all()
     twin = Twin(scene_of(WET, BODY))
     set_swinging(twin)
-    twin.offer_cut(None, 30.0)
+    twin.submit_cut(None, 30.0)
     twin.advance(1)
     parked = body_in(twin)
     there = pose_of(parked)
@@ -141,7 +141,7 @@ def test_terminal_velocity_of_body_hook_and_rope() -> None:
     body = replace(BODY, centre_of_gravity_m=(0.0, 0.0, -0.2), hook_mass_kg=0.0)
     rig = replace(WET, mass=0.4)
     twin = Twin(scene_of(rig, body))
-    twin.offer_cut(None, 30.0)
+    twin.submit_cut(None, 30.0)
     twin.advance(3000)
     d, half_rho = rig.diameter, 0.5 * RHO
     k = half_rho * (rig.area[2] + rig.drag[1] * math.pi * d * 30.0)
@@ -160,7 +160,7 @@ def test_a_cut_body_falls_through_the_surface_onto_the_bed() -> None:
     rig = replace(WET, length=30.0, elements=10, hang_off=(0.0, 0.0, 40.0), mass=5.0, step=0.0025)
     twin = Twin(between(rig, BODY, bed, bottom_m2=2.0), ENERGY)
     twin.advance(200)
-    assert not twin.offer_cut(None, 20.0)
+    assert not twin.submit_cut(None, 20.0)
     twin.advance(1400)
     energy = twin.snapshot().energy
     assert energy is not None

@@ -29,7 +29,7 @@ def heaved(twin: Twin, seconds: int) -> None:
     """Feed a heave of 0.3 m for some seconds."""
     for k in range(20 * seconds):
         t = 0.05 * k
-        assert not twin.offer_heave(round(t * 1e9), 0.3 * math.sin(t), 0.3 * math.cos(t))
+        assert not twin.submit_heave(round(t * 1e9), 0.3 * math.sin(t), 0.3 * math.cos(t))
 
 
 def seen(scene: Path, text: str, rope: str) -> Floats:
@@ -37,8 +37,8 @@ def seen(scene: Path, text: str, rope: str) -> Floats:
     scene.write_text(text + REST, encoding="utf-8")
     twin, snapshots = Twin(load_scene(str(scene))), []
     heaved(twin, 6)
-    assert not twin.offer_speed(None, 0.3)
-    assert not twin.offer_cut(2_000_000_000, 2.0, rope)
+    assert not twin.submit_speed(None, 0.3)
+    assert not twin.submit_cut(2_000_000_000, 2.0, rope)
     for _ in range(13):
         twin.advance(50)
         snapshot = twin.snapshot()
@@ -110,7 +110,7 @@ def test_the_other_leg_carries_the_load_after_a_cut(bridle: Scene) -> None:
     """It carries all weight, the energy balance closes, and a saved run resumes identically."""
     twin = Twin(bridle, ENERGY)
     before = pulls(twin.snapshot())
-    assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
+    assert not twin.submit_cut(1_000_000_000, 4.0, "leg_port")
     twin.advance(150)
     branch = Twin.restore(twin.capture(), bridle, ENERGY)
     for run in (twin, branch):
@@ -133,7 +133,7 @@ def test_the_other_leg_carries_the_load_after_a_cut(bridle: Scene) -> None:
 def test_invalid_cuts_of_named_ropes_are_rejected(bridle: Scene) -> None:
     """A wrong rope or length gets one sentence, also before a run."""
     twin = Twin(bridle)
-    message = twin.offer_cut(None, 3.0, "leg_prot")
+    message = twin.submit_cut(None, 3.0, "leg_prot")
     assert "there is no rope 'leg_prot'; did you mean 'leg_port'?" in message
     assert plan_for(bridle, "leg_port:4@3") == PlannedCut(3_000_000_000, 4.0, "leg_port")
     with pytest.raises(InputError, match=r"never longer than 8 m; give up to 7 m, or end"):

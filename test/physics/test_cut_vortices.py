@@ -50,7 +50,7 @@ def scene_of(model: str, speed: float = 0.5) -> Scene:
 def shaken(model: str) -> Twin:
     """Return a rope that vibrates and is paid out."""
     twin = Twin(scene_of(model))
-    assert not twin.offer_speed(None, 0.3)
+    assert not twin.submit_speed(None, 0.3)
     twin.advance(1000)
     return twin
 
@@ -92,7 +92,7 @@ def test_both_parts_shed_along_their_full_length(model: str) -> None:
     """Strength per metre times length, to half an element at the hang-off."""
     _, _, row, per_metre = MODELS[model]
     twin = shaken(model)
-    assert not twin.offer_cut(None, 17.83)
+    assert not twin.submit_cut(None, 17.83)
     twin.advance(1)
     assert twin.cut is not None
     lost = twin.cut.lost_m
@@ -111,7 +111,7 @@ def test_an_axially_falling_rope_sheds_no_vortices(model: str) -> None:
     rig = replace(RIG, current=((0.0, (0.0, 0.0)),), mass=1.0, winch=None)
     scene = rig.scene()
     twin = Twin(replace(scene, effects=(*scene.effects, MODELS[model][0])))
-    twin.offer_cut(None, 10.0)
+    twin.submit_cut(None, 10.0)
     twin.advance(2000)
     half_rho = 0.5 * rig.density
     k = half_rho * (rig.area[2] + rig.drag[1] * math.pi * rig.diameter * 20.0)
@@ -128,7 +128,7 @@ def test_energy_balance_of_both_parts_with_vortices(model: str) -> None:
     """It closes over cut and fall, with the work of the vortices."""
     twin = Twin(scene_of(model), ENERGY)
     twin.advance(300)
-    assert not twin.offer_cut(None, 12.0)
+    assert not twin.submit_cut(None, 12.0)
     twin.advance(500)
     balance = twin.snapshot().energy
     assert balance is not None
@@ -142,7 +142,7 @@ def test_a_cut_run_with_wakes_resumes_bit_identically(model: str) -> None:
     ends = []
     for chunk in (1, 7, 64):
         twin = Twin(scene_of(model))
-        assert not twin.offer_cut(2_005_000_000, 12.0)
+        assert not twin.submit_cut(2_005_000_000, 12.0)
         for due in (150, 203, 400):
             while twin.steps < due:
                 twin.advance(min(chunk, due - twin.steps))
@@ -158,8 +158,8 @@ def test_a_cut_run_with_wakes_resumes_bit_identically(model: str) -> None:
 def test_the_remaining_part_sheds_at_its_strouhal_frequency() -> None:
     """St·U·cos θ/d of the bare rope, which leans by θ, after the transient."""
     twin = shaken("strouhal_forcing")
-    assert not twin.offer_speed(None, 0.0)
-    assert not twin.offer_cut(None, 12.0)
+    assert not twin.submit_speed(None, 0.0)
+    assert not twin.submit_cut(None, 12.0)
     twin.advance(3000)
     x = twin.rope.state.nodes[:3, :9].copy()
     before = memory_of(twin.rope)[0, :9].copy()

@@ -152,7 +152,7 @@ def test_weight_in_stratified_water_after_a_cut() -> None:
     added = AddedMassParams(normal=1.0, tangential=0.4)
     twin = Twin(scene_of(rig, added, density((0.0, 1025.0), (-3000.0, 1225.0)), DEEP))
     march_to_end(twin, sine(0.5, 5.0), 5.0)
-    twin.offer_cut(None, 100.0)
+    twin.submit_cut(None, 100.0)
     twin.advance(2000)
     water = 100.0 * (1025.0 + 0.5 * 100.0 * 200.0 / 3000.0)
     expected = (9.0 * 100.0 - AREA * water) * G

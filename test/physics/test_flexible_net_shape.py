@@ -156,7 +156,7 @@ def test_energy_balance_of_a_flexible_net_in_heave(tmp_path: Path) -> None:
     twin = twin_of(tmp_path, energy=True)
     for k in range(80):
         t = 0.05 * k
-        assert not twin.offer_heave(
+        assert not twin.submit_heave(
             round(t * 1e9), 0.02 * (1.0 - math.cos(2.0 * t)), 0.04 * math.sin(2.0 * t)
         )
     twin.advance(300)

@@ -268,7 +268,7 @@ def test_hull_friction_resumes_bit_identically(
 def test_the_fallen_part_has_no_hull_contact(lowered: tuple[list[Any], Twin]) -> None:
     """The upper part rubs on; no hull falls with the lower one."""
     twin = lowered[1].branch()
-    twin.offer_cut(None, 60.0)
+    twin.submit_cut(None, 60.0)
     twin.advance(100)
     lower = fallen(twin)
     (left,) = (effect for effect in lower.effects if isinstance(effect, HullContact))

@@ -99,7 +99,7 @@ def heaved(twin: Twin, seconds: float, heave_m: float = 0.8) -> Snapshot:
         while sent * 0.05 <= 0.5 * (half + 1):
             z = heave_m * math.sin(omega * 0.05 * sent)
             v = heave_m * omega * math.cos(omega * 0.05 * sent)
-            twin.offer_heave(sent * 50_000_000, z, v)
+            twin.submit_heave(sent * 50_000_000, z, v)
             sent += 1
         twin.advance(round(0.5 / twin.step_s))
     return twin.snapshot()
@@ -206,7 +206,7 @@ def test_energy_balance_of_a_body_on_two_cranes(tmp_path: Path) -> None:
         "min_line_out_m: 40.0, max_line_out_m: 120.0}\n"
     )
     twin = Twin(scene_of(TWO_CRANES + winch + effects(), tmp_path), ENERGY)
-    twin.offer_speed(0, 0.5)
+    twin.submit_speed(0, 0.5)
     energy = heaved(twin, 12.0).energy
     assert energy is not None
     assert energy.exchanged_j > 1e5
@@ -285,7 +285,7 @@ def test_the_body_hangs_on_the_other_crane_after_a_cut(tmp_path: Path) -> None:
     scene = scene_of(TWO_CRANES + effects(), tmp_path)
     twin = Twin(scene)
     before = heaved(twin, 1.0, 0.1)
-    twin.offer_cut(None, 20.0, "starboard")
+    twin.submit_cut(None, 20.0, "starboard")
     twin.advance(1)
     soon = twin.snapshot()
     assert soon.cut is not None
@@ -308,7 +308,7 @@ def test_a_body_falls_with_the_part_below_a_cut(tmp_path: Path) -> None:
     scene = scene_of(PARTS + effects(), tmp_path)
     twin = Twin(scene)
     before = heaved(twin, 1.0, 0.1)
-    twin.offer_cut(None, 10.0, "lower")
+    twin.submit_cut(None, 10.0, "lower")
     twin.advance(400)
     snapshot = twin.snapshot()
     assert snapshot.body is not None

@@ -33,11 +33,11 @@ def balance(scene: Scene, seconds: float, winches: dict[str, float]) -> EnergyBa
     """Return the balance after a run in a heave of 1 m in 6 s, with these winch speeds."""
     twin, omega = Twin(scene, ENERGY), 2.0 * math.pi / 6.0
     for name, speed in winches.items():
-        assert twin.offer_speed(0, speed, name) == ""
+        assert twin.submit_speed(0, speed, name) == ""
     for half in range(round(2.0 * seconds)):
         for k in range(11):
             t = 0.5 * half + 0.05 * k
-            twin.offer_heave(round(t * 1e9), math.sin(omega * t), omega * math.cos(omega * t))
+            twin.submit_heave(round(t * 1e9), math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(round(0.5 / twin.step_s))
     computed = twin.snapshot()
     assert computed.energy is not None

@@ -197,7 +197,7 @@ def test_viv_of_the_remaining_ropes_after_a_cut(tmp_path: Path) -> None:
     whole, cut = (CoreTwin(scene_of(text, tmp_path)) for _ in range(2))
     for twin in (whole, cut):
         twin.advance(500)
-    assert not cut.offer_cut(None, 60.0, "b")
+    assert not cut.submit_cut(None, 60.0, "b")
     for twin in (whole, cut):
         twin.advance(250)
     snapshot, other = cut.snapshot(), whole.snapshot()
@@ -220,7 +220,7 @@ def test_wakes_survive_remeshing_and_cuts(model: str, tmp_path: Path) -> None:
     twin.advance(500)
     coarse, cut = twin.branch(), twin.branch()
     coarse.set_level(AccuracyLevel(2 * twin.level.step_ns, 1))
-    assert not cut.offer_cut(None, 60.0, "b")
+    assert not cut.submit_cut(None, 60.0, "b")
     coarse.advance(1)
     for one in (twin, cut):
         one.advance(2)

@@ -55,14 +55,14 @@ def lowered(text: str, path: Path) -> list[Snapshot]:
     """Pay out at 0.8 m/s for 17 s, then haul in, in a heave of 0.3 m; sample each second."""
     path.write_text(text, encoding="utf-8")
     twin, snapshots = Twin(load_scene(str(path))), []
-    assert not twin.offer_heave(0, 0.0, 0.3)
+    assert not twin.submit_heave(0, 0.0, 0.3)
     for second in range(SECONDS):
         for stamp in range(SAMPLE_NS, SECOND_NS + 1, SAMPLE_NS):
             angle = second + stamp * 1e-9
             z, v = 0.3 * math.sin(angle), 0.3 * math.cos(angle)
-            assert not twin.offer_heave(second * SECOND_NS + stamp, z, v)
+            assert not twin.submit_heave(second * SECOND_NS + stamp, z, v)
         if second in (0, TURN):
-            assert not twin.offer_speed(None, 0.8 if second == 0 else -0.8)
+            assert not twin.submit_speed(None, 0.8 if second == 0 else -0.8)
         twin.advance(round(1.0 / twin.step_s))
         snapshots.append(twin.snapshot())
     return snapshots

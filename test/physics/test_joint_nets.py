@@ -50,7 +50,7 @@ def heaved(text: str, path: Path, seconds: float = 8.0) -> Floats:
     for stamp in range(0, round(seconds * 1e9) + SAMPLE_NS, SAMPLE_NS):
         t = stamp * 1e-9
         z, v = 0.8 * (1.0 - math.cos(omega * t)), 0.8 * omega * math.sin(omega * t)
-        assert not twin.offer_heave(stamp, z, v)
+        assert not twin.submit_heave(stamp, z, v)
     for _ in range(round(10.0 * seconds)):
         twin.advance(10)
         snapshot = twin.snapshot()
@@ -199,7 +199,7 @@ def test_energy_balance_of_a_bridle_with_nets() -> None:
     twin, omega = Twin(scene, ENERGY), 2.0 * math.pi / 6.0
     for k in range(121):
         t = 0.05 * k
-        twin.offer_heave(round(t * 1e9), math.sin(omega * t), omega * math.cos(omega * t))
+        twin.submit_heave(round(t * 1e9), math.sin(omega * t), omega * math.cos(omega * t))
     twin.advance(round(6.0 / twin.step_s))
     energy = twin.snapshot().energy
     assert energy is not None

@@ -69,7 +69,7 @@ def heaved(twin: Twin, seconds: float = 4.0) -> Floats:
     for stamp in range(0, round(seconds * 1e9) + 50_000_000, 50_000_000):
         t = stamp * 1e-9
         z, v = 0.5 * (1.0 - math.cos(omega * t)), 0.5 * omega * math.sin(omega * t)
-        assert not twin.offer_heave(stamp, z, v)
+        assert not twin.submit_heave(stamp, z, v)
     for _ in range(round(5.0 * seconds)):
         seen.append(np.concatenate([rope.node_position_m for rope in twin.snapshot().ropes]))
         twin.advance(20)
@@ -156,7 +156,7 @@ def test_a_cut_line_divides_its_net(tmp_path: Path) -> None:
     """9 m stay on the upper part and 11 m go down; a saved run resumes bit-identically."""
     text = spread("width_m: 6.0, between: [[line_0, line_1]]", (900.0, 900.0))
     twin = twin_of(text, tmp_path)
-    assert not twin.offer_cut(500_000_000, 11.0, "line_0")
+    assert not twin.submit_cut(500_000_000, 11.0, "line_0")
     twin.advance(100)
     assert twin.joined is not None
     shares = [net_m(rope) for rope in twin.joined.system(twin.rope).ropes]

@@ -162,7 +162,7 @@ def test_a_cut_divides_the_net_curtain(tmp_path: Path) -> None:
     """A cut 25 m up leaves 35 m on the winch's part; a saved run resumes bit-identically."""
     scene = hung(NET)
     twin = Twin(scene)
-    assert not twin.offer_cut(500_000_000, 75.0)
+    assert not twin.submit_cut(500_000_000, 75.0)
     twin.advance(50)
     assert twin.snapshot().cut is not None
     assert net_m(twin) == pytest.approx(35.0)

@@ -137,7 +137,7 @@ def hauled(text: str, folder: Path) -> list[RopeSnapshot]:
     scene = load_scene(str(path))
     twin = Twin(scene)
     for name in winches_by_name(scene):
-        assert twin.offer_speed(0, -0.8, name) == ""
+        assert twin.submit_speed(0, -0.8, name) == ""
     twin.advance(round(12.0 / twin.step_s))
     return list(ropes_of(twin.snapshot()))
 

@@ -16,7 +16,7 @@ SHORT = replace(SEA, length=40.0, elements=4, damping=SEA.EA * KELVIN_VOIGT_S)
 def hauled_in(heave: float) -> tuple[Twin, Snapshot]:
     """The rope hauled in at 1 m/s until the winch holds it."""
     twin = SHORT.twin()
-    assert twin.offer_speed(0, -1.0) == ""
+    assert twin.submit_speed(0, -1.0) == ""
     *_, snapshot = march(twin, sine(heave, 8.0), 40.0, every=10)
     return twin, snapshot
 
@@ -35,7 +35,7 @@ def test_the_maximum_payout_is_never_passed(step: float, speed: float) -> None:
     """Braking at the upper limit is as at the lower one, at any speed and step."""
     rig = replace(SHORT, step=step, winch=replace(WINCH, max_line_out_m=80.0))
     twin = rig.twin()
-    assert twin.offer_speed(0, speed) == ""
+    assert twin.submit_speed(0, speed) == ""
     longest = max(snapshot.line_out_m for snapshot in march(twin, sine(0.0, 8.0), 90.0))
     assert 80.0 - 0.1 <= longest <= 80.0 + 1e-9
 
@@ -48,9 +48,9 @@ def test_hauled_in_to_two_elements_and_paid_out_again(heave: float) -> None:
     assert snapshot.tension_top_n == pytest.approx(
         SHORT.load_weight + SHORT.weight * snapshot.line_out_m, rel=0.1
     )
-    assert twin.offer_speed(None, 1.0) == ""
+    assert twin.submit_speed(None, 1.0) == ""
     snapshots = list(march(twin, sine(heave, 8.0), 30.0))
-    assert twin.offer_speed(None, 0.0) == ""
+    assert twin.submit_speed(None, 0.0) == ""
     snapshots += list(march(twin, sine(heave, 8.0), 20.0))
     assert max(abs(s.tension_top_n / SHORT.load_weight - 1.0) for s in snapshots) < 0.2
     last = snapshots[-1]

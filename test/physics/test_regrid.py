@@ -170,7 +170,7 @@ def test_section_ends_stay_nodes_through_remeshing() -> None:
     twin = Twin(load_scene("hybrid_lift"))
     marks = twin.rope.state.s[: len(twin.inspect().tension)].copy()
     ends = [end for end in twin.rope.sections[rows.END] if end < marks[-1]]
-    twin.offer_speed(None, 1.0)
+    twin.submit_speed(None, 1.0)
     twin.advance(500)
     twin.set_level(COARSE)
     coarse = twin.rope.state.s[: len(twin.inspect().tension)]

@@ -18,7 +18,7 @@ from rope_twin.core.loads.memory import variable_count
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.coupled_vibration import ModalVibrationParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
-from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, open_sea, submit
 from rope_twin.scene.error_bound import AccuracyLevel
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.studies.driven_twin import with_effect
@@ -47,10 +47,10 @@ def moving(request: pytest.FixtureRequest) -> Twin:
         until_ns = (second + 1) * SECOND_NS if second < 3 else 8 * SECOND_NS
         from_ns = FIRST_NS if second == 0 else twin.time_ns
         for sample in sea.between(from_ns, until_ns) if sea else ():
-            offer(twin, sample)
+            submit(twin, sample)
         for name, winch in winches_by_name(twin.scene).items():
             for command in schedule_samples(winch, max(from_ns, 0), until_ns):
-                twin.offer_command(command.stamp_ns, command.command, name)
+                twin.submit_command(command.stamp_ns, command.command, name)
         twin.advance(round(1.0 / twin.step_s))
     return twin
 

@@ -226,7 +226,7 @@ def test_no_viv_without_a_current() -> None:
     (snapshot,) = list(march(twin, still, 3.0, 150))
     assert shaking(snapshot).cross_flow.max() == 0.0
     assert grown(twin).max() == 0.0
-    assert twin.offer_current(np.array([[0.0, 0.3, 0.0]])) == ""
+    assert twin.submit_current(np.array([[0.0, 0.3, 0.0]])) == ""
     (snapshot,) = list(march(twin, still, 20.0, 1000))
     assert shaking(snapshot).cross_flow.max() > 0.2
     assert grown(twin).max() > 0.3

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.files import share_dir
-from rope_twin.recording.motion_source import FIRST_NS, ShipOnWaves, offer, open_sea, series_of
+from rope_twin.recording.motion_source import FIRST_NS, ShipOnWaves, open_sea, series_of, submit
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
 from rope_twin.sea.rao_files import read_responses
@@ -131,7 +131,7 @@ def test_hang_off_motion_by_pose_and_lever_arm() -> None:
         turn = (math.sin(0.5 * angle), 0.0, 0.0, math.cos(0.5 * angle))
         still = (0.0, 0.0, 0.0)
         pose = ShipPose(50_000_000 * k, still, still, turn, (rate, 0.0, 0.0))
-        assert twin.offer_pose(pose) == ""
+        assert twin.submit_pose(pose) == ""
     for _ in range(200):
         twin.advance(1)
         t = twin.time_ns * 1e-9
@@ -163,7 +163,7 @@ def test_each_hang_off_has_its_own_lever_arm() -> None:
     ship, twin = open_sea(posed), Twin(replace(posed, effects=scene.effects))
     assert isinstance(ship, ShipOnWaves)
     for sample in ship.between(FIRST_NS, 2_000_000_000):
-        assert offer(twin, sample) == ""
+        assert submit(twin, sample) == ""
     twin.advance(round(0.5 / twin.step_s))
     other = Twin.restore(twin.capture(), twin.scene)
     for run in (twin, other):
@@ -187,7 +187,7 @@ def test_prescribed_motion_from_a_table() -> None:
     sea, twin = open_sea(scene), Twin(scene)
     assert sea is not None
     for sample in sea.between(FIRST_NS, 3_000_000_000):
-        assert offer(twin, sample) == ""
+        assert submit(twin, sample) == ""
     turning = sea.between(400_000_000_000, 800_000_000_000)
     x, y = np.array([one.lateral[:2] for one in turning if one.lateral]).T
     assert np.hypot(x - 120.0, y - 200.0) == pytest.approx(np.full(len(x), 200.0), abs=2e-3)
@@ -204,7 +204,7 @@ def fed(scene: Scene, until_ns: int) -> Twin:
     sea, twin = open_sea(scene), Twin(scene)
     assert sea is not None
     for sample in sea.between(FIRST_NS, until_ns):
-        assert offer(twin, sample) == ""
+        assert submit(twin, sample) == ""
     return twin
 
 

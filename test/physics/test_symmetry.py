@@ -37,7 +37,7 @@ def lowered(rig: Rig) -> Snapshot:
     """Ten seconds of heave, paying out through a split where there is a winch."""
     twin = rig.twin()
     if rig.winch:
-        assert twin.offer_speed(0, 1.5) == ""
+        assert twin.submit_speed(0, 1.5) == ""
     *_, snapshot = march(twin, sine(1.5, 7.0), 10.0, every=50)
     assert rig.winch is None or snapshot.solver.splits == 1
     return snapshot

@@ -199,7 +199,7 @@ def test_an_mbr_does_not_invalidate_studies() -> None:
 def test_both_parts_of_a_cut_rope_report_bends() -> None:
     twin = Twin(limited(load_scene("still_water"), 0.5))
     twin.snapshot()
-    twin.offer_cut(None, 400.0)
+    twin.submit_cut(None, 400.0)
     twin.advance(50)
     snapshot = twin.snapshot()
     assert [one.now.name for one in snapshot.bends] == ["hoist", "hoist/lower"]

@@ -164,7 +164,7 @@ def test_no_touchdown_without_a_seabed() -> None:
 def test_reported_arc_length_sums_to_the_line_out(name: str) -> None:
     """Also of ropes that have run over a sheave; elements are as long as they hang, but stretch."""
     twin = Twin(load_scene(name))
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     twin.advance(300)
     snapshot = twin.snapshot()
     ropes = twin.inspect().ropes.shapes(twin.rope, snapshot)

@@ -179,7 +179,7 @@ def test_the_wake_decays_when_the_current_stops(left: float) -> None:
     q, across = [], []
     for stop in (False, True):
         if stop:
-            twin.offer_current(np.array([[0.0, left, 0.0]]))
+            twin.submit_current(np.array([[0.0, left, 0.0]]))
         for snapshot in march(twin, still, 12.0, 5):
             across.append(snapshot.node_position_m[:, 1])
             q.append(float(np.abs(memory[wake.Q]).max()))

@@ -78,7 +78,7 @@ def heaved(twin: Twin, amplitude_m: float, seconds: float) -> Twin:
     for k in range(-2, round(seconds / 0.05) + 5):
         t = 0.05 * k
         z, v = amplitude_m * math.sin(OMEGA * t), amplitude_m * OMEGA * math.cos(OMEGA * t)
-        assert twin.offer_heave(round(t * 1e9), z, v) == ""
+        assert twin.submit_heave(round(t * 1e9), z, v) == ""
     return twin
 
 
@@ -189,7 +189,7 @@ def test_a_brake_slips_above_its_holding_capacity(scene: Scene) -> None:
     for capacity, slips in ((120e3, False), (50e3, True)):
         brake = Brake(holding_torque_n_m=capacity, delay_s=0.2)
         twin = Twin(with_parts(scene, drum=DRUM, drive=drive, brake=brake))
-        assert twin.offer_command(None, WinchCommand("set_brake")) == ""
+        assert twin.submit_command(None, WinchCommand("set_brake")) == ""
         rows = ran(twin, 20.0)
         read_off = figures(twin)
         assert read_off["brake_holds"] == 1.0
@@ -206,9 +206,9 @@ def test_a_brake_slips_above_its_holding_capacity(scene: Scene) -> None:
 def test_stopping_distance_of_an_emergency_stop(scene: Scene) -> None:
     stop = EmergencyStop(deceleration_m_per_s2=2.0)
     twin = Twin(with_parts(scene, emergency_stop=stop))
-    twin.offer_speed(None, 1.0)
+    twin.submit_speed(None, 1.0)
     before = ran(twin, 5.0)[-1, 2]
-    assert twin.offer_command(None, WinchCommand("emergency_stop")) == ""
+    assert twin.submit_command(None, WinchCommand("emergency_stop")) == ""
     rows = ran(twin, 2.0)
     assert rows[-1, 2] - before == pytest.approx(1.0**2 / (2.0 * 2.0), abs=1e-9)
     assert rows[-1, 3] == 0.0
@@ -219,7 +219,7 @@ def test_constant_tension_follows_the_heave(scene: Scene) -> None:
     part = ConstantTension(gain_m_per_s_per_kn=1.0, integral_time_s=10.0)
     kept = Twin(with_parts(scene, constant_tension=part, acceleration_limit_m_per_s2=3.0))
     rest = kept.snapshot().tension_top_n
-    assert kept.offer_command(None, WinchCommand("tension", rest)) == ""
+    assert kept.submit_command(None, WinchCommand("tension", rest)) == ""
     swung = ran(heaved(Twin(scene), HEAVE_M, 24.0), 24.0)[-800:, 1]
     held = ran(heaved(kept, HEAVE_M, 24.0), 24.0)[-800:, 1]
     assert held.mean() == pytest.approx(rest, rel=5e-3)
@@ -230,7 +230,7 @@ def test_constant_tension_follows_the_heave(scene: Scene) -> None:
 def test_depth_control_reaches_its_depth_with_little_overshoot(scene: Scene) -> None:
     twin = Twin(scene)
     depth = -twin.snapshot().payload_position_m[2] + 15.0
-    assert twin.offer_command(None, WinchCommand("depth", depth)) == ""
+    assert twin.submit_command(None, WinchCommand("depth", depth)) == ""
     lines = ran(twin, 50.0)[:, 2]
     assert -twin.snapshot().payload_position_m[2] == pytest.approx(depth, abs=5e-3)
     # while it sinks, drag takes some load and so some stretch off the rope: 2 cm of line

@@ -85,8 +85,8 @@ def test_an_offset_shifts_the_record_and_nothing_else(record, sea, steps):
 def test_velocity_and_position_agree_over_the_border(sea):
     samples = sea.between(1195 * SECOND, 1205 * SECOND)
     z, v = (np.array([getattr(s, n) for s in samples]) for n in ("position_m", "velocity_m_per_s"))
-    leap = np.diff(z) - 0.025 * (v[1:] + v[:-1])
-    assert np.max(np.abs(leap)) < 3e-4  # rounding of the bag and the trapezoid
+    jump = np.diff(z) - 0.025 * (v[1:] + v[:-1])
+    assert np.max(np.abs(jump)) < 3e-4  # rounding of the bag and the trapezoid
 
 
 def test_elevation_comes_with_each_sample_though_recorded_at_4_hz(sea):
@@ -117,8 +117,8 @@ def test_a_seam_is_faded_and_reported(faded):
     stamps = np.array([s.stamp_ns for s in samples])
     assert set(np.diff(stamps)) == {STEP_NS}
     z, v = (np.array([getattr(s, n) for s in samples]) for n in ("position_m", "velocity_m_per_s"))
-    leap = np.diff(z) - 0.025 * (v[1:] + v[:-1])
-    assert np.max(np.abs(leap)) < 1e-4
+    jump = np.diff(z) - 0.025 * (v[1:] + v[:-1])
+    assert np.max(np.abs(jump)) < 1e-4
     assert np.max(np.abs(np.diff(v))) < 0.08
     # the first pass is the record, and so is each later one after its first 10 s
     omega = 2 * np.pi / 8.0

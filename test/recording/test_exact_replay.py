@@ -137,7 +137,7 @@ def test_a_heave_sample_that_was_edited_is_found(bag: Path, tmp_path: Path) -> N
             return one.data
         content = decode_json(one.topic, one.data)
         for method, arguments, _ in content["calls"]:
-            if method == "offer_heave" and arguments[0] == 450_000_000:
+            if method == "submit_heave" and arguments[0] == 450_000_000:
                 arguments[1] += 0.01
         return encode_json(content)
 

@@ -194,8 +194,8 @@ def test_a_seam_is_blended_and_reported(tmp_path: Path, yaw_deg_per_s: float) ->
     assert np.abs(np.diff(rate, axis=0)).max() < 0.02
     place = np.array([own.position_m for own in poses])
     velocity = turns.apply([own.velocity_m_per_s for own in poses])
-    leap = np.diff(place, axis=0) - 0.025 * (velocity[1:] + velocity[:-1])
-    assert np.abs(leap).max() < 1e-4
+    jump = np.diff(place, axis=0) - 0.025 * (velocity[1:] + velocity[:-1])
+    assert np.abs(jump).max() < 1e-4
     assert np.linalg.norm([own.orientation for own in poses], axis=1) == pytest.approx(1.0)
 
 

@@ -88,7 +88,7 @@ def test_what_the_twin_reads_between_samples_is_the_sine(period_s: float) -> Non
     sea, track = RegularSea(RegularHeave(amplitude_m=2.0, period_s=period_s)), HeaveTrack()
     errors = []
     for sample in sea.between(FIRST_NS, FIRST_NS + 20 * S):
-        assert track.offer(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
+        assert track.submit(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
         if sample.stamp_ns > 0:
             for part in (0.25, 0.5, 0.75):
                 at_ns = sample.stamp_ns - round((1.0 - part) * SAMPLE_PERIOD_NS)

@@ -198,7 +198,7 @@ def test_a_run_from_a_stop_that_came_before_the_first_step_is_replayed(
 ) -> None:
     bag, state = tmp_path / "bag", tmp_path / "stopped.state"
     twin = Twin(load_scene("emergency_stop"))
-    twin.offer_command(None, WinchCommand("emergency_stop"))
+    twin.submit_command(None, WinchCommand("emergency_stop"))
     twin.save(state)
     recorder, node = recorded(bench, bag, scene="emergency_stop", from_state=str(state))
     sender = Sender(bench, node)

@@ -148,7 +148,7 @@ def test_a_commander_that_does_not_come_back_after_a_restart_is_lost(
     """The winch of the saved state runs; then it does what its scene says."""
     path = tmp_path / "run.state"
     twin = Twin(load_scene("emergency_stop"))
-    twin.offer_speed(None, 0.3)
+    twin.submit_speed(None, 0.3)
     twin.advance(200)
     twin.save(path)
     node = bench.make("simulation", scene="emergency_stop", from_state=str(path))

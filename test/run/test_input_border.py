@@ -73,7 +73,7 @@ def rig() -> Rig:
 
 def test_a_heave_message_reaches_the_queue_in_twin_time(rig: Rig) -> None:
     rig.heave(0.05)
-    assert rig.calls() == [("offer_heave", (50_000_000, 0.1, 0.0, 55_000_000))]
+    assert rig.calls() == [("submit_heave", (50_000_000, 0.1, 0.0, 55_000_000))]
 
 
 @pytest.mark.parametrize("w", [0.0, 2.0, math.nan])
@@ -117,7 +117,7 @@ def test_an_emergency_stop_in_a_pause_is_latched() -> None:
         assert (rig.row(MESSAGES_ROW).level, rig.row(MESSAGES_ROW).message) == (Level.WARN, latched)
         assert not rig.border.switch("winch", "reset")[0]
         rig.border.epoch_ns = EPOCH_NS
-        assert [name for name, _ in rig.calls()] == ["offer_command"]
+        assert [name for name, _ in rig.calls()] == ["submit_command"]
         assert rig.inputs.snapshot().winches[0].mode == "emergency_stop"
         assert rig.row(MESSAGES_ROW).level == Level.OK
 
@@ -132,7 +132,7 @@ def test_a_stop_finds_room_beside_the_currents_of_a_long_pause() -> None:
     assert rig.border.switch("winch", "emergency_stop")[0]
     rig.border.take_current(encode_current([(0.0, 0.1, 0.0), (-500.0, 0.0, 0.0)]))
     rig.border.epoch_ns = EPOCH_NS
-    assert sorted(name for name, _ in rig.calls()) == ["offer_command", "offer_current"]
+    assert sorted(name for name, _ in rig.calls()) == ["submit_command", "submit_current"]
     snapshot = rig.inputs.snapshot()
     assert snapshot.winches[0].mode == "emergency_stop"
     assert (snapshot.inputs["current"].accepted, snapshot.inputs["current"].refused) == (1, 0)
@@ -159,7 +159,7 @@ def test_a_stop_that_no_winch_executes_is_not_reported_as_latched(rig: Rig) -> N
     assert rig.row(MESSAGES_ROW).level == Level.OK
     assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "1"
     rig.border.epoch_ns = EPOCH_NS
-    assert [name for name, _ in rig.calls()] == ["offer_command"]
+    assert [name for name, _ in rig.calls()] == ["submit_command"]
     assert "no winch 'no such winch'" in rig.inputs.snapshot().inputs["winch_switch"].refusal
 
 
@@ -290,7 +290,7 @@ def test_who_has_not_the_seat_is_refused(rig: Rig) -> None:
     topic, data = encode_order(0, WinchCommand(SPEED, 0.2))
     rig.border.take_order(topic, data, "console")
     rig.border.take_order(topic, data, "stranger")
-    assert [arguments[0] for method, arguments in rig.calls() if method == "offer_command"] == [
+    assert [arguments[0] for method, arguments in rig.calls() if method == "submit_command"] == [
         None
     ]
     assert rig.row("simulation: seat winch").level == Level.WARN
@@ -301,7 +301,7 @@ def test_what_became_of_forecasts_reaches_the_quality_index(rig: Rig) -> None:
     row = {"span_s": 10.0, "coverage": 0.88, "judged": 40.0, "factor": 1.25, "age_s": 0.5}
     data = encode_forecast(FORECAST_RISK, EPOCH_NS, "map", [row, row | {"span_s": 60.0}])
     rig.border.take_forecast(data)
-    assert [name for name, _ in rig.calls()] == ["offer_forecast_score"]
+    assert [name for name, _ in rig.calls()] == ["submit_forecast_score"]
     (one,) = (q for q in rig.inputs.snapshot().quality if q.element == "forecast")
     assert one.components[4] == 1.0
     rig.border.take_forecast(data[:40])

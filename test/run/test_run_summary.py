@@ -60,9 +60,9 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
 
 def test_refused_heave_is_reported_with_the_newest_reason() -> None:
     twin = Rig(length=100.0, elements=10).twin()
-    twin.offer_heave(10_000_000, 0.1, 0.0)
+    twin.submit_heave(10_000_000, 0.1, 0.0)
     assert "rejected" not in summarise(twin, twin.snapshot(), None).as_text()
-    twin.offer_heave(20_000_000, 90.0, 0.0)
+    twin.submit_heave(20_000_000, 90.0, 0.0)
     said = summarise(twin, twin.snapshot(), None).as_text()
     assert "1 of 2 heave samples rejected; last: heave: position 90 m" in said
 

@@ -166,9 +166,9 @@ def test_a_peak_between_two_snapshots_breaks_a_limit(tmp_path: Path) -> None:
     scene = limited(tension_n=1.05 * AT_REST_N)
     twin = Twin(scene)
     assert row(twin.snapshot()).level is Level.OK
-    twin.offer_speed(None, -0.5)
+    twin.submit_speed(None, -0.5)
     twin.advance(500)
-    twin.offer_speed(None, 0.0)
+    twin.submit_speed(None, 0.0)
     twin.advance(1500)
     snapshot = twin.snapshot()
     assert snapshot.tension_top_n < scene.limits.tension_n  # type: ignore[operator]
@@ -187,7 +187,7 @@ def test_a_peak_between_two_snapshots_breaks_a_limit(tmp_path: Path) -> None:
 def test_a_breach_is_logged_once_when_it_happens() -> None:
     twin, messages = Twin(limited(tension_n=1.005 * AT_REST_N)), BreachWords()
     assert messages.of(twin.snapshot()) == []
-    twin.offer_speed(None, -0.5)
+    twin.submit_speed(None, -0.5)
     words = []
     for _ in range(100):
         twin.advance(2)
@@ -207,7 +207,7 @@ def test_limits_of_payload_speed_depth_and_slack() -> None:
     limits = {"payload_speed_m_per_s": 0.3, "payload_depth_m": 1004.0, "min_tension_n": 140e3}
     twin = Twin(limited(**limits))
     assert not twin.snapshot().breaches
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     for _ in range(300):
         twin.advance(2)
         snapshot = twin.snapshot()
@@ -236,7 +236,7 @@ def test_a_landing_speed_limit(tmp_path: Path) -> None:
     path = tmp_path / "bed.yaml"
     path.write_text(text.replace("elements: 50", "elements: 20"), encoding="utf-8")
     twin = Twin(load_scene(path))
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     while not (bed := twin.snapshot().seabed) or not bed.payload_landed:
         expected = {"bed_clearance_m"} if bed and bed.payload_height_m < 0.5 else set()
         assert set(breaches(twin.snapshot())) == expected
@@ -260,7 +260,7 @@ def test_landings_are_counted_with_their_speeds(tmp_path: Path) -> None:
     assert twin.snapshot().landings is None
     seen = []
     for speed, seconds in ((0.5, 16), (-0.5, 10), (0.15, 40)):
-        twin.offer_speed(None, speed)
+        twin.submit_speed(None, speed)
         for _ in range(round(50 * seconds)):
             twin.advance(2)
             snapshot = twin.snapshot()
@@ -327,7 +327,7 @@ def test_dynamic_amplification_refers_to_static_tension_at_the_same_line_out() -
     twin = Twin(STILL)
     (first,) = twin.snapshot().strength
     assert first.dynamic_amplification == pytest.approx(1.0, abs=1e-6)
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     expected = 1.0
     for _ in range(1000):
         twin.advance(2)

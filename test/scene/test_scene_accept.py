@@ -157,10 +157,10 @@ def test_a_strong_live_current_is_accepted_with_a_warning(tmp_path: Path) -> Non
         rows = statuses(twin.snapshot(), None)
         return next(row for row in rows if row.name == "simulation: input current")
 
-    assert twin.offer_current([[0.0, 1.8, 2.4], [-500.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 1.8, 2.4], [-500.0, 0.0, 0.0]]) == ""
     assert row().level is Level.WARN
     assert "3 m/s at z = 0 m exceeds the range of ocean currents, 2.5 m/s" in row().message
-    assert twin.offer_current([[0.0, 0.9, 1.2], [-500.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.9, 1.2], [-500.0, 0.0, 0.0]]) == ""
     assert "sea currents" not in row().message
 
 

@@ -12,7 +12,7 @@ def test_storm_goes_slack_and_snaps() -> None:
     scene = load_scene("storm")
     twin = Twin(scene)
     for sample in open_heave(scene.sea_state.bag).between(-100_000_000, LASTS_NS):
-        assert twin.offer_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
+        assert twin.submit_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
     lowest, highest = [], []
     while twin.time_ns < LASTS_NS:
         twin.advance(2)

@@ -205,7 +205,7 @@ def test_a_truncated_rao_table_is_warned_of_above_one_per_cent(tmp_path: Path) -
     twin = Twin(scene)
     for sample in sea.between(-100_000_000, 2_000_000_000):
         assert sample.pose is not None
-        assert twin.offer_pose(sample.pose) == ""
+        assert twin.submit_pose(sample.pose) == ""
     twin.advance(100)
     assert math.isfinite(twin.snapshot().tension_top_n)
 
@@ -227,23 +227,23 @@ POSES = {
 def test_an_implausible_pose_is_rejected_and_counted(fault: str) -> None:
     """A bad pose gives one sentence and is counted, like heave; the next good one is accepted."""
     track = HangOffTrack(load_scene("still_water"))
-    assert track.offer_pose(replace(GOOD, stamp_ns=0, position_m=STILL)) == ""
+    assert track.submit_pose(replace(GOOD, stamp_ns=0, position_m=STILL)) == ""
     pose, words = POSES[fault]
-    assert words in track.offer_pose(pose)
+    assert words in track.submit_pose(pose)
     health = track.counter.health(0, False)
     assert (health.accepted, health.refused) == (1, 1)
     assert health.non_finite == (1 if fault == "not finite" else 0)
-    assert track.offer_pose(GOOD) == ""
+    assert track.submit_pose(GOOD) == ""
 
 
 def test_heave_and_pose_do_not_mix() -> None:
     """Whichever comes first moves the hang-off."""
     scene = load_scene("still_water")
     posed, heaving = HangOffTrack(scene), HangOffTrack(scene)
-    assert posed.offer_pose(GOOD) == ""
-    assert "only one of ship/heave and ship/odometry" in posed.offer(100_000_000, 0.0, 0.0)
-    assert heaving.offer(0, 0.0, 0.0) == ""
-    assert "heave moves the hang-off already" in heaving.offer_pose(GOOD)
+    assert posed.submit_pose(GOOD) == ""
+    assert "only one of ship/heave and ship/odometry" in posed.submit(100_000_000, 0.0, 0.0)
+    assert heaving.submit(0, 0.0, 0.0) == ""
+    assert "heave moves the hang-off already" in heaving.submit_pose(GOOD)
 
 
 def test_a_pose_message_round_trip() -> None:
@@ -257,5 +257,5 @@ def test_a_pose_message_round_trip() -> None:
     track = HangOffTrack(scene)
     heeled = replace(GOOD, position_m=STILL, orientation=(0.6, 0.0, 0.0, 0.8), rate_rad_per_s=STILL)
     heeled = replace(heeled, orientation=(0.28, 0.0, 0.0, 0.96))  # sin of the angle 0.5376
-    assert track.offer_pose(heeled) == ""
+    assert track.submit_pose(heeled) == ""
     assert track.at(50_000_000)[0] == pytest.approx(18.0 * 0.5376, abs=1e-9)

@@ -28,9 +28,9 @@ def started(folder: Path) -> Twin:
     twin = Twin(small_scene(folder))
     for k in range(2001):
         t = k * 0.01
-        assert not twin.offer_heave(k * STEP_NS, 1.5 * math.sin(t), 1.5 * math.cos(t))
-    assert not twin.offer_speed(0, 1.2)
-    assert not twin.offer_speed(3_000_000_000, -0.5)
+        assert not twin.submit_heave(k * STEP_NS, 1.5 * math.sin(t), 1.5 * math.cos(t))
+    assert not twin.submit_speed(0, 1.2)
+    assert not twin.submit_speed(3_000_000_000, -0.5)
     return twin
 
 

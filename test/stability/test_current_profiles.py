@@ -41,7 +41,7 @@ def test_a_profile_of_infinite_slope_is_rejected(
 ) -> None:
     """It passed once, and then no step could be made."""
     twin = Twin(small_scene(tmp_path))
-    assert words in twin.offer_current(rows)
+    assert words in twin.submit_current(rows)
     twin.advance(20)
     snapshot = twin.snapshot()
     assert not not_finite(snapshot)
@@ -51,7 +51,7 @@ def test_a_profile_of_infinite_slope_is_rejected(
 
 def test_the_largest_profile_is_accepted(tmp_path: Path) -> None:
     twin = Twin(small_scene(tmp_path))
-    assert twin.offer_current(profile(MAX_ROWS)) == ""
+    assert twin.submit_current(profile(MAX_ROWS)) == ""
     twin.advance(20)
     assert not not_finite(twin.snapshot())
 
@@ -59,10 +59,10 @@ def test_the_largest_profile_is_accepted(tmp_path: Path) -> None:
 def test_a_jump_of_the_profile_is_flagged_for_a_minute(tmp_path: Path) -> None:
     """The warning states the number and ends; a change as slow as the sea's is not flagged."""
     twin = Twin(small_scene(tmp_path))
-    assert twin.offer_current([[0.0, 0.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
     twin.advance(1)
     assert _row(twin).level == Level.OK
-    assert twin.offer_current([[0.0, 1.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 1.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
     twin.advance(1)
     row = _row(twin)
     assert row.level == Level.WARN
@@ -77,10 +77,10 @@ OWN = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
 def test_a_vertical_component_needs_one_in_the_scene(tmp_path: Path) -> None:
     """It would compile other code during the run; zeros are accepted."""
     twin = Twin(small_scene(tmp_path))
-    reported = twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
+    reported = twin.submit_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.2]])
     assert "current: it has a vertical component, which this scene's current has not" in reported
     assert twin.snapshot().inputs["current"].impossible == 1
-    assert twin.offer_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.4, 0.0, 0.0], [-500.0, 0.4, 0.0, 0.0]]) == ""
 
 
 def test_a_vertical_component_changes_the_tension(tmp_path: Path) -> None:
@@ -89,12 +89,12 @@ def test_a_vertical_component_changes_the_tension(tmp_path: Path) -> None:
     path.write_text(SMALL_SCENE.replace(OWN, "[[0.0, [0.0, 0.0, 0.0]]]"))
     twin = Twin(in_time(load_scene(path)))  # the step of test_fluid_ramp
     still = twin.snapshot().tension_top_n
-    assert twin.offer_current([[0.0, 0.0, 0.0, -2.0], [-500.0, 0.0, 0.0, -2.0]]) == ""
+    assert twin.submit_current([[0.0, 0.0, 0.0, -2.0], [-500.0, 0.0, 0.0, -2.0]]) == ""
     twin.advance(1)
     assert "changed by 2.00 m/s" in _row(twin).message
     twin.advance(9000)
     faster = twin.snapshot().tension_top_n
-    assert twin.offer_current([[0.0, 0.0, 0.0], [-500.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.0, 0.0], [-500.0, 0.0, 0.0]]) == ""
     twin.advance(9000)
     assert twin.snapshot().tension_top_n == pytest.approx(still, abs=1.0)
     scene = load_scene(path)

@@ -29,8 +29,8 @@ def scene() -> Scene:
 
 
 def reported(twin: Twin) -> Twin:
-    assert not twin.offer_speed(500_000_000, 0.25)
-    assert not twin.offer_cut(round(AT_S * 1e9), BELOW_M)
+    assert not twin.submit_speed(500_000_000, 0.25)
+    assert not twin.submit_cut(round(AT_S * 1e9), BELOW_M)
     return twin
 
 
@@ -94,7 +94,7 @@ def test_a_cut_above_a_body_resumes_bit_identically(
 def test_cuts_at_time_zero_at_either_end(scene: Scene, below_m: float) -> None:
     """At static equilibrium; a metre of rope stays above, or stays on the hook."""
     twin = Twin(scene)
-    assert not twin.offer_cut(None, below_m)
+    assert not twin.submit_cut(None, below_m)
     still = twin.snapshot()
     twin.advance(40)
     snapshot = twin.snapshot()
@@ -129,7 +129,7 @@ def test_a_cut_above_a_deck_on_the_ship_is_rejected(scene: Scene) -> None:
         on_deck = replace(
             scene, effects=tuple(own if effect is body else effect for effect in scene.effects)
         )
-        message = CutInput(on_deck).offer(None, 12.0, 0)
+        message = CutInput(on_deck).submit(None, 12.0, 0)
         assert ("deck that heaves with the ship" in message) == with_ship
 
 

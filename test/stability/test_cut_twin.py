@@ -45,9 +45,9 @@ def reported(twin: Kind) -> Kind:
     """Feed heave, a speed, a cut and a new current, all ahead of time."""
     for k in range(-1, 90):
         at_ns = 100_000_000 * k
-        twin.offer_heave(at_ns, math.sin(at_ns * 1e-9), math.cos(at_ns * 1e-9))
-    assert not twin.offer_speed(1_000_000_000, 0.7)
-    assert not twin.offer_cut(round(AT_S * 1e9), BELOW_M)
+        twin.submit_heave(at_ns, math.sin(at_ns * 1e-9), math.cos(at_ns * 1e-9))
+    assert not twin.submit_speed(1_000_000_000, 0.7)
+    assert not twin.submit_cut(round(AT_S * 1e9), BELOW_M)
     return twin
 
 
@@ -56,7 +56,7 @@ def ends(twin: Twin, chunk: int, last: int = 800) -> list[Snapshot]:
     snapshots = []
     while twin.steps < last:
         if twin.steps == 400:
-            assert not twin.offer_current(CURRENT)
+            assert not twin.submit_current(CURRENT)
         twin.advance(min(chunk, 100 - twin.steps % 100, last - twin.steps))
         if twin.steps % 100 == 0:
             snapshots.append(twin.snapshot())
@@ -88,7 +88,7 @@ def test_both_parts_are_reported(scene: Scene, run: list[Snapshot]) -> None:
     assert upper.line_out_m == after.line_out_m
     assert lower.line_out_m == after.cut.lost_m
     whole = Twin(scene)
-    whole.offer_speed(1_000_000_000, 0.7)
+    whole.submit_speed(1_000_000_000, 0.7)
     whole.advance(800)
     length = whole.snapshot().line_out_m - after.cut.lost_m
     assert after.line_out_m == pytest.approx(length, abs=1e-9)
@@ -126,15 +126,15 @@ def test_a_cut_run_resumes_bit_identically(
 def test_the_winch_hauls_in_the_remaining_rope(scene: Scene) -> None:
     """It hauls in to its minimum payout; a command by length was for the whole rope and ends."""
     twin = Twin(scene)
-    assert not twin.offer_command(None, WinchCommand(LENGTH, 390.0))
+    assert not twin.submit_command(None, WinchCommand(LENGTH, 390.0))
     twin.advance(100)
-    assert not twin.offer_cut(None, 60.0)
+    assert not twin.submit_cut(None, 60.0)
     twin.advance(500)
     assert twin.snapshot().payout_speed_m_per_s == 0.0
-    assert "50 to 2" in twin.offer_command(None, WinchCommand(LENGTH, 390.0)), (
+    assert "50 to 2" in twin.submit_command(None, WinchCommand(LENGTH, 390.0)), (
         "there is less rope now"
     )
-    assert not twin.offer_speed(None, -1.5)
+    assert not twin.submit_speed(None, -1.5)
     twin.advance(3000)
     snapshot = twin.snapshot()
     assert snapshot.line_out_m == pytest.approx(50.0, abs=1e-3)
@@ -144,14 +144,14 @@ def test_the_winch_hauls_in_the_remaining_rope(scene: Scene) -> None:
 def test_an_emergency_cut_at_the_ship(scene: Scene) -> None:
     """Two metres remain, less than the minimum payout; the winch stands and can pay out."""
     twin = Twin(scene)
-    assert not twin.offer_speed(None, -1.0)
+    assert not twin.submit_speed(None, -1.0)
     twin.advance(300)
-    assert not twin.offer_cut(None, 2.0)
+    assert not twin.submit_cut(None, 2.0)
     twin.advance(500)
     assert twin.cut is not None
     assert twin.cut.left_m == pytest.approx(2.0)
     assert twin.snapshot().line_out_m == pytest.approx(1.5), "it could not brake in time"
-    assert not twin.offer_speed(None, 1.0)
+    assert not twin.submit_speed(None, 1.0)
     twin.advance(2000)
     assert twin.snapshot().line_out_m > 15.0
     assert twin.snapshot().solver.unconverged_substeps == 0
@@ -163,7 +163,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
     path.write_text(SMALL_SCENE.replace("  - payload: {}\n", BED))
     scene = load_scene(path)
     twin = Twin(scene)
-    assert not twin.offer_cut(None, 150.0)
+    assert not twin.submit_cut(None, 150.0)
     twin.advance(12_000)
     bed = twin.snapshot().seabed
     assert bed is not None
@@ -206,18 +206,18 @@ def test_the_accuracy_level_is_frozen_after_a_cut(scene: Scene) -> None:
 
 
 REFUSED: list[tuple[Callable[[Twin], str], str]] = [
-    (lambda twin: twin.offer_cut(None, math.nan), "its place is not a number"),
-    (lambda twin: twin.offer_cut(None, 0.5), "at least 1 m of rope stay there"),
-    (lambda twin: twin.offer_cut(None, -math.inf), "-inf m below the hang-off"),
-    (lambda twin: twin.offer_cut(-1, 50.0), "0 ms after it was due"),
-    (lambda twin: twin.offer_cut(11_000_000_000, 50.0), "more than 10 s ahead"),
+    (lambda twin: twin.submit_cut(None, math.nan), "its place is not a number"),
+    (lambda twin: twin.submit_cut(None, 0.5), "at least 1 m of rope stay there"),
+    (lambda twin: twin.submit_cut(None, -math.inf), "-inf m below the hang-off"),
+    (lambda twin: twin.submit_cut(-1, 50.0), "0 ms after it was due"),
+    (lambda twin: twin.submit_cut(11_000_000_000, 50.0), "more than 10 s ahead"),
 ]
 
 
-@pytest.mark.parametrize(("offer", "words"), REFUSED)
-def test_invalid_cuts_are_rejected(scene: Scene, offer: Callable[[Twin], str], words: str) -> None:
+@pytest.mark.parametrize(("submit", "words"), REFUSED)
+def test_invalid_cuts_are_rejected(scene: Scene, submit: Callable[[Twin], str], words: str) -> None:
     twin = Twin(scene)
-    message = offer(twin)
+    message = submit(twin)
     assert message.startswith("cut: ")
     assert words in message
     assert twin.snapshot().inputs["cut"].refused == 1
@@ -227,16 +227,16 @@ def test_invalid_cuts_are_rejected(scene: Scene, offer: Callable[[Twin], str], w
 
 def test_a_cut_beyond_the_line_out_is_not_made(scene: Scene) -> None:
     twin = Twin(scene)
-    assert not twin.offer_cut(None, 199.5)
+    assert not twin.submit_cut(None, 199.5)
     twin.advance(2)
     health = twin.snapshot().inputs["cut"]
     assert twin.cut is None
     assert "199.5 m below the hang-off is not on the 200.0 m of rope" in health.note
-    assert not twin.offer_cut(None, math.inf), "it may be tried again"
+    assert not twin.submit_cut(None, math.inf), "it may be tried again"
     twin.advance(2)
     assert twin.cut is not None
     assert twin.cut.lost_m == pytest.approx(1.0)
-    assert "cut already" in twin.offer_cut(None, 20.0)
+    assert "cut already" in twin.submit_cut(None, 20.0)
 
 
 def test_scenes_whose_rope_cannot_be_cut_are_rejected() -> None:
@@ -244,10 +244,10 @@ def test_scenes_whose_rope_cannot_be_cut_are_rejected() -> None:
         ("two_line_loop", "runs over a sheave"),
         ("curved_pipe", "`wake_oscillator` together with `bending`"),
     ):
-        assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
+        assert words in CutInput(load_scene(name)).submit(None, 20.0, 0)
     chain = load_scene("chain_on_bottom")
     stiff = replace(chain, effects=(*chain.effects, BendingParams(stiffness_n_m2=100.0)))
-    assert "`bed_friction` together with `bending`" in CutInput(stiff).offer(None, 20.0, 0)
+    assert "`bed_friction` together with `bending`" in CutInput(stiff).submit(None, 20.0, 0)
 
 
 def test_an_impossible_cut_plan_is_rejected_before_the_run(scene: Scene) -> None:
@@ -308,7 +308,7 @@ def test_a_run_records_the_cut_command_and_both_ropes(scene: Scene, tmp_path: Pa
 def run_to_its_end(scene: Scene) -> Snapshot:
     """Return the run half a second after a cut."""
     twin = Twin(scene)
-    assert not twin.offer_cut(None, BELOW_M)
+    assert not twin.submit_cut(None, BELOW_M)
     twin.advance(50)
     return twin.snapshot()
 

@@ -68,14 +68,14 @@ def test_numerical_dissipation_is_never_negative(scene: Scene, draw: st.DataObje
     height = draw.draw(st.floats(0.0, MAX_HEAVE_M[twin.step_s]))
     period = draw.draw(st.floats(5.0, 12.0))
     for at_s, speed in ((0.0, 1.5), (2.0, -1.5)):
-        twin.offer_speed(round(at_s * 1e9), draw.draw(st.floats(-1.0, 1.0)) * speed)
+        twin.submit_speed(round(at_s * 1e9), draw.draw(st.floats(-1.0, 1.0)) * speed)
     steps = round(0.1 / twin.step_s)
     for tenth in range(round(SECONDS * 10)):
         for k in range(steps + 1):
             angle = 2.0 * np.pi / period * (0.1 * tenth + k * twin.step_s)
             stamp_ns = twin.time_ns + k * twin.step_ns
             rate = 2.0 * np.pi / period * height
-            twin.offer_heave(stamp_ns, height * np.sin(angle), rate * np.cos(angle))
+            twin.submit_heave(stamp_ns, height * np.sin(angle), rate * np.cos(angle))
         twin.advance(steps)
         energy = twin.snapshot().energy
         assert energy is not None

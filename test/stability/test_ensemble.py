@@ -168,8 +168,8 @@ def test_extremes_cover_every_step(tmp_path: Path) -> None:
     ensemble.advance(5)
     twin = Twin(scene)
     for stamp, z, v in sea(1.0, 8.0, 30.0):
-        twin.offer_heave(stamp, z, v)
-    twin.offer_speed(0, 1.5)
+        twin.submit_heave(stamp, z, v)
+    twin.submit_speed(0, 1.5)
     tops = []
     for _ in range(500):
         twin.advance(1)

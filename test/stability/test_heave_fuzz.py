@@ -59,7 +59,7 @@ def test_results_stay_finite_for_any_heave_sample(scene: Scene, samples: list[Sa
     refused = 0
     for sample in samples:
         stamp_ns = twin.time_ns + sample.after_ms * 1_000_000
-        message = twin.offer_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
+        message = twin.submit_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
         assert "\n" not in message
         refused += bool(message)
         twin.advance(sample.steps)
@@ -76,7 +76,7 @@ def test_results_stay_finite_for_any_heave_sample(scene: Scene, samples: list[Sa
 faults = st.fixed_dictionaries(
     {
         "lasts": st.integers(1, 60),  # samples
-        "leap_m": st.sampled_from([0.0, 0.0, 0.5, 5.0, 12.0]),
+        "jump_m": st.sampled_from([0.0, 0.0, 0.5, 5.0, 12.0]),
         "position_times": st.sampled_from([1.0, 1.0, -1.0, 3.0]),
         "rate_times": st.sampled_from([1.0, 1.0, -1.0, 10.0, 100.0]),
         "kept_of_40": st.sampled_from([40, 40, 20, 1, 0]),
@@ -96,14 +96,14 @@ def test_results_stay_finite_for_any_sequence_of_faults(
         for _ in range(int(fault["lasts"])):
             k += 1
             phase = omega * 0.05 * k
-            z = fault["position_times"] * 2.0 * math.sin(phase) + fault["leap_m"]
+            z = fault["position_times"] * 2.0 * math.sin(phase) + fault["jump_m"]
             v = fault["rate_times"] * 2.0 * omega * math.cos(phase)
             stamp_ns = k * 50_000_000 + int(fault["ahead_ns"])
             if k % 40 < fault["kept_of_40"]:
                 if posed:
-                    track.offer_pose(ShipPose(stamp_ns, (0.0, 0.0, z), (0.0, 0.0, v)))
+                    track.submit_pose(ShipPose(stamp_ns, (0.0, 0.0, z), (0.0, 0.0, v)))
                 else:
-                    track.offer(stamp_ns, z, v)
+                    track.submit(stamp_ns, z, v)
             now_ns = (k - 3) * 50_000_000
             position_m, speed = track.at(now_ns)
             health = track.health(now_ns)
@@ -127,7 +127,7 @@ def test_line_out_stays_within_limits_for_any_speed_command(
     """Under any speed commands the line out stays within the winch's limits."""
     twin = Twin(scene)
     for stamp_ns, speed, steps in commands:
-        assert "\n" not in twin.offer_speed(stamp_ns, speed)
+        assert "\n" not in twin.submit_speed(stamp_ns, speed)
         twin.advance(steps)
         snapshot = twin.snapshot()
         assert not not_finite(snapshot)

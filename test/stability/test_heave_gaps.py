@@ -30,7 +30,7 @@ def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[
             t = k * SAMPLE_NS * 1e-9
             if not gap[0] < t < gap[1]:
                 z, v = measured(t, raised_m if t >= gap[1] else 0.0)
-                assert twin.offer_heave(k * SAMPLE_NS, z, v) == ""
+                assert twin.submit_heave(k * SAMPLE_NS, z, v) == ""
             k += 1
         twin.advance(1)
         snapshots.append(twin.snapshot())
@@ -41,7 +41,7 @@ def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[
 def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m: float) -> None:
     """Finite, marked stale, continuous in position and velocity, and back on the samples.
 
-    A leap adds 6·leap/T² = 0.5 m/s², in 2 s at least: a lift that hangs at rest is not jerked.
+    A jump adds 6·jump/T² = 0.5 m/s², in 2 s at least: a lift that hangs at rest is not jerked.
     """
     snapshots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
     assert not [name for snapshot in snapshots for name in not_finite(snapshot)]
@@ -57,8 +57,8 @@ def test_a_gap_of_two_seconds_is_bridged_without_a_jump(tmp_path: Path, raised_m
     speed = np.array([snapshot.hang_off_velocity_m_per_s[2] for snapshot in snapshots])
     assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
     assert np.abs(np.diff(speed)).max() < 0.05, "the hang-off must not be kicked: 5 m/s² at most"
-    leap = float(heave[times < 7.9][-1]) - measured(7.9, raised_m)[0]
-    late = times > 8.2 + max(2.0, math.sqrt(6.0 * abs(leap) / 0.5))
+    jump = float(heave[times < 7.9][-1]) - measured(7.9, raised_m)[0]
+    late = times > 8.2 + max(2.0, math.sqrt(6.0 * abs(jump) / 0.5))
     assert late.sum() > 100
     track = np.array([measured(t, raised_m)[0] for t in times[late]])
     assert np.abs(heave[late] - track).max() < 1e-3

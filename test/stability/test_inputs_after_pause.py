@@ -30,7 +30,7 @@ def heave(at_ns: int, phase: float) -> tuple[float, float]:
 def feed(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> list[str]:
     """Feed the samples with from_ns <= stamp < to_ns; return what was refused."""
     stamps = range(-(-from_ns // SAMPLE_NS) * SAMPLE_NS, to_ns, SAMPLE_NS)
-    return [message for stamp in stamps if (message := track.offer(stamp, *heave(stamp, phase)))]
+    return [message for stamp in stamps if (message := track.submit(stamp, *heave(stamp, phase)))]
 
 
 def follow(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> np.ndarray:
@@ -67,7 +67,7 @@ def test_a_moved_ship_is_joined_smoothly(phase: float, late_ns: int) -> None:
     """Its samples are accepted from the first on and reached within the time of a rejoining.
 
     Up to 4 m apart: without the doubt they are refused for a while and then joined within one
-    sample, at up to 15 m/s. The cubic adds 6·leap/T² = 0.5 m/s², so it is at most 1.5·leap/T
+    sample, at up to 15 m/s. The cubic adds 6·jump/T² = 0.5 m/s², so it is at most 1.5·jump/T
     faster than the motions it joins.
     """
     track, before = started()
@@ -76,11 +76,11 @@ def test_a_moved_ship_is_joined_smoothly(phase: float, late_ns: int) -> None:
     waiting = [track.at(now) for now in range(PAUSE_NS + STEP_NS, follow_ns + 1, STEP_NS)]
     assert not feed(track, follow_ns + 1, follow_ns + AHEAD_NS + 1, phase)
     after = follow(track, follow_ns, follow_ns + 3 * PAUSE_NS, phase)
-    leap = (waiting or [before[-1]])[-1][0] - heave(follow_ns, phase)[0]
-    lead_s = max(2.0, math.sqrt(6.0 * abs(leap) / 0.5))
+    jump = (waiting or [before[-1]])[-1][0] - heave(follow_ns, phase)[0]
+    lead_s = max(2.0, math.sqrt(6.0 * abs(jump) / 0.5))
     motion = np.vstack([before, *waiting, after])
     jumps = np.abs(np.diff(motion[:, 0]))
-    assert jumps.max() < (1.8 + 1.8 + 1.5 * abs(leap) / lead_s) * 0.01
+    assert jumps.max() < (1.8 + 1.8 + 1.5 * abs(jump) / lead_s) * 0.01
     times = follow_ns + STEP_NS * np.arange(1, len(after) + 1)
     late = times > follow_ns + round((lead_s + 0.3) * 1e9)
     assert late.any()
@@ -94,8 +94,8 @@ def test_an_invalid_sample_does_not_discard_the_known_samples() -> None:
     track, _ = started()
     track.invalidate()
     for z in (math.nan, 99.0):
-        assert track.offer(PAUSE_NS + SAMPLE_NS + 1, z, 0.0)
-    assert track.offer(PAUSE_NS - 1, 0.0, 0.0), "it is late"
+        assert track.submit(PAUSE_NS + SAMPLE_NS + 1, z, 0.0)
+    assert track.submit(PAUSE_NS - 1, 0.0, 0.0), "it is late"
     assert not feed(track, PAUSE_NS, PAUSE_NS + AHEAD_NS + 1)
     other, _ = started()
     after = follow(track, PAUSE_NS, 2 * PAUSE_NS)

@@ -33,7 +33,7 @@ def heaved(twin: Twin, steps: int, every: int = 10) -> list[Snapshot]:
         due = twin.time_ns + AHEAD_NS
         if due % SAMPLE_NS == 0:
             t = due * 1e-9
-            assert not twin.offer_heave(due, math.sin(omega * t), omega * math.cos(omega * t))
+            assert not twin.submit_heave(due, math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(1)
         if twin.steps % every == 0:
             snapshots.append(twin.snapshot())
@@ -99,7 +99,7 @@ def test_static_equilibrium_from_an_inverted_guess(bridle: Scene) -> None:
 def test_rope_ends_stay_at_their_joints(bridle: Scene) -> None:
     """Twenty seconds of heave and payout: every end at its joint, each step converged."""
     twin = Twin(bridle)
-    assert twin.offer_speed(None, 1.0) == ""
+    assert twin.submit_speed(None, 1.0) == ""
     snapshots = heaved(twin, 2000, 100)
     for snapshot in snapshots:
         hoist, port, starboard, low_port, low_starboard = snapshot.ropes
@@ -119,14 +119,14 @@ def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
     """Paying out one of two winches moves the load to the other line."""
     twin = Twin(two_lines)
     before = twin.snapshot()
-    refusal = twin.offer_speed(None, 0.1, "aft_sheaf")
+    refusal = twin.submit_speed(None, 0.1, "aft_sheaf")
     assert "there is no winch 'aft_sheaf'; did you mean 'aft_sheave'?" in refusal
     assert twin.snapshot().inputs["winch_command"].refusal == refusal, "nobody else tells of it"
     stop = WinchCommand("emergency_stop")
-    refusal = twin.offer_command(None, stop, "hook")
+    refusal = twin.submit_command(None, stop, "hook")
     reported = twin.snapshot().inputs["winch_switch"]
     assert (reported.impossible, reported.refusal) == (1, refusal)
-    assert twin.offer_speed(None, 0.1, "aft_sheave") == ""
+    assert twin.submit_speed(None, 0.1, "aft_sheave") == ""
     for _ in range(20):
         twin.advance(100)
     after = twin.snapshot()
@@ -142,7 +142,7 @@ def test_a_multi_line_twin_resumes_bit_identically(two_lines: Scene, tmp_path: P
     """With splits at both winches on the way."""
     twin = Twin(two_lines)
     for winch in ("winch", "aft_sheave"):
-        assert twin.offer_speed(None, 0.5, winch) == ""
+        assert twin.submit_speed(None, 0.5, winch) == ""
     heaved(twin, 300)
     twin.save(tmp_path / "saved")
     branch, restored = twin.branch(), Twin.restore(tmp_path / "saved", two_lines)

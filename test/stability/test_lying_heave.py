@@ -105,7 +105,7 @@ def run(
             one = samples.pop(0)
             received = (round(one.arrival_s * 1e9),) if clocked else ()
             stamp_ns = round(one.stamp_s * 1e9)
-            twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s, *received)
+            twin.submit_heave(stamp_ns, one.position_m, one.velocity_m_per_s, *received)
         twin.advance(2)
         snapshot, row = heave_row(twin)
         computed.snapshots.append(snapshot)
@@ -269,12 +269,12 @@ def test_a_rejection_warns_for_a_minute(tmp_path: Path) -> None:
     assert computed.rows[-1].values["refused in the last 60 s"] == "0"
 
 
-@pytest.mark.parametrize("leap_m", [0.5, 5.0, 14.0, 29.9])
-def test_a_jump_in_position_never_jerks_the_rope(tmp_path: Path, leap_m: float) -> None:
+@pytest.mark.parametrize("jump_m", [0.5, 5.0, 14.0, 29.9])
+def test_a_jump_in_position_never_jerks_the_rope(tmp_path: Path, jump_m: float) -> None:
     """Flagged at once; taken later or not, it never pulls the rope (29.9 m: 1,338 kN)."""
 
     def fault(one: Sample) -> Sample:
-        return replace(one, position_m=one.position_m + leap_m)
+        return replace(one, position_m=one.position_m + jump_m)
 
     good = run(Twin(usual(tmp_path)), as_it_is, 16.0)
     bad = run(Twin(usual(tmp_path)), fault, 16.0)
@@ -284,18 +284,18 @@ def test_a_jump_in_position_never_jerks_the_rope(tmp_path: Path, leap_m: float) 
     assert np.abs(np.diff(speeds)).max() / 0.02 < 10.0
     highest = [max(snapshot.tension_top_max_n for snapshot in one.snapshots) for one in (good, bad)]
     assert highest[1] < 1.8 * highest[0]
-    if leap_m > 15.0:
+    if jump_m > 15.0:
         assert max(snapshot.heave_m for snapshot in bad.snapshots) < 3.0
 
 
-@pytest.mark.parametrize("spoilt", ["leap", "every other second"])
+@pytest.mark.parametrize("spoilt", ["jump", "every other second"])
 def test_a_valid_position_with_an_invalid_rate_stops_no_run(tmp_path: Path, spoilt: str) -> None:
     """The position is new, its rate impossible: neither may stop the twin, or be followed."""
 
     def fault(one: Sample) -> Sample | None:
-        if spoilt != "leap" and int(one.stamp_s) % 2:
+        if spoilt != "jump" and int(one.stamp_s) % 2:
             return None
-        position_m = one.position_m + (5.0 if spoilt == "leap" else 0.0)
+        position_m = one.position_m + (5.0 if spoilt == "jump" else 0.0)
         return replace(one, position_m=position_m, velocity_m_per_s=10.0 * one.velocity_m_per_s)
 
     computed = run(Twin(usual(tmp_path)), fault, 20.0)
@@ -446,7 +446,7 @@ def test_a_restart_during_a_fault_is_bit_identical(tmp_path: Path) -> None:
                     one = feed.pop(0)
                     if one:
                         stamp_ns = round(one.stamp_s * 1e9)
-                        twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s)
+                        twin.submit_heave(stamp_ns, one.position_m, one.velocity_m_per_s)
                 twin.advance(2)
                 snapshots.append(twin.snapshot())
             return snapshots
@@ -512,7 +512,7 @@ def test_a_clock_step_across_a_restart_is_bit_identical(tmp_path: Path) -> None:
             for k in range(round(from_s * 20), round(to_s * 20)):
                 t = 0.05 * k
                 stamp_ns = round((t + 0.2 + (0.7 if t > 5.8 else 0.0)) * 1e9)
-                twin.offer_heave(stamp_ns, *truth(t + 0.2), round((t + 0.21) * 1e9))
+                twin.submit_heave(stamp_ns, *truth(t + 0.2), round((t + 0.21) * 1e9))
                 twin.advance(5)
                 snapshots.append(twin.snapshot())
             return snapshots

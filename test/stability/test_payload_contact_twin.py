@@ -34,7 +34,7 @@ def heave(twin: Twin, seconds: int) -> None:
     """A heave of 1 m every 6.3 s, known for so many seconds."""
     for k in range(20 * seconds):
         t = 0.05 * k
-        assert not twin.offer_heave(round(t * 1e9), math.sin(t), math.cos(t))
+        assert not twin.submit_heave(round(t * 1e9), math.sin(t), math.cos(t))
 
 
 def test_static_contact_force_of_two_touching_loads() -> None:
@@ -64,7 +64,7 @@ def test_energy_balance_of_payload_contact_and_a_cut() -> None:
     snapshot = twin.snapshot()
     assert snapshot.energy is not None
     assert abs(snapshot.energy.residual_j) < 1e-3 * snapshot.energy.exchanged_j
-    assert not twin.offer_cut(3_500_000_000, 3.0, "sling_port")
+    assert not twin.submit_cut(3_500_000_000, 3.0, "sling_port")
     twin.advance(100)
     branch = Twin.restore(twin.capture(), touching(), ENERGY)
     for one in (twin, branch):

@@ -64,11 +64,11 @@ def heaving(folder: Path, asked: Monitors = NO_MONITORS, speed: float = 0.0) -> 
     for k in range(-2, 1201):
         t = 0.05 * k
         z, v = 1.0 * math.sin(0.7 * t), 0.7 * math.cos(0.7 * t)
-        assert not twin.offer_heave(k * 50_000_000, z, v)
+        assert not twin.submit_heave(k * 50_000_000, z, v)
         if t >= 9.0:
             break
     if speed:
-        assert not twin.offer_speed(0, speed)
+        assert not twin.submit_speed(0, speed)
     return twin
 
 
@@ -79,7 +79,7 @@ def run(recovery: Recovery, twin: Twin, seconds: float, feed: bool = True) -> li
         newest = twin.inputs.newest_ns().get("heave", 0)
         if feed and newest < twin.time_ns + 500_000_000:
             t = (newest + 50_000_000) * 1e-9
-            twin.offer_heave(newest + 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
+            twin.submit_heave(newest + 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
         recovery.advance(SLOT)
         snapshots.append(recovery.snapshot())
     return snapshots
@@ -120,7 +120,7 @@ def test_a_step_that_fails_once_is_repeated(
 def test_repeated_failures_return_to_checkpoints(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Time goes on on its grid, nothing is not finite, and the hang-off does not leap."""
+    """Time goes on on its grid, nothing is not finite, and the hang-off does not jump."""
     broken(monkeypatch, {550: 3})
     twin = heaving(tmp_path, speed=0.5)
     recovery = Recovery(twin)
@@ -181,7 +181,7 @@ def test_a_current_received_since_the_checkpoint_is_reverted(
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 2.0)
-    assert twin.offer_current([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]]) == ""
     assert not np.isfinite(from_rows(np.array([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]])).slope).all()
     snapshots = run(recovery, twin, 2.0)
     assert recovery.count == 1
@@ -246,7 +246,7 @@ def test_both_parts_of_a_cut_rope_return_together(
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 3.0)
-    assert twin.offer_cut(None, 120.0) == ""
+    assert twin.submit_cut(None, 120.0) == ""
     snapshots = run(recovery, twin, 7.0)
     assert recovery.count == 4
     assert not not_finite(snapshots[-1])
@@ -310,14 +310,14 @@ def test_only_good_states_are_saved_after_a_recovery(
 
 
 def test_the_hang_off_returns_smoothly_after_a_recovery() -> None:
-    """A leap of 2 m asks for at most 0.5 m/s² and leaves neither step nor kink."""
+    """A jump of 2 m asks for at most 0.5 m/s² and leaves neither step nor kink."""
     blending = Blending(2)
-    leap = np.array([[0.0, 0.0, 2.0], [0.0, 0.3, -0.4]])
-    blending.begin(1_000_000_000, leap, np.zeros((2, 3)))
+    jump = np.array([[0.0, 0.0, 2.0], [0.0, 0.3, -0.4]])
+    blending.begin(1_000_000_000, jump, np.zeros((2, 3)))
     times = np.arange(1_000_000_000, blending.until_ns + 20_000_000, 10_000_000)
     computed = [blending.at(int(time_ns)) for time_ns in times]
     position, rate = (np.array([one[k] for one in computed]) for k in range(2))
-    assert np.array_equal(position[0], leap)
+    assert np.array_equal(position[0], jump)
     assert not position[-1].any()
     assert np.abs(np.diff(rate, axis=0)).max() / 0.01 < REJOIN_M_PER_S2 * 1.001
     middle = 0.5 * (rate[1:] + rate[:-1])
@@ -341,7 +341,7 @@ def test_connected_ropes_return_together(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(joined_module, "advance_joined", fail)
     for k in range(-2, 150):
         t = 0.05 * k
-        twin.offer_heave(k * 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
+        twin.submit_heave(k * 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
     recovery = Recovery(twin)
     slot = max(1, round(0.02 / twin.step_s))
     snapshots = []

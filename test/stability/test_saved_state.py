@@ -85,7 +85,7 @@ def test_the_score_of_a_forecast_is_part_of_a_state(
 ) -> None:
     """Unknown coverage too: every run with a forecast and without a measured tension has it."""
     twin = Twin(scene)
-    assert twin.offer_forecast_score(coverage, judged=40, factor=1.2, age_s=0.3) == ""
+    assert twin.submit_forecast_score(coverage, judged=40, factor=1.2, age_s=0.3) == ""
     twin.save(tmp_path / "saved")
     twins = twin, Twin.restore(tmp_path / "saved", scene), twin.branch()
     scores = [one.inputs.forecast.at(0.5) for one in twins]
@@ -116,8 +116,8 @@ def test_a_branch_is_independent_of_its_origin(scene: Scene) -> None:
     twin = Twin(scene)
     run_until(twin, 300)
     before, branch = twin.capture(), twin.branch()
-    assert not branch.offer_speed(None, -0.5)
-    assert not branch.offer_current(np.array([[0.0, 1.0, 0.0]]))
+    assert not branch.submit_speed(None, -0.5)
+    assert not branch.submit_current(np.array([[0.0, 1.0, 0.0]]))
     run_until(branch, 420)
     assert same(twin.capture(), before)
     assert not same(branch.capture(), before)
@@ -165,4 +165,4 @@ def test_negative_steps_are_rejected_and_a_current_may_be_a_list(scene: Scene) -
     with pytest.raises(InputError, match=r"0\.5 is not a number of steps; give a whole number"):
         twin.advance(0.5)  # type: ignore[arg-type]
     assert twin.steps == 0
-    assert twin.offer_current([[0.0, 0.5, 0.0], [-100.0, 0.1, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.5, 0.0], [-100.0, 0.1, 0.0]]) == ""

@@ -39,9 +39,9 @@ def test_a_shipped_scene_runs(name: str, seconds: int) -> None:
             angle = omega * stamp * 1e-9
             z, v = AMPLITUDE_M * math.sin(angle), AMPLITUDE_M * omega * math.cos(angle)
             if second == 0 or stamp > second * second_ns:
-                assert twin.offer_heave(stamp, z, v) == ""
+                assert twin.submit_heave(stamp, z, v) == ""
         for row in schedule_samples(scene.winch, second * second_ns, (second + 1) * second_ns):
-            assert twin.offer_command(row.stamp_ns, row.command) == ""
+            assert twin.submit_command(row.stamp_ns, row.command) == ""
         twin.advance(round(1.0 / twin.step_s))
         snapshot = twin.snapshot()
         assert not not_finite(snapshot)

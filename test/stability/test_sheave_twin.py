@@ -24,8 +24,8 @@ def scene() -> Scene:
 def run_both(twin: Twin, speed: float, seconds: int) -> list[Snapshot]:
     """Main pays out and haulback hauls in; a snapshot each second."""
     snapshots = []
-    assert twin.offer_speed(None, speed) == ""
-    assert twin.offer_speed(None, -speed, "haulback_sheave") == ""
+    assert twin.submit_speed(None, speed) == ""
+    assert twin.submit_speed(None, -speed, "haulback_sheave") == ""
     for _ in range(seconds):
         twin.advance(round(1.0 / twin.step_s))
         snapshots.append(twin.snapshot())
@@ -98,9 +98,9 @@ def test_one_winch_moves_the_sheave_by_half_of_its_payout(scene: Scene) -> None:
     """4 m more line let the sheave down by 2 m, less what the tether's spring leaves to stretch."""
     twin = Twin(scene)
     before = twin.snapshot().sheaves[0].position_m[2]
-    assert twin.offer_speed(None, 0.2) == ""
+    assert twin.submit_speed(None, 0.2) == ""
     twin.advance(round(21.0 / twin.step_s))
-    assert twin.offer_speed(None, 0.0) == ""
+    assert twin.submit_speed(None, 0.0) == ""
     twin.advance(round(60.0 / twin.step_s))
     snapshot = twin.snapshot()
     more = sum(lengths(snapshot).values()) - 3000.0
@@ -116,7 +116,7 @@ def test_a_sheave_twin_resumes_bit_identically(scene: Scene, tmp_path: Path) -> 
             for part in range(1, 21):
                 due = twin.time_ns + part * 50_000_000
                 z, v = math.sin(omega * due * 1e-9), omega * math.cos(omega * due * 1e-9)
-                assert not twin.offer_heave(due, z, v), second
+                assert not twin.submit_heave(due, z, v), second
             twin.advance(round(1.0 / twin.step_s))
             snapshots.append(twin.snapshot())
         return snapshots

@@ -68,8 +68,8 @@ def changed(draw: st.DrawFn) -> Scene:
 def through(drawn: Scene, weather: Weather, asked: Monitors = NO_MONITORS) -> Twin:
     """Run it, if it has an equilibrium; each look is held."""
     twin = that_rests(lambda: Twin(drawn, asked))
-    twin.offer_speed(round(1e9), weather.payout_m_per_s)  # refused where there is no winch
-    twin.offer_current(np.array([[0.0, *weather.current_m_per_s], [-100.0, 0.0, 0.0]]))
+    twin.submit_speed(round(1e9), weather.payout_m_per_s)  # refused where there is no winch
+    twin.submit_current(np.array([[0.0, *weather.current_m_per_s], [-100.0, 0.0, 0.0]]))
     heave = sine(weather.amplitude_m, weather.period_s)
     for snapshot in march(twin, heave, SECONDS, max(1, round(LOOK_S / twin.step_s))):
         assert not_finite(snapshot) == []

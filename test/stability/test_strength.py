@@ -32,9 +32,9 @@ def test_a_peak_between_two_snapshots_is_reported_and_saved(tmp_path: Path) -> N
     scene = replace(scene, ropes=(weaker(scene.ropes[0], 215e3),))
     twin = Twin(scene)
     assert "parted" not in summarise(twin, twin.snapshot(), None).as_text()
-    twin.offer_speed(None, -0.5)
+    twin.submit_speed(None, -0.5)
     twin.advance(500)
-    twin.offer_speed(None, 0.0)
+    twin.submit_speed(None, 0.0)
     twin.advance(1500)
     snapshot = twin.snapshot()
     (strength,) = snapshot.strength
@@ -51,7 +51,7 @@ def test_each_rope_has_its_own_maximum_tension(tmp_path: Path) -> None:
     scene = load_scene("two_line_lift")
     fore, aft = scene.ropes
     twin = Twin(replace(scene, ropes=(fore, weaker(aft, 200e3))))
-    twin.offer_speed(None, 0.2)  # fore pays out: aft carries nearly all
+    twin.submit_speed(None, 0.2)  # fore pays out: aft carries nearly all
     twin.advance(800)
     snapshot = twin.snapshot()
     first, second = snapshot.strength

@@ -58,9 +58,9 @@ def scene(tmp_path: Path) -> Scene:
 
 def fed(twin: Twin) -> Twin:
     for sample in HEAVE:
-        assert twin.offer_heave(*sample) == ""
+        assert twin.submit_heave(*sample) == ""
     for stamp_ns, order in ORDERS:
-        assert twin.offer_command(stamp_ns, order) == ""
+        assert twin.submit_command(stamp_ns, order) == ""
     return twin
 
 
@@ -113,9 +113,9 @@ def test_heave_compensation_in_an_ensemble_equals_a_twin(scene: Scene) -> None:
     ensemble.advance(8.0)
     twin = Twin(own)
     for sample in HEAVE:
-        twin.offer_heave(*sample)
+        twin.submit_heave(*sample)
     for command in commands:
-        assert twin.offer_command(command.stamp_ns, command.command) == ""
+        assert twin.submit_command(command.stamp_ns, command.command) == ""
     twin.advance(800)
     one, other, alone = ensemble.snapshot(0), ensemble.snapshot(1), twin.snapshot()
     assert one.line_out_m == alone.line_out_m

@@ -59,13 +59,13 @@ def driven(
     twin.prescribe_motion()
     times = np.arange(steps + round(1.0 / twin.step_s)) * twin.step_s
     for t, z, v in zip(times, *heave(*sea, times), strict=True):
-        assert not twin.offer_heave(round(t * 1e9), float(z), float(v))
+        assert not twin.submit_heave(round(t * 1e9), float(z), float(v))
     if speed:
-        assert not twin.offer_speed(0, speed)
+        assert not twin.submit_speed(0, speed)
     for name, own_speed in (others or {}).items():
-        assert not twin.offer_speed(0, own_speed, name)
+        assert not twin.submit_speed(0, own_speed, name)
     if figures:
-        assert not twin.offer_figures(ramp_s=0.0, **figures)
+        assert not twin.submit_figures(ramp_s=0.0, **figures)
     borders, heaves, outputs, tops, live = [border(twin)], [0.0], [], [], None
     for step in range(steps):
         if step == live_at:

@@ -99,7 +99,7 @@ def write_bag(
     topics = [BY_NAME[name] for name in ("winch/measured", "ship/heave", INPUT_LOG_TOPIC)]
     with BagWriter(folder, topics) as bag:
         if applied:
-            calls = plain_calls([Call("offer_figures", (), {"ramp_s": 20.0, **applied})])
+            calls = plain_calls([Call("submit_figures", (), {"ramp_s": 20.0, **applied})])
             data = encode_json({"time_ns": 0, "calls": calls})
             bag.write(INPUT_LOG_TOPIC, START_NS, data)
         for t, z, v in made.heave.table:

@@ -46,17 +46,17 @@ def alone(scene: Scene, variation: Variation, seconds: int) -> Snapshot:
         for stamp, z, v in zip(*(column.tolist() for column in columns), strict=True):
             stamp_ns = stamp - variation.heave.start_ns
             if stamp_ns > -SECOND_NS:
-                assert not twin.offer_heave(stamp_ns, z, v)
+                assert not twin.submit_heave(stamp_ns, z, v)
             if stamp_ns > (seconds + 1) * SECOND_NS:
                 break
     for second in range(seconds):
         for command in variation.commands or ():
             if second <= command.stamp_ns / SECOND_NS < second + 1:
-                assert not twin.offer_command(command.stamp_ns, command.command)
+                assert not twin.submit_command(command.stamp_ns, command.command)
         for name, winch in winches_by_name(scene).items():
             span = second * SECOND_NS, (second + 1) * SECOND_NS
             for command in schedule_samples(winch, *span) if name != WINCH else ():
-                assert not twin.offer_command(command.stamp_ns, command.command, name)
+                assert not twin.submit_command(command.stamp_ns, command.command, name)
         twin.advance(round(1.0 / twin.step_s))
     return twin.snapshot()
 

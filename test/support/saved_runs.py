@@ -31,15 +31,15 @@ def feed(twin: Twin) -> None:
         t = due * 1e-9
         if not GAP_S[0] < t < GAP_S[1]:
             jump_m = 1.0 if t >= GAP_S[1] else 0.0
-            twin.offer_heave(due, 1.5 * math.sin(t) + jump_m, 1.5 * math.cos(t))
+            twin.submit_heave(due, 1.5 * math.sin(t) + jump_m, 1.5 * math.cos(t))
     if step == 50:
         for stamp_ns, speed in ((1_000_000_000, 1.5), (7_500_000_000, 0.2), (9_500_000_000, -1.2)):
-            assert not twin.offer_speed(stamp_ns, speed)
+            assert not twin.submit_speed(stamp_ns, speed)
     if step == 300:
-        assert twin.offer_heave(due, math.nan, 0.0)
-        assert twin.offer_speed(1, 0.5)
+        assert twin.submit_heave(due, math.nan, 0.0)
+        assert twin.submit_speed(1, 0.5)
     if step == 500:
-        assert not twin.offer_current(CURRENT)
+        assert not twin.submit_current(CURRENT)
 
 
 def run_until(twin: Twin, last: int) -> list[Snapshot]:

@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, LEAD_NS, open_sea, submit
 from rope_twin.scene.convergence import read_study
 from rope_twin.scene.error_bound import RMS, AccuracyLevel, KnownError
 from rope_twin.scene.schema import Scene
@@ -168,7 +168,7 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_interval: bool) -> None:
     """With a winch that pays out, down two levels and back; each kind of twin."""
     twin = Twin(load_scene("deep_lift"), Monitors(energy, error_interval))
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     twin.advance(200)
     for level in (
         AccuracyLevel(20 * MS),
@@ -201,9 +201,9 @@ def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
     alone = [snapshot.tension_top_n for snapshot in march(same, HEAVE, 12.0, 10)]
     seen = [snapshot.tension_top_n for snapshot in march(moved, HEAVE, 3.0, 10)]
     moved.set_level(AccuracyLevel(20 * MS, 1))
-    seen += [offered.tension_top_n for offered in going_on(moved, 3.0, 5)]
+    seen += [submitted.tension_top_n for submitted in going_on(moved, 3.0, 5)]
     moved.set_level(AccuracyLevel(10 * MS))
-    seen += [offered.tension_top_n for offered in going_on(moved, 6.0, 10)]
+    seen += [submitted.tension_top_n for submitted in going_on(moved, 6.0, 10)]
     apart = np.abs(np.array(seen) - alone) / np.mean(alone)
     assert apart[:30].max() == 0.0
     assert apart[30:].max() < 2e-3
@@ -217,7 +217,7 @@ def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
     while twin.time_ns < end_ns:
         for k in range(1, every + 1):
             at_ns = twin.time_ns + k * twin.step_ns
-            twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
+            twin.submit_heave(at_ns, *HEAVE(at_ns * 1e-9))
         twin.advance(every)
         snapshots.append(twin.snapshot())
     return snapshots
@@ -226,17 +226,17 @@ def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
 def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict[int, Snapshot]:
     """deep_lift with its own sea and winch, and a level taken at each of these times; by stamp."""
     scene, waiting, snapshots = load_scene("deep_lift"), list(moves), {}
-    twin, sea, offered_ns = Twin(scene), open_sea(scene), FIRST_NS
+    twin, sea, submitted_ns = Twin(scene), open_sea(scene), FIRST_NS
     assert sea is not None
     while twin.time_ns < seconds * 1e9:
         if waiting and twin.time_ns >= waiting[0][0] * 1e9:
             twin.set_level(waiting.pop(0)[1])
         until_ns = twin.time_ns + 50 * MS + LEAD_NS
-        for heave in sea.between(offered_ns, until_ns):
-            offer(twin, heave)
-        for command in schedule_samples(scene.winch, offered_ns, until_ns):
-            twin.offer_command(command.stamp_ns, command.command)
-        offered_ns = until_ns
+        for heave in sea.between(submitted_ns, until_ns):
+            submit(twin, heave)
+        for command in schedule_samples(scene.winch, submitted_ns, until_ns):
+            twin.submit_command(command.stamp_ns, command.command)
+        submitted_ns = until_ns
         twin.advance(1)
         snapshots[twin.time_ns] = twin.snapshot()
     return snapshots
@@ -332,7 +332,7 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     twin = Throttled(scene, clock)
     for k in range(400):
         at_ns = k * 25 * MS
-        twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
+        twin.submit_heave(at_ns, *HEAVE(at_ns * 1e-9))
     protection = OverloadProtection(twin, wait_s=0.3)
     handover = SnapshotQueue(10_000)
     pacer = Pacer(twin, handover, steps_in_slot(twin.step_s), clock=clock, last_step=300)
@@ -361,7 +361,7 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     assert all(gap in (20 * MS, 50 * MS) for gap in gaps)
     alone = Twin(scene)
     for k in range(400):
-        alone.offer_heave(k * 25 * MS, *HEAVE(k * 0.025))
+        alone.submit_heave(k * 25 * MS, *HEAVE(k * 0.025))
     for snapshot in snapshots:
         alone.advance((snapshot.stamp_ns - alone.time_ns) // alone.step_ns)
         assert snapshot.tension_top_n == pytest.approx(alone.snapshot().tension_top_n, rel=2e-3)

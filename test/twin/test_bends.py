@@ -279,8 +279,8 @@ def test_rope_that_runs_between_two_ropes_is_counted_once() -> None:
     twin = watched(scene, "polyester_tension")
     states = []
     for at, speed in ((0, 1.0), (1, 0.0), (2, -1.0)):
-        twin.offer_speed(None, speed)
-        twin.offer_speed(None, -speed, "haulback_sheave")
+        twin.submit_speed(None, speed)
+        twin.submit_speed(None, -speed, "haulback_sheave")
         twin.advance(400)
         states.append((at, twin.capture(), twin.snapshot()))
     snapshot = states[-1][2]
@@ -303,8 +303,8 @@ def test_rope_that_runs_between_two_ropes_is_counted_once() -> None:
     again = Twin.restore(
         states[1][1], scene, Monitors(vortex=MonitorSettings(fatigue="polyester_tension"))
     )
-    again.offer_speed(None, -1.0)
-    again.offer_speed(None, 1.0, "haulback_sheave")
+    again.submit_speed(None, -1.0)
+    again.submit_speed(None, 1.0, "haulback_sheave")
     again.advance(400)
     same = {rope.name: rope for rope in again.snapshot().ropes}["below_descending"].fatigue
     assert np.array_equal(same.bent.bends, wear.bent.bends)

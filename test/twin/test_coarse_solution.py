@@ -174,11 +174,11 @@ def test_a_depth_command_during_a_run_makes_a_coarse_winch() -> None:
     twin = Twin(load_scene("shallow_lift"), ERROR_INTERVAL)
     twin.advance(101)  # an odd step: the coarse solution has one to wait for
     assert not coarse_of(twin).winches
-    twin.offer_command(None, WinchCommand("depth", 195.0))
+    twin.submit_command(None, WinchCommand("depth", 195.0))
     twin.advance(99)
     assert set(coarse_of(twin).winches) == {0}
     assert twin.snapshot().error_interval is not None
-    twin.offer_command(None, WinchCommand("speed", 0.5))  # reaches both
+    twin.submit_command(None, WinchCommand("speed", 0.5))  # reaches both
     twin.advance(200)
     assert payout_m(twin) == pytest.approx(coarse_of(twin).payouts_m[0], abs=1e-4)
     assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.4, abs=0.1)
@@ -188,9 +188,9 @@ def test_a_new_schedule_after_a_pause_reaches_both_winches() -> None:
     """It comes with stamps before those of the old one, which it replaces."""
     twin = Twin(load_scene("emergency_stop"), ERROR_INTERVAL)
     twin.advance(10)
-    assert twin.offer_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
+    assert twin.submit_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
     twin.invalidate_inputs()
-    assert twin.offer_command(1_000_000_000, WinchCommand("speed", 0.5)) == ""
+    assert twin.submit_command(1_000_000_000, WinchCommand("speed", 0.5)) == ""
     twin.advance(390)
     before = payout_m(twin), coarse_of(twin).payouts_m[0]
     twin.advance(100)
@@ -278,11 +278,11 @@ def test_a_depth_command_to_another_line_makes_its_coarse_winch() -> None:
     twin = Twin(load_scene("two_line_lift"), ERROR_INTERVAL)
     twin.advance(101)
     assert not coarse_of(twin).winches
-    assert twin.offer_command(None, WinchCommand("depth", 590.0), "aft_sheave") == ""
+    assert twin.submit_command(None, WinchCommand("depth", 590.0), "aft_sheave") == ""
     twin.advance(99)
     assert set(coarse_of(twin).winches) == {1}
     assert all(one.error_interval is not None for one in twin.snapshot().ropes)
-    assert twin.offer_command(None, WinchCommand("speed", 0.2), "aft_sheave") == ""
+    assert twin.submit_command(None, WinchCommand("speed", 0.2), "aft_sheave") == ""
     twin.advance(200)  # until the winch has reached that speed
     before = coarse_of(twin).payouts_m[1]
     twin.advance(100)

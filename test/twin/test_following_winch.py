@@ -69,7 +69,7 @@ def followed(
             if not hole_s[0] < t < hole_s[1]:
                 length, speed = motion(t)
                 reported = Measurement.of_winch(next_ns, length, speed if with_speed else None)
-                assert twin.offer_measurement(reported) == ""
+                assert twin.submit_measurement(reported) == ""
             next_ns += every_ns
         twin.advance(1)
         snapshots.append(twin.snapshot())
@@ -94,7 +94,7 @@ def test_a_swinging_line_is_followed_as_well_as_its_readings_say(at_rest: Twin) 
     while twin.time_ns < 40_000_000_000:
         while next_ns <= twin.time_ns + 1_300 * MS:
             reported = Measurement.of_winch(next_ns, *swing(next_ns * 1e-9))
-            assert twin.offer_measurement(reported) == ""
+            assert twin.submit_measurement(reported) == ""
             next_ns += round(h * 1e9)
         twin.advance(1)
         snapshots.append(twin.snapshot())
@@ -194,7 +194,7 @@ def test_limits_of_the_winch_do_not_clip_in_silence(at_rest: Twin) -> None:
 
 def test_commands_are_refused_and_the_study_is_not_claimed(at_rest: Twin) -> None:
     twin = at_rest.branch()
-    assert "follows its measured line out" in twin.offer_command(None, WinchCommand("speed", 0.5))
+    assert "follows its measured line out" in twin.submit_command(None, WinchCommand("speed", 0.5))
     snapshot = followed(twin, 1.0, swing)[-1]
     assert snapshot.winches[0].mode == "measured"
     assert math.isnan(snapshot.study_error.rms_pct)
@@ -234,7 +234,7 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
         if k >= 3:
             late_ns = twin.time_ns - 300 * MS
             reported = Measurement.of_winch(late_ns, *slow(late_ns * 1e-9))
-            assert twin.offer_measurement(reported) == ""
+            assert twin.submit_measurement(reported) == ""
         snapshots.append(twin.snapshot())
     errors = np.abs(off(snapshots[100:], slow))
     low, high = (t**2 / 2.0 + 0.5**2 / 6.0 + 2.0 * 0.5 * t / 3.0 for t in (0.3, 0.4))
@@ -250,7 +250,7 @@ def test_readings_that_come_too_late_are_followed_by_extrapolation(at_rest: Twin
 def test_a_burst_of_readings_that_were_held_up_makes_no_jump(
     scene: Scene, resolution_m: float
 ) -> None:
-    """Those of a second come at once, stamped by their arrival: the line would leap by 0.5 m."""
+    """Those of a second come at once, stamped by their arrival: the line would jump by 0.5 m."""
     track = LineTrack(MEAN_M, scene.winch, resolution_m, "line_following")
     readings = [(k, k) for k in range(0, 4000, 50)]  # stamped, measured [ms]
     readings += [(5000 + k / 1000.0, k) for k in range(4000, 5000, 50)]
@@ -294,7 +294,7 @@ def test_a_line_set_back_is_led_over_again(scene: Scene) -> None:
 def test_after_a_cut_the_counter_goes_on_from_the_rope_that_is_left(at_rest: Twin) -> None:
     twin = at_rest.branch()
     followed(twin, 4.0, steady)
-    assert twin.offer_cut(None, 120.0) == ""
+    assert twin.submit_cut(None, 120.0) == ""
     snapshots = followed(twin, 4.0, steady)
     assert twin.cut is not None
     left_m, counted_m = twin.cut.left_m, steady(4.0)[0]
@@ -313,13 +313,13 @@ def test_each_winch_of_two_follows_its_own_counter() -> None:
             (name, length + sign * 0.05 * t * t, sign * 0.1 * t, None)
             for name, length, sign in zip(names, out_m, (1.0, -1.0), strict=True)
         ]
-        assert twin.offer_measurement(Measurement("winch", k * 100 * MS, tuple(rows))) == ""
+        assert twin.submit_measurement(Measurement("winch", k * 100 * MS, tuple(rows))) == ""
     while twin.time_ns < 2_000_000_000:
         twin.advance(1)
     lengths = {rope.name: rope.line_out_m for rope in twin.snapshot().ropes}
     moved = [lengths[line.name] - line.length_m for line in scene.ropes if line.from_ in names]
     assert moved == pytest.approx([0.2, -0.2], abs=1e-6)
-    nameless = twin.offer_measurement(Measurement.of_winch(4_000_000_000, 118.0))
+    nameless = twin.submit_measurement(Measurement.of_winch(4_000_000_000, 118.0))
     assert "no name is given; name one of winch, recovery_sheave" in nameless
 
 
@@ -334,11 +334,11 @@ def test_a_run_resumes_from_a_saved_state_and_goes_on_after_a_pause(at_rest: Twi
     twin = at_rest.branch()
     followed(twin, 4.0, swing)
     repeated = Measurement.of_winch(4_100_000_000, *swing(4.1))
-    assert "must come in the order" in twin.offer_measurement(repeated)
+    assert "must come in the order" in twin.submit_measurement(repeated)
     resumed = Twin.restore(decode_state(twin.capture().encode(), "memory"), twin.scene)
     for one in (twin, resumed):
         one.invalidate_inputs()
-        assert one.offer_measurement(repeated) == ""
+        assert one.submit_measurement(repeated) == ""
     one, other = (followed(each, 6.0, swing)[-1] for each in (twin, resumed))
     assert one.line_out_m == other.line_out_m
     assert one.tension_top_n == other.tension_top_n

@@ -44,7 +44,7 @@ def test_it_is_the_track_to_the_bit(samples: list[Sample], start_ns: int, step_n
     z, v = (table[1:, Z] for table in boundary)
     track = HeaveTrack()
     for stamp, position, velocity in samples:
-        assert not track.offer(stamp - start_ns, position, velocity)
+        assert not track.submit(stamp - start_ns, position, velocity)
     one_by_one = np.array([track.at(int(time_ns)) for time_ns in times])
     assert z.tobytes() == one_by_one[:, 0].tobytes()
     assert v.tobytes() == one_by_one[:, 1].tobytes()
@@ -90,9 +90,9 @@ def test_a_track_gives_the_same_however_early_it_is_fed() -> None:
     early, late = HeaveTrack(), HeaveTrack()
     samples = wave(20.0)
     for sample in samples:
-        assert not early.offer(*sample)
-    assert not late.offer(*samples[0])
+        assert not early.submit(*sample)
+    assert not late.submit(*samples[0])
     for sample in samples[1:]:
-        assert not late.offer(*sample)
+        assert not late.submit(*sample)
         for time_ns in range(sample[0] - 80_000_000, sample[0] + 1, 20_000_000):
             assert late.at(time_ns) == early.at(time_ns)

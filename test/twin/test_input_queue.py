@@ -48,7 +48,7 @@ def again(calls: tuple[Call, ...]) -> tuple[Call, ...]:
 
 @given(st.integers(-(2**62), 2**62), st.floats(), st.floats())
 def test_numbers_come_back_with_every_bit(stamp_ns: int, position: float, speed: float) -> None:
-    call = Call("offer_heave", (stamp_ns, position, np.float64(speed)), {"received_ns": None})
+    call = Call("submit_heave", (stamp_ns, position, np.float64(speed)), {"received_ns": None})
     (back,) = again((call,))
     assert back.named == {"received_ns": None}
     assert back.arguments[0] == stamp_ns
@@ -60,10 +60,10 @@ def test_numbers_come_back_with_every_bit(stamp_ns: int, position: float, speed:
 def test_every_kind_of_input_comes_back() -> None:
     profile = np.array([[0.0, 0.1, math.nan], [-10.0, math.inf, 0.0]])
     calls = (
-        Call("offer_pose", (POSE,), {}),
-        Call("offer_command", (None, WinchCommand("length", 3.0), "winch"), {}),
-        Call("offer_cut", (7, math.inf, ""), {}),
-        Call("offer_current", (profile,), {}),
+        Call("submit_pose", (POSE,), {}),
+        Call("submit_command", (None, WinchCommand("length", 3.0), "winch"), {}),
+        Call("submit_cut", (7, math.inf, ""), {}),
+        Call("submit_current", (profile,), {}),
         Call("invalidate_inputs", (), {}),
         Call("set_level", (AccuracyLevel(5_000_000, 1),), {}),
     )
@@ -77,9 +77,9 @@ def test_every_kind_of_input_comes_back() -> None:
     "plain",
     [
         [["save", ["/tmp/x"], {}]],
-        [["offer_heave"]],
+        [["submit_heave"]],
         3,
-        [["offer_pose", [{"Path": {}}], {}]],
+        [["submit_pose", [{"Path": {}}], {}]],
     ],
 )
 def test_a_log_cannot_call_anything_else(plain: Any) -> None:
@@ -92,14 +92,14 @@ def test_inputs_are_applied_at_the_next_slot_and_logged(twin: Twin) -> None:
     queue = InputQueue(twin, twin, log.append)
     queue.advance(2)
     assert log == []
-    assert queue.offer_command(None, WinchCommand("speed", 0.3), "winch") == ""
-    assert queue.offer_heave(10_000_000, math.nan, 0.0) == ""  # the twin refuses it, and counts
+    assert queue.submit_command(None, WinchCommand("speed", 0.3), "winch") == ""
+    assert queue.submit_heave(10_000_000, math.nan, 0.0) == ""  # the twin refuses it, and counts
     assert queue.snapshot().inputs["heave"].refused == 0
     queue.advance(2)
     queue.advance(2)
     (entry,) = log
     assert entry.time_ns == 20_000_000
-    assert [call.method for call in entry.calls] == ["offer_command", "offer_heave"]
+    assert [call.method for call in entry.calls] == ["submit_command", "submit_heave"]
     assert queue.snapshot().inputs["heave"].refused == 1
     other = Twin(load_scene("shallow_lift"))
     other.advance(2)
@@ -113,9 +113,9 @@ def test_other_elements_are_logged_ahead_of_the_inputs(twin: Twin) -> None:
     queue = InputQueue(twin, twin, log.append)
     queue.advance(2)
     twin.set_level(AccuracyLevel(20_000_000))
-    queue.offer_heave(0, 0.0, 0.0)
+    queue.submit_heave(0, 0.0, 0.0)
     queue.advance(1)
-    assert [call.method for call in log[0].calls] == ["set_level", "offer_heave"]
+    assert [call.method for call in log[0].calls] == ["set_level", "submit_heave"]
     twin.set_level(AccuracyLevel(50_000_000))
     queue.begin()  # who describes the session says it
     queue.advance(1)
@@ -125,19 +125,19 @@ def test_other_elements_are_logged_ahead_of_the_inputs(twin: Twin) -> None:
 def test_what_waits_is_bounded(twin: Twin) -> None:
     queue = InputQueue(twin, twin)
     profile = np.zeros((WAITING_LIMIT // 5, 3))
-    assert queue.offer_current(profile) == ""
-    assert "wait for the next slot" in queue.offer_current(profile)
+    assert queue.submit_current(profile) == ""
+    assert "wait for the next slot" in queue.submit_current(profile)
     assert queue.refused == 1
     queue.advance(1)
-    assert queue.offer_heave(0, 0.0, 0.0) == ""
+    assert queue.submit_heave(0, 0.0, 0.0) == ""
 
 
 def test_a_twin_that_raises_on_an_input_is_stepped_on(twin: Twin) -> None:
     class Strict:
-        def offer_heave(self, *_: Any) -> str:
+        def submit_heave(self, *_: Any) -> str:
             raise InputError("no")
 
-    apply(Strict(), (Call("offer_heave", (0, 0.0, 0.0), {}),))  # type: ignore[arg-type]
+    apply(Strict(), (Call("submit_heave", (0, 0.0, 0.0), {}),))  # type: ignore[arg-type]
 
 
 def test_snapshots_that_were_thrown_out_are_in_the_log(twin: Twin) -> None:

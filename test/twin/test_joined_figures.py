@@ -90,14 +90,14 @@ def same(one: Twin, other: Twin) -> bool:
 def test_a_saved_state_goes_on_within_the_ramp(bridle: Scene) -> None:
     """A resumed run repeats the rest of the ramp, and takes further figures over."""
     twin = Twin(bridle)
-    assert not twin.offer_figures(ramp_s=4.0, **FACTORS)
+    assert not twin.submit_figures(ramp_s=4.0, **FACTORS)
     twin.advance(30)
     again = Twin.restore(twin.capture(), bridle)
     for one in (twin, again):
         one.advance(100)
     assert same(twin, again)
     for one in (twin, again):
-        assert not one.offer_figures(ramp_s=0.0, axial_stiffness=0.5)
+        assert not one.submit_figures(ramp_s=0.0, axial_stiffness=0.5)
         one.advance(20)
     assert same(twin, again)
 
@@ -106,7 +106,7 @@ def test_another_mesh_keeps_the_figures_of_all_ropes(bridle: Scene) -> None:
     """Weight and stiffness of each stay those of the scene times the factors."""
     twin = Twin(bridle)
     weights, stiff = weights_n(twin), stiffness_n(twin)
-    assert not twin.offer_figures(ramp_s=0.0, **FACTORS)
+    assert not twin.submit_figures(ramp_s=0.0, **FACTORS)
     twin.advance(2)
     twin.set_level(AccuracyLevel(2 * twin.step_ns, 1))
     twin.advance(2)
@@ -118,9 +118,9 @@ def test_a_cut_system_keeps_the_figures_of_before(bridle: Scene) -> None:
     """A run that resumes after the cut of a sling is the one that was not interrupted."""
     twin = Twin(bridle)
     whole = weights_n(twin)
-    assert not twin.offer_figures(ramp_s=0.0, **FACTORS)
+    assert not twin.submit_figures(ramp_s=0.0, **FACTORS)
     twin.advance(5)
-    assert not twin.offer_cut(None, 3.0, "sling_port")
+    assert not twin.submit_cut(None, 3.0, "sling_port")
     twin.advance(5)
     assert twin.cut is not None
     assert sum(weights_n(twin)) == pytest.approx(1.125 * sum(whole))

@@ -29,7 +29,7 @@ def test_the_rope_comes_to_the_equilibrium_of_its_new_weight(twin: Twin) -> None
     """5 % more weight ends at 5 % of it more tension; after a jump it would reach twice as much."""
     before = twin.top_tension_n
     weight_n = 9.80665 * (8000.0 - 1.5 * 1025.0)
-    assert twin.offer_figures(ramp_s=4.0, submerged_weight=1.05) == ""
+    assert twin.submit_figures(ramp_s=4.0, submerged_weight=1.05) == ""
     seen = []
     for _ in range(60):
         twin.advance(20)
@@ -47,7 +47,7 @@ def test_figures_are_those_of_a_scene_with_them(tmp_path: Path, twin: Twin) -> N
     area = "payloads[0].drag_area_m2"
     base = twin.rope.effects
     other = change_scene(scene, [Change("payloads[0].shape.box.height_m", 1.0)])
-    assert twin.offer_figures(ramp_s=0.0, payload_drag=1.3, axial_stiffness=0.9) == ""
+    assert twin.submit_figures(ramp_s=0.0, payload_drag=1.3, axial_stiffness=0.9) == ""
     twin.advance(1)
     changed = {type(e).__name__: e for e in twin.rope.effects}
     before = {type(e).__name__: e for e in base}
@@ -60,7 +60,7 @@ def test_figures_are_those_of_a_scene_with_them(tmp_path: Path, twin: Twin) -> N
 
 def test_a_saved_state_goes_on_within_the_ramp(tmp_path: Path, twin: Twin) -> None:
     """A run that resumes half-way up the ramp is bit-identical to one that was not interrupted."""
-    twin.offer_figures(ramp_s=2.0, submerged_weight=1.1, payload_drag=0.8, axial_damping=1.5)
+    twin.submit_figures(ramp_s=2.0, submerged_weight=1.1, payload_drag=0.8, axial_damping=1.5)
     twin.advance(77)
     state = twin.capture()
     again = Twin.restore(state, twin.scene)
@@ -74,7 +74,7 @@ def test_a_saved_state_goes_on_within_the_ramp(tmp_path: Path, twin: Twin) -> No
     assert np.array_equal(twin.rope.state.nodes, parts.rope.state.nodes)
     branch = twin.branch()
     for one in (twin, branch):
-        one.offer_figures(ramp_s=1.0, submerged_weight=0.9)
+        one.submit_figures(ramp_s=1.0, submerged_weight=0.9)
         one.advance(50)
     assert np.array_equal(twin.rope.state.nodes, branch.rope.state.nodes)
 
@@ -86,7 +86,7 @@ def test_taking_over_is_logged_and_repeated(tmp_path: Path) -> None:
     twin = Twin(scene)
     queue = InputQueue(twin, twin, log.append)
     queue.advance(10)
-    assert queue.offer_figures(ramp_s=1.0, submerged_weight=1.02) == ""
+    assert queue.submit_figures(ramp_s=1.0, submerged_weight=1.02) == ""
     queue.advance(200)
     (entry,) = log
     again = Twin(scene)
@@ -98,10 +98,10 @@ def test_taking_over_is_logged_and_repeated(tmp_path: Path) -> None:
 
 def test_a_current_profile_and_a_coarser_mesh_keep_the_figures(twin: Twin) -> None:
     """Both change the effects in use; the factors stay, and the profile too."""
-    twin.offer_figures(ramp_s=0.0, payload_drag=1.2)
+    twin.submit_figures(ramp_s=0.0, payload_drag=1.2)
     twin.advance(2)
     drag = next(e.kz for e in twin.rope.effects if hasattr(e, "kz"))
-    assert twin.offer_current([[0.0, 0.2, 0.0], [-300.0, 0.0, 0.0]]) == ""
+    assert twin.submit_current([[0.0, 0.2, 0.0], [-300.0, 0.0, 0.0]]) == ""
     twin.advance(2)
     assert next(e.kz for e in twin.rope.effects if hasattr(e, "kz")) == drag
     flow = next(e for e in twin.rope.effects if hasattr(e, "U"))
@@ -122,7 +122,7 @@ def test_a_current_profile_and_a_coarser_mesh_keep_the_figures(twin: Twin) -> No
 def test_impossible_figures_are_refused(twin: Twin, given: dict[str, float], words: str) -> None:
     """One sentence; nothing changes."""
     with pytest.raises(InputError, match=words):
-        twin.offer_figures(**given)
+        twin.submit_figures(**given)
     assert not twin.inputs.figures.active
     assert twin.snapshot().inputs["figures"].accepted == 0
 
@@ -131,14 +131,14 @@ def test_a_second_ramp_begins_where_the_first_is(twin: Twin) -> None:
     """Factors are continuous when a new target comes within a ramp."""
     figures = LearnedFigures()
     rope = twin.rope
-    assert not figures.offer(rope, {"submerged_weight": 1.2}, 10.0, 0, False)
+    assert not figures.submit(rope, {"submerged_weight": 1.2}, 10.0, 0, False)
     assert figures.at(5_000_000_000)["submerged_weight"] == pytest.approx(1.1)
-    assert not figures.offer(rope, {"payload_drag": 2.0}, 10.0, 5_000_000_000, False)
+    assert not figures.submit(rope, {"payload_drag": 2.0}, 10.0, 5_000_000_000, False)
     then = figures.at(5_000_000_000)
     assert then["submerged_weight"] == pytest.approx(1.1)
     assert then["payload_drag"] == pytest.approx(1.0)
     assert figures.at(60_000_000_000)["payload_drag"] == 2.0
-    assert "cut" in figures.offer(rope, {"payload_drag": 1.0}, 1.0, 0, True)
+    assert "cut" in figures.submit(rope, {"payload_drag": 1.0}, 1.0, 0, True)
 
 
 def test_figures_change_at_stairs_only() -> None:
@@ -177,7 +177,7 @@ def test_a_rigid_body_takes_figures_over() -> None:
     scaled, plain = Twin(scene), Twin(scene)
     before = body_of(plain.rope)
     assert before is not None
-    assert scaled.offer_figures(ramp_s=1.0, submerged_weight=1.05, oscillating_mass=1.1) == ""
+    assert scaled.submit_figures(ramp_s=1.0, submerged_weight=1.05, oscillating_mass=1.1) == ""
     scaled.advance(200)
     again = Twin.restore(scaled.capture(), scene)
     for twin in (scaled, again, plain):

@@ -58,10 +58,10 @@ def by_quantity(snapshot: Snapshot) -> dict[str, Residual]:
 def heaved(twin: Twin, seconds: float) -> list[Snapshot]:
     """Advance in a swell of 1 m and 6 s while the winch pays out; snapshots at each slot."""
     snapshots, omega = [], 2.0 * math.pi / 6.0
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     for _ in range(round(seconds / 0.02)):
         t = (twin.time_ns + SLOT_NS) * 1e-9
-        twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
+        twin.submit_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
         twin.advance(STEPS)
         snapshots.append(twin.snapshot())
     return snapshots
@@ -76,11 +76,11 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
     """
     snapshots = heaved(at_rest.branch(), 20.0)
     twin = at_rest.branch()
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     omega, delay = 2.0 * math.pi / 6.0, 35
     for k in range(len(snapshots)):
         t = (twin.time_ns + SLOT_NS) * 1e-9
-        twin.offer_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
+        twin.submit_heave(twin.time_ns + SLOT_NS, math.sin(omega * t), omega * math.cos(omega * t))
         if k >= delay:
             then = snapshots[k - delay]
             reported = Measurement.of_winch(
@@ -88,8 +88,8 @@ def test_a_biased_cell_that_comes_late_shows_its_bias(at_rest: Twin) -> None:
                 then.tension_top_n + 1300.0,
             )  # fmt: skip
             depth = Measurement.of_depth(then.stamp_ns, -float(then.payload_position_m[2]) + 3.0)
-            assert twin.offer_measurement(reported) == ""
-            assert twin.offer_measurement(depth) == ""
+            assert twin.submit_measurement(reported) == ""
+            assert twin.submit_measurement(depth) == ""
         twin.advance(STEPS)
         last = twin.snapshot()
     assert last.tension_top_n == snapshots[-1].tension_top_n, "measurements change nothing"
@@ -119,7 +119,7 @@ def test_a_measurement_of_long_ago_is_reported_as_such(at_rest: Twin) -> None:
     for _ in range(10):
         twin.advance(2)
         reading = Measurement.of_winch(twin.time_ns, tension_n=tension_n)
-        assert twin.offer_measurement(reading) == ""
+        assert twin.submit_measurement(reading) == ""
         twin.snapshot()
     for seconds, words in ((1, "of 'winch': measured"), (14, "of 'winch', 15 s ago: measured")):
         twin.advance(100 * seconds)
@@ -141,7 +141,7 @@ def test_a_reading_between_two_samples_is_interpolated(scene: Scene) -> None:
         t = t_ns * 1e-9
         tension = 1e5 + 100.0 * t * t + 500.0
         reported = Measurement.of_winch(t_ns, 200.0 + 0.5 * t, 0.5, tension)
-        assert inputs.offer(reported, t_ns) == ""
+        assert inputs.submit(reported, t_ns) == ""
     found = {one.quantity: one for one in inputs.residuals(snapshot)}
     assert 0.0 < found[TENSION].rms <= 0.02**2 / 8.0 * 200.0
     assert found[LINE_OUT].rms < 1e-9
@@ -153,7 +153,7 @@ def test_statistics_are_those_of_the_last_minute(scene: Scene) -> None:
         t_ns = second * 1_000_000_000
         inputs.record(t_ns, (1e5, 200.0, 190.0))
         off = 5e3 if second < 100 else 0.0
-        assert inputs.offer(Measurement.of_winch(t_ns, tension_n=1e5 + 500.0 + off), t_ns) == ""
+        assert inputs.submit(Measurement.of_winch(t_ns, tension_n=1e5 + 500.0 + off), t_ns) == ""
         (one,) = inputs.residuals(snapshot)
     assert one.readings == 60
     assert (one.mean, one.rms, one.outside) == (0.0, 0.0, 0.0)
@@ -168,7 +168,7 @@ def test_motor_tension_is_compared_only_where_the_scene_says_so(tmp_path: Path) 
         snapshot = snapshot or Twin(scene).snapshot()
         inputs = MeasuredInputs(scene)
         inputs.record(0, (1e5, 200.0, 190.0))
-        assert inputs.offer(Measurement.of_motor(0, 1.02e5), 0) == ""
+        assert inputs.submit(Measurement.of_motor(0, 1.02e5), 0) == ""
         found = inputs.residuals(snapshot)
         assert (found[0].mean if found else None) == expected
 
@@ -191,8 +191,8 @@ REFUSED = {
 def test_readings_of_another_clock_are_called_so(scene: Scene) -> None:
     """A stamp of zero, for example, is an error and not an order to correct."""
     inputs = MeasuredInputs(scene)
-    assert inputs.offer(Measurement.of_winch(10**11, 200.0), 10**11) == ""
-    refusal = inputs.offer(Measurement.of_winch(-(10**18), 200.0), 10**11)
+    assert inputs.submit(Measurement.of_winch(10**11, 200.0), 10**11) == ""
+    refusal = inputs.submit(Measurement.of_winch(-(10**18), 200.0), 10**11)
     assert "must share one clock" in refusal
 
 
@@ -200,7 +200,7 @@ def test_readings_of_another_clock_are_called_so(scene: Scene) -> None:
 def test_garbage_gets_one_sentence(case: str, scene: Scene) -> None:
     measurement, words = REFUSED[case]
     inputs = MeasuredInputs(scene)
-    refusal = inputs.offer(measurement, 0)
+    refusal = inputs.submit(measurement, 0)
     assert words in refusal
     assert refusal.endswith(".")
     assert refusal.count(". ") == 0
@@ -229,9 +229,9 @@ def test_a_faulty_value_leaves_the_others_of_its_reading(
     at_ns = 100_000_000
     inputs.record(0, (1e5, 200.0, 190.0))
     inputs.record(at_ns, (1e5, 200.1, 190.1))
-    assert inputs.offer(Measurement.of_winch(0, 200.0, 0.5), 0) == ""
+    assert inputs.submit(Measurement.of_winch(0, 200.0, 0.5), 0) == ""
     reading = Measurement.of_winch(at_ns, *values)
-    assert words in inputs.offer(reading, at_ns, lambda *one: followed.append(one[2:]))
+    assert words in inputs.submit(reading, at_ns, lambda *one: followed.append(one[2:]))
     line_out, speed, tension = kept
     assert followed == ([] if line_out is None else [(line_out, speed)])
     found = {one.quantity: one for one in inputs.residuals(snapshot)}
@@ -247,7 +247,7 @@ def test_a_quantity_that_falls_silent_is_named(scene: Scene) -> None:
     for k in range(80):
         t_ns = k * second // 10
         line_out = 200.0 if k < 30 else 900.0 if k < 60 else None
-        inputs.offer(Measurement.of_winch(t_ns, line_out, tension_n=1e5), t_ns)
+        inputs.submit(Measurement.of_winch(t_ns, line_out, tension_n=1e5), t_ns)
         silent = inputs.health(t_ns)["winch_measured"].warning
         assert silent == (f"no line out for {0.1 * (k - 29):.1f} s" if k > 49 else "")
     later = inputs.health(12 * second)["winch_measured"].warning
@@ -269,7 +269,7 @@ def test_no_input_breaks_it(scene: Scene, rows: list[tuple[int, float, float, fl
             Measurement("motor", stamp_ns, (("", None, None, values[2]),)),
             Measurement("payload", stamp_ns, (("", values[0], None, None),)),
         ):
-            refusal = inputs.offer(one, 10**9)
+            refusal = inputs.submit(one, 10**9)
             assert refusal == "" or refusal.endswith(".")
     for channel in (*inputs._tensions, *inputs._lengths, inputs._depths):
         channel.update(inputs._history, None, None)
@@ -281,15 +281,15 @@ def test_no_input_breaks_it(scene: Scene, rows: list[tuple[int, float, float, fl
 def test_a_jump_is_refused_and_a_hole_is_none(scene: Scene) -> None:
     """19 s without data are missing data; what the winch cannot have done is a warning then."""
     inputs = MeasuredInputs(scene)
-    assert inputs.offer(Measurement.of_winch(0, 200.0), 0) == ""
-    jump = inputs.offer(Measurement.of_winch(50_000_000, 201.0), 50_000_000)
+    assert inputs.submit(Measurement.of_winch(0, 200.0), 0) == ""
+    jump = inputs.submit(Measurement.of_winch(50_000_000, 201.0), 50_000_000)
     assert "line out changes by +1.00 m in 0.05 s" in jump
     later = 19_050_000_000
     assert "no reading for 19.1 s" in inputs.health(later)["winch_measured"].warning
-    assert inputs.offer(Measurement.of_winch(later, 220.0), later) == ""
+    assert inputs.submit(Measurement.of_winch(later, 220.0), later) == ""
     assert inputs.health(later)["winch_measured"].warning == ""
     again = later + 19_000_000_000
-    assert inputs.offer(Measurement.of_winch(again, 350.0), again) == ""
+    assert inputs.submit(Measurement.of_winch(again, 350.0), again) == ""
     assert "was the sensor reset?" in inputs.health(again)["winch_measured"].warning
 
 
@@ -301,7 +301,7 @@ def test_a_counter_that_jumps_to_and_fro_is_distrusted_until_it_is_steady(scene:
         first, end = (round(s * 1e9) // step_ns for s in (from_s, to_s))
         length_m = 205.0 if high else 200.0
         return [
-            inputs.offer(Measurement.of_winch(k * step_ns, length_m), k * step_ns)
+            inputs.submit(Measurement.of_winch(k * step_ns, length_m), k * step_ns)
             for k in range(first, end)
         ]
 
@@ -335,7 +335,7 @@ def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted:
     for k in range(10):
         at_ns = k * second // 10
         reading = Measurement.of_depth(at_ns + lead_ns, 100.0 + 0.01 * k)
-        assert inputs.offer(reading, at_ns, received_ns=at_ns) == ""
+        assert inputs.submit(reading, at_ns, received_ns=at_ns) == ""
     words = inputs.health(second)["payload_depth"].warning
     assert ("1.50 s ahead of their arrival" in words) == doubted
     inputs.lead_s = 2.0  # of a replay
@@ -359,7 +359,7 @@ def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: st
         time_ns, swing = k * 100_000_000, (1e4, -1e4)[k % 2]
         inputs.record(time_ns, (1.5e5 + swing, 200.0, 200.0))
         tension_n = scale * (1.5e5 + swing)
-        assert inputs.offer(Measurement.of_winch(time_ns, tension_n=tension_n), time_ns) == ""
+        assert inputs.submit(Measurement.of_winch(time_ns, tension_n=tension_n), time_ns) == ""
         inputs.residuals(snapshot)
         if k == 80:
             assert inputs.health(time_ns)["winch_measured"].warning == ""
@@ -373,7 +373,7 @@ def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
         for k in range(100):
             t_ns = k * 100_000_000
             inputs.record(t_ns, (1e5 + swing * math.sin(0.3 * k), 200.0, 190.0))
-            inputs.offer(Measurement.of_winch(t_ns, tension_n=1.0e5), t_ns)
+            inputs.submit(Measurement.of_winch(t_ns, tension_n=1.0e5), t_ns)
         inputs.residuals(snapshot)
         assert ("frozen" in inputs.health(10**10)["winch_measured"].warning) == frozen
 
@@ -390,7 +390,7 @@ def test_line_out_and_line_speed_are_compared(
     inputs, given = MeasuredInputs(scene), []
     for k in range(200):
         reported = Measurement.of_winch(k * 50_000_000, 200.0 + share * speed * 0.05 * k, speed)
-        assert inputs.offer(reported, k * 50_000_000, lambda *one: given.append(one)) == ""
+        assert inputs.submit(reported, k * 50_000_000, lambda *one: given.append(one)) == ""
     assert (given[-1][3] is None) == doubted
     assert ("another unit or sign" in inputs.health(10**10)["winch_measured"].warning) == doubted
 
@@ -409,7 +409,7 @@ def test_the_interval_has_the_twins_own_error_where_it_is_known(scene: Scene) ->
             t_ns = k * 50_000_000
             computed = 1e5 + 1e3 * math.sin(2.0 * math.pi * k / 100.0)
             inputs.record(t_ns, (computed, 200.0, 190.0))
-            inputs.offer(Measurement.of_winch(t_ns, tension_n=computed), t_ns)
+            inputs.submit(Measurement.of_winch(t_ns, tension_n=computed), t_ns)
             (one,) = inputs.residuals(now)
         assert one.instrument == pytest.approx(math.hypot(200.0, 1e-3 * one.measured))
         assert one.twin == (None if twin is None else pytest.approx(twin, rel=1e-3))
@@ -426,7 +426,7 @@ def test_a_run_repeats_from_its_log_and_from_a_saved_state(at_rest: Twin) -> Non
         reported = Measurement.of_winch(
             twin.time_ns, 200.0 + 0.01 * (k % 3), None, 7.5e4 + 10.0 * k
         )
-        queue.offer_measurement(reported)
+        queue.submit_measurement(reported)
         queue.advance(STEPS)
         last = twin.snapshot()
     calls = {entry.time_ns: calls_of(plain_calls(entry.calls)) for entry in log}
@@ -439,7 +439,7 @@ def test_a_run_repeats_from_its_log_and_from_a_saved_state(at_rest: Twin) -> Non
     state = decode_state(twin.capture().encode(), "memory")
     resumed = Twin.restore(state, twin.scene)
     for one in (twin, resumed):
-        one.offer_measurement(Measurement.of_winch(one.time_ns, 200.0, None, 7.6e4))
+        one.submit_measurement(Measurement.of_winch(one.time_ns, 200.0, None, 7.6e4))
         one.advance(STEPS)
     assert resumed.snapshot().residuals == twin.snapshot().residuals != last.residuals
 
@@ -456,7 +456,7 @@ def test_messages_carry_what_was_measured_and_the_residuals(at_rest: Twin) -> No
         assert read_measurement(topic, data) == one
     twin = at_rest.branch()
     for _ in range(30):
-        twin.offer_measurement(Measurement.of_winch(twin.time_ns, 200.5, None, 8e4))
+        twin.submit_measurement(Measurement.of_winch(twin.time_ns, 200.5, None, 8e4))
         twin.advance(STEPS)
         snapshot = twin.snapshot()
     data = Encoder(0).encode("residuals", snapshot)

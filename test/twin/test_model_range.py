@@ -114,7 +114,7 @@ def test_a_current_that_ends_far_above_the_payload(tmp_path: Path) -> None:
     depth_m = -float(twin.snapshot().payload_position_m[2])
 
     def found(last_m: float, speed: float) -> list[Finding]:
-        twin.offer_current([[0.0, 0.5, 0.0], [-last_m, speed, 0.0]])
+        twin.submit_current([[0.0, 0.5, 0.0], [-last_m, speed, 0.0]])
         snapshot = twin.snapshot()
         effects = twin.inputs.current.effects
         return list(ModelRange(twin.scene).outside(snapshot, effects, {}))

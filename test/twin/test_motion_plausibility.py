@@ -1,4 +1,4 @@
-"""The ship's pose judged by itself: rates, turning, leaps; and what samples a scene needs."""
+"""The ship's pose judged by itself: rates, turning, jumps; and what samples a scene needs."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def follow(
     for now_ns in range(STEP_NS, until_ns, STEP_NS):
         while poses[0].stamp_ns <= now_ns + AHEAD_NS:
             pose = poses.pop(0)
-            track.offer_pose(change(pose) if pose.stamp_ns >= FAULT_NS else pose)
+            track.submit_pose(change(pose) if pose.stamp_ns >= FAULT_NS else pose)
         up = track.at(now_ns)
         motion.append((up, *track.lateral_at(now_ns)))
         health.append(track.health(now_ns))
@@ -87,18 +87,18 @@ def test_a_twist_in_the_axes_of_the_sea_is_no_twist_of_a_turned_ship() -> None:
         assert turned(quarter, (0.0, -3.0, 0.0)) == pytest.approx((3.0, 0.0, 0.0))
         for k in range(80):
             pose = ShipPose(50_000_000 * k, (0.15 * k, 0.0, 0.0), axes, quarter)
-            assert track.offer_pose(pose) == ""
+            assert track.submit_pose(pose) == ""
         assert ("disagree" not in track.health(0).warning) == agrees
 
 
 def test_a_pose_that_leaps_by_500_m_is_refused_for_as_long_as_it_is_impossible() -> None:
     """It used to be believed after 2 s, at 20 MN and more; now no ship could be there for 71 s."""
 
-    def leap(pose: ShipPose) -> ShipPose:
+    def jump(pose: ShipPose) -> ShipPose:
         x, y, z = pose.position_m
         return replace(pose, position_m=(x + 500.0, y, z))
 
-    health, motion = follow(leap, 28_000_000_000)
+    health, motion = follow(jump, 28_000_000_000)
     assert max(abs(east) for _, (east, _), _ in motion) < 5.0
     assert max(abs(speed) for one in motion for _, speed in one) < 3.0
     flagged = next(k for k, one in enumerate(health) if one.recently_refused)
@@ -121,7 +121,7 @@ def swung(rate_hz: float, resolution_m: float, repeats: int) -> InputHealth:
         t = (k - k % repeats) / rate_hz
         z = resolution_m * round(0.8 * math.sin(omega * t) / resolution_m)
         stamp_ns = round(k / rate_hz * 1e9)
-        assert track.offer(stamp_ns, z, 0.8 * omega * math.cos(omega * t)) == ""
+        assert track.submit(stamp_ns, z, 0.8 * omega * math.cos(omega * t)) == ""
         track.at(stamp_ns)
     return track.health(30_000_000_000)
 
@@ -209,9 +209,9 @@ def test_no_shipped_scene_is_flagged_by_its_own_sea(name: str) -> None:
         sample = samples.pop(0)
         now_ns = sample.stamp_ns - AHEAD_NS
         if sample.pose is not None:
-            assert track.offer_pose(sample.pose) == ""
+            assert track.submit_pose(sample.pose) == ""
         else:
-            assert track.offer(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
+            assert track.submit(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s) == ""
         if now_ns > 0:
             track.at(now_ns)
         health = track.health(now_ns)

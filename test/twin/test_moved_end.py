@@ -49,7 +49,7 @@ def lead(twin: Twin, until_s: float, every_s: float = 0.01) -> None:
     for k in range(round(until_s / every_s) + 1):
         stamp_ns = k * round(every_s * 1e9)
         if stamp_ns > newest:
-            assert twin.offer_lower_end(stamp_ns, *swimming(stamp_ns * 1e-9)) == ""
+            assert twin.submit_lower_end(stamp_ns, *swimming(stamp_ns * 1e-9)) == ""
 
 
 def test_force_follows_the_stretch() -> None:
@@ -151,7 +151,7 @@ def test_an_end_without_samples_stays() -> None:
 def test_samples_that_cannot_be_are_refused(sample: tuple[int, Vector, Vector], words: str) -> None:
     """In one sentence each, and counted."""
     twin = Twin(tether(LED))
-    refusal = twin.offer_lower_end(*sample)
+    refusal = twin.submit_lower_end(*sample)
     assert words in refusal
     assert refusal.startswith("lower_end: ")
     assert twin.snapshot().inputs["lower_end"].refused == 1
@@ -159,7 +159,7 @@ def test_samples_that_cannot_be_are_refused(sample: tuple[int, Vector, Vector], 
 
 def test_an_end_that_is_not_led_takes_no_samples() -> None:
     """It says which key is missing."""
-    refusal = Twin(tether(HARMONICS)).offer_lower_end(0, *swimming(0.0))
+    refusal = Twin(tether(HARMONICS)).submit_lower_end(0, *swimming(0.0))
     assert "give its rope `end_motion: {from_outside: true}`" in refusal
 
 

@@ -150,7 +150,7 @@ def test_a_twin_slower_than_its_grid_says_how_far_behind_it_is() -> None:
     pacer, twin, _, _ = run_to_end([30 * MS] * 100, slots=10)
     health = pacer.health()
     pacer.stop()
-    # It never leaps: 30 ms a slot of 20 ms, slot after slot, all but none of them in time.
+    # It never jumps: 30 ms a slot of 20 ms, slot after slot, all but none of them in time.
     assert [b - a for a, b in zip(twin.began_ns, twin.began_ns[1:], strict=False)] == [30 * MS] * (
         len(twin.began_ns) - 1
     )

@@ -19,25 +19,25 @@ from rope_twin.twin.winch.commands import WinchCommand
 
 NO_POSE = ShipPose(0, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))
 REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
-    "offer_heave": (lambda twin: twin.offer_heave(0, math.nan, 0.0), "finite"),
-    "offer_pose": (lambda twin: twin.offer_pose(NO_POSE), "must be finite"),
-    "offer_speed": (lambda twin: twin.offer_speed(None, 99.0), "99"),
-    "offer_command": (lambda twin: twin.offer_command(None, WinchCommand("length", -5.0)), "-5"),
-    "offer_current": (lambda twin: twin.offer_current([[0.0, 99.0, 0.0]]), "is no sea current"),
-    "offer_measurement": (
-        lambda twin: twin.offer_measurement(Measurement.of_winch(0, math.inf)),
+    "submit_heave": (lambda twin: twin.submit_heave(0, math.nan, 0.0), "finite"),
+    "submit_pose": (lambda twin: twin.submit_pose(NO_POSE), "must be finite"),
+    "submit_speed": (lambda twin: twin.submit_speed(None, 99.0), "99"),
+    "submit_command": (lambda twin: twin.submit_command(None, WinchCommand("length", -5.0)), "-5"),
+    "submit_current": (lambda twin: twin.submit_current([[0.0, 99.0, 0.0]]), "is no sea current"),
+    "submit_measurement": (
+        lambda twin: twin.submit_measurement(Measurement.of_winch(0, math.inf)),
         "finite",
     ),
-    "offer_figures": (lambda twin: twin.offer_figures(submerged_weight=-1.0), "submerged_weight"),
-    "offer_forecast_score": (
-        lambda twin: twin.offer_forecast_score(coverage=1.5, judged=5, factor=1.0, age_s=0.1),
+    "submit_figures": (lambda twin: twin.submit_figures(submerged_weight=-1.0), "submerged_weight"),
+    "submit_forecast_score": (
+        lambda twin: twin.submit_forecast_score(coverage=1.5, judged=5, factor=1.0, age_s=0.1),
         "a coverage of 1.5",
     ),
-    "offer_lower_end": (
-        lambda twin: twin.offer_lower_end(0, (0.0, 0.0, -9.0), (0.0, 0.0, 0.0)),
+    "submit_lower_end": (
+        lambda twin: twin.submit_lower_end(0, (0.0, 0.0, -9.0), (0.0, 0.0, 0.0)),
         "does not let another simulator move it",
     ),
-    "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
+    "submit_cut": (lambda twin: twin.submit_cut(None, 0.1), "of rope stay there"),
 }
 
 
@@ -49,18 +49,18 @@ def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_refused_offer_raises_its_sentence(name: str, scene_file: Path) -> None:
     """It was returned, and easily overlooked; the suite's own twin returns it."""
-    offer, words = REFUSED[name]
+    submit, words = REFUSED[name]
     with pytest.raises(InputError, match=words) as caught:
-        offer(Twin(scene_file))
+        submit(Twin(scene_file))
     inside: internal.Twin = internal.Twin(load_scene(scene_file))
-    assert offer(inside) == str(caught.value)  # type: ignore[arg-type]
+    assert submit(inside) == str(caught.value)  # type: ignore[arg-type]
 
 
 def test_every_offer_raises() -> None:
-    offers = {name for name in dir(internal.Twin) if name.startswith("offer_")}
-    assert offers == set(REFUSED)
-    assert all(getattr(Twin, name) is not getattr(internal.Twin, name) for name in offers)
-    assert all("InputError" in str(getattr(Twin, name).__doc__) for name in offers)
+    submits = {name for name in dir(internal.Twin) if name.startswith("submit_")}
+    assert submits == set(REFUSED)
+    assert all(getattr(Twin, name) is not getattr(internal.Twin, name) for name in submits)
+    assert all("InputError" in str(getattr(Twin, name).__doc__) for name in submits)
 
 
 def test_what_runs_by_itself_never_raises_for_an_input() -> None:
@@ -73,7 +73,7 @@ def test_a_scene_is_given_by_name_by_path_or_as_it_is(scene_file: Path, tmp_path
     scene = load_scene(scene_file)
     twins = [Twin(scene), Twin(scene_file), Twin(str(scene_file)), internal.Twin(scene)]
     for twin in twins:
-        assert twin.offer_speed(None, 0.5) == ""
+        assert twin.submit_speed(None, 0.5) == ""
         twin.advance(50)
     assert len({twin.snapshot().tension_top_n for twin in twins}) == 1
     twins[1].save(tmp_path / "state")
@@ -83,7 +83,7 @@ def test_a_scene_is_given_by_name_by_path_or_as_it_is(scene_file: Path, tmp_path
     assert len({twin.snapshot().tension_top_n for twin in (twins[0], restored, branch)}) == 1
     for twin in (restored, branch):
         with pytest.raises(InputError):
-            twin.offer_speed(None, 99.0)
+            twin.submit_speed(None, 99.0)
     assert Twin("still_water").scene.name == "still_water"
     with pytest.raises(SceneError, match="did you mean 'still_water'"):
         Twin("still_watr")

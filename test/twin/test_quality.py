@@ -383,7 +383,7 @@ def test_nothing_builds_up_while_the_ship_lies_still(tmp_path: Path) -> None:
     twin = Twin(small_scene(tmp_path))
     assert twin.snapshot().motion_ramp == 1.0
     assert of(twin.snapshot()).index == UNPROVEN
-    twin.offer_heave(0, 0.1, 0.0)
+    twin.submit_heave(0, 0.1, 0.0)
     assert twin.snapshot().motion_ramp == 0.0
     twin.advance(100)
     assert twin.snapshot().motion_ramp == 0.5  # of a ramp of 2 s, u³·(10 - 15u + 6u²)
@@ -398,7 +398,7 @@ def test_a_twin_whose_heave_drops_out_and_returns(tmp_path: Path) -> None:
             if sends:
                 t = twin.time_ns * 1e-9 + 0.1
                 wave = 0.5 * math.sin(0.6 * t), 0.3 * math.cos(0.6 * t)
-                twin.offer_heave(round(t * 1e9), *wave)
+                twin.submit_heave(round(t * 1e9), *wave)
             twin.advance(10)
             snapshot = twin.snapshot()
         return snapshot

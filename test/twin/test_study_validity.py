@@ -11,7 +11,7 @@ from study_samples import sample_study, studied_scene, write_study
 
 from rope_twin.cli import main
 from rope_twin.messages import Encoder, decode, read_cloud, statuses
-from rope_twin.recording.motion_source import FIRST_NS, offer, open_sea
+from rope_twin.recording.motion_source import FIRST_NS, open_sea, submit
 from rope_twin.recording.session import expect_own_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -53,9 +53,9 @@ def feed(twin: Twin, seconds: float) -> None:
     until_ns = round(seconds * SECOND_NS)
     sea = open_sea(twin.scene)
     for sample in sea.between(FIRST_NS, until_ns) if sea else ():
-        assert offer(twin, sample) == ""
+        assert submit(twin, sample) == ""
     for command in schedule_samples(twin.scene.winch, 0, until_ns):
-        assert twin.offer_command(command.stamp_ns, command.command) == ""
+        assert twin.submit_command(command.stamp_ns, command.command) == ""
 
 
 def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
@@ -63,12 +63,12 @@ def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
     twin = Twin(load_scene("still_water"))
     twin.advance(100)
     assert reason(twin) == ""
-    twin.offer_speed(None, 0.5)
+    twin.submit_speed(None, 0.5)
     twin.advance(2)
     assert reason(twin) == (
         "unknown: winch commands differ from the scene's schedule from 1.00 s on"
     )
-    twin.offer_speed(None, 0.0)
+    twin.submit_speed(None, 0.0)
     twin.advance(500)
     taken = twin.snapshot()
     assert math.isnan(taken.study_error.rms_pct), "the state is another one from then on"
@@ -81,7 +81,7 @@ def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
 
 def test_an_order_that_the_schedule_has_changes_nothing() -> None:
     twin = Twin(load_scene("still_water"))
-    twin.offer_speed(None, 0.0)
+    twin.submit_speed(None, 0.0)
     twin.advance(100)
     assert reason(twin) == ""
 
@@ -140,10 +140,10 @@ def test_motion_is_compared_with_the_scenes_own_sea(tmp_path: Path) -> None:
     assert sea is not None
     for sample in sea.between(FIRST_NS, 3 * SECOND_NS):
         for twin in (fed, compared, unknown):
-            assert offer(twin, sample) == ""
+            assert submit(twin, sample) == ""
         taller = 1.01 if sample.stamp_ns > SECOND_NS else 1.0
         assert (
-            other.offer_heave(sample.stamp_ns, taller * sample.position_m, sample.velocity_m_per_s)
+            other.submit_heave(sample.stamp_ns, taller * sample.position_m, sample.velocity_m_per_s)
             == ""
         )
     for twin in (fed, compared, other, deaf, unknown):
@@ -164,8 +164,8 @@ def test_motion_is_compared_with_the_scenes_own_sea(tmp_path: Path) -> None:
 def test_a_ship_that_lies_still_may_say_so_and_no_more(tmp_path: Path, posed: bool) -> None:
     def tell(twin: Twin, stamp_ns: int, up: float) -> str:
         if posed:
-            return twin.offer_pose(ShipPose(stamp_ns, (0.0, 0.0, up), (0.0, 0.0, 0.0)))
-        return twin.offer_heave(stamp_ns, up, 0.0)
+            return twin.submit_pose(ShipPose(stamp_ns, (0.0, 0.0, up), (0.0, 0.0, 0.0)))
+        return twin.submit_heave(stamp_ns, up, 0.0)
 
     twin = Twin(studied_scene(tmp_path))
     for number in range(10):
@@ -184,8 +184,8 @@ def test_a_current_and_a_cut_end_the_claim(tmp_path: Path) -> None:
     scene = variant_scene(tmp_path, "effects:\n", listed)
     streamed, cut = Twin(scene), Twin(scene)
     assert reason(streamed) == ""
-    assert streamed.offer_current([[0.0, 0.3, 0.0], [-50.0, 0.0, 0.0]]) == ""
-    assert cut.offer_cut(None, math.inf) == ""
+    assert streamed.submit_current([[0.0, 0.3, 0.0], [-50.0, 0.0, 0.0]]) == ""
+    assert cut.submit_cut(None, math.inf) == ""
     for twin in (streamed, cut):
         twin.advance(2)
     assert reason(streamed) == "unknown: a current profile came from elsewhere at 0.00 s"
@@ -196,7 +196,7 @@ def test_doubt_survives_a_restart(tmp_path: Path) -> None:
     """And a run that goes on undoubted is as before; another schedule makes another run."""
     scene = studied_scene(tmp_path)
     sound, driven = Twin(scene), Twin(scene)
-    driven.offer_speed(None, 0.3)
+    driven.submit_speed(None, 0.3)
     for twin in (sound, driven):
         twin.advance(20)
         twin.snapshot()

@@ -179,7 +179,7 @@ def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
     scene = replace(STEEL, winch=WINCH).scene()
     twin = watched(scene)
     (*_, before) = march(twin, sine(0.5, 3.0), 4.0, 2)
-    assert twin.offer_cut(None, 40.0) == ""
+    assert twin.submit_cut(None, 40.0) == ""
     (*_, after) = march(twin, sine(0.5, 3.0), 8.0, 2)
     lost = after.cut.lost_m
     assert 50.0 < lost < 65.0
@@ -341,7 +341,7 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     asked = Monitors(vortex=MonitorSettings("time-domain", "stranded_wire"))
     twin = Twin(scene, asked)
     assert monitor_of(twin).every == 5
-    twin.offer_speed(2_000_000_000, 0.5)
+    twin.submit_speed(2_000_000_000, 0.5)
     for _ in range(1000):  # also right after an element has split, between two looks
         twin.advance(3)
         seen = twin.snapshot()

@@ -26,10 +26,10 @@ from validation.state_bench import Vector
 MARCH_S = 1e-3
 SAMPLE_NS = 50_000_000  # heave at 20 Hz
 AHEAD_NS = 150_000_000
-# A leap is led over with 0.5 m/s²; the heave itself has 0.9, and the speed assumed in the gap
+# A jump is led over with 0.5 m/s²; the heave itself has 0.9, and the speed assumed in the gap
 # differs from the one measured after it.
 GENTLE = 2.0  # m/s²
-BACK = 2350  # steps until the leap is led over: 2.5 m with 0.5 m/s² take sqrt(6·2.5/0.5) s
+BACK = 2350  # steps until the jump is led over: 2.5 m with 0.5 m/s² take sqrt(6·2.5/0.5) s
 
 
 def step_of_100_ms() -> list[Finding]:
@@ -62,7 +62,7 @@ def current_step() -> list[Finding]:
     )  # fmt: skip
     twin = rig.twin()
     snapshots = list(march(twin, still, 5.0, 10))
-    twin.offer_current(np.array([[0.0, U, 0.0]]))
+    twin.submit_current(np.array([[0.0, U, 0.0]]))
     snapshots += list(march(twin, still, 900.0, 10))
     force_n_per_m, skin = (
         0.5 * WATER * diameter * normal * U * U,
@@ -74,7 +74,7 @@ def current_step() -> list[Finding]:
     angle_deg = math.degrees(math.atan2(end.payload_position_m[0], -end.payload_position_m[2]))
     pull = rig.weight * rig.length * math.sqrt(1.0 - sine_a**2)
     pull += skin * U * U * sine_a**2 * rig.length
-    twin.offer_current(np.array([[0.0, 0.0, 0.0]]))
+    twin.submit_current(np.array([[0.0, 0.0, 0.0]]))
     still_again = list(march(twin, still, 900.0, 10))[-1]
     return [
         limited("angle against the critical angle of "
@@ -106,7 +106,7 @@ def heave_jump() -> list[Finding]:
             t = k * SAMPLE_NS * 1e-9
             if not 16.0 < t < 18.0:
                 z, v = heave(t)
-                twin.offer_heave(k * SAMPLE_NS, z + (1.0 if t >= 18.0 else 0.0), v)
+                twin.submit_heave(k * SAMPLE_NS, z + (1.0 if t >= 18.0 else 0.0), v)
             k += 1
         twin.advance(1)
         snapshots.append(twin.snapshot())

@@ -80,7 +80,7 @@ def treat_roughly(
     """
     heave = slackening_heave(amplitude_m)
     list(march(twin, heave, 5.0, 10))
-    twin.offer_current(np.array([[0.0, speed, 0.0]]))
+    twin.submit_current(np.array([[0.0, speed, 0.0]]))
     locked = list(march(twin, heave, 15.0, every))
     rough = list(march(twin, heave, 20.0, 5))
     return locked, rough + list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
@@ -118,11 +118,11 @@ def _until_it_stops(model: Any) -> list[Finding]:
     """Apply lock-in, remove the current, still water, and the current again."""
     twin = _twin(FINE, model, ENERGY)
     list(march(twin, still, 2.0, 10))
-    twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
+    twin.submit_current(np.array([[0.0, SPEED, 0.0]]))
     locked = list(march(twin, still, 15.0, 2))
-    twin.offer_current(np.array([[0.0, 0.0, 0.0]]))
+    twin.submit_current(np.array([[0.0, 0.0, 0.0]]))
     stopped = list(march(twin, still, 30.0, 2))
-    twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
+    twin.submit_current(np.array([[0.0, SPEED, 0.0]]))
     restarted = list(march(twin, still, 20.0, 2))
     energy = np.array(
         [snapshot.energy.change_j for snapshot in stopped[1:] if snapshot.energy is not None]
@@ -143,7 +143,7 @@ def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Finding]:
     last = after[-1]
     rig = replace(FINE, length=last.line_out_m, elements=len(last.element_tension_n))
     fresh = _twin(rig, model)
-    fresh.offer_current(np.array([[0.0, SPEED, 0.0]]))
+    fresh.submit_current(np.array([[0.0, SPEED, 0.0]]))
     snapshots = list(march(fresh, still, FRESH_S, 2))
     look = round(0.5 * LOOK_S / FINE.step)
     (rms, hertz), (fresh_rms, fresh_hertz) = map(_shaking, (after[-look:], snapshots[-look:]))

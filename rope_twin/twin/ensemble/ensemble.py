@@ -413,7 +413,7 @@ def _advance_joined(
     """
     end = members[0].steps + steps
     for member in members:
-        member.offer(steps)
+        member.submit(steps)
     while running := [member for member in members if not member.failure and member.steps < end]:
         first_step = min(member.steps for member in running)
         behind = [member for member in running if member.steps == first_step]

@@ -456,14 +456,14 @@ class TwinMember:
 
     def advance(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
         """Advance, and check for slack after every `interval_steps` steps; the member may fail."""
-        self.offer(steps)
+        self.submit(steps)
         if not self.failure:
             self.go_on(steps, interval_steps)
 
-    def offer(self, steps: int) -> None:
+    def submit(self, steps: int) -> None:
         """Pass the inputs of the next steps to the twin; the member fails if one is rejected."""
         now_ns, first = self.twin.time_ns, self.steps
-        self.failure = self._offer(now_ns, now_ns + steps * self.twin.step_ns)
+        self.failure = self._submit(now_ns, now_ns + steps * self.twin.step_ns)
         if self._motion is not None and self._boundaries is not None:
             motion = {r: boundary.through(first, steps) for r, boundary in self._boundaries.items()}
             self._motion.give(first, motion)
@@ -497,7 +497,7 @@ class TwinMember:
         self._intervals += intervals
         self._slack_samples += slack
 
-    def _offer(self, from_ns: int, to_ns: int) -> str:
+    def _submit(self, from_ns: int, to_ns: int) -> str:
         """Pass the inputs of a batch to the twin; return why it rejects one of the member's own."""
         faults = []
         if (series := self._heave) is not None:
@@ -507,17 +507,17 @@ class TwinMember:
                 at_ns = int(stamps[k]) - series.start_ns
                 if at_ns > -HEAVE_LEAD_NS:
                     motion = float(series.position_m[k]), float(series.velocity_m_per_s[k])
-                    faults.append(self.twin.offer_heave(at_ns, *motion))
+                    faults.append(self.twin.submit_heave(at_ns, *motion))
         if self._boundaries is not None:
             return next(filter(None, faults), "")
         for name, winch in winches_by_name(self.scene).items():
             if name == WINCH and self._commands is not None:
                 continue
             for sample in schedule_samples(winch, from_ns, to_ns):
-                self.twin.offer_command(sample.stamp_ns, sample.command, name)
+                self.twin.submit_command(sample.stamp_ns, sample.command, name)
         for sample in self._commands or ():
             if from_ns <= sample.stamp_ns < to_ns:
-                faults.append(self.twin.offer_command(sample.stamp_ns, sample.command))
+                faults.append(self.twin.submit_command(sample.stamp_ns, sample.command))
         return next(filter(None, faults), "")
 
     def figures(self) -> MemberResults:

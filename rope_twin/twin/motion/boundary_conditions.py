@@ -73,7 +73,7 @@ class Blending:
         return blended
 
 
-class LastState(NamedTuple):
+class LastStep(NamedTuple):
     """State of the rope at the end of the last step."""
 
     time_ns: int
@@ -134,7 +134,7 @@ class BoundaryConditions:
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
-    def fill(self, steps: int, inputs: TwinInputs, present: LastState) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: LastStep) -> int:
         """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
         Steps prescribed by an earlier call but not done keep their values. Where a winch needs
@@ -145,13 +145,13 @@ class BoundaryConditions:
             feedback = inputs.winch.needs_feedback(begin_ns)
             if row > 1 and (feedback or inputs.ropes.needing_feedback(begin_ns)):
                 return row - 1
-            begin = LastState(begin_ns, present.step_ns, present.rope, present.pull_n)
+            begin = LastStep(begin_ns, present.step_ns, present.rope, present.pull_n)
             self._fill_row(row, inputs, begin, feedback)
             self.steps = row
         return steps
 
     def _fill_row(
-        self, row: int, inputs: TwinInputs, present: LastState, needs_feedback: bool
+        self, row: int, inputs: TwinInputs, present: LastStep, needs_feedback: bool
     ) -> None:
         """Set the boundary at the end of the step that begins now.
 
@@ -206,7 +206,7 @@ class PrescribedMotion(BoundaryConditions):
         """Prescribe the motion from the boundary before step `first` on, by rope; read-only."""
         self._first, self._given = first, motion
 
-    def fill(self, steps: int, inputs: TwinInputs, present: LastState) -> int:
+    def fill(self, steps: int, inputs: TwinInputs, present: LastStep) -> int:
         """Set hang-off and payout of all ropes for these steps, which must have been given."""
         row = present.time_ns // present.step_ns - self._first
         motion = {
@@ -283,7 +283,7 @@ class WinchMotion:
         self._step_s, self._step_ns = step_s, round(step_s * 1e9)
         self._lock = threading.Lock()
         self._first, self._lines = 0, np.array([[length_m, 0.0]])
-        self._offered_ns = 0  # commands before have been passed to the winch
+        self._submitted_ns = 0  # commands before have been passed to the winch
 
     def through(self, first: int, steps: int, heave_rate: Floats | None = None) -> Floats:
         """Return paid-out length [m] and its rate [m/s] at the step boundaries, (steps + 1, 2).
@@ -296,17 +296,17 @@ class WinchMotion:
             if (self._first, len(self._lines)) != (first, steps + 1):
                 lines = [tuple(self._lines[-1])]
                 for step, rate in enumerate(rates.tolist(), start=first):
-                    self._offer(step * self._step_ns)
+                    self._submit(step * self._step_ns)
                     line = self.winch.step(step * self._step_ns, self._step_s, rate)
                     lines.append((line.length_m, line.speed_m_per_s))
                 self._first, self._lines = first, np.array(lines)
             return self._lines
 
-    def _offer(self, now_ns: int) -> None:
+    def _submit(self, now_ns: int) -> None:
         """Pass the commands of the next seconds to the winch; they were checked before."""
-        if now_ns < self._offered_ns:
+        if now_ns < self._submitted_ns:
             return
-        to_ns = self._offered_ns = now_ns + COMMAND_LEAD_NS
+        to_ns = self._submitted_ns = now_ns + COMMAND_LEAD_NS
         due = [] if self._commands is not None else schedule_samples(self._scene, now_ns, to_ns)
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())

@@ -103,11 +103,11 @@ class FurtherHangOff:
         """Tracks of its displacement east, north and up."""
         return self._tracks
 
-    def offer(self, pose: ShipPose) -> None:
+    def submit(self, pose: ShipPose) -> None:
         """Record a pose that the first hang-off has accepted."""
         position, velocity = hang_off_motion(pose, self._arm)
         for track, value, speed in zip(self._tracks, position, velocity, strict=True):
-            track.offer(pose.stamp_ns, value, speed)
+            track.submit(pose.stamp_ns, value, speed)
 
     def at(self, time_ns: int, ramp: tuple[float, float]) -> tuple[Vector3, Vector3]:
         """Return displacement [m] and velocity [m/s] at a time, scaled by a ramp and its rate."""
@@ -175,7 +175,7 @@ class HangOffTrack(HeaveTrack):
         for check in (self._rates, self._turns):
             check.forget()
 
-    def offer(
+    def submit(
         self,
         stamp_ns: int,
         position_m: float,
@@ -191,7 +191,7 @@ class HangOffTrack(HeaveTrack):
             problem = "the ship's pose moves the hang-off already"
             return self.counter.refuse("impossible", phrase("heave", problem, remedy))
         if self._prescribed:
-            return super().offer(stamp_ns, position_m, velocity_m_per_s)
+            return super().submit(stamp_ns, position_m, velocity_m_per_s)
         if refusal := self._clock_fault(stamp_ns, received_ns, "heave"):
             return refusal
         stamp_ns += self._shift_ns(received_ns)
@@ -210,7 +210,7 @@ class HangOffTrack(HeaveTrack):
             )
         return self._accept_sample(stamp_ns, (position_m,), rates, "heave")
 
-    def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
+    def submit_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Submit a ship pose; return "" or the reason for its rejection."""
         if refusal := self._clock_fault(pose.stamp_ns, received_ns, "ship pose"):
             return refusal
@@ -287,9 +287,9 @@ class HangOffTrack(HeaveTrack):
         if not self.posed:
             self._begin_poses()
         for track, value, speed in zip(self._aside, position, velocity, strict=False):
-            track.offer(pose.stamp_ns, value, speed)
+            track.submit(pose.stamp_ns, value, speed)
         for further in self._further:
-            further.offer(pose)
+            further.submit(pose)
 
     def _clock_fault(self, stamp_ns: int, received_ns: int | None, input_name: str) -> str:
         """Check the sender's clock; return why the sample is not yet confirmed, counted; or ""."""

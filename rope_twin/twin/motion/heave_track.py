@@ -43,23 +43,23 @@ HEAVE_LIMIT_M = 30.0
 VELOCITY_LIMIT_M_PER_S = FASTEST_M_PER_S
 JUMP_M = 0.01  # allowed sudden change of a position: the resolution of a sensor
 JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is accepted
-LEAP_NS = 2_000_000_000  # maximum of a stamp after the first, ahead of present and last stamp
+JUMP_NS = 2_000_000_000  # maximum of a stamp after the first, ahead of present and last stamp
 KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
 REJOIN_S = 2.0
-REJOIN_M_PER_S2 = 0.5  # of the blending, as of a ship in a moderate sea: longer for larger leaps
+REJOIN_M_PER_S2 = 0.5  # of the blending, as of a ship in a moderate sea: longer for larger jumps
 NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 LOWER_END, LOWER_END_LIMIT_M = "lower_end", 2e5
 Vector3 = tuple[float, float, float]
 
 
-def rejoin_s(leap_m: float) -> float:
-    """Return the time in which a leap is blended [s]; the cubic's acceleration is 6·leap/T².
+def rejoin_s(jump_m: float) -> float:
+    """Return the time in which a jump is blended [s]; the cubic's acceleration is 6·jump/T².
 
     A shorter time would jerk a suspended load at rest: a false snap load.
     """
-    return max(REJOIN_S, math.sqrt(6.0 * abs(leap_m) / REJOIN_M_PER_S2))
+    return max(REJOIN_S, math.sqrt(6.0 * abs(jump_m) / REJOIN_M_PER_S2))
 
 
 Difference = TypeVar("Difference", float, NDArray[np.float64])
@@ -79,7 +79,7 @@ def blending_cubic(
 
 
 class HeaveTrack:
-    """Heave over twin time [ns]; `offer` takes samples, `at` is called with rising times."""
+    """Heave over twin time [ns]; `submit` takes samples, `at` is called with rising times."""
 
     def __init__(
         self,
@@ -117,7 +117,7 @@ class HeaveTrack:
         """Invalidate samples that were known in advance, as the sender was interrupted."""
         self._in_doubt, self._confirmed = bool(self._stamps), False
 
-    def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
+    def submit(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
         """Submit a sample; return "" or the reason for its rejection."""
         if self._in_doubt and self._is_repeated(stamp_ns, (position_m, velocity_m_per_s)):
             return ""
@@ -193,8 +193,8 @@ class HeaveTrack:
         if asked_ns is not None and stamp_ns < asked_ns:
             return refuse("late", phrase(name, *too_late(stamp_ns, asked_ns, "needed")))
         ahead_ns = stamp_ns - (asked_ns or 0)
-        leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
-        if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
+        jump_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
+        if jump_ns > (JUMP_NS if self._stamps else AHEAD_NS):
             return refuse("impossible", phrase(name, *too_far_ahead(stamp_ns, asked_ns or 0)))
         return ""
 
@@ -479,7 +479,7 @@ class LowerEndTrack(HeaveTrack):
         for track in self._aside:
             track.invalidate()
 
-    def offer_position(self, stamp_ns: int, position_m: Vector3, velocity_m_per_s: Vector3) -> str:
+    def submit_position(self, stamp_ns: int, position_m: Vector3, velocity_m_per_s: Vector3) -> str:
         """Submit position and velocity at a time; return "" or the reason for the rejection."""
         refuse = self.counter.refuse
         if not all(math.isfinite(value) for value in (*position_m, *velocity_m_per_s)):
@@ -498,12 +498,12 @@ class LowerEndTrack(HeaveTrack):
                 remedy = f"it begins at {self._place} m and moves by {VELOCITY_LIMIT_M_PER_S:g} m/s"
                 return refuse("impossible", phrase(LOWER_END, problem, remedy))
         displacement = [a - b for a, b in zip(position_m, self._place, strict=True)]
-        fault = self.offer(stamp_ns, displacement[2], velocity_m_per_s[2])
+        fault = self.submit(stamp_ns, displacement[2], velocity_m_per_s[2])
         if not fault:
             for track, value, rate in zip(
                 self._aside, displacement, velocity_m_per_s, strict=False
             ):
-                track.offer(stamp_ns, value, rate)
+                track.submit(stamp_ns, value, rate)
             self._newest = stamp_ns, position_m
         return fault
 

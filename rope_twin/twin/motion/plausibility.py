@@ -41,7 +41,7 @@ RateSample = tuple[int, Numbers, Numbers, Numbers]
 NOISE_M, NOISE_RAD = 0.05, 0.002  # standard deviation of white noise of a good sensor
 MIN_NOISE_FRACTION = 0.1  # minimum noise assumed, as a fraction of the maximum
 # Standard deviations of a difference of two positions; the second where a single one decides.
-DISAGREEMENT_SIGMAS, LEAP_SIGMAS = 4.0 * math.sqrt(2.0), 6.0 * math.sqrt(2.0)
+DISAGREEMENT_SIGMAS, JUMP_SIGMAS = 4.0 * math.sqrt(2.0), 6.0 * math.sqrt(2.0)
 RATE_DELAY_S = 0.2  # between position and rate of one sensor
 RATE_BIAS, RATE_FRACTION = 1.0, 0.05  # error of a rate: NOISE_... per second, and its fraction
 RATE_SPIKE = 10.0  # sudden change of a rate that is allowed, in NOISE_... per second
@@ -57,8 +57,8 @@ RATE_NOISE = 2.0  # ... and noise of that rate, in NOISE_... per second
 SMOOTHING = 0.02  # weight of a sample in the estimate of noise
 
 BREAK_NS = 1_000_000_000  # between two samples: nothing is integrated across it
-LEAP_NOISE_M = 0.25  # contribution of noise to a jump
-LEAP_RESOLUTION_M = 0.01  # resolution of a sensor
+JUMP_NOISE_M = 0.25  # contribution of noise to a jump
+JUMP_RESOLUTION_M = 0.01  # resolution of a sensor
 REACQUIRE_NS = 2_000_000_000  # gap after which the position must be confirmed again
 CONFIRM_NS, CONFIRM_SAMPLES = 500_000_000, 3  # duration and number of agreeing samples
 ACCELERATION_NS = 400_000_000  # minimum time over which the acceleration is checked
@@ -88,7 +88,7 @@ class Continuity:
     def __init__(self, limits: MotionLimits) -> None:
         self._limits = limits
         self._last: tuple[int, Numbers] | None = None
-        self._has_leapt = False  # whether a jump was rejected since the last accepted sample
+        self._has_jumped = False  # whether a jump was rejected since the last accepted sample
         self._trial: list[tuple[int, Numbers]] = []  # first and newest of samples to be confirmed
         self._trial_samples = 0
         self._rates: deque[tuple[int, Numbers]] = deque()  # (stamp, rates) of accepted samples
@@ -97,7 +97,7 @@ class Continuity:
     def forget(self) -> None:
         """Accept the next sample at any position."""
         self._last = None
-        self._has_leapt = False
+        self._has_jumped = False
         self._end_trial()
         self._rates.clear()
 
@@ -109,12 +109,12 @@ class Continuity:
         if self._last is None:
             return "", ()
         gap_s = (stamp_ns - self._last[0]) * 1e-9
-        leap_m = math.dist(position, self._last[1])
+        jump_m = math.dist(position, self._last[1])
         speed = self._limits.speed_m_per_s
-        if leap_m > speed * gap_s + LEAP_NOISE_M:
-            self._has_leapt = True
+        if jump_m > speed * gap_s + JUMP_NOISE_M:
+            self._has_jumped = True
             self._end_trial()
-            problem = f"it jumps by {leap_m:.2f} m in {gap_s:.3f} s"
+            problem = f"it jumps by {jump_m:.2f} m in {gap_s:.3f} s"
             remedy = f"a ship moves by at most {speed:g} m/s (ship.max_hang_off_speed_m_per_s)"
             return "impossible", (problem, remedy)
         after_gap = gap_s * 1e9 > REACQUIRE_NS
@@ -123,7 +123,7 @@ class Continuity:
         self.confirmed = self._is_confirmed(stamp_ns, position)
         if self.confirmed:
             return "", ()
-        problem = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
+        problem = f"after {gap_s:.2f} s it is {jump_m:.2f} m from where it was"
         remedy = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
         return "unconfirmed", (problem, remedy)
 
@@ -153,7 +153,7 @@ class Continuity:
             self._end_trial()
             self._rates.clear()
         self._last = stamp_ns, position
-        self._has_leapt = False
+        self._has_jumped = False
         self._rates.append((stamp_ns, rates))
 
     def _is_expected(self, gap_s: float, position: Numbers, noise: float) -> bool:
@@ -165,11 +165,11 @@ class Continuity:
         assert self._last is not None
         rates = self._rates[-1][1]
         expected = [z + v * gap_s for z, v in zip(self._last[1], rates, strict=True)]
-        acceleration = self._limits.acceleration_m_per_s2 * (0.1 if self._has_leapt else 1.0)
-        allowed = LEAP_SIGMAS * noise + LEAP_RESOLUTION_M + 0.5 * acceleration * gap_s * gap_s
+        acceleration = self._limits.acceleration_m_per_s2 * (0.1 if self._has_jumped else 1.0)
+        allowed = JUMP_SIGMAS * noise + JUMP_RESOLUTION_M + 0.5 * acceleration * gap_s * gap_s
         if math.dist(position, expected) <= allowed:
             return True
-        self._has_leapt = True
+        self._has_jumped = True
         return False
 
     def _is_confirmed(self, stamp_ns: int, position: Numbers) -> bool:
@@ -177,7 +177,7 @@ class Continuity:
         if self._trial:
             last_ns, last = self._trial[-1]
             gap_s = (stamp_ns - last_ns) * 1e-9
-            reach_m = self._limits.speed_m_per_s * gap_s + LEAP_NOISE_M
+            reach_m = self._limits.speed_m_per_s * gap_s + JUMP_NOISE_M
             if gap_s * 1e9 > BREAK_NS or math.dist(position, last) > reach_m:
                 self._end_trial()
         self._trial = [*self._trial[:1], (stamp_ns, position)]

@@ -123,7 +123,7 @@ Stamped = tuple[int | None, str, float]  # twin time [ns] (None: at once), kind 
 
 
 class CommandQueue:
-    """Queue of one kind of commands; `offer` takes them, `due` returns them."""
+    """Queue of one kind of commands; `submit` takes them, `due` returns them."""
 
     def __init__(self, name: str) -> None:
         """Create a queue for the input of this name in counts and diagnostics."""
@@ -141,7 +141,7 @@ class CommandQueue:
         """
         self._in_doubt = True
 
-    def offer(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+    def submit(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Queue a command with a valid value (stamp None: at once); return "" or the rejection.
 
         A command that arrives less than LATE_NS after its stamp is executed at once and reported as

@@ -159,7 +159,7 @@ class Winch:
             self._change_commander(command.kind, now_ns)
             return ""
         queue = self._commands if command.kind in CONTROL_MODES else self._switches
-        refusal = queue.offer(stamp_ns, command, now_ns)
+        refusal = queue.submit(stamp_ns, command, now_ns)
         if not refusal and command.kind == SPEED and self._scene is not None:
             limit = self._scene.speed_limit_m_per_s
             if abs(command.value) > limit:
