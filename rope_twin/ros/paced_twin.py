@@ -34,7 +34,7 @@ from rope_twin.recording.session import (
     encode_session,
 )
 from rope_twin.ros.params import SimulationParams
-from rope_twin.run.border import InputDecoder
+from rope_twin.run.border import InputBorder
 from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import pacing
@@ -303,7 +303,7 @@ class PacedTwin:
             self._handover, publish, self._first, self._log, published, self.alerts, watch
         )
         self._ros_ahead_ns = 0  # ROS time less steady time at the last start
-        self.border = InputDecoder(self.twin, self._inputs, params.command_priority)
+        self.border = InputBorder(self.twin, self._inputs, params.command_priority)
         self.border.latch_listener = self._keep_stops
         if self.learning is not None:
             self.border.listener = self.learning.hear

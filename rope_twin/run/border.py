@@ -102,7 +102,7 @@ class SelectedSender:
         return True
 
 
-class InputDecoder:
+class InputBorder:
     """Decodes messages, from any thread, and queues their content for the twin.
 
     A faulty message raises nothing: it is counted and reported in `rows`.

@@ -28,7 +28,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.recording.motion_source import FIRST_NS, Sea, open_sea
-from rope_twin.run.border import InputDecoder
+from rope_twin.run.border import InputBorder
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fault_injection import (
@@ -159,7 +159,7 @@ class LoneTwin:
         self.scene = scene
         self._twin = Twin(scene, monitors)
         self._inputs = InputQueue(self._twin, Recovery(self._twin))
-        self._border = InputDecoder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
+        self._border = InputBorder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
         self._border.epoch_ns = EPOCH_NS
         self._steps = steps_in_slot(self._twin.step_s)
         self._last = self._twin.snapshot()

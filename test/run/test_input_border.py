@@ -20,7 +20,7 @@ from rope_twin.messages import (
 from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.inputs import encode_pose
 from rope_twin.messages.reports import encode_forecast
-from rope_twin.run.border import LONGEST_S, MESSAGES_ROW, SENDERS_ROW, InputDecoder, SelectedSender
+from rope_twin.run.border import LONGEST_S, MESSAGES_ROW, SENDERS_ROW, InputBorder, SelectedSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
@@ -42,7 +42,7 @@ class Rig:
         self.applied: list[LogEntry] = []
         twin = Twin(load_scene(scene))
         self.inputs = InputQueue(twin, twin, self.applied.append)
-        self.border = InputDecoder(twin, self.inputs, PRIORITY, lambda: self.now_s)
+        self.border = InputBorder(twin, self.inputs, PRIORITY, lambda: self.now_s)
         self.border.epoch_ns = EPOCH_NS
 
     def heave(self, stamp_s: float, sender: str = "mru") -> None:
@@ -264,7 +264,7 @@ def test_a_slow_sensor_keeps_its_topic_between_its_readings() -> None:
     ],
     ids=["heave", "odometry", "order", "cut", "current"],
 )
-def test_garbage_is_counted_and_heals(rig: Rig, take: Callable[[InputDecoder], None]) -> None:
+def test_garbage_is_counted_and_heals(rig: Rig, take: Callable[[InputBorder], None]) -> None:
     take(rig.border)
     assert rig.calls() == []
     kept_out = rig.inputs.snapshot().inputs.get("border")
