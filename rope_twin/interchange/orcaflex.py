@@ -126,7 +126,7 @@ class _Model:
     def imported(self) -> Imported:
         """Return the scene's keys and what is left out."""
         ropes = [rope for line in self._lines for rope in self._rope(line)]
-        if not ropes:
+        if not self._hang_offs:
             problem = "none of its Lines hangs from a vessel or a fixed point"
             raise InputError(str(self._path), problem, "give a model with such a line")
         ropes.sort(key=lambda rope: rope["from"] != WINCH)
@@ -188,10 +188,12 @@ class _Model:
                 for e in "AB"
             ]  # fmt: skip
         places = [self._place(line, end) for end in ends]
-        upper = next((k for k, p in enumerate(places) if p[0] in self._vessels), None)
-        if upper is None:
-            upper = next((k for k, p in enumerate(places) if p[0] in (_FIXED, *self._buoys)), None)
-        if upper is None or any(p[0] == "" for p in places):
+        heights_m = [self._height_m(*place) for place in places]
+        if min(heights_m) == math.inf:
+            self._left_out.append(f"{line.where}: both its ends are at vessels")
+            return
+        upper = int(heights_m[1] > heights_m[0])
+        if heights_m[upper] == -math.inf or any(p[0] == "" for p in places):
             names = " and ".join(f"'{end.get('Connection')}'" for end in ends)
             self._left_out.append(f"{line.where}: it ends at {names}")
             return
@@ -217,8 +219,6 @@ class _Model:
         kind, position = places[1 - upper]
         if kind in (_FIXED, _ANCHORED):
             yield keys | {"fixed_at_m": position}
-        elif kind in self._vessels:
-            self._left_out.append(f"{line.where}: both its ends are at vessels")
         elif kind == _FREE:
             name = f"{line.name}_end"
             self._ends.append({"name": name, "mass_kg": 0.0, "displaced_volume_m3": 0.0,
@@ -241,6 +241,14 @@ class _Model:
             self._left_out.append(remark)
         known = kind in (_FIXED, _FREE) or kind in self._vessels or kind in self._buoys
         return (kind if known else ""), [x, y, z]
+
+    def _height_m(self, kind: str, position: Sequence[float]) -> float:
+        """Return how high an end is [m], to find the upper one; infinite at a vessel."""
+        if kind in self._vessels:
+            return math.inf
+        if kind in self._buoys:
+            return self._buoys[kind].numbers("InitialPosition", (0.0, 0.0, 0.0))[2]
+        return position[2] if kind == _FIXED else -math.inf
 
     def _depth(self, where: str) -> float:
         if not math.isfinite(self._depth_m):

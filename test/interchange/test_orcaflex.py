@@ -20,6 +20,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import InputError
 from rope_twin.interchange import write_scene
 from rope_twin.interchange.orcaflex import scene_of_model
 from rope_twin.recording.motion_source import open_sea
@@ -225,3 +226,57 @@ def test_json_lists_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(words) == 0
     shown = json.loads(capsys.readouterr().out)
     assert any(one.startswith("Winches") for one in shown["left_out"])
+
+
+def lines_alone(*lines: tuple[list[Any], list[Any]]) -> Model:
+    """A model of these lines, by their ends, with a vessel and a buoy."""
+    content = model()
+    content["Lines"] = [
+        {"Name": f"L{k}", ENDS: list(ends), "LineType, Length": [["Wire", 100]]}
+        for k, ends in enumerate(lines)
+    ]
+    return content
+
+
+@pytest.mark.parametrize("buoy_z", [None, -90.0])
+def test_a_line_hangs_from_its_higher_end(buoy_z: float | None, tmp_path: Path) -> None:
+    """Whichever end is End A: a buoy below a fixed point, and two fixed points."""
+    crane, manifold = ["Fixed", 0, 0, 10], ["Manifold", 0, 0, 0]
+    for ends in ((crane, manifold), (manifold, crane)):
+        content = lines_alone(ends)
+        if buoy_z is not None:
+            content["3DBuoys"][0]["InitialPosition"] = [0, 0, buoy_z]
+        keys = scene_of_model(write(tmp_path, content), MBL_N, tmp_path).scene
+        assert (keys["ropes"][0]["from"], keys["ropes"][0]["to"]) == ("winch", "Manifold")
+        assert keys["ship"] == {"hang_off_m": [0.0, 0.0, 10.0]}
+    low = ["Fixed", 30, 0, -80]
+    for ends in ((low, crane), (crane, low)):
+        found = scene_of_model(write(tmp_path, lines_alone(ends)), MBL_N, tmp_path)
+        scene = write_scene(found, tmp_path / "scene.yaml")
+        assert scene.ship.hang_off_m == (0.0, 0.0, 10.0)
+        assert scene.ropes[0].fixed_at_m == (30.0, 0.0, -80.0)
+        Twin(scene)
+
+
+def test_a_buoy_above_a_fixed_point_holds_its_line(tmp_path: Path) -> None:
+    """The line of the vessel to the buoy, and the one from it to a fixed anchor."""
+    wire = ["Vessel1", 10, -18, 24], ["Manifold", 0, 0, 0]
+    anchor = ["Fixed", 60, 0, -100], ["Manifold", 0, 0, 0]
+    keys = scene_of_model(write(tmp_path, lines_alone(wire, anchor)), MBL_N, tmp_path).scene
+    assert [rope["from"] for rope in keys["ropes"]] == ["winch", "Manifold"]
+
+
+def test_a_line_between_two_places_of_the_vessel_moves_no_other(tmp_path: Path) -> None:
+    wire = ["Vessel1", 10, -18, 24], ["Manifold", 0, 0, 0]
+    between = ["Vessel1", 0, 0, 5], ["Vessel1", 20, 0, 5]
+    alone = scene_of_model(write(tmp_path, lines_alone(wire)), MBL_N, tmp_path)
+    found = scene_of_model(write(tmp_path, lines_alone(between, wire)), MBL_N, tmp_path)
+    assert found.scene["ship"] == alone.scene["ship"]
+    assert [rope["from"] for rope in found.scene["ropes"]] == ["winch"]
+    assert "Lines L0: both its ends are at vessels" in found.left_out
+
+
+def test_a_model_held_by_anchors_alone_is_refused(tmp_path: Path) -> None:
+    content = lines_alone((["Manifold", 0, 0, 0], ["Anchored", 0, 0, 0]))
+    with pytest.raises(InputError, match="none of its Lines hangs from a vessel"):
+        scene_of_model(write(tmp_path, content), MBL_N, tmp_path)
