@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.errors import require
 from rope_twin.files import write_whole
-from rope_twin.planning.judgement import QUANTITIES, Quantity
+from rope_twin.planning.judgement import quantity_of
 from rope_twin.planning.results import daf
 from rope_twin.quantity import or_nan, unit_of
 from rope_twin.scene.convergence import solver_version
@@ -81,7 +81,7 @@ def plan_dataset(result: PlanResult) -> Dataset:
         "comment": "Loads are characteristic values at the limiting height, with the interval of "
         "their estimate; limits are operational limits, before any alpha factor.",
     }
-    units = {limit.key: unit_of(SUFFIXES[QUANTITIES[limit.quantity].unit])
+    units = {limit.key: unit_of(variable_name(limit.quantity))
              for work in result.works for limit in work.limits}  # fmt: skip
     coordinates = {
         "phase": ("phase", [work.title for work in result.works], {"long_name": "phase"}),
@@ -161,22 +161,28 @@ def _limits(result: PlanResult) -> Named:
     yield over(lambda cell: cell.runs, "runs", "runs of the cell")
     yield over(lambda cell: or_nan(cell.simplified_height_m), "simplified_hs_m",
                "largest Hs by the simplified method of DNV-RP-N103")
-    yield over(lambda cell: max(load.hook_n for load in cell.simplified), "simplified_hook_load_n",
-               "hook load by the simplified method of DNV-RP-N103, at the limiting height")
+    yield over(lambda cell: max((load.hook_n for load in cell.simplified), default=math.nan),
+               "simplified_hook_load_n", "hook load by the simplified method of DNV-RP-N103, at "
+               "the limiting height; NaN: it has no formulas")
     # fmt: on
-    for key, quantity in QUANTITIES.items():
-        yield from _values(result, key, quantity)
+    judged = [cell.judged for cell in result.cells if cell.judged is not None]
+    for key in dict.fromkeys(name for judgement in judged for name in judgement.values):
+        yield from _values(result, key)
     keys = _criteria(result)
     uses = _over_cells(result, lambda cell: [_use(cell, key) for key in keys], len(keys))
     description = "characteristic value over its limit, at the limiting height; NaN: no such limit"
     yield "use", ((*CELL, "criterion"), uses, _attributes("use", description))
 
 
-def _values(result: PlanResult, key: str, quantity: Quantity) -> Named:
-    """Yield a characteristic value at the limit and its interval, in SI units; none if no cell
-    has it.
-    """
-    suffix, long_name = SUFFIXES[quantity.unit], quantity.words
+def variable_name(quantity: str, part: str = "") -> str:
+    """Return the name of a quantity with its SI unit: of `rope_load[fore]` `rope_load_fore_n`."""
+    rope = quantity.replace("[", "_").rstrip("]")
+    return f"{rope}{part}{SUFFIXES[quantity_of(quantity).unit]}"
+
+
+def _values(result: PlanResult, key: str) -> Named:
+    """Yield a characteristic value at the limit and its interval, in SI units."""
+    long_name = quantity_of(key).words
 
     def ends(cell: CellLimit) -> tuple[float, float, float]:
         if cell.judged is None or key not in cell.judged.values:
@@ -185,9 +191,7 @@ def _values(result: PlanResult, key: str, quantity: Quantity) -> Named:
         return value.value, value.low, value.high
 
     values = _over_cells(result, ends, 3).astype(float)
-    if np.isnan(values).all():
-        return
-    name, interval = f"{key}{suffix}", f"{key}_interval{suffix}"
+    name, interval = variable_name(key), variable_name(key, "_interval")
     attributes = _attributes(name, f"characteristic {long_name}", ancillary_variables=interval)
     yield name, (CELL, values[..., 0], attributes)
     attributes = _attributes(interval, f"interval of the characteristic {long_name}")
@@ -221,8 +225,9 @@ def _runs(result: PlanResult) -> Named:
     """Yield the columns of the runs as `run_...`."""
     if not result.rows:
         return
-    for name in result.rows[0]:
-        values = np.array([row[name] for row in result.rows])
+    for key in result.rows[0]:
+        values = np.array([row.get(key, math.nan) for row in result.rows])
+        name = variable_name(key) if "[" in key else key
         attributes = _attributes(name, ROW_WORDS.get(name, name.replace("_", " ")))
         if values.dtype.kind == "U":
             attributes.pop("units")

@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.planning.cells import RowStore
+from rope_twin.planning.dataset import write_netcdf
 from rope_twin.planning.phases import Leg, legs_of, suspended_at
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
@@ -84,6 +86,25 @@ def test_results_without_a_simplified_method(two: PlanResult) -> None:
     assert table_rows(two)[1][-2:] == ["–", "–"]
     _, values = further_tables(two)  # without snap loads, which are those of the method
     assert any("tension, aft" in word for word in values.rows[0])
+
+
+def test_loads_of_each_rope_are_in_the_dataset(two: PlanResult, tmp_path: Path) -> None:
+    """By names with units, without those of the simplified method, read back from netCDF."""
+    write_netcdf(two, tmp_path / "plan.nc")
+    with xarray.open_dataset(tmp_path / "plan.nc") as data:
+        data.load()
+    judged = two.cells[0].judged
+    assert judged is not None
+    for rope in ("fore", "aft"):
+        load = judged.values[f"rope_load[{rope}]"]
+        assert data[f"rope_load_{rope}_n"].item() == load.value
+        assert data[f"rope_load_{rope}_interval_n"].values.ravel().tolist() == [load.low, load.high]
+        assert data[f"rope_load_{rope}_n"].attrs["units"] == "N"
+        assert data.criterion_unit.sel(criterion=f"swl_n[{rope}]") == "N"
+        assert data.criterion_unit.sel(criterion=f"uplift_share[{rope}]") == "1"
+        runs = [row[f"rope_load[{rope}]"] for row in two.rows]
+        assert data[f"run_rope_load_{rope}_n"].values.tolist() == runs
+    assert np.isnan(data.simplified_hook_load_n).all()
 
 
 def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
