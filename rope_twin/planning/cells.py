@@ -115,7 +115,8 @@ class CellLimit:
     low_m: float  # interval of the crossing
     high_m: float
     capped: str  # why no higher sea was judged: the end of the grid, or breaking waves; "": judged
-    governing: str  # criterion that the next height breaks; at the cap that of the largest use
+    governing: str  # criterion that the next height breaks, or why it could not be judged; at the
+    # cap that of the largest use
     judged: CriteriaAssessment | None  # at the limiting height
     beyond: CriteriaAssessment | None  # at the next height
     simplified_height_m: float | None  # by the simplified method alone
@@ -341,7 +342,7 @@ class Cell:
             low_m=low,
             high_m=high,
             capped="" if last < top else cap,
-            governing=decisive.governing or decisive.fault,
+            governing=decisive.fault or decisive.failure or decisive.governing,
             judged=judgement,
             beyond=beyond,
             simplified_height_m=self.heights_m[simple] if simple >= 0 else None,
@@ -358,9 +359,10 @@ class Cell:
         """Return the height at which the largest use is 1, with its interval [m].
 
         Linear between judged heights, and from the static load in flat water; at most the last
-        judged height, 0 if the static load is too large.
+        judged height that could be run, 0 if the static load is too large.
         """
-        judged = [self.judged[k] for k in sorted(self.judged) if self.judged[k].uses]
+        judged = [self.judged[k] for k in sorted(self.judged)]
+        judged = [item for item in judged if item.uses and math.isfinite(item.use)]
         heights = [0.0, *(judgement.height_m for judgement in judged)]
 
         def crossing(side: str) -> float:

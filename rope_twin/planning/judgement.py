@@ -287,6 +287,7 @@ class CriteriaAssessment:
     slack_share: float  # of the time, over all seeds
     failures: int  # runs that did not reach their end
     fault: str = ""  # why the sea could not be run
+    failure: str = ""  # of the first such run
     governing_seed: int = -1  # of the largest use
     governing_leg: int = 0
 
@@ -330,7 +331,7 @@ def judge(
     plan: Plan, limits: Sequence[Limit], rows: Sequence[Row], height_m: float, weight_n: float
 ) -> CriteriaAssessment:
     """Return the judgement of rows of a sea state."""
-    failures = sum(bool(row["failure"]) for row in rows)
+    failures = [row["failure"] for row in rows if row["failure"]]
     samples = samples_of([row for row in rows if not row["failure"]], weight_n)
     method, values = plan.method, {}
     for name, sample in samples.items():
@@ -350,8 +351,9 @@ def judge(
         values=values,
         uses=uses,
         slack_share=float(np.mean([row["slack_share"] for row in rows])) if rows else 0.0,
-        failures=failures,
+        failures=len(failures),
         fault=fault,
+        failure=next(iter(failures), ""),
         governing_seed=seed,
         governing_leg=leg,
     )

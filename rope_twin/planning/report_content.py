@@ -38,6 +38,7 @@ from rope_twin.planning.results import (
     height_words,
     limit_words,
     notes,
+    setting_words,
     summary_lines,
     table_rows,
 )
@@ -299,7 +300,7 @@ def _object(scene: Scene) -> Iterator[tuple[str, str, str]]:
 def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
     for work in result.works:
         for leg in work.legs:
-            setting, error = leg.setting, leg.setting_error
+            setting = leg.setting
             depth = f"{leg.from_m:.0f}"
             yield (
                 work.title,
@@ -310,7 +311,7 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
                 f"{1e-3 * leg.static_hook_n:.0f}",
                 NONE if leg.ropes else f"{resonance_period_s(lift_of(leg)):.1f}",
                 f"{setting.elements}, {1e3 * setting.step_s:g} ms",
-                "given" if math.isnan(error) else f"{100.0 * error:.2g} %",
+                setting_words(result, leg).removeprefix("error "),
             )
 
 

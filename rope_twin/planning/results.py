@@ -25,6 +25,7 @@ from rope_twin.sea.spectrum import DEEP, STANDARD_GRAVITY, irregular_waves, spre
 
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit
+    from rope_twin.planning.phases import Leg
     from rope_twin.planning.run import PlanResult
     from rope_twin.planning.simplified import Simplified
 
@@ -119,14 +120,12 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     )
     for work in result.works:
         for leg in work.legs:
-            error = leg.setting_error
-            error_words = "given" if math.isnan(error) else f"error {100.0 * error:.2g} %"
             where = (
                 f"{leg.from_m:.0f} to {leg.to_m:.0f} m"
                 if leg.to_m > leg.from_m
                 else (f"{leg.from_m:.0f} m")
             )
-            setting = f"{leg.setting}, {error_words}"
+            setting = f"{leg.setting}, {setting_words(result, leg)}"
             yield f"{work.title}, {where}: {setting}; exposure {leg.window_s:.0f} s"
     titles = [work.title for work in result.works if work.legs[0].by_twin]
     if titles:
@@ -152,6 +151,14 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     yield total
 
 
+def setting_words(result: PlanResult, leg: Leg) -> str:
+    """Return where mesh and step of a leg are from: given, or the error that they have."""
+    if not math.isnan(leg.setting_error):
+        return f"error {100.0 * leg.setting_error:.2g} %"
+    given = result.plan.method.elements is not None or leg.by_twin
+    return "given" if given else "error not measured"
+
+
 def notes(result: PlanResult) -> Iterator[str]:
     """Yield remarks on the results, the most important first."""
     yield from _static(result)
@@ -174,9 +181,9 @@ def notes(result: PlanResult) -> Iterator[str]:
         yield "The scene has no current: the payload hangs plumb."
 
 
-def _cells(count: int) -> str:
-    """Return a number of cells in words."""
-    return "1 cell" if count == 1 else f"{count} cells"
+def _cells(count: int, name: str = "cell") -> str:
+    """Return a number of cells, or of something else, in words."""
+    return f"1 {name}" if count == 1 else f"{count} {name}s"
 
 
 def _static(result: PlanResult) -> Iterator[str]:
@@ -192,14 +199,16 @@ def _static(result: PlanResult) -> Iterator[str]:
 
 def _failures(result: PlanResult) -> Iterator[str]:
     for cell in result.cells:
-        judged = (cell.judged, cell.beyond)
-        failed = sum(judgement.failures for judgement in judged if judgement is not None)
-        faults = [
-            judgement.fault for judgement in judged if judgement is not None and judgement.fault
-        ]
+        judged = [item for item in (cell.judged, cell.beyond) if item is not None]
+        failed = [item.failure for item in judged if item.failures]
+        faults = [item.fault for item in judged if item.fault]
         where = f"{cell.phase}, {cell.sea}"
         if failed:
-            yield f"{where}: {failed} runs did not reach their end; such a sea counts as too high."
+            runs = _cells(sum(item.failures for item in judged), "run")
+            yield (
+                f"{where}: {runs} did not reach the end, so that the sea counts as too high: "
+                f"{failed[0]}"
+            )
         if faults:
             yield f"{where}: {faults[0]}"
 
@@ -385,6 +394,7 @@ def _judgement_object(judged: CriteriaAssessment | None) -> dict[str, Any] | Non
         "uses": {name: vars(use) for name, use in judged.uses.items()},
         "slack_share": judged.slack_share,
         "failures": judged.failures,
+        "failure": judged.failure,
         "fault": judged.fault,
     }
 

@@ -84,7 +84,11 @@ def choose_setting(
         reference = trials.rows(finer(setting)) if rows is not None else None
         if rows is None or reference is None:
             continue
-        error = relative_error(rows, reference, leg.payload_n)
+        # a run that fails at both settings fails by its sea
+        pairs = [pair for pair in zip(rows, reference, strict=True) if not pair[1]["failure"]]
+        if not pairs or any(row["failure"] for row, _ in pairs):
+            continue
+        error = relative_error(*zip(*pairs, strict=True), leg.payload_n)
         choice = setting, error
         if error <= method.error_within:
             break
@@ -114,8 +118,7 @@ class Trials:
         rows = [row for row in map(self._store.get, numbers) if row is not None]
         if len(rows) < TRIAL_SEEDS and setting not in self._failed:
             rows = self._run(setting, numbers)
-        failed = len(rows) < TRIAL_SEEDS or any(row["failure"] for row in rows)
-        return None if failed else rows
+        return None if len(rows) < TRIAL_SEEDS else rows
 
     def _run(self, setting: Setting, numbers: Sequence[int]) -> list[Row]:
         phase, first = self._phase, self._plan.method.seed
@@ -220,7 +223,7 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
         return None
 
 
-VERSION = 3  # of what the rows mean
+VERSION = 4  # of what the rows mean
 Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
 
 

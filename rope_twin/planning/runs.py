@@ -348,6 +348,16 @@ class SteppedExtremes:
         """Whether the payload has touched the seabed."""
         return not math.isnan(self.found.landing_speed_m_per_s)
 
+    @property
+    def fault(self) -> str:
+        """Return why the run is no landing; empty: it is one, or none is asked for."""
+        if self._leg.bed_m is None:
+            return ""
+        if not self.landed:
+            return "it did not land"
+        early = math.isinf(self.found.payload_min_n)  # none afloat in the window
+        return "it touched the seabed before it was lowered; raise above_m" if early else ""
+
     def take(self, steps: Vector, time_s: Vector, nominal_m: Vector | None) -> None:
         """Take steps (n, WATCHED) that end at these times.
 
@@ -425,10 +435,7 @@ def run_seeds(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
                 extremes.take(steps, time_s[:count], None if nominal is None else nominal[:count])
     rows = []
     for seed, extremes, member in zip(seeds, members, ensemble.figures(), strict=True):
-        not_landed = (
-            "" if leg.bed_m is None or extremes.landed or member.failure else "it did not land"
-        )
-        failure = member.failure or not_landed
+        failure = member.failure or extremes.fault
         rows.append({"sea_seed": seed, **extremes.found.row(), "failure": failure})
     return rows
 
