@@ -6,7 +6,7 @@ Whatever writes it, HTML or PDF, adds the layout alone.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
@@ -17,6 +17,7 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
 from rope_twin.files import write_whole
+from rope_twin.planning.cells import lowest
 from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.pictures import (
     AROUND_S,
@@ -123,14 +124,9 @@ def report_of(result: PlanResult) -> Report:
     return report
 
 
-def _lowest(cells: Sequence[CellLimit]) -> CellLimit:
-    """Return the cell with the lowest limit; one without a limit only if there is no other."""
-    return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
-
-
 def _add_summary(report: Report, result: PlanResult) -> None:
     report.heading("Summary")
-    low, method = _lowest(result.cells), result.plan.method
+    low, method = lowest(result.cells), result.plan.method
     criterion = limit_words(result, low)
     if low.height_m is None:
         report.text(
@@ -159,7 +155,7 @@ def _add_summary(report: Report, result: PlanResult) -> None:
 
 def _summary_row(result: PlanResult, work: PhaseWork) -> tuple[str, ...]:
     cells = result.of_phase(work.title)
-    low = _lowest(cells)
+    low = lowest(cells)
     judged = [cell for cell in cells if cell.judged is not None]
     hooks = [cell.judged.values["hook_load"].value for cell in judged if cell.judged is not None]
     return (
@@ -436,7 +432,7 @@ def _add_runs(report: Report, result: PlanResult) -> None:
     report.text("The run with the largest use of the governing limit, at the lowest limit of each "
                 "phase.")  # fmt: skip
     for work in result.works:
-        low = _lowest(result.of_phase(work.title))
+        low = lowest(result.of_phase(work.title))
         judgement = low.shown
         if judgement is None or judgement.governing_seed < 0:
             continue

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from rope_twin.planning.cells import lowest
 from rope_twin.planning.judgement import quantity_of
 from rope_twin.planning.plan_reader import spreading_of
 from rope_twin.planning.seas import SeaState
@@ -62,8 +63,7 @@ def _uses(result: PlanResult) -> Table:
     """Return the utilisation of every criterion at the lowest limit of each phase."""
     rows = [list(USES)]
     for work in result.works:
-        cells = result.of_phase(work.title)
-        cell = min(cells, key=lambda cell: (cell.height_m or 0.0, cell.crossing_m))
+        cell = lowest(result.of_phase(work.title))
         judged = cell.shown
         if judged is None:
             continue

@@ -69,6 +69,20 @@ def said(report: Report) -> list[str]:
     return found
 
 
+def test_tables_agree_on_the_lowest_limit(result: PlanResult) -> None:
+    """A lower height at which the waves break is the end of the search, not a limit."""
+    first, *rest = result.cells
+    cells = [replace(cell, height_m=3.0, capped="") for cell in rest]
+    broken = replace(first, height_m=1.0, capped="higher waves break")
+    found = report_of(replace(result, cells=(broken, *cells)))
+    tables = [block for block in found.blocks if isinstance(block, Table)]
+    summary = next(table for table in tables if "lowest limiting Hs" in table.head)
+    uses = next(table for table in tables if "criterion" in table.head and "Tp s" in table.head)
+    for row in summary.rows:
+        used = next(own for own in uses.rows if own[0] == row[0])
+        assert row[2] == f"Tp {used[1]} s, heading {used[2]}°"
+
+
 def bare(words: str) -> str:
     """Return words without what a layout may break or add."""
     return re.sub(r"[\s`\u200b\xad\u2010-]", "", words)
