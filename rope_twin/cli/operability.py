@@ -108,7 +108,7 @@ def _show(result: Operability, alpha: AlphaTable | None) -> None:
                          (result.not_covered, "of the rows has a Tp that the limits do not cover, "
                           "and counts as above them")):  # fmt: skip
         if share > 0.0:
-            print(f"warning: {100.0 * share:.2g} % {remark}")
+            print(f"warning: {100.0 * share:.3g} % {remark}")
     for name, share in result.phases.items():
         print(f"within limit      {100.0 * share:.1f} % of the time, phase {name}")
     print(f"calm spells       {_words(result.calm)}")

@@ -99,8 +99,8 @@ class Period:
     """Operability of the whole hindcast, or of one month of every year."""
 
     name: str
-    samples: int
-    within_limit: float  # share of the time within the limit
+    samples: int  # rows of the hindcast
+    within_limit: float  # share of the time within the limit; time without a row is above it
     within_forecast: float  # share of the time within α times the limit
     possible_starts: float  # share of samples at which T_R within α times the limit begins
     wait: Spread  # from readiness to the next possible start
@@ -122,7 +122,7 @@ class Operability:
     months: tuple[Period, ...]
     calm: Spread  # lengths of the spells within α times the limit
     storm: Spread  # and of those above it
-    phases: Mapping[str, float]  # share of the time within the limit of each phase alone
+    phases: Mapping[str, float]  # as `within_limit`, of each phase alone
 
 
 def operability(
@@ -162,10 +162,10 @@ def operability(
     months = hindcast.month
 
     def period(name: str, in_period: Flags) -> Period:
-        rows = in_period & known
         wait_s = wait[in_period]
         return Period(
-            name, int(rows.sum()), _share(inside, rows), _share(calm, rows),
+            name, int((in_period & known).sum()), _share(inside, in_period),
+            _share(calm, in_period),
             _share(starts, in_period), Spread.of(wait_s), Spread.of(wait_s + operation.reference_s),
         )  # fmt: skip
 
@@ -178,7 +178,7 @@ def operability(
         tuple(period(MONTHS[k], months == k + 1) for k in range(12) if (months == k + 1).any()),
         Spread.of(_spells(calm, True) * hindcast.step_s),
         Spread.of(_spells(calm, False) * hindcast.step_s),
-        {name: _share(is_calm, known) for name, is_calm in phase_is_calm.items()},
+        {name: float(is_calm.mean()) for name, is_calm in phase_is_calm.items()},
     )  # fmt: skip
 
 
@@ -244,8 +244,8 @@ def table_rows(result: Operability) -> list[list[str]]:
 
 
 def hours_text(seconds: float) -> str:
-    """Return hours in words; "-" beyond the end of the hindcast."""
-    return f"{seconds / SECONDS_PER_HOUR:.0f}" if math.isfinite(seconds) else "-"
+    """Return hours in words, to a hundredth; "-" beyond the end of the hindcast."""
+    return f"{round(seconds / SECONDS_PER_HOUR, 2):g}" if math.isfinite(seconds) else "-"
 
 
 def figures(result: Operability) -> dict[str, Any]:

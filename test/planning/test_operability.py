@@ -297,6 +297,32 @@ def test_the_command_prints_a_table_json_and_a_picture(
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
+def test_short_periods_are_not_rounded_to_hours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Half-hourly records of a buoy."""
+    rows = [f"2001-01-01T{k // 2:02d}:{30 * (k % 2):02d},1.0,8.0,90\n" for k in range(40)]
+    (tmp_path / "h.csv").write_text("".join([HEAD, *rows]))
+    words = [str(write_limits(tmp_path / "l.csv", LIMIT_M)), str(tmp_path / "h.csv")]
+    times = ["--planned-period", "90min", "--contingency", "45min"]
+    assert main(["operability", *words, *times]) == 0
+    shown = capsys.readouterr().out
+    assert "T_R               2.25 h: planned 1.5 h and contingency 0.75 h" in shown
+    assert "years, every 0.5 h" in shown
+    assert shown.splitlines()[-1].split()[-2] == "2.25"
+
+
+def test_time_without_a_row_counts_as_above_the_limit(tmp_path: Path) -> None:
+    """In every share: of twelve hours nine have a row, of which six are calm."""
+    heights = np.array([CALM_M] * 6 + [math.nan] * 3 + [STORM_M] * 3)
+    limits = read_limits(write_limits(tmp_path / "l.csv", LIMIT_M))
+    found = operability(hindcast(heights), limits, Operation(HOUR, 0.0))
+    assert (found.missing, found.whole.samples) == (0.25, 9)
+    assert found.whole.within_limit == found.whole.within_forecast == 0.5
+    assert list(found.phases.values()) == [0.5]
+    assert found.whole.possible_starts == pytest.approx(5 / 12)
+
+
 HEAD = "time,hs_m,tp_s,direction_from_deg\n"
 ROWS = [f"2001-01-01T{hour:02d}:00,1.0,8.0,90\n" for hour in range(20)]
 WRONG_WEATHER = {
