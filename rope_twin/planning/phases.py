@@ -70,6 +70,11 @@ class Leg:
     setting_error: float = math.nan  # measured when mesh and step were chosen; NaN: it was not
 
     @property
+    def from_ship(self) -> frozenset[str]:
+        """Return the names of the ropes that leave the ship, of a multi-line scene."""
+        return frozenset(rope.name for rope in self.ropes if rope.from_ship)
+
+    @property
     def setting(self) -> Setting:
         """Return mesh and step."""
         return Setting(self.scene.ropes[0].elements, self.scene.time.step_s)

@@ -292,9 +292,9 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
 def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     """Run the governing run of a cell's limiting height again; write its series and its picture.
 
-    Returns its numbers, and the paths of the files.
+    Returns its numbers as they were judged, and the paths of the files.
 
-    search: of the cell, at the limit's settings.
+    search: of the cell, at the limit's settings, with its rows.
 
     Raises:
         InputError: no height of the cell meets the criteria.
@@ -303,6 +303,9 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     if judgement is None or judgement.governing_seed < 0:
         problem = limit.governing or "no height could be run"
         raise InputError(f"cell of '{limit.phase}'", problem, "choose another cell")
+    height, seed = search.heights_m.index(judgement.height_m), judgement.governing_seed
+    row = search.store.get(search.run_number(height, judgement.governing_leg, seed))
+    assert row is not None, "the search has judged it"
     time_s, series = governing_series(search, limit)
     stem = f"cell_{limit.phase}_{limit.period_s:g}s_{limit.heading_deg:g}deg".replace("/", "_")
     table = out / f"{stem}.csv"
@@ -316,9 +319,9 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
         "tp_s": limit.period_s,
         "heading_deg": limit.heading_deg,
         "hs_m": judgement.height_m,
-        "seed": judgement.governing_seed,
-        "hook_load_max_n": float(series[:, 0].max()),
-        "payload_tension_min_n": float(series[:, 1].min()),
+        "seed": seed,
+        "hook_load_max_n": row["top_max_n"],
+        "payload_tension_min_n": row["payload_min_n"],
         "series": str(table),
         "picture": str(picture),
     }

@@ -61,6 +61,15 @@ def offset_m(snapshot: Snapshot, from_ship: Collection[str] = ()) -> float:
     return float(np.hypot(*(snapshot.payload_position_m - middle)[:2]))
 
 
+def hook_load_n(snapshot: Snapshot, from_ship: Collection[str] = ()) -> float:
+    """Return the largest hook load, of the first rope at any step since the last snapshot [N].
+
+    from_ship: names of the ropes that leave the ship in multi-line systems.
+    """
+    tops = [rope.tension_top_n for rope in snapshot.ropes if rope.name in from_ship]
+    return max([snapshot.tension_top_max_n, *tops])
+
+
 @dataclass
 class Extremes:
     """Extremes of one run inside its window, by the names that they have in its row."""
@@ -106,7 +115,7 @@ class TwinExtremes:
 
     def __init__(self, leg: Leg) -> None:
         self._first_s, self._ropes = leg.first_s, leg.ropes
-        self._from_ship = {rope.name for rope in leg.ropes if rope.from_ship}
+        self._from_ship = leg.from_ship
         self._decked = leg.deck_m is not None
         self._found = Extremes(re_hit_m_per_s=0.0 if self._decked else math.nan)
         self.aloft = False  # whether it has left the deck
@@ -122,8 +131,7 @@ class TwinExtremes:
             [float(snapshot.element_tension_n.min())]
             + [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
         )
-        tops = [rope.tension_top_n for rope in snapshot.ropes if rope.name in self._from_ship]
-        top = max([snapshot.tension_top_max_n, *tops])
+        top = hook_load_n(snapshot, self._from_ship)
         depth_m = -float(snapshot.payload_position_m[2])
         extremes = self._found
         extremes.take_top(top, snapshot.time_s, depth_m)
@@ -474,7 +482,8 @@ def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, 
         rows = []
         for snapshot in watch_twin(leg, ship, sea, seed):
             row = np.full(WATCHED, math.nan)
-            row[TOP], row[AT_LOWEST] = snapshot.tension_top_n, snapshot.tension_payload_n
+            row[TOP] = hook_load_n(snapshot, leg.from_ship)
+            row[AT_LOWEST] = snapshot.tension_payload_n
             row[AT_DEPTH] = -float(snapshot.payload_position_m[2])
             rows.append((snapshot.time_s, row))
         return np.array([instant for instant, _ in rows]), np.stack([row for _, row in rows])

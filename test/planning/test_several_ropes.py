@@ -12,9 +12,10 @@ import xarray
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
-from rope_twin.planning.cells import RowStore
+from rope_twin.planning.cells import Cell, RowStore
 from rope_twin.planning.dataset import write_netcdf
 from rope_twin.planning.phases import Leg, legs_of, suspended_at
+from rope_twin.planning.pictures import show_cell
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.results import result_object, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
@@ -105,6 +106,19 @@ def test_loads_of_each_rope_are_in_the_dataset(two: PlanResult, tmp_path: Path) 
         runs = [row[f"rope_load[{rope}]"] for row in two.rows]
         assert data[f"run_rope_load_{rope}_n"].values.tolist() == runs
     assert np.isnan(data.simplified_hook_load_n).all()
+
+
+def test_a_cell_shows_the_hook_load_that_governs(two: PlanResult, tmp_path: Path) -> None:
+    """That of the rope with the larger one, in its numbers and in its series."""
+    (cell,), store = two.cells, RowStore({row["run"]: row for row in two.rows})
+    search = Cell(two.plan, two.works[0], (0, 0, 0), store)
+    shown = show_cell(search, cell, tmp_path)
+    (row,) = (r for r in two.rows if (r["hs_m"], r["seed"]) == (shown["hs_m"], shown["seed"]))
+    loads = [row[f"rope_load[{rope}]"] for rope in ("fore", "aft")]
+    assert shown["hook_load_max_n"] == row["top_max_n"] == pytest.approx(max(loads), rel=1e-3)
+    assert shown["payload_tension_min_n"] == row["payload_min_n"]
+    series = np.loadtxt(shown["series"], delimiter=",", skiprows=1)
+    assert series[:, 1].max() == pytest.approx(row["top_max_n"], rel=1e-5)
 
 
 def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
