@@ -374,7 +374,9 @@ def _governing_run(
 
 def simplified_uses(limits: Sequence[Limit], loads: Sequence[Simplified], weight_n: float
                     ) -> dict[str, float]:  # fmt: skip
-    """Return the use of each criterion by the simplified method; loads: one of each leg."""
+    """Return the use of each criterion by the simplified method, infinite where it is out of reach
+    at rest; loads: one of each leg.
+    """
     values = {
         "hook_load": max(load.hook_n for load in loads),
         "uplift": max(load.uplift_share for load in loads),
@@ -386,4 +388,7 @@ def simplified_uses(limits: Sequence[Limit], loads: Sequence[Simplified], weight
         "stroke": max(load.tip_m for load in loads),
         "stroke_speed": max(load.tip_m_per_s for load in loads),
     }
-    return {limit.key: values[limit.quantity] / limit.most for limit in limits if limit.most > 0.0}
+    return {
+        limit.key: values[limit.quantity] / limit.most if limit.most > 0.0 else math.inf
+        for limit in limits
+    }

@@ -458,6 +458,15 @@ def test_limits_that_nothing_meets(small: Path, tmp_path: Path) -> None:
     assert result_object(found)["cells"][0]["limiting_hs_m"] is None
 
 
+def test_a_limit_out_of_reach_at_rest_is_met_by_neither_method(small: Path, tmp_path: Path) -> None:
+    """A minimum tension above the weight of the payload."""
+    path = tmp_path / "taut.yaml"
+    path.write_text(small.read_text().replace("345000.0", "345000.0, min_tension_n: 500000.0"))
+    for cell in plan(path).cells:
+        assert (cell.height_m, cell.simplified_height_m) == (None, None)
+        assert cell.governing == "min_tension_n is out of reach at rest"
+
+
 def test_landing_speed_is_that_of_the_winch_in_flat_water() -> None:
     """In a sea of 5 cm the payload lands at the speed of the winch, and did not slacken before."""
     own, scene = read_plan("landing")
