@@ -156,15 +156,22 @@ class _Model:
     # the model's objects
 
     def _object(self, key: str) -> _Object:
-        keys = self._model.get(key, {})
-        return _Object(keys if isinstance(keys, Mapping) else {}, key)
+        keys = self._model.get(key) or {}
+        if not isinstance(keys, Mapping):
+            raise self._malformed(f"{key} is not an object")
+        return _Object(keys, key)
 
     def _objects(self, key: str) -> list[_Object]:
-        listed = self._model.get(key) or []
-        if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
-            problem = f"{key} is not a list of objects"
-            raise InputError(str(self._path), problem, "give a model as OrcaFlex saves it")
+        listed = self._listed(key, self._model.get(key) or [])
         return [_Object(entry, f"{key} {entry.get('Name', '')}") for entry in listed]
+
+    def _listed(self, name: str, listed: Any) -> list[Mapping[str, Any]]:
+        if not isinstance(listed, list) or not all(isinstance(entry, Mapping) for entry in listed):
+            raise self._malformed(f"{name} is not a list of objects")
+        return listed
+
+    def _malformed(self, problem: str) -> InputError:
+        return InputError(str(self._path), problem, "give a model as OrcaFlex saves it")
 
     def _check_units(self) -> None:
         system = self._general.get("UnitsSystem")
@@ -401,9 +408,9 @@ class _Model:
 
     def _waves(self) -> Iterator[Keys]:
         """Yield the systems of waves."""
-        trains = self._environment.get("WaveTrains", [])
-        for number, keys in enumerate(trains if isinstance(trains, list) else [], 1):
-            train = _Object(keys if isinstance(keys, Mapping) else {}, f"wave train {number}")
+        trains = self._listed("WaveTrains", self._environment.get("WaveTrains", []))
+        for number, keys in enumerate(trains, 1):
+            train = _Object(keys, f"wave train {number}")
             kind = str(train.get("WaveType", "")).lower()
             heading = train.number("WaveDirection", 0.0)
             system: Keys = {"heading_deg": heading}
@@ -417,6 +424,8 @@ class _Model:
                 system["regular"] = {"height_m": height, "period_s": train.number("WavePeriod")}
                 yield system
             elif kind in ("jonswap", "pierson-moskowitz", "issc"):
+                if train.number("WaveHs") == 0.0:
+                    continue
                 yield system | self._spectrum(train, kind)
             elif kind:
                 self._left_out.append(f"{train.where}: WaveType {kind}")

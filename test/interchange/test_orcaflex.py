@@ -280,3 +280,36 @@ def test_a_model_held_by_anchors_alone_is_refused(tmp_path: Path) -> None:
     content = lines_alone((["Manifold", 0, 0, 0], ["Anchored", 0, 0, 0]))
     with pytest.raises(InputError, match="none of its Lines hangs from a vessel"):
         scene_of_model(write(tmp_path, content), MBL_N, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("section", "key", "words"),
+    [
+        ("Environment", "", "Environment is not an object"),
+        ("General", "", "General is not an object"),
+        ("Environment", "WaveTrains", "WaveTrains is not a list of objects"),
+    ],
+)
+def test_a_section_of_another_kind_is_refused(
+    section: str, key: str, words: str, tmp_path: Path
+) -> None:
+    """Its waves, density or units would be those of a calm sea, without a word."""
+    content = model()
+    if key:
+        content[section][key] = content[section][key][0]
+    else:
+        content[section] = [content[section]]
+    with pytest.raises(InputError, match=words):
+        scene_of_model(write(tmp_path, content), MBL_N, tmp_path)
+
+
+def test_a_spectrum_without_height_is_a_calm_sea(tmp_path: Path) -> None:
+    content = model()
+    del content["Lines"][0]
+    content["Environment"]["WaveTrains"][0]["WaveHs"] = 0
+    found = scene_of_model(write(tmp_path, content), MBL_N, tmp_path)
+    waves = write_scene(found, tmp_path / "scene.yaml").listed(WavesParams)
+    assert waves is not None
+    assert waves.jonswap is None
+    assert waves.regular is not None
+    assert not waves.also
