@@ -143,7 +143,7 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
         else (f"maximum of the top tension within {study.peak_pct:.2g} %, ")
     )
     yield f"study of scene '{result.scene.name}': {known}{study.words}"
-    total = f"{result.runs:,} runs of {result.simulated_s / 3600.0:,.0f} h in all"
+    total = f"{result.runs:,} runs of {round(result.simulated_s / 3600.0, 2):,g} h in all"
     if result.made:
         factor = result.made_s / result.elapsed_s
         progress = "done" if result.made >= result.runs else f"{result.made} runs made"

@@ -17,7 +17,7 @@ from rope_twin.planning.dataset import write_netcdf
 from rope_twin.planning.phases import Leg, legs_of, suspended_at
 from rope_twin.planning.pictures import show_cell
 from rope_twin.planning.plan_reader import read_plan, tip_of
-from rope_twin.planning.results import result_object, table_rows
+from rope_twin.planning.results import result_object, summary_lines, table_rows
 from rope_twin.planning.run import PlanResult, run_plan
 from rope_twin.planning.runs import watch_twin
 from rope_twin.planning.seas import LEAD_SAMPLES, Ship, tip_record
@@ -87,6 +87,9 @@ def test_results_without_a_simplified_method(two: PlanResult) -> None:
     assert table_rows(two)[1][-2:] == ["–", "–"]
     _, values = further_tables(two)  # without snap loads, which are those of the method
     assert any("tension, aft" in word for word in values.rows[0])
+    hours = f"{two.runs} runs of {round(two.simulated_s / 3600.0, 2):g} h in all"
+    assert any(line.startswith(hours) for line in summary_lines(two))
+    assert two.simulated_s > 0.0
 
 
 def test_loads_of_each_rope_are_in_the_dataset(two: PlanResult, tmp_path: Path) -> None:
