@@ -88,7 +88,8 @@ def choose_setting(
         pairs = [pair for pair in zip(rows, reference, strict=True) if not pair[1]["failure"]]
         if not pairs or any(row["failure"] for row, _ in pairs):
             continue
-        error = relative_error(*zip(*pairs, strict=True), leg.payload_n)
+        coarse, fine = zip(*pairs, strict=True)
+        error = relative_error(coarse, fine, leg.payload_n)
         choice = setting, error
         if error <= method.error_within:
             break
