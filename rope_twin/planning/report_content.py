@@ -16,7 +16,7 @@ import numpy as np
 
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
-from rope_twin.files import write_whole
+from rope_twin.files import share_dir, write_whole
 from rope_twin.planning.cells import lowest
 from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.pictures import (
@@ -514,5 +514,7 @@ def _versions(result: PlanResult) -> Iterator[tuple[str, str]]:
     yield "scene, SHA-256", f"`{scene.digest}`"
     yield "first random number", f"`{plan.method.seed}`"
     is_selected = plan.method.elements is None
-    option = f" --within {plan.method.error_within:g}" if is_selected else ""
-    yield "command", f"`rope_twin plan {plan.name}{option} --report`"
+    option = f" --within {100.0 * plan.method.error_within:g}%" if is_selected else ""
+    shipped = plan.path.parent == share_dir() / "config" / "plans"
+    file = plan.name if shipped else plan.path.name
+    yield "command", f"`rope_twin plan {file}{option} --report`"
