@@ -131,6 +131,7 @@ class AlertList:
     def __init__(self) -> None:
         self._alerts: dict[tuple[int, str], Alert] = {}
         self._instances: dict[int, list[str]] = {}
+        self._shelved_at: dict[tuple[int, str], Priority] = {}  # at the last shelving
         self.now_ns = 0
 
     def update(self, situations: Iterable[Situation], now_ns: int) -> list[Alert]:
@@ -139,7 +140,10 @@ class AlertList:
         before = dict(self._alerts)
         present = {(situation.identifier, situation.where): situation for situation in situations}
         for key, one in present.items():
-            self._alerts[key] = self._raised(key, one)
+            alert = self._raised(key, one)
+            if one.priority > self._shelved_at.get(key, one.priority):  # nobody has shelved that
+                alert = replace(alert, shelved_until_ns=0)
+            self._alerts[key] = alert
         for key, alert in self._alerts.items():
             if key not in present:
                 self._alerts[key] = self._rectified(alert)
@@ -260,7 +264,7 @@ class AlertList:
         return f"{subject} {word}"
 
     def shelve(self, key: str, seconds: float) -> str:
-        """Keep an alert out of the list for a time; 0 s: list it again.
+        """Keep an alert out of the list for a time, or until it becomes worse; 0 s: list it again.
 
         Raises:
             InputError: there is no such alert, or the time is not possible.
@@ -272,6 +276,7 @@ class AlertList:
         at = self._find(key)
         until = self.now_ns + round(seconds * SECOND) if seconds else 0
         self._alerts[at] = replace(self._alerts[at], shelved_until_ns=until)
+        self._shelved_at[at] = self._alerts[at].priority
         self._mark_first_out()
         return f"alert {key} shelved for {seconds:g} s" if seconds else f"alert {key} listed again"
 

@@ -170,6 +170,29 @@ def test_shelving_has_a_limit_and_an_end() -> None:
         alerts.shelve("10009.1", 60.0)
 
 
+def test_a_shelved_alert_that_becomes_worse_is_listed_again() -> None:
+    """A shelved warning never hides an alarm; one shelved as an alarm may come and go."""
+    alerts = AlertList()
+    alerts.update([situation(10001, WARNING)], 0)
+    alerts.shelve("10001.1", 3600.0)
+    alerts.update([situation(10001, WARNING)], SECOND)
+    assert not alerts.listed()
+    alerts.update([situation(10001, ALARM)], 2 * SECOND)
+    assert only(alerts).sounds(2 * SECOND)
+    assert not alerts.shelved()
+    alerts.shelve("10001.1", 3600.0)
+    for k, priority in enumerate((WARNING, ALARM, CAUTION, ALARM), start=3):
+        alerts.update([situation(10001, priority)], k * SECOND)
+        assert not alerts.listed()
+    alerts.update([], 10 * SECOND)
+    alerts.shelve("10001.1", 0.0)
+    alerts.update([situation(10001, WARNING)], 11 * SECOND)
+    alerts.shelve("10001.1", 3600.0)
+    alerts.update([], 12 * SECOND)
+    alerts.update([situation(10001, ALARM)], 13 * SECOND)
+    assert only(alerts).priority is ALARM, "it comes back worse"
+
+
 def test_the_first_of_several_is_marked_until_nothing_waits() -> None:
     alerts = AlertList()
     alerts.update([situation(10005, WARNING)], 0)
