@@ -3,6 +3,10 @@
 A frozen heave signal, or a line out in another unit, would give a falsely calm forecast with a
 narrow band. Inputs that the twin rejects are therefore rejected here too. Both subscribe to the
 same topics independently, so a forecast does not wait for the twin.
+
+A load pin would draw the next seconds to whatever it reads. Where the members, with the spread of
+their figures, cannot explain its readings, it is left out: it has failed, or the scene is another
+lift.
 """
 
 from __future__ import annotations
@@ -10,6 +14,9 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.errors import phrase
 from rope_twin.scene.rigging import places
@@ -21,6 +28,9 @@ from rope_twin.twin.readings import Row, WinchReadings
 ANOTHER_RUN_NS = 2_000_000_000  # a clock that goes back by this much means another run
 BEHIND_NS = 500_000_000  # the present, by which a sample of heave may be late
 SILENT_S = 2.0  # of the simulation, after which its time is not used to check stamps
+MAX_MISFIT = 4.0  # RMS of the load pin about the members, in standard deviations
+STUCK_READINGS, STUCK_SDS = 20, 2.0  # equal ones, while the members move by so many deviations
+Floats = NDArray[np.float64]
 
 
 class Admission:
@@ -104,3 +114,30 @@ class Admission:
         if stamp_ns < self._simulated_ns - AHEAD_NS:
             return phrase(what, *too_late(stamp_ns, self._simulated_ns))
         return ""
+
+
+def pin_fault(predicted: Floats, readings: Floats, deviation_n: float) -> str:
+    """Return why a load pin is not to be used, or "".
+
+    predicted: what each member would have read [N], (readings, members); readings: [N],
+    (readings,); deviation_n: standard deviation of a reading.
+    """
+    expected = predicted.mean(axis=1)
+    misfit = float(
+        np.sqrt(
+            np.mean(((readings - expected) / np.hypot(predicted.std(axis=1), deviation_n)) ** 2)
+        )
+    )
+    if misfit > MAX_MISFIT:
+        return (
+            f"the load pin is left out: it reads {readings.mean() * 1e-3:.4g} kN where the members "
+            f"have {expected.mean() * 1e-3:.4g} kN, {misfit:.2g} standard deviations off"
+        )
+    newest, moved = readings[-STUCK_READINGS:], np.ptp(expected[-STUCK_READINGS:])
+    is_equal = len(newest) == STUCK_READINGS and np.ptp(newest) <= 1e-9 * abs(newest[0])
+    if is_equal and moved > STUCK_SDS * deviation_n:
+        return (
+            f"the load pin is left out: it stands at {newest[0] * 1e-3:.4g} kN while the members "
+            f"move by {moved * 1e-3:.2g} kN"
+        )
+    return ""

@@ -187,6 +187,7 @@ class LiveForecast:
     age_s: float  # of the newest input when the forecast was ready
     orders: tuple[TensionForecast, ...] = ()  # compared on request, with the same heave
     refused: tuple[str, ...] = ()  # orders that the scene cannot follow, a sentence each
+    pin_fault: str = ""  # why it leaves the load pin out
 
 
 def hang_off_response(scene: Scene, heading_rad: float, frequency_hz: Floats) -> Response:
@@ -317,6 +318,7 @@ class LiveForecaster:
             current, tuple(risks(current, self._limits, self._depth_m)),
             tuple(quiet_windows(current, self._limits)), self.verification.coverage(),
             self.verification.judged, now_s() - origin_s, tuple(compared), refused,
+            self._forecaster.pin_fault,
         )  # fmt: skip
 
     def _possible(
@@ -488,6 +490,7 @@ class ForecastWorker:
         self.processor_s = 0.0  # CPU time of the thread
         self.waits = ""  # inputs missing for a forecast, in words
         self.trouble = ""  # why no forecast is made though all inputs are there
+        self.pin_fault = ""  # why the newest forecast leaves the load pin out
 
     def start(self) -> None:
         """Start the thread."""
@@ -508,7 +511,9 @@ class ForecastWorker:
         if is_late:
             reason = reason or self._inputs.silent() or "nothing new was heard"
             return False, f"no forecast for {late_s:.0f} s: {reason}"
-        return not (self.trouble or self._inputs.doubt), reason or "a forecast every second"
+        reason = reason or self.pin_fault
+        is_good = not (self.trouble or self._inputs.doubt or self.pin_fault)
+        return is_good, reason or "a forecast every second"
 
     def close(self) -> None:
         """Stop the thread after its present forecast."""
@@ -527,7 +532,7 @@ class ForecastWorker:
                     if (
                         forecasts.forecast.origin_s != newest
                     ):  # earlier ones too: the clock went back
-                        newest = forecasts.forecast.origin_s
+                        newest, self.pin_fault = forecasts.forecast.origin_s, forecasts.pin_fault
                         self._publish(forecasts)
                         self.made, self._made_s = self.made + 1, time.monotonic()
                     self.trouble = ""

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError
+from rope_twin.forecast.admission import pin_fault
 from rope_twin.forecast.heave_process import (
     AHEAD_S,
     PAST_S,
@@ -267,6 +268,7 @@ class TensionForecaster:
             problem = f"a step of {chosen.step_s:g} s"
             raise InputError("forecast", problem, f"give a whole part of {SAMPLE_S:g} s")
         self._random = np.random.default_rng(chosen.seed)
+        self.pin_fault = ""  # why the newest forecast leaves the load pin out
         self.leads: Floats = np.asarray(
             SAMPLE_S * np.arange(1, round(AHEAD_S / SAMPLE_S) + 1, dtype=np.float64)
         )
@@ -447,7 +449,8 @@ class TensionForecaster:
         return states, weights
 
     def _pin_weights(self, observed: Observations, past: FleetRecord) -> Floats | None:
-        """Return weights of the members by the load pin's readings, or None if there are none."""
+        """Return weights of the members by the load pin's readings, or None if it has none."""
+        self.pin_fault = ""
         if observed.tension_n is None:
             return None
         settings = self.settings
@@ -459,6 +462,9 @@ class TensionForecaster:
         if not is_known.any() or not np.isfinite(predicted).all():
             return None
         deviation = PIN_FACTOR * settings.load_pin_deviation_n
+        self.pin_fault = pin_fault(predicted[is_known], readings[is_known], deviation)
+        if self.pin_fault:
+            return None
         noise = deviation * self._random.standard_normal((int(is_known.sum()), predicted.shape[1]))
         return smoother_gain(predicted[is_known], readings[is_known], deviation, noise)
 
@@ -552,7 +558,7 @@ class TensionForecaster:
             SPEED: shifted(record.payload_speed_m_per_s, self.leads),
             MARGIN: record.min_tension_n[:, is_finite],
         }
-        notes = [note] if note else []
+        notes = [text for text in (note, self.pin_fault) if text]
         if not is_finite.all():
             failed = int((~is_finite).sum())
             subject = "they and the load pin are" if weights is not None else "they are"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -287,7 +288,8 @@ class _Surprised:
         self.calls += 1
         if self.calls == 2:
             raise IndexError("a surprise")
-        return SimpleNamespace(forecast=SimpleNamespace(origin_s=100.0 - self.calls))
+        forecast = SimpleNamespace(origin_s=100.0 - self.calls)
+        return SimpleNamespace(forecast=forecast, pin_fault="its pin is stuck")
 
 
 def test_worker_goes_on_after_a_surprise() -> None:
@@ -301,3 +303,29 @@ def test_worker_goes_on_after_a_surprise() -> None:
     worker.close()
     assert [one.forecast.origin_s for one in made[:2]] == [99.0, 97.0]
     assert not worker.trouble
+    assert worker.state(time.monotonic()) == (False, "its pin is stuck")
+
+
+@pytest.mark.parametrize(
+    ("pin", "words"),
+    [(lambda n: 0.5 * n, "standard deviations off"), (lambda n: n / 4.448, "standard deviations"),
+     (lambda n: 1e-3 * n, "standard deviations off"), (lambda n: 77e3, "it stands at 77 kN")],
+    ids=["half", "pounds", "kilonewtons", "stuck"],
+)  # fmt: skip
+def test_a_load_pin_that_lies_does_not_move_the_forecast(
+    scene: Scene, pin: Callable[[float], float], words: str
+) -> None:
+    """The next seconds are those without a load pin, and the forecast says so."""
+    bands = []
+    for reading in (lambda n: math.nan, pin):
+        heard = LiveInputs()
+        feed(heard, 0.0, 130.0)
+        heard.tension_n, measured = Series(), heard.tension_n.rows()
+        heard.tension_n.add(measured[0, 0], measured[0, 1])
+        for at_s, tension_n in measured[1:]:
+            heard.tension_n.add(at_s, reading(tension_n))
+        forecasts = LiveForecaster(scene, LIMITS, SETTINGS).forecast(heard, lambda: BEGIN_S)
+        bands.append(forecasts.forecast.band())
+    assert words in forecasts.pin_fault
+    assert forecasts.pin_fault in forecasts.forecast.note
+    assert np.array_equal(*bands)
