@@ -17,7 +17,7 @@ from mcap.records import Channel
 
 from rope_twin.console.control import RequestHandler, is_finite
 from rope_twin.console.pages import WINDOW_S, Page, Pages
-from rope_twin.console.readings import NODES, SHOWN, Readings, Values
+from rope_twin.console.readings import DIAGNOSTICS, NODES, SHOWN, Readings, Values
 from rope_twin.errors import BagError, phrase
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.recording.bag import find_bag
@@ -85,7 +85,10 @@ class Recording:
         self._jumped = True
 
     def poll(self, readings: Readings, now_s: float) -> None:
-        """Hand on the newest message of each topic up to the position, which advances."""
+        """Hand on the newest message of each topic up to the position, which advances.
+
+        Of the diagnostics each one counts: every node publishes only its own rows.
+        """
         if self._polled_s is not None and not self.paused:
             passed_ns = round((now_s - self._polled_s) * self.rate * NANOSECONDS)
             self._position_ns = min(self._position_ns + passed_ns, self._last_ns - self._first_ns)
@@ -131,10 +134,12 @@ class Recording:
 
     def _hand_on(self, readings: Readings, until_ns: int, now_s: float) -> None:
         for name, times in self._times.items():
-            upto = bisect.bisect_right(times, until_ns)
-            if upto > self._given.get(name, 0):
+            upto, given = bisect.bisect_right(times, until_ns), self._given.get(name, 0)
+            first = given if name == DIAGNOSTICS and given else upto - 1
+            if upto > given:
                 self._given[name] = upto
-                readings.take(name, self._data[name][upto - 1], now_s)
+                for data in self._data[name][first:upto]:
+                    readings.take(name, data, now_s)
 
     def _load(self) -> None:
         try:

@@ -121,3 +121,36 @@ def test_of_a_topic_on_change_the_newest_message_is_kept(tmp_path: Path) -> None
     player = Player(path)
     player.tick(20)
     assert player.pages.readings.values["winch_mode"] == "winch: emergency stop"
+
+
+def test_diagnostics_of_every_node_are_shown(tmp_path: Path) -> None:
+    """Two nodes that publish their rows within the same moment, at every rate and after a jump."""
+    path = tmp_path / "nodes"
+    writer = BagWriter(path, [BY_NAME["diagnostics"], BY_NAME["ropes/length"]])
+    encoder = messages.Encoder(EPOCH_NS)
+    for number in range(200):
+        snapshot = hanging_rope(nodes=5, length_m=1000.0, time_s=0.1 * number)
+        stamp_ns = EPOCH_NS + snapshot.stamp_ns
+        writer.write("ropes/length", stamp_ns, encoder.encode("ropes/length", snapshot))
+        if number % 10 == 0:
+            for node, after_ns in (
+                ("simulation: state", 40_000_000),
+                ("recorder: bag", 60_000_000),
+            ):
+                row = messages.Status(node, messages.Level.ERROR, f"{number // 10}")
+                data = messages.encode_diagnostics(stamp_ns, [row])
+                writer.write("diagnostics", stamp_ns + after_ns, data)
+    writer.close()
+    player = Player(path)
+
+    def shown() -> list[str]:
+        rows = player.pages.readings.values
+        names = ("simulation: state", "recorder: bag")
+        return [rows.get(f"diagnostics {name}", {}).get("message") for name in names]
+
+    player.ask(do="rate", rate=10.0)
+    player.tick(12)  # 5.5 s
+    assert shown() == ["5", "5"]
+    player.ask(do="seek", time_s=15.2)
+    player.tick(1)
+    assert shown() == ["15", "15"]
