@@ -168,8 +168,8 @@ class LineFramer:
         self.dropped = 0  # lines longer than any telegram
 
     def cut(self, data: bytes, is_complete: bool = False) -> Iterator[bytes]:
-        """Yield complete lines; `is_complete`: the last one is complete without its end."""
-        data = self._rest + data.removeprefix(_IEC_61162_450)
+        """Yield complete lines; `is_complete`: the data begin and end with a line."""
+        data = (b"" if is_complete else self._rest) + data.removeprefix(_IEC_61162_450)
         *lines, self._rest = data.replace(b"\r", b"\n").split(b"\n")
         if is_complete:
             lines.append(self._rest)
@@ -199,8 +199,8 @@ class RecordFramer:
         return record if len(record) == EM3000_BYTES and em3000_starts(record) else b""
 
     def cut(self, data: bytes, is_complete: bool = False) -> Iterator[bytes]:
-        """Yield the records that are complete; `is_complete`: data end with a record."""
-        data = self._rest + data
+        """Yield the records that are complete; `is_complete`: data begin and end with one."""
+        data = (b"" if is_complete else self._rest) + data
         at, has_dropped = 0, False
         while at + EM3000_BYTES <= len(data):
             end = at + EM3000_BYTES

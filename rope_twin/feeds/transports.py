@@ -122,6 +122,10 @@ class Source(ABC):
             if self.ended:
                 return
 
+    def _begin_stream(self) -> None:
+        """End what the last connection has left of a line: it does not go on in this one."""
+        self._take(b"", time.time_ns(), True)
+
     @abstractmethod
     def _read(self) -> None:
         """Read until the connection ends or a stop is requested. Raises OSError."""
@@ -191,6 +195,7 @@ class TcpSource(Source):
 
     def _read(self) -> None:
         with connected(self._address) as link:
+            self._begin_stream()
             self._receive(link, are_whole=False)
 
 
@@ -210,6 +215,7 @@ class SerialSource(Source):
 
     def _read(self) -> None:
         with open_serial(self._address) as line:
+            self._begin_stream()
             self.fault = ""
             while not self._stop.is_set():
                 data = line.read(1)

@@ -116,6 +116,31 @@ def test_one_stream_serves_several_readers_and_comes_back() -> None:
     assert heard[0].data == 6 * SAMPLES["lci90"]
 
 
+def test_a_line_is_not_pieced_together_from_two_connections() -> None:
+    """A server that restarts amid a line: without a checksum nothing else would show it."""
+    server = TcpServer(Address("tcp-server", "127.0.0.1", free_port(socket.SOCK_STREAM)))
+    address = f"tcp://127.0.0.1:{server.port}"
+    columns = {"tension": 1, "payout": 2, "speed": 3}
+    made = settings("columns", checksum="none", columns=columns, source=address)
+    heard, line = Heard(), b"$R30C,120.5,1530.0,0.5\r\n"
+    with running(open_source(made, heard.take)) as source:
+        for cut in (slice(0, -10), slice(-14, None)):
+            with closing(server):
+                until(lambda server=server: server.readers, "it is connected")
+                before = len(heard.data)
+                server.send(line[cut])
+                until(lambda before=before: len(heard.data) > before, "its bytes are there")
+            until(lambda: source.fault, "the end is noticed")
+            server = TcpServer(Address("tcp-server", "127.0.0.1", server.port))
+        with closing(server):
+            until(lambda: server.readers, "it is connected")
+            server.send(line)
+            until(lambda: heard.data.endswith(line), "the whole line is there")
+    instrument = Instrument(made)
+    found = [one for piece in heard.pieces for one in instrument.take(*piece)]
+    assert [sample.payout_m for sample in found] == [1530.0]
+
+
 def test_a_reader_that_is_too_slow_holds_up_nobody() -> None:
     server = TcpServer(Address("tcp-server", "127.0.0.1", free_port(socket.SOCK_STREAM)))
     with closing(server), socket.create_connection(("127.0.0.1", server.port)):
