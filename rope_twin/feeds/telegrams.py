@@ -4,8 +4,8 @@ Readings keep units and signs of the telegram, but for Octans and Phins, where l
 there roll is positive with port up, pitch with the bow up, and heave of `PHTRH` with the letter
 that the settings call up.
 
-**Line monitors.** A field that is blank or has only dashes, stars or the like is a value that the
-instrument does not have, and the others count.
+**Line monitors.** A field that is blank, has only dashes, stars or the like, or `nan` is a value
+that the instrument does not have, and the others count.
 
 - LCI-90 and LCI-90i (Measurement Technology NW): `RD,TENSION,SPEED,PAYOUT,CCCC`, and
   `nnRD,time[,NAME],TENSION,SPEED,PAYOUT,CCCC` after SOH. CCCC is the decimal sum of all characters
@@ -69,7 +69,8 @@ from rope_twin.feeds.readings import (
 _RD = re.compile(r"(\d\d)?RD,")
 _SUM = re.compile(r"\d{1,5}")
 _FLAGS = re.compile(r"[01]{8}")
-_BLANK = re.compile(r"[\s*#?=_.-]*")  # a value that the instrument does not have
+# a value that the instrument, or a register of a PLC, does not have
+_BLANK = re.compile(r"[\s*#?=_.-]*|\s*nan\s*", re.IGNORECASE)
 _QUANTITIES = "tension", "speed", "payout"
 _MAX_STARTS = 4  # in one line: of telegrams that were cut
 SUM_KINDS = ("xor", "sum", "none")

@@ -144,6 +144,7 @@ def test_lines_are_refused_for_one_reason(name: str, line: bytes, reason: str) -
     [
         ("lci90", with_sum("RD,,000030.0,-0120.5,"), "tension_n", NUMBER),
         ("lci90", with_sum("RD,------,000030.0,-0120.5,"), "tension_n", NUMBER),
+        ("lci90", with_sum("RD,     NaN,000030.0,-0120.5,"), "tension_n", NUMBER),
         ("lci90", with_sum("RD,00000061,000030.0,99999,"), "payout_m", RANGE),
         ("lci90", with_sum("RD,00000061,99999999,-0120.5,"), "speed_m_per_s", RANGE),
         ("rcwd", nmea("RCWD,2,3,103.64,0.42,-29.95,0,----,0.294791", "@"), "payout_m", NUMBER),

@@ -168,6 +168,12 @@ def test_a_number_that_is_none_is_refused(port: int) -> None:
     samples, instrument, _ = polled(chosen, 1)
     assert samples == []
     assert instrument.counts.refused == {"not a number": 1}
+    several = {"payout": MAP["payout"], "speed": MAP["speed"], "tension": tension}
+    chosen = settings(several, source=f"modbus://127.0.0.1:{port}")
+    samples, instrument, _ = polled(chosen, 2)
+    assert math.isnan(samples[0].tension_n), "a load cell that fails leaves the line out"
+    assert samples[0].payout_m == pytest.approx(1234.56)
+    assert instrument.counts.last_fault == "not a number: tension 'nan'"
 
 
 def test_a_register_that_the_device_does_not_have_is_a_fault_of_the_connection(port: int) -> None:
