@@ -46,7 +46,8 @@ COVERAGE = 1.96  # half width of a 95 % interval over its standard deviation
 MIN_COMPARED = 10  # readings for a standard deviation of the computed tension
 FROZEN_NS, FROZEN_READINGS = 5_000_000_000, 5  # duration and number of equal readings
 FROZEN_FRACTION, FROZEN_M = 0.02, 0.5  # change of the twin's tension or length meanwhile
-MISFIT, MISFIT_S = 5.0, 10  # ratio of tensions that no error of cell or twin explains
+# ratio of tensions that no error of cell or twin explains; a pound-force is 4.448 N
+MISFIT, MISFIT_S = 4.0, 10
 MAX_WAITING = 5000  # readings of one sensor that may wait for their time
 Values = tuple[float, ...]
 Follow = Callable[[str, int, float, float | None], None]

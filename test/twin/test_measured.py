@@ -347,8 +347,10 @@ def test_a_clock_that_is_ahead_is_noticed(scene: Scene, ahead_s: float, doubted:
     [
         (1e-3, "it reads 0.15 kN where the twin has 150 kN: another unit, sign or load"),
         (-1.0, "it reads -150 kN where the twin has 150 kN: another unit, sign or load"),
+        (1.0 / 4.448, "it reads 33.72 kN where the twin has 150 kN: another unit, sign or load"),
+        (4.448, "it reads 667.2 kN where the twin has 150 kN: another unit, sign or load"),
         (0.3, ""),
-        (4.9, ""),
+        (3.9, ""),
     ],
 )
 def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: str) -> None:
