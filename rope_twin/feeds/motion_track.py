@@ -38,6 +38,7 @@ INTERVALS = 20  # whose median is the usual interval
 SHORT_INTERVAL = 0.2  # of the usual one
 LONG_INTERVAL = 1.5  # of it: one sample was lost or held up, as the next one shows
 MIN_INTERVAL_NS = 2_000_000
+NO_HEADING = "tss1", "tss3", "phtrh", "smc"  # formats without one, or without one in all sentences
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ class MotionTrack:
         self._count = settings.fit_samples
         self._last: list[tuple[int, Numbers, float]] = []  # stamp, values, given rate of heave
         self._yaw_deg: float | None = None
+        self._headed_ns: int | None = None  # stamp of the newest heading, or of the first sample
+        self.heading_doubt = ""  # why the yaw is not the measured one
+        self._is_headed = settings.format not in NO_HEADING
         self._intervals_ns: deque[int] = deque(maxlen=INTERVALS)
         self.replaced = 0  # samples that were held up on their way
 
@@ -76,7 +80,7 @@ class MotionTrack:
         if not self._of_crane_tip:
             if math.isnan(sample.roll_rad) or math.isnan(sample.pitch_rad):
                 return []
-            values = (*values, sample.roll_rad, sample.pitch_rad, self._yaw(sample.heading_deg))
+            values = (*values, sample.roll_rad, sample.pitch_rad, self._yaw(sample))
         return self._derived((sample.stamp_ns, values, sample.heave_rate_m_per_s))
 
     def _derived(self, sample: tuple[int, Numbers, float]) -> list[MotionOutput]:
@@ -107,11 +111,20 @@ class MotionTrack:
             return 0.0
         return float(sorted(self._intervals_ns)[len(self._intervals_ns) // 2])
 
-    def _yaw(self, heading_deg: float) -> float:
-        """Return the yaw from the rest heading, counterclockwise and continuous [rad]."""
-        if math.isnan(heading_deg):
-            return 0.0 if self._yaw_deg is None else math.radians(self._yaw_deg)
-        yaw = self._rest_deg - heading_deg
+    def _yaw(self, sample: MotionSample) -> float:
+        """Return the yaw from the rest heading, counterclockwise and continuous [rad].
+
+        The last one is kept, or that of the rest, where no heading is measured.
+        """
+        if math.isnan(sample.heading_deg):
+            self._headed_ns = self._headed_ns or sample.stamp_ns
+            missing_ns, known = sample.stamp_ns - self._headed_ns, self._yaw_deg is not None
+            if missing_ns > self._hole_ns and (known or self._is_headed):
+                kept = "the last one" if known else f"rest_heading_deg, {self._rest_deg:g}°,"
+                self.heading_doubt = f"no heading for {missing_ns * 1e-9:.0f} s, {kept} is kept"
+            return math.radians(self._yaw_deg or 0.0)
+        self._headed_ns, self.heading_doubt = sample.stamp_ns, ""
+        yaw = self._rest_deg - sample.heading_deg
         near = 0.0 if self._yaw_deg is None else self._yaw_deg
         self._yaw_deg = yaw - 360.0 * round((yaw - near) / 360.0)
         return math.radians(self._yaw_deg)

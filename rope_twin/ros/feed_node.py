@@ -128,6 +128,8 @@ class _Channel:
         if now_s - self.refused_s < _RECENT_S:
             words = f"{counts.refused_total} refused, the last one: {counts.last_fault}"
             return Status(title, Level.WARN, f"{accepted}; {words}", values)
+        if doubt := self.track.heading_doubt:
+            return Status(title, Level.WARN, f"{accepted}; {doubt}", values)
         return Status(title, Level.OK, accepted, values)
 
     def close(self) -> None:

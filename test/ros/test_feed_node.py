@@ -21,10 +21,11 @@ from rope_twin.errors import InputError, SceneError
 from rope_twin.feeds.configuration import FeedSettings
 from rope_twin.feeds.instrument import LineSample, MotionSample
 from rope_twin.feeds.line_faults import LineFaults
+from rope_twin.feeds.readings import nmea
 from rope_twin.feeds.transports import Address, UdpSink
 from rope_twin.feeds.writers import writer
-from rope_twin.messages import encode_heave
-from rope_twin.ros.feed_node import _Channel
+from rope_twin.messages import Level, encode_heave
+from rope_twin.ros.feed_node import _Channel, _messages
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
@@ -145,6 +146,26 @@ def test_one_turn_takes_what_had_arrived_when_it_began(monkeypatch: pytest.Monke
     assert channel.samples() == []
     assert len(taken) == 1
     channel.close()
+
+
+def test_a_heading_that_is_lost_is_named() -> None:
+    """A gyrocompass that fails while the ship turns: the yaw stands, and the row says so."""
+    mru = {**SETTINGS["psxn"], "heave_of": "reference", "rest_heading_deg": 30.0,
+           "source": "udp://:6224"}  # fmt: skip
+    channel = _Channel("mru", FeedSettings(format="psxn", **mru), 1.0, 0, LineFaults(), 0)
+    words = []
+    for k, heading in enumerate([""] * 20 + ["40.00"] * 5 + [""] * 20):
+        channel._put(nmea(f"PSXN,23,0.{k:02d},0.00,{heading},0.00"), k * S // 10, True)
+        for sample in channel.samples():
+            _messages(channel, sample)
+        channel.heard_s = time.monotonic()  # the first fit imports for a while
+        row = channel.status()
+        words.append(row.message.partition("; ")[2])
+        assert row.level is (Level.WARN if words[-1] else Level.OK)
+    channel.close()
+    assert words[19] == "no heading for 2 s, rest_heading_deg, 30°, is kept"
+    assert words[24] == ""
+    assert words[44] == "no heading for 2 s, the last one is kept"
 
 
 def test_a_simulator_sends_what_a_feed_reads(bench: Bench, tmp_path: Path) -> None:
