@@ -27,7 +27,12 @@ from rope_twin.forecast.tension_forecast import (
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, read_cloud
 from rope_twin.messages.diagnostics import MOTION_ROW, SAMPLE_AGE
 from rope_twin.messages.inputs import read_heave, read_measurement
-from rope_twin.messages.reports import FORECAST_TOPICS, encode_forecast, read_diagnostics
+from rope_twin.messages.reports import (
+    FORECAST_TOPICS,
+    STATES,
+    encode_forecast,
+    read_diagnostics,
+)
 from rope_twin.messages.templates import nanoseconds
 from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.params import ForecastParams, declare
@@ -148,7 +153,7 @@ class ForecastNode(SuiteNode):
             self._inputs.asked = read_orders(message.data)
             return
         if name == ESTIMATE_TOPIC:
-            self._inputs.figures = learned_figures(message)
+            self._inputs.figures = learned_figures(message) or self._inputs.figures
             return
         stamp = message.header.stamp
         at_s, inputs = stamp.sec + 1e-9 * stamp.nanosec, self._inputs
@@ -245,23 +250,27 @@ class ForecastNode(SuiteNode):
         self._diagnostics.publish(encode_diagnostics(now_ns, [row]))
 
 
-def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]]:
+def learned_figures(message: Any) -> tuple[dict[str, float], dict[str, float]] | None:
     """Return mean and standard deviation of the logarithms of the figures of estimate/figures.
+
+    None: one of them is at the limit of its prior, so that they are not those of this lift.
 
     Raises:
         InputError: a column is missing.
     """
     mean, spread = dict[str, float](), dict[str, float]()
     table = read_cloud(message)
-    missing = {"name", "value", "prior", "sd"}.difference(table.dtype.names or ())
+    missing = {"name", "value", "prior", "sd", "state"}.difference(table.dtype.names or ())
     if missing:
         problem = f"the table has no column {', '.join(sorted(missing))}"
         raise InputError(ESTIMATE_TOPIC, problem, "publish it with this version of rope_twin")
+    if (table["state"] == STATES.index("at limit")).any():
+        return None
     for row in table:
         name = bytes(row["name"]).rstrip(b"\0").decode("utf-8", "replace")
         value, scene_value, sd = (float(row[key]) for key in ("value", "prior", "sd"))
         if name in LEARNED_SPREAD and value * scene_value > 0.0 and math.isfinite(sd):
-            mean[name], spread[name] = math.log(value / scene_value), sd / abs(value)
+            mean[name], spread[name] = math.log(value / scene_value), sd  # sd of the logarithm
     return mean, spread
 
 

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pytest
 from ros_bench import Bench
 from small_scene import small_scene
 
+from rope_twin.estimation.figures import INDEX, Gaussian, scene_prior
+from rope_twin.estimation.report import base_values, estimates
+from rope_twin.forecast.tension_forecast import LEARNED_SPREAD
 from rope_twin.messages import (
     Level,
     Status,
@@ -176,13 +181,22 @@ def test_a_run_without_it_has_no_such_node() -> None:
     assert node_parameters(RunOptions(ahead=True))["forecast"] == {"scene": "deep_lift"}
 
 
-def test_learned_figures_are_heard() -> None:
-    """Factors on the scene's figures, as mean and deviation of their logarithms; no others."""
-    row = {"low": 0.0, "high": 0.0, "prior_sd": 1.0, "state": "learned", "correlation": 0.0}
-    rows = [
-        {**row, "name": "submerged_weight", "value": 88e3, "prior": 80e3, "sd": 880.0},
-        {**row, "name": "tension_bias", "value": 900.0, "prior": 0.0, "sd": 50.0},
-    ]
-    mean, spread = learned_figures(decode("estimate/figures", encode_estimate(0, rows)))
-    assert mean == pytest.approx({"submerged_weight": math.log(1.1)}, rel=1e-6)
-    assert spread == pytest.approx({"submerged_weight": 0.01}, rel=1e-6)
+def test_learned_figures_are_heard_as_they_were_published() -> None:
+    """Mean and deviation of the logarithms of the factors on the scene's figures; no others.
+
+    None of them count while one is at the limit of its prior.
+    """
+    scene = load_scene("shallow_lift")
+    prior, base = scene_prior(scene), base_values(scene)
+    posterior = Gaussian(prior.mean + 0.3 * prior.sd, 0.25 * prior.gaussian.covariance)
+
+    def heard(at_limit: tuple[str, ...]) -> Any:
+        rows = [asdict(one) for one in estimates(base, prior, posterior, at_limit=at_limit)]
+        return learned_figures(decode("estimate/figures", encode_estimate(0, rows)))
+
+    mean, spread = heard(())
+    known = [name for name in LEARNED_SPREAD if base[name]]
+    assert "submerged_weight" in known
+    assert mean == pytest.approx({name: posterior.mean[INDEX[name]] for name in known}, rel=1e-4)
+    assert spread == pytest.approx({name: posterior.sd[INDEX[name]] for name in known}, rel=1e-6)
+    assert heard(("tension_bias",)) is None
