@@ -456,6 +456,13 @@ class LiveLearning:
             self._reminded_s = at_s
             self._inputs.take_remark(f"fault alarm: {alarm.words}")
 
+    def fault_row(self) -> Status:
+        """Return the row of the diagnostics on faults; without its task nothing is tested."""
+        failure = self.worker.trouble(self.alarms) or self.worker.trouble(self.learner)
+        if failure and self.alarms.newest is None:
+            return Status(ROW, Level.WARN, f"nothing is tested any more: {failure}")
+        return self.alarms.row()
+
     def row(self, granted_s: float) -> Status:
         """Return the row of the diagnostics; granted_s: real time of the run [s]."""
         newest = self.learner.newest

@@ -506,7 +506,7 @@ class PacedTwin:
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
         if self.learning is not None:
-            rows += [self.learning.row(health.granted_s), self.learning.alarms.row()]
+            rows += [self.learning.row(health.granted_s), self.learning.fault_row()]
         if self.border.epoch_ns is not None and self.granted is None:
             rows.append(clock_row((ros_ahead_ns - self._ros_ahead_ns) * 1e-9))
         elif self.border.epoch_ns is not None and self.granted is not None:

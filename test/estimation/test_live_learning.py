@@ -77,6 +77,23 @@ def new_learning(folder: Path) -> tuple[Twin, InputQueue, LiveLearning]:
     return twin, queue, LiveLearning(twin.scene, queue)
 
 
+@pytest.mark.parametrize("part", ["alarms", "learner"])
+def test_a_watch_that_has_failed_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    """Its row must not stay at the last time without a fault."""
+    _, _, learning = new_learning(tmp_path)
+    assert learning.fault_row().level is Level.OK
+
+    def fail() -> bool:
+        raise RuntimeError("no lanes")
+
+    monkeypatch.setattr(getattr(learning, part), "work", fail)
+    learning.worker.work()
+    row = learning.fault_row()
+    assert (row.level, row.message) == (Level.WARN, "nothing is tested any more: no lanes")
+
+
 def test_a_live_twin_learns_and_takes_over(tmp_path: Path) -> None:
     """Weight is learned from what the load cell says, taken over, and the tension agrees then."""
     twin, queue, learning = new_learning(tmp_path)
