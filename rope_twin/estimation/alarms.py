@@ -135,7 +135,8 @@ class FaultWatch:
         suspended_m = sum(length_m for *_, length_m in hanging.ropes)
         self._rope_n_per_m = (static_n - self._payload_n) / suspended_m
         self.alarm: Alarm | None = None
-        self.now_s = -np.inf  # end of the newest means that were tested
+        self.now_s = -np.inf  # end of the newest means, missing ones included
+        self.tested_s = -np.inf  # end of the newest ones that were tested
         self.tests: FaultTests | None = None
         self._reference: _Reference | None = None
         self._next: _Reference | None = None
@@ -195,7 +196,7 @@ class FaultWatch:
 
     def _begin_again(self) -> None:
         self._reference = self._next = self.tests = self._before = None
-        self._blocks = 0
+        self._blocks, self.tested_s = 0, -np.inf
         self._drift.restart()
 
     def learned(self, estimator: Estimator) -> None:
@@ -294,6 +295,8 @@ class FaultWatch:
             if now_s <= self.now_s:
                 continue  # the older part of the window of a new reference
             self.now_s = now_s
+            if np.isfinite(residual[second]).any():
+                self.tested_s = now_s
             expected_n = predicted[second].sum(axis=1)
             self._lost_payload(now_s, residual[second].sum(axis=1) + expected_n, expected_n)
             self._judge(now_s)

@@ -53,6 +53,7 @@ from rope_twin.twin.twin import Twin
 KEPT_S = SPECTRUM_S + 2.0 * BURN_IN_S  # of measured series
 ROW = "simulation: faults"
 KEPT_CHANGES = 100
+UNTESTED_S = 120.0  # without a tension to test, after which the row of the tests is WARN
 
 
 @dataclass(frozen=True)
@@ -234,12 +235,15 @@ class AlarmTask:
         self._watch: FaultWatch | None = None
         self._blocks = 0
         self._stands = ""
+        self._heard_s = -np.inf  # newest motion
         self.newest: Alarm | None = None  # the alarm that is on; any thread may read it
         self.changes: deque[str] = deque(maxlen=KEPT_CHANGES)  # in words, not yet published
         self._raised: list[Alarm] = []  # newest judgement of each alarm of the run
 
     def take(self, inputs: Input) -> None:
         """Begin again after the learner did; it keeps the measured series for both."""
+        if isinstance(inputs, Motion):
+            self._heard_s = inputs.time_s
         if isinstance(inputs, Restart):
             self._estimator, self._stands = None, ""
 
@@ -299,13 +303,22 @@ class AlarmTask:
         if self.newest is not None:
             return self.newest.words
         watch = self._watch
-        if watch is None or not np.isfinite(watch.now_s):
+        if watch is None or not np.isfinite(watch.tested_s):
             return "waiting for two learned minutes"
-        return f"no fault, tested until {watch.now_s:.0f} s"
+        if self._is_behind:
+            return f"no fault until {watch.tested_s:.0f} s, and nothing is compared since"
+        return f"no fault, tested until {watch.tested_s:.0f} s"
+
+    @property
+    def _is_behind(self) -> bool:
+        """Return whether the tests have begun, and nothing was tested for long."""
+        watch = self._watch
+        tested_s = -np.inf if watch is None else watch.tested_s
+        return bool(np.isfinite(tested_s) and self._heard_s - tested_s > UNTESTED_S)
 
     def row(self) -> Status:
         """Return the row of the diagnostics."""
-        bad = self.newest is not None or bool(self._stands)
+        bad = self.newest is not None or bool(self._stands) or self._is_behind
         alarm = self.newest
         level = Level.ERROR if alarm is not None else Level.WARN if bad else Level.OK
         values = {} if alarm is None else {k: str(value) for k, value in alarm.as_json().items()}

@@ -132,6 +132,23 @@ def test_a_tension_that_is_gone_for_good_does_not_end_the_tests() -> None:
     assert watch.now_s == tested_s
 
 
+def test_means_without_a_tension_are_not_tested() -> None:
+    """A load pin that falls silent leaves the time until which there was no fault."""
+    before, learned = before_the_fault()
+    estimator = copy(learned)
+    estimator.noise, estimator.results = deepcopy(learned.noise), list(learned.results)
+    lift = lift_with()
+    table = lift.tension.table
+    silent = MeasuredLift(NOISE_N)
+    silent.tension.extend(*table[table[:, 0] <= ONSET_S + 3.0].T)
+    silent.heave, silent.line_out = lift.heave, lift.line_out
+    estimator.model.lift = silent
+    watch = before.branch(estimator)
+    watch.advance(SECONDS - 1.0)
+    assert watch.now_s > ONSET_S + 20.0
+    assert watch.tested_s == pytest.approx(ONSET_S + 3.0, abs=1.0)
+
+
 def test_a_lost_payload_is_found_by_the_plain_rule() -> None:
     """Within 3 s, with its beginning; learning waits until the alarm is acknowledged."""
     watch, estimator = watched(weight=0.0)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from learned_lift import NOISE_N, lift
@@ -99,3 +101,17 @@ def test_the_message_is_the_alarm_in_words() -> None:
     data = encode_text("line slip, since 12 s")
     message = typestore().deserialize_cdr(data, BY_NAME[ALARM_TOPIC].type_name)
     assert message.data == "line slip, since 12 s"
+
+
+def test_tests_that_have_nothing_to_test_say_so(tmp_path: Path) -> None:
+    """A load pin that is lost for minutes: the row is not OK."""
+    alarms = new_learning(tmp_path)[2].alarms
+    alarms._watch = cast("Any", SimpleNamespace(tested_s=400.0))
+    rows = []
+    for time_s in (401.0, 600.0):
+        alarms.take(Motion(time_s, 0.0, 0.0, 200.0))
+        rows.append((alarms.row().level, alarms.row().message))
+    assert rows == [
+        (Level.OK, "no fault, tested until 400 s"),
+        (Level.WARN, "no fault until 400 s, and nothing is compared since"),
+    ]
