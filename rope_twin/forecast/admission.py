@@ -84,6 +84,10 @@ class Admission:
             self._refuse("winch/measured", refusal)
         return accepted
 
+    def reach_m(self, winch: str, seconds: float) -> float:
+        """Return by how much the line out of a winch may change in a time [m]."""
+        return self._winches[winch].reach_m(seconds)
+
     def _counted(self, topic: str, stream: str, stamp_ns: int, refusal: str) -> bool:
         if refusal:
             self._refuse(topic, refusal)

@@ -90,16 +90,19 @@ class Series:
     def __init__(self) -> None:
         self._rows: deque[tuple[float, float]] = deque()
 
-    def add(self, time_s: float, value: float) -> None:
+    def add(self, time_s: float, value: float, reach: float = np.inf) -> None:
         """Append a value; values that are not finite or not later than the last are ignored.
 
-        A time far before the last one belongs to another run: the series is cleared.
+        A time far before the last one belongs to another run: the series is cleared. So it is by a
+        change of more than `reach`: a counter that was reset, or another sender.
         """
         if not np.isfinite(value):
             return
         if self._rows and time_s <= self._rows[-1][0]:
             if time_s > self._rows[-1][0] - LARGEST_GAP_S:
                 return
+            self._rows.clear()
+        if self._rows and abs(value - self._rows[-1][1]) > reach:
             self._rows.clear()
         self._rows.append((time_s, value))
         while self._rows[0][0] < time_s - KEPT_S:

@@ -190,18 +190,21 @@ class ForecastNode(SuiteNode):
             _, line_out_m, _, tension_n = self._admission.reading(stamp_ns, name, row)
             if line_out_m is not None:
                 self._measured_s["line" if name == WINCH else f"line of {name}"] = at_s
-                self._line_of(name).add(at_s, line_out_m - self._bias_m)
+                self._add_line(name, at_s, line_out_m - self._bias_m)
             if tension_n is not None and name == WINCH:
                 self._measured_s["tension"] = at_s
                 # `pin_n` verifies by measurements only, not by the twin's tension
                 for series in (inputs.tension_n, inputs.pin_n):
                     series.add(at_s, tension_n - self._bias_n)
 
-    def _line_of(self, winch: str) -> live.Series:
+    def _add_line(self, winch: str, at_s: float, line_out_m: float) -> None:
+        """Append a line out; after a jump that no winch makes the record begins again."""
         inputs = self._inputs
-        return (
-            inputs.line_out_m if winch == WINCH else inputs.lines_m.setdefault(winch, live.Series())
-        )
+        series = inputs.line_out_m
+        if winch != WINCH:
+            series = inputs.lines_m.setdefault(winch, live.Series())
+        since_s = at_s - series.newest_s
+        series.add(at_s, line_out_m, self._admission.reach_m(winch, max(since_s, 0.0)))
 
     def _is_silent(self, quantity: str, at_s: float) -> bool:
         """Return whether a quantity was not measured recently, or with another clock."""
@@ -216,7 +219,7 @@ class ForecastNode(SuiteNode):
                 continue
             quantity = "line" if name == WINCH else f"line of {name}"
             if len(message.position) > k and self._is_silent(quantity, at_s):
-                self._line_of(name).add(at_s, float(message.position[k]))
+                self._add_line(name, at_s, float(message.position[k]))
         if len(message.effort) and self._is_silent("tension", at_s):
             self._inputs.tension_n.add(at_s, float(message.effort[0]))
 

@@ -293,14 +293,14 @@ class Readings(ABC):
 
     def _change(self, before: tuple[int, float], after: tuple[int, float]) -> tuple[float, str]:
         """Return the change of position between readings [m], and why it is impossible or ""."""
-        change, allowed = after[1] - before[1], self._allowed_m((after[0] - before[0]) * 1e-9)
+        change, allowed = after[1] - before[1], self.reach_m((after[0] - before[0]) * 1e-9)
         return change, "" if abs(change) <= allowed else f"at most {allowed:.2f} m are possible"
 
     _quantity = ""
     _slip_m = math.inf  # allowed difference of position and integral of the speed
 
     @abstractmethod
-    def _allowed_m(self, seconds: float) -> float:
+    def reach_m(self, seconds: float) -> float:
         """Return the largest possible change of the position in a time [m]."""
 
 
@@ -353,7 +353,7 @@ class WinchReadings(Readings):
             return "impossible", f"tension {tension:g} N", remedy
         return None
 
-    def _allowed_m(self, seconds: float) -> float:
+    def reach_m(self, seconds: float) -> float:
         return self._speed * seconds + self._jump_m
 
 
@@ -380,6 +380,6 @@ class DepthReadings(Readings):
             return "impossible", f"z of {-depth:g} m", remedy
         return None
 
-    def _allowed_m(self, seconds: float) -> float:
+    def reach_m(self, seconds: float) -> float:
         scatter = self._sensor.uncertainty(self._place[1] if self._place else 0.0) or 0.0
         return MAX_SPEED_M_PER_S * seconds + max(DEPTH_JUMP_M, DEPTH_JUMP_SIGMAS * scatter)

@@ -113,12 +113,12 @@ def test_it_hears_the_line_of_each_winch(bench: Bench) -> None:
     lines = node._inputs.lines_m
     bench.until(lambda: "aft_sheave" in lines, "the simulation's line is heard")
     ns = BEGIN_NS + S
-    rows = (("aft_sheave", 601.0, 0.0, 1e5), ("winch", 602.0, 0.0, 1e5))
+    rows = (("aft_sheave", 600.2, 0.0, 1e5), ("winch", 600.3, 0.0, 1e5))
     reading = Measurement.of_winch(ns)._replace(rows=rows)
     publishers["winch/measured"].publish(encode_measurement(ns, reading)[1])
     bench.until(lambda: len(lines["aft_sheave"].rows()) == 2, "the measured line is heard")
-    assert lines["aft_sheave"].rows()[:, 1].tolist() == [600.0, 601.0]
-    assert node._inputs.line_out_m.rows()[:, 1].tolist() == [600.0, 602.0]
+    assert lines["aft_sheave"].rows()[:, 1].tolist() == [600.0, 600.2]
+    assert node._inputs.line_out_m.rows()[:, 1].tolist() == [600.0, 600.3]
     assert list(lines) == ["aft_sheave"]
     node.close()
 
@@ -145,6 +145,9 @@ def test_what_the_twin_would_refuse_is_not_heard(bench: Bench, tmp_path: Path) -
     assert heard.heave_m.rows()[:, 1].tolist() == [0.0, 0.01, 0.03]
     assert heard.line_out_m.rows()[:, 1].tolist() == [200.0] * 3
     assert heard.tension_n.rows()[:, 1].tolist() == [76e3] * 3
+
+    node._add_line("winch", ns * 1e-9 + 0.1, 203.0)
+    assert heard.line_out_m.rows()[:, 1].tolist() == [203.0], "no winch is so fast"
 
     def simulate(after_s: int) -> None:
         message = Encoder(ns + after_s * S).encode("hang_off/odometry", snapshot)
