@@ -2,6 +2,7 @@
 
 Measured topics take precedence (`ship/heave`, `winch/measured`); where they are missing, those of
 the twin (`hang_off/odometry`, `ropes/length`, `ropes/tension_top`) are used; `sources` names them.
+Line out and tension that a twin would refuse (out of range, a jump) are left out.
 
 The nominal rope follows the measured motion. A forecast starts its members from the state of the
 rope one burn-in period before the origin: the nominal rope is integrated with measured heave and
@@ -27,6 +28,7 @@ from rope_twin.forecast.orders import scene_at_line as scene_at_line
 from rope_twin.forecast.tension_forecast import ForecastSettings, Observations
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
+from rope_twin.messages.reports import counted
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.recording.track import (
@@ -44,11 +46,12 @@ from rope_twin.recording.track import (
 )
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging import is_joined
-from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.rigging import is_joined, winch_of
+from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.topics import WINCH_MEASURED, is_topic
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp
+from rope_twin.twin.readings import WinchReadings
 
 Floats = NDArray[np.float64]
 
@@ -254,25 +257,27 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
     main = "", WINCH, base.ropes[0].name
     single = not is_joined(base)
     has_compensation = base.winch is not None and base.winch.heave_compensation is not None
-    refused = Counter[str]()
+    refused, impossible = Counter[str](), Counter[str]()
 
     def read(reader: Messages) -> tuple[_Found, _Found, _Found, dict[str, _Found], Floats]:
         refused.clear()
+        impossible.clear()
 
         def heave_of(topic: str, data: bytes) -> tuple[float, float]:
             stamp_s, (z, _) = vertical_motion(topic, data)
             return stamp_s, z
 
-        def line_of(names: Sequence[str], problem: str) -> _Found:
-            return _first(reader, LINE_TOPICS, _of(names, single, "line_out_m"), problem, refused)
+        def of_rope(r: int, names: Sequence[str], field: str, what: str) -> _Found:
+            topics = LINE_TOPICS if field == "line_out_m" else TENSION_TOPICS
+            found = _first(reader, topics, _of(names, single, field), what, refused)
+            return _possible(base, base.ropes[r], field, found, what, impossible)
 
-        tension_of = _of(main, single, "tension_n")
         return (
             _first(reader, HEAVE_TOPICS, heave_of, "heave", refused),
-            line_of(main, "line out"),
-            _first(reader, TENSION_TOPICS, tension_of, "tension", refused),
+            of_rope(0, main, "line_out_m", "line out"),
+            of_rope(0, main, "tension_n", "tension"),
             {
-                name: line_of((name, base.ropes[r].name), f"line out of {name}")
+                name: of_rope(r, (name, base.ropes[r].name), "line_out_m", f"line out of {name}")
                 for name, (r, _) in other_winches(base).items()
             },
             _compensation(reader) if has_compensation else np.empty((0, 2)),
@@ -280,6 +285,10 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
 
     (heave, line, tension, others, switched), damage = read_undamaged(path, read)
     problems = (*damage, *refusal_words(refused))
+    problems += tuple(
+        f"{counted(n, 'value')} of {what}, impossible for the scene's winch, left out"
+        for what, n in impossible.items()
+    )
     all_series = heave, line, tension, *others.values()
     begin = max(series[1][0] for series in all_series)
     end = min(series[1][-1] for series in all_series)
@@ -387,6 +396,33 @@ def _first(
                 return topic, table[rising, 0], table[rising, 1]
     words = " nor ".join(topics)
     raise BagError(f"bag {reader.path}", f"it has no {what}", f"neither {words} has one")
+
+
+def _possible(
+    scene: Scene, line: RopeLine, field: str, found: _Found, what: str, impossible: Counter[str]
+) -> _Found:
+    """Return the measured values that a twin would accept of the winch of a rope.
+
+    impossible: counts the others.
+
+    Raises:
+        BagError: fewer than two are left.
+    """
+    topic, time_s, values = found
+    if topic != WINCH_MEASURED or winch_of(scene, line) is None:
+        return found
+    readings, keep, refusal = WinchReadings(scene, line, ""), np.ones(len(values), np.bool_), ""
+    for k, (at_s, value) in enumerate(zip(time_s.tolist(), values.tolist(), strict=True)):
+        stamp_ns = round(at_s * 1e9)
+        row = ("", value, None, None) if field == "line_out_m" else ("", None, None, value)
+        fault = readings.take(stamp_ns, row, stamp_ns)[1]
+        keep[k], refusal = not fault, fault or refusal
+    if keep.sum() < 2:
+        raise BagError(f"{what} of {topic}", f"none of it is possible ({refusal.rstrip('.')})",
+                       "check unit and scene")  # fmt: skip
+    if not keep.all():
+        impossible[what] += int((~keep).sum())
+    return topic, time_s[keep], values[keep]
 
 
 def _compensation(reader: Messages) -> Floats:

@@ -222,6 +222,43 @@ def test_messages_that_a_twin_would_refuse_are_left_out(folder: Path, tmp_path: 
     assert set(read_to_learn(tmp_path / "lift").problems) == set(read.problems)
 
 
+def test_values_that_a_twin_would_refuse_are_left_out(
+    folder: Path, lift: RecordedLift, tmp_path: Path
+) -> None:
+    """Spikes of counter and load cell, whatever their messages hold else."""
+    topics = [BY_NAME["ship/heave"], BY_NAME["winch/measured"]]
+    with BagReader(folder / "lift") as whole, BagWriter(tmp_path / "lift", topics) as bag:
+        for topic in topics:
+            for number, (log_ns, data) in enumerate(whole.messages(f"/{topic.name}")):
+                sent = data
+                if topic.name == "winch/measured" and number % 1000 == 500:
+                    message = decode(topic.name, data)
+                    message.position = message.position + 30.0
+                    message.effort = np.array([1e9])
+                    sent = serialise(message)
+                bag.write(topic.name, log_ns, sent)
+    read = read_lift(tmp_path / "lift", str(folder / "small.yaml"))
+    assert np.array_equal(read.line_out_m, lift.line_out_m)
+    assert np.nanmax(read.peak_n) == np.nanmax(lift.peak_n)
+    assert read.problems == (
+        "8 values of line out, impossible for the scene's winch, left out",
+        "8 values of tension, impossible for the scene's winch, left out",
+    )
+
+
+def test_a_line_out_in_another_unit_is_refused(tmp_path: Path) -> None:
+    """In one sentence with what a twin would say of it."""
+    write_lift(tmp_path)
+    other, text = tmp_path / "other.yaml", (tmp_path / "small.yaml").read_text()
+    for old, new in (("max_line_out_m: 400.0", "max_line_out_m: 150.0"),
+                     ("length_m: 200.0\n", "length_m: 100.0\n")):  # fmt: skip
+        assert old in text
+        text = text.replace(old, new)
+    other.write_text(text)
+    with pytest.raises(BagError, match="line out 200 m; this winch has 0 to 150 m out"):
+        read_lift(tmp_path / "lift", str(other))
+
+
 def test_a_bag_that_was_cut_off_is_read_up_to_its_break(
     folder: Path, lift: RecordedLift, tmp_path: Path
 ) -> None:
