@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rope_twin.cli import CaseProgress, Command, ExitCode, print_json, print_table
 from rope_twin.errors import InputError
+from rope_twin.messages.reports import counted
 from rope_twin.quantity import kilonewtons
 from rope_twin.run.options import add_json, add_out, add_time, measure
 from rope_twin.run.progress import FigureProgress
@@ -232,6 +233,8 @@ def _run_ahead(args: argparse.Namespace) -> int:
     forecaster = RecordingForecaster(lift, settings, args.planned)
     if args.score:
         scored = forecaster.score(args.every, limit_n, CaseProgress().show)
+        if faults := forecaster.pin_faults:
+            print(f"warning: at {counted(len(faults), 'origin')} {faults[-1]}", file=sys.stderr)
         _print_score(args, lift, scored)
         return ExitCode.OK
     sample = forecaster.sample_of(args.at)

@@ -76,6 +76,7 @@ class RecordingForecaster:
         self.depth_m = seabed_depth_m(lift.scene)
         self._forecaster = TensionForecaster(lift.scene, self.settings)
         self.verification = ForecastVerification(self._forecaster.leads)
+        self.pin_faults: list[str] = []  # why the load pin was left out, for each such origin
 
     def sample_of(self, time_s: float | None) -> int:
         """Return the sample of an origin; None: the newest one of the recording.
@@ -140,7 +141,10 @@ class RecordingForecaster:
         to_contact = line_to_contact_m(self.lift.scene, float(self.lift.line_out_m[sample]))
         observed = self.lift.known_at(sample, to_contact)
         plans = self.lift.plans_at(sample, self.settings, AHEAD_S) if self.planned else None
-        return self._forecaster.forecast(observed, start, orders, self.verification.factor(), plans)
+        factor = self.verification.factor()
+        forecasts = self._forecaster.forecast(observed, start, orders, factor, plans)
+        self.pin_faults += [fault] if (fault := self._forecaster.pin_fault) else []
+        return forecasts
 
     def _scored(
         self, forecasts: list[TensionForecast], samples: list[int], limit_n: float

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -120,6 +121,16 @@ def test_score_of_a_recording(lift: RecordedLift) -> None:
     assert [one.span_s for one in found.events] == [10.0, 20.0, 30.0, 60.0]
     with pytest.raises(InputError, match="fit"):
         forecaster.score(1e4, limit, lambda *_: None)
+
+
+def test_a_score_knows_of_a_load_pin_that_was_left_out(lift: RecordedLift) -> None:
+    """Half the load, as of one of two load pins: at every origin, and at none without it."""
+    for factor, origins in ((1.0, 0), (0.5, 3)):
+        forecaster = RecordingForecaster(
+            dataclasses.replace(lift, mean_n=factor * lift.mean_n), SETTINGS
+        )
+        assert forecaster.score(90.0, 90e3, lambda *_: None).origins == 3
+        assert len(forecaster.pin_faults) == origins
 
 
 def test_command(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
