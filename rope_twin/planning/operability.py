@@ -117,7 +117,7 @@ class Operability:
     missing: float  # share of the time without a row in the hindcast
     not_covered: float  # share of the rows at periods that the limits do not cover
     heading_not_covered: float  # share of the rows at headings that they do not cover
-    alpha: tuple[float, float]  # smallest and largest used
+    alpha: tuple[float, float]  # smallest and largest used, where Hs is within the limit
     whole: Period
     months: tuple[Period, ...]
     calm: Spread  # lengths of the spells within α times the limit
@@ -134,7 +134,7 @@ def operability(
 
     Raises:
         InputError: the limits depend on a heading that is not given, the hindcast is shorter than
-            T_R, or α is not known for the period or a limit.
+            T_R, or α is not known for the period or for a limit that the weather is within.
     """
     steps = math.ceil(operation.reference_s / hindcast.step_s * (1.0 - WHOLE))
     if steps >= len(hindcast.hs_m):
@@ -149,10 +149,10 @@ def operability(
     covered = known & np.isfinite(limit)
     heading_not_covered = ~np.all([limits.covers(name, heading) for name in limits.phases], axis=0)
     factor = np.ones(len(limit))
-    if alpha is not None:
-        factor[covered] = alpha.at(limit[covered], operation.planned_s, operation.reference_s)
     with np.errstate(invalid="ignore"):
         inside = covered & (hindcast.hs_m <= limit)
+        if alpha is not None:  # above the limit no α, at most 1, makes a difference
+            factor[inside] = alpha.at(limit[inside], operation.planned_s, operation.reference_s)
         calm = covered & (hindcast.hs_m <= factor * limit)
         phase_is_calm = {
             name: known & (hindcast.hs_m <= limit_hs) for name, limit_hs in phase_limits.items()
@@ -169,7 +169,7 @@ def operability(
             _share(starts, in_period), Spread.of(wait_s), Spread.of(wait_s + operation.reference_s),
         )  # fmt: skip
 
-    alphas = factor[covered] if covered.any() else np.ones(1)
+    alphas = factor[inside] if inside.any() else np.ones(1)
     return Operability(
         operation, hindcast.step_s, len(known) * hindcast.step_s / (365.25 * 86400.0),
         1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~heading_not_covered, known),

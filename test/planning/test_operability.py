@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -295,6 +296,22 @@ def test_the_command_prints_a_table_json_and_a_picture(
     assert found["periods"][0]["wait"]["p50_s"] == 7.0 * HOUR
     assert found["alpha_source"] is None
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_sea_that_no_height_is_allowed_in_needs_no_alpha(tmp_path: Path) -> None:
+    """A plan's chart has 0 there, below the first height of every table of α."""
+    (tmp_path / "alpha.csv").write_text(ALPHA)
+    alpha = read_alpha(tmp_path / "alpha.csv")
+    path = tmp_path / "l.csv"
+    path.write_text("tp_s,limit_hs_m\n6,2\n8,0\n10,2\n")
+    weather = hindcast(np.full(40, CALM_M))
+    for period, share in ((8.0, 0.0), (6.0, 1.0)):
+        swell = replace(weather, tp_s=np.full(40, period))
+        found = operability(swell, read_limits(path), Operation(4.0 * HOUR, 0.0), alpha)
+        assert found.whole.within_forecast == share
+    low = replace(weather, hs_m=np.full(40, 0.2), tp_s=np.full(40, 7.8))
+    with pytest.raises(InputError, match=r"begins at Hs 1 m, and a limit is 0\.2 m"):
+        operability(low, read_limits(path), Operation(4.0 * HOUR, 0.0), alpha)
 
 
 def test_short_periods_are_not_rounded_to_hours(
