@@ -149,11 +149,6 @@ class CellLimit:
         return f"Tp {self.period_s:g} s, heading {self.heading_deg:g}°"
 
 
-def lowest(cells: Sequence[CellLimit]) -> CellLimit:
-    """Return the cell with the lowest limit; one without a limit only if there is no other."""
-    return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
-
-
 class Cell:
     """Search for the limiting sea state of one cell."""
 

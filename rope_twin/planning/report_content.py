@@ -17,7 +17,6 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
 from rope_twin.files import share_dir, write_whole
-from rope_twin.planning.cells import lowest
 from rope_twin.planning.judgement import plain_name, quantity_of
 from rope_twin.planning.pictures import (
     AROUND_S,
@@ -44,7 +43,7 @@ from rope_twin.planning.results import (
     table_rows,
 )
 from rope_twin.planning.simplified import lift_of, resonance_period_s
-from rope_twin.planning.tables import further_tables
+from rope_twin.planning.tables import further_tables, lowest
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rope_twin.planning.cells import lowest
 from rope_twin.planning.judgement import quantity_of
 from rope_twin.planning.plan_reader import spreading_of
 from rope_twin.planning.seas import SeaState
@@ -20,7 +19,7 @@ from rope_twin.planning.simplified import (
 from rope_twin.planning.slings import sling_shares
 
 if TYPE_CHECKING:
-    from rope_twin.planning.cells import PhaseWork
+    from rope_twin.planning.cells import CellLimit, PhaseWork
     from rope_twin.planning.run import PlanResult
 
 IN_LIMITS = ("hook_load", "uplift")  # that the table of limits has
@@ -44,6 +43,11 @@ class Table(NamedTuple):
     title: str
     rows: list[list[str]]  # the first is its head
     about: str  # in words, below it
+
+
+def lowest(cells: Sequence[CellLimit]) -> CellLimit:
+    """Return the cell with the lowest limit; one without a limit only if there is no other."""
+    return min(cells, key=lambda cell: (bool(cell.capped), cell.height_m or 0.0, cell.crossing_m))
 
 
 def further_tables(result: PlanResult) -> Iterator[Table]:
