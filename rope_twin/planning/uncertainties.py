@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -152,7 +152,7 @@ class Uncertainty:
 def with_values(
     plan: Plan, scene: Scene, uncertain: Sequence[Uncertainty], values: Sequence[float]
 ) -> tuple[Plan, Scene]:
-    """Return plan and scene with these numbers.
+    """Return plan and scene with these numbers, of which the plan then calls none uncertain.
 
     Raises:
         SceneError: a key is no path of plan or scene, or a number is out of range; one sentence.
@@ -161,4 +161,5 @@ def with_values(
              for uncertainty, value in zip(uncertain, values, strict=True)]  # fmt: skip
     changed_plan = change_part(plan, [change for inside, change in pairs if not inside], plan.path)
     changed = change_scene(scene, [change for inside, change in pairs if inside])
-    return changed_plan, changed_plan.in_current(changed)
+    certain = replace(changed_plan, uncertainties=())
+    return certain, certain.in_current(changed)

@@ -219,6 +219,16 @@ def test_plans_without_uncertain_numbers_are_refused(path: Path) -> None:
         case_of(*read_plan(path), (0, 0, 0))
 
 
+def test_a_factor_counts_once(path: Path) -> None:
+    """A sample within the range of a key is not judged by factors on the sample itself."""
+    share = "factor: true, uniform: {from: 0.9, to: 1.05}, source: a guess"
+    text = PLAN.replace("345000.0}", "345000.0, uplift_share: 0.95}", 1)
+    path.write_text(f"{text}  - {{key: criteria.uplift_share, {share}}}\n")
+    plan, scene = read_plan(path)
+    found = outputs_at(case_of(plan, scene, (0, 0, 0)), [20e3, 345e3, 1.0, 1.04])
+    assert found["limiting_hs_m"] > 0.0
+
+
 def test_samples_that_cannot_be_run_are_said(path: Path) -> None:
     """Numbers that do not go together end the study with the first reason."""
     text = PLAN.replace(
