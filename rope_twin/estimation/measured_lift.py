@@ -70,6 +70,10 @@ class Series:
         """Forget samples before a time."""
         self._table = self.table[self.table[:, 0] >= time_s]
 
+    def keep(self, which: Bools) -> None:
+        """Forget all samples but these, (samples,) in the order of time."""
+        self._table = self.table[which]
+
     @property
     def table(self) -> Floats:
         """Return times and values, (samples, 1 + columns), sorted, each time once."""

@@ -26,7 +26,9 @@ from rope_twin.recording.track import (
     LENGTH,
     Messages,
     contents,
+    impossible_words,
     names_of,
+    possible_values,
     read_undamaged,
     refusal_words,
     rope_values,
@@ -107,6 +109,18 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
     if scene is None and session is not None:
         scene = session.scene()
     suspended = [] if scene is None else [scene.ropes[r] for r in suspended_ropes(scene)]
+    impossible = Counter[str]()
+    for name, (tension, line_out) in measured.items():
+        lines = [line for line in suspended if name in (line.from_, line.name)] or suspended[:1]
+        if scene is None or not lines:
+            continue
+        for what, field, own in (
+            ("tension", "tension_n", tension), ("line out", "line_out_m", line_out)
+        ):  # fmt: skip
+            time_s, values = own.table.T
+            possible, _ = possible_values(scene, lines[0], field, time_s, values)
+            impossible[what] += len(possible) - int(possible.sum())
+            own.keep(possible)
     first, *further = [(line.from_, line.name) for line in suspended] or [("", "")]
     taken = [name for pair in further for name in pair]
     if winch in taken:
@@ -146,7 +160,8 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
             rope_lift.line_out.less(zero_s, 0.0),
         )
     lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
-    return RecordedLift(lift, session, refusal_words(refused), applied)
+    problems = (*refusal_words(refused), *impossible_words(impossible))
+    return RecordedLift(lift, session, problems, applied)
 
 
 def _session(topic: str, data: bytes) -> Session:

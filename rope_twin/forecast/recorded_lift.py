@@ -28,7 +28,6 @@ from rope_twin.forecast.orders import scene_at_line as scene_at_line
 from rope_twin.forecast.tension_forecast import ForecastSettings, Observations
 from rope_twin.messages import read_cloud
 from rope_twin.messages.cdr import deserialise
-from rope_twin.messages.reports import counted
 from rope_twin.recording.bag import find_bag
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.recording.track import (
@@ -38,7 +37,9 @@ from rope_twin.recording.track import (
     TENSION_TOP,
     Messages,
     contents,
+    impossible_words,
     names_of,
+    possible_values,
     read_undamaged,
     refusal_words,
     rope_values,
@@ -46,12 +47,11 @@ from rope_twin.recording.track import (
 )
 from rope_twin.scene.lift import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging import is_joined, winch_of
+from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import WINCH, RopeLine, Scene
 from rope_twin.topics import WINCH_MEASURED, is_topic
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs, FleetState
 from rope_twin.twin.motion.heave_track import ramp
-from rope_twin.twin.readings import WinchReadings
 
 Floats = NDArray[np.float64]
 
@@ -285,10 +285,7 @@ def read_lift(bag: str | Path, scene: str | None = None) -> RecordedLift:
 
     (heave, line, tension, others, switched), damage = read_undamaged(path, read)
     problems = (*damage, *refusal_words(refused))
-    problems += tuple(
-        f"{counted(n, 'value')} of {what}, impossible for the scene's winch, left out"
-        for what, n in impossible.items()
-    )
+    problems += impossible_words(impossible)
     all_series = heave, line, tension, *others.values()
     begin = max(series[1][0] for series in all_series)
     end = min(series[1][-1] for series in all_series)
@@ -409,14 +406,9 @@ def _possible(
         BagError: fewer than two are left.
     """
     topic, time_s, values = found
-    if topic != WINCH_MEASURED or winch_of(scene, line) is None:
+    if topic != WINCH_MEASURED:
         return found
-    readings, keep, refusal = WinchReadings(scene, line, ""), np.ones(len(values), np.bool_), ""
-    for k, (at_s, value) in enumerate(zip(time_s.tolist(), values.tolist(), strict=True)):
-        stamp_ns = round(at_s * 1e9)
-        row = ("", value, None, None) if field == "line_out_m" else ("", None, None, value)
-        fault = readings.take(stamp_ns, row, stamp_ns)[1]
-        keep[k], refusal = not fault, fault or refusal
+    keep, refusal = possible_values(scene, line, field, time_s, values)
     if keep.sum() < 2:
         raise BagError(f"{what} of {topic}", f"none of it is possible ({refusal.rstrip('.')})",
                        "check unit and scene")  # fmt: skip

@@ -28,7 +28,10 @@ from rope_twin.messages.reports import counted
 from rope_twin.quantity import or_nan
 from rope_twin.recording.bag import BagReader, DamageError, TopicContent
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
+from rope_twin.scene.rigging import winch_of
+from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.topics import WINCH_MEASURED, is_topic
+from rope_twin.twin.readings import WinchReadings
 
 Vector = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -538,6 +541,34 @@ def refusal_words(refused: Counter[str]) -> tuple[str, ...]:
         f"{counted(n, 'message')} of {topic} could not be read and {'was' if n == 1 else 'were'} "
         "left out"
         for topic, n in refused.items()
+    )
+
+
+def possible_values(
+    scene: Scene, line: RopeLine, field: str, time_s: Vector, values: Vector
+) -> tuple[NDArray[np.bool_], str]:
+    """Return which measured values a running twin would accept, (n,), and its last refusal or "".
+
+    line: rope of their winch; without one nothing is checked. field: of RopeValues.
+    """
+    keep, refusal = np.ones(len(values), np.bool_), ""
+    if winch_of(scene, line) is None:
+        return keep, refusal
+    readings = WinchReadings(scene, line, "")
+    for k, (at_s, value) in enumerate(zip(time_s.tolist(), values.tolist(), strict=True)):
+        stamp_ns = round(at_s * 1e9)
+        row = ("", value, None, None) if field == "line_out_m" else ("", None, None, value)
+        fault = readings.take(stamp_ns, row, stamp_ns)[1]
+        keep[k], refusal = not fault, fault or refusal
+    return keep, refusal
+
+
+def impossible_words(impossible: Counter[str]) -> tuple[str, ...]:
+    """Return a sentence for each quantity of which such values were left out."""
+    return tuple(
+        f"{counted(n, 'value')} of {what}, impossible for the scene's winch, left out"
+        for what, n in impossible.items()
+        if n
     )
 
 

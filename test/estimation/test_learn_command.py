@@ -22,8 +22,13 @@ from rope_twin.estimation.figures import (
     check_learnable,
     prior_of,
 )
+from rope_twin.estimation.recorded_lift import read_lift
+from rope_twin.messages.cdr import decode, serialise
+from rope_twin.recording.bag import BagReader
+from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.instruments import Learning
 from rope_twin.scene.load import load_scene
+from rope_twin.topics import BY_NAME
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +93,28 @@ def test_tension_in_kn_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "nothing is learned from" in printed.err
     assert "unit (N)" in printed.err
     assert not printed.out
+
+
+def test_values_that_a_twin_would_refuse_are_left_out(bag: Path, tmp_path: Path) -> None:
+    """Spikes of the line counter are no line that the model follows."""
+    topics = [BY_NAME["ship/heave"], BY_NAME["winch/measured"]]
+    with BagReader(bag) as whole, BagWriter(tmp_path / "spikes", topics) as spikes:
+        for topic in topics:
+            for number, (log_ns, data) in enumerate(whole.messages(f"/{topic.name}")):
+                sent = data
+                if topic.name == "winch/measured" and number % 1000 == 500:
+                    message = decode(topic.name, data)
+                    message.position = message.position + 30.0
+                    sent = serialise(message)
+                spikes.write(topic.name, log_ns, sent)
+    (tmp_path / "small.yaml").write_text(SMALL_SCENE)
+    small = load_scene(tmp_path / "small.yaml")
+    clean, read = (read_lift(one, scene=small) for one in (bag, tmp_path / "spikes"))
+    assert clean.problems == ()
+    (words,) = read.problems
+    assert "values of line out, impossible for the scene's winch, left out" in words
+    assert np.ptp(read.lift.line_out.table[:, 1]) == np.ptp(clean.lift.line_out.table[:, 1])
+    assert len(read.lift.tension.table) == len(clean.lift.tension.table)
 
 
 def test_nothing_is_learned_behind_a_fault(
