@@ -309,12 +309,12 @@ def ropes_of(scene: Scene, steps: int) -> OneRope | MultiLineRopes:
 
 
 class OpenSteps(NamedTuple):
-    """Steps of a multi-line system whose boundary conditions are set, to be done in lanes."""
+    """Steps whose boundary conditions are set, to be done in lanes."""
 
-    system: System
-    boundary: Boundary  # (ropes, steps + 1, MOTIONS)
+    member: Rope | System
+    boundary: Boundary  # (steps + 1, MOTIONS), of a system with the ropes in front
     steps: int
-    begin_s: float  # instant at which their processing began, of time.perf_counter [s]
+    begin_s: float = 0.0  # when a twin began to process them, of time.perf_counter [s]
 
 
 class RopeSystem:
@@ -402,9 +402,10 @@ class RopeSystem:
 
         pulls: (ropes, done, PULL_COLUMNS).
         """
-        joined = self.joined
+        joined, member = self.joined, opened.member
         assert joined is not None
-        joined.take(opened.system.ropes[0], opened.boundary, pulls, pulls.shape[1])
+        assert not isinstance(member, Rope)
+        joined.take(member.ropes[0], opened.boundary, pulls, pulls.shape[1])
         if pulls.shape[1]:
             self.pull = pulls[0, -1].copy()
         first: Floats = pulls[0]

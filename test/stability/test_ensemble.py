@@ -221,7 +221,7 @@ def test_an_interrupted_ensemble_is_not_stepped_on(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Ctrl-C while members take turns: no further turn begins, and no later call goes on."""
-    ensemble = Ensemble(small_scene(tmp_path), [Variation()] * 50, threads=2)
+    ensemble = Ensemble(small_scene(tmp_path), [Variation()] * 50, threads=2, max_lanes=1)
     turns = []
 
     def interrupted(*_: Any) -> int:

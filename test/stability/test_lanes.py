@@ -17,7 +17,7 @@ from lone_twins import SECOND_NS, alone, differing, sea, variations
 from numba import errors
 from small_scene import SMALL_SCENE, small_scene
 
-import rope_twin.core.lanes.group as group_module
+import rope_twin.core.lanes.batch as batch_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
 import rope_twin.twin.ensemble.ensemble as lanes_module
 from rope_twin import load_scene
@@ -208,10 +208,10 @@ def test_lanes_are_compiled_before_the_first_turn(
 ) -> None:
     """The time of the first turn is that of its steps."""
     asked: list[object] = []
-    compiled = group_module.compiled
-    monkeypatch.setattr(group_module, "_COMPILED", {})
+    compiled = batch_module.compiled
+    monkeypatch.setattr(batch_module, "_COMPILED", {})
     monkeypatch.setattr(
-        group_module, "compiled", lambda *given: asked.append(given) or compiled(*given)
+        batch_module, "compiled", lambda *given: asked.append(given) or compiled(*given)
     )
     ensemble = Ensemble(small_scene(tmp_path), [calm(number) for number in range(LANES)])
     ensemble.make_ready()

@@ -9,13 +9,13 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.batch import sample_of
 from rope_twin.core.lanes.step import MIN_TENSION
 from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet import FleetInputs
 from rope_twin.twin.ensemble.live_state import LiveState, live_state
-from rope_twin.twin.ensemble.member import sample_of
 from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.twin import Twin
 

@@ -5,7 +5,7 @@ masks for branches. A converged lane keeps its solution and the motion of its ho
 method continues in others, so that its evaluation is bit-identical.
 
 Static equilibrium is not solved in lanes: a step that begins with it is taken by the single-rope
-solver (`Group.late`).
+solver (core/lanes/batch).
 """
 
 from __future__ import annotations

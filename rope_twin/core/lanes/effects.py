@@ -17,7 +17,7 @@ block of node 0; `flow` reads positions and changes water and surface of a span 
 **Internal variables** (core/loads/memory). Effects whose kernels are wide have the memories of all
 lanes in one table; those called lane by lane have one array per lane. A step that initialises
 internal variables, or interpolates them to other nodes, is taken by the single-rope solver
-(`Group.late`).
+(`Lanes.advance`).
 """
 
 from __future__ import annotations
@@ -82,14 +82,14 @@ def layout_of(value: Any) -> Any:
     return layout.dtype.str, layout.shape
 
 
-def make_wide(layout: Any) -> Any:
-    """Return zeros in the layout with the lanes on the last axis."""
-    return make(layout, lambda kind, shape: aligned(*shape, LANES))
+def make_wide(layout: Any, lead: tuple[int, ...]) -> Any:
+    """Return zeros in the layout with the axes `lead` in front and the lanes on the last axis."""
+    return make(layout, lambda kind, shape: aligned(*lead, *shape, LANES))
 
 
-def make_lane_data(layout: Any) -> Any:
-    """Return zeros in the layout with the lanes on the first axis."""
-    return make(layout, lambda kind, shape: np.zeros((LANES, *shape), kind))
+def make_lane_data(layout: Any, lead: tuple[int, ...]) -> Any:
+    """Return zeros in the layout with the axes `lead` and the lanes in front."""
+    return make(layout, lambda kind, shape: np.zeros((*lead, LANES, *shape), kind))
 
 
 def make(layout: Any, zeros: Callable[[str, tuple[int, ...]], Any]) -> Any:

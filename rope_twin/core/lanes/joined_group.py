@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,40 +31,33 @@ from rope_twin.core.joined.stack import (
     effects_at,
     stacked_effects,
 )
+from rope_twin.core.lanes.batch import OWN_FIGURES, Lanes, Unbatched, new_each
 from rope_twin.core.lanes.effects import (
+    LaneData,
     SystemLaneData,
     aligned,
     any_by_lane,
     is_by_lane,
     layout_of,
-    make,
-    put_lane_data,
+    make_wide,
 )
 from rope_twin.core.lanes.group import (
-    OWN_FIGURES,
+    Group,
     Kind,
-    Lanes,
-    advance_batch,
     effect_of,
     effect_places,
     on_columns,
     places_of,
-    put_properties,
-    put_state,
-    take_state,
 )
-from rope_twin.core.lanes.step import Run
 from rope_twin.core.loads import hooks
-from rope_twin.core.loads.memory import count_initialised, variable_count
+from rope_twin.core.loads.memory import variable_count
 from rope_twin.core.state import (
     COUNTS,
     ELEMENTS,
     END,
     HEALTH,
-    LOWEST_OFFSET,
     NODE_ROWS,
     SECTION_ROWS,
-    TENSION,
     WORK_ROWS,
     Boundary,
     Floats,
@@ -194,8 +187,8 @@ class JoinedGroup(Lanes):
         for none.
         """
         count, first = len(kind.ropes), kind.ropes[0]
-        super().__init__(first.effects, (count,), (steps, intervals))
-        self.kind = kind.layout
+        super().__init__((count,), steps, intervals)
+        self.kind, self._types = kind.layout, kind.types
         columns = system.stack.s.shape[1]
         sections = aligned(count, SECTION_ROWS, max(rope.sections for rope in kind.ropes), LANES)
         sections[:, END] = np.inf
@@ -209,17 +202,26 @@ class JoinedGroup(Lanes):
             health=np.zeros((count, HEALTH), np.int64),
             work=aligned(count, columns, chain_rows(layout[0] for layout in first.effects), LANES),
             sections=sections,
-            effects=tuple(_stacked(on_columns(layout, columns), count) for layout in first.effects),
-            law=None if first.law is None else _stacked(first.law, count),
+            effects=tuple(
+                make_wide(on_columns(layout, columns), (count,)) for layout in first.effects
+            ),
+            law=None if first.law is None else make_wide(first.law, (count,)),
         )
         self._topology = topology_of(system, columns)
         self._joints = _new_joints(system, count)
         self._sheaves = _new_sheaves(system)
+        self._arrays = Joined(self._stack, self._joints, self._sheaves)
         self._ropes = [self._view(r) for r in range(count)]
-        by_lane = any_by_lane(layout[0] for layout in first.effects)
-        self._each: Any = self._new_each(sections.shape[2]) if by_lane else None
+        if any_by_lane(layout[0] for layout in first.effects):
+            self._each = each = new_each(SystemLaneData, self._stack, (count,), first.effects)
+            self._each_rope = [
+                LaneData(
+                    each.work[r], each.own, each.s, each.counts[r], each.health[r],
+                    each.tolerance[r], each.sections[r], _part(each.effects, r),
+                )
+                for r in range(count)
+            ]  # fmt: skip
         self._place = np.zeros((count, columns), np.int64)
-        self._held: list[System | None] = [None] * LANES  # whose properties lanes have
         self.fit(kind)
 
     def fit(self, kind: JoinedKind) -> None:
@@ -227,13 +229,12 @@ class JoinedGroup(Lanes):
         if kind == self.kind:
             return
         super().fit(kind)
+        self._elements = [rope_kind.elements for rope_kind in kind.ropes]
         counts = self._stack.counts[:, ELEMENTS]
-        counts[:] = [rope_kind.elements for rope_kind in kind.ropes]
+        counts[:] = self._elements
         write_plan(self._joints.plan, self._topology, counts)
-        self._loaded = [
-            rope_kind.elements + (up != LOOSE)
-            for rope_kind, up in zip(kind.ropes, kind.upper, strict=True)
-        ]
+        ends = zip(self._elements, kind.upper, strict=True)
+        self._loaded = [elements + (up != LOOSE) for elements, up in ends]
         for row, rope_kind in zip(self._place, kind.ropes, strict=True):
             row[: rope_kind.elements] = rope_kind.place
 
@@ -249,98 +250,44 @@ class JoinedGroup(Lanes):
         effects, law = _part(stack.effects, r), _part(stack.law, r)
         return Rope(model, state, stack.work[r], stack.sections[r], effects, law)
 
-    def load(self, members: Sequence[System], used: Collection[int] = range(LANES)) -> None:
-        """Copy in systems of the group's kind, and clear counters and samples.
+    def _own(self, member: System) -> Iterable[Rope]:
+        effects = stacked_effects(member.ropes, member.stack.s.shape[1])
+        for r, rope in enumerate(member.ropes):
+            yield rope._replace(effects=effects_at(effects, r), law=_law_at(member, r))
 
-        For a system that its lane already holds, and in unused lanes, only the state is copied.
-        """
-        self._clear()
-        for lane in range(LANES):
-            system, held = members[lane if lane < len(members) else 0], self._held[lane]
-            if held is system or (held is not None and lane not in used):
-                self.put(lane, system)
-            else:
-                self._put(lane, system)
-                self._held[lane] = system
+    def _put_properties(self, lane: int, member: System) -> None:
+        super()._put_properties(lane, member)
+        if self._sheaves is not None and member.sheaves is not None:
+            self._sheaves.figures[..., lane] = member.sheaves.figures
+            self._sheaves.base[..., lane] = member.sheaves.base
 
-    def _put(self, lane: int, system: System) -> None:
-        effects = stacked_effects(system.ropes, system.stack.s.shape[1])
-        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
-            law = _law_at(system, r)
-            lone_rope = rope._replace(effects=effects_at(effects, r), law=law)
-            put_properties(wide_rope, lane, lone_rope)
-            if self._each is not None:
-                put_lane_data(_part(self._each.effects, r), lone_rope.effects, lane)
-                self._each.sections[r, lane, :, : rope.sections.shape[1]] = rope.sections
-                self._each.tolerance[r, lane] = rope.model.tolerance
-        self._joints.ties[..., lane] = system.joints.ties
-        if self._sheaves is not None and system.sheaves is not None:
-            self._sheaves.figures[..., lane] = system.sheaves.figures
-            self._sheaves.base[..., lane] = system.sheaves.base
-        self.put(lane, system)
-
-    def put(self, lane: int, system: System) -> None:
+    def put(self, lane: int, member: System) -> None:
         """Copy a system's state, internal variables and tensions into a lane."""
-        joints, late = system.joints, 0
+        super().put(lane, member)
+        joints = member.joints
         self._joints.nodes[..., lane] = joints.nodes.T
         self._joints.ties[..., lane] = joints.ties
-        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
-            n = self.kind.ropes[r].elements
-            put_state(wide_rope, lane, n, rope)
-            wide_rope.work[:n, TENSION, lane] = rope.work[TENSION, :n]
-            for joint, node in ((joints.lower[r], 0), (joints.upper[r], n)):
+        for arrays, n, low, up in zip(
+            self._ropes, self._elements, joints.lower, joints.upper, strict=True
+        ):
+            for joint, node in ((low, 0), (up, n)):
                 if joint != LOOSE:
-                    wide_rope.state.nodes[node, :, lane] = joints.nodes[:, joint]
-            self._lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
-            for effect in rope.effects:
-                if variable_count(type(effect)):
-                    late |= int(count_initialised(effect) != self._loaded[r])
-        self._late = self._late & ~(1 << lane) | late << lane
+                    arrays.state.nodes[node, :, lane] = joints.nodes[:, joint]
 
-    def take(self, lane: int, system: System) -> None:
+    def take(self, lane: int, member: System) -> None:
         """Copy a lane's state, internal variables and tensions back to its system."""
-        system.joints.nodes[...] = self._joints.nodes[..., lane].T
-        system.joints.ties[...] = self._joints.ties[..., lane]
-        for r, (wide_rope, rope) in enumerate(zip(self._ropes, system.ropes, strict=True)):
-            n = self.kind.ropes[r].elements
-            take_state(wide_rope, lane, n, rope)
-            rope.state.counts[LOWEST_OFFSET] = self._lowest[r, lane]
-            rope.work[TENSION, :n] = wide_rope.work[:n, TENSION, lane]
-
-    def _new_each(self, sections: int) -> SystemLaneData:
-        """Return zeros for the data of each lane alone; sections: at most of a rope."""
-        stack, count = self._stack, len(self.kind.ropes)
-        ends = np.zeros((count, LANES, SECTION_ROWS, sections))
-        ends[:, :, END] = np.inf
-        columns = stack.s.shape[1]
-        return SystemLaneData(
-            work=stack.work,
-            own=np.zeros((WORK_ROWS, columns)),
-            s=np.zeros(columns),
-            counts=stack.counts,
-            health=stack.health,
-            tolerance=np.zeros((count, LANES)),
-            sections=ends,
-            effects=tuple(
-                make(layout, lambda kind, shape: np.zeros((count, LANES, *shape), kind))
-                for layout in self.kind.ropes[0].effects
-            ),
-        )
-
-    def advance(self, run: Run) -> tuple[int, list[int]]:
-        """Advance the batch; return the step reached, and the lanes that did not complete it.
-
-        It stops before the last step if there are such lanes.
-        """
-        lane_stack, known = self._stack, (self._place, self._lowest, self._tally)
-        joined = Joined(lane_stack, self._joints, self._sheaves)
-        tables = self.boundary, self.pulls, self.samples, run
-        return advance_batch(lane_stack.effects, lane_stack.law, joined, self._each, known, *tables)
+        super().take(lane, member)
+        member.joints.nodes[...] = self._joints.nodes[..., lane].T
+        member.joints.ties[...] = self._joints.ties[..., lane]
 
 
-def _stacked(layout: Any, count: int) -> Any:
-    """Return zeros in the layout, with the ropes on the first axis and the lanes on the last."""
-    return make(layout, lambda kind, shape: aligned(count, *shape, LANES))
+def new_group(kind: Any, member: Rope | System, steps: int, intervals: int = 0) -> Lanes:
+    """Return arrays for members of this kind, as this one; kind None: they are not batched."""
+    if kind is None:
+        return Unbatched(member, steps, intervals)
+    if isinstance(member, Rope):
+        return Group(kind, steps, intervals)
+    return JoinedGroup(member, kind, steps, intervals)
 
 
 def _new_joints(system: System, count: int) -> Joints:

@@ -235,7 +235,7 @@ def _sample_rope(rope: Any, samples: Any, interval: int, mask: Any) -> None:
 def advance_lanes_steps(
     arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, sample: Any, run: Any
 ) -> int:
-    """Compiled implementation of `Group.advance`.
+    """Compiled implementation of `Lanes.advance`.
 
     known: section of each element; each lane's lowest length correction, and counters.
     """

@@ -7,8 +7,7 @@ rope, belong to the thread. Each member is bit-identical to a `Twin` of its scen
 whichever members share its group and however the time is divided.
 
 Rare events (a step that is halved or needs a line search, an element that splits or merges) are
-computed for the member alone. A member with many of them leaves the group until the end of the
-batch of steps.
+computed for the member alone (core/lanes/batch).
 """
 
 from __future__ import annotations
@@ -20,29 +19,26 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import Kind
-from rope_twin.core.lanes.joined_group import JoinedKind
-from rope_twin.core.lanes.step import MIN_TENSION, SAMPLE_COLUMNS, Run
-from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, STEPS_PER_CALL, Boundary, Floats
+from rope_twin.core.lanes.joined_group import JoinedKind, new_group
+from rope_twin.core.lanes.step import MIN_TENSION, Run
+from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import coupled_settings, model_beside
-from rope_twin.twin.ensemble.joined_batch import MAX_ALONE_FRACTION, MIN_ALONE_STEPS, JoinedBatch
 from rope_twin.twin.ensemble.member import (
     WATCHED,
-    Batch,
     InitialEquilibrium,
     Member,
     MemberResults,
-    Scratch,
     SharedBoundaries,
     SteppedMember,
     TwinMember,
@@ -50,6 +46,7 @@ from rope_twin.twin.ensemble.member import (
     is_known,
 )
 from rope_twin.twin.ensemble.member import Variation as Variation
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.monitors import NO_MONITORS, Monitors
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.regrid import element_tension
@@ -105,8 +102,8 @@ class Lanes:
 class _ThreadScratch(threading.local):
     """Scratch arrays of each thread, allocated on first use."""
 
-    def __init__(self, steps: int, watched: bool) -> None:
-        self.steps, self.scratch = steps, Scratch(steps, watched)
+    def __init__(self) -> None:
+        self.arrays = Scratch()
 
 
 class Ensemble:
@@ -145,7 +142,6 @@ class Ensemble:
         self._interval_steps = (
             1 if watched else whole_steps("slack_interval_s", slack_interval_s, self.step_s)
         )
-        self._watched = watched
         self.threads = cores() if threads is None else threads
         if not 1 <= max_lanes <= LANES:
             raise InputError("ensemble", f"{max_lanes} ropes in one step", f"give 1 to {LANES}")
@@ -156,7 +152,7 @@ class Ensemble:
         self.max_lanes = max_lanes
         self.steps = 0
         self._interrupted = False
-        self._thread_scratch: _ThreadScratch | None = None
+        self._scratch = _ThreadScratch()
         scenes = [_member_scene(scene, variation, k) for k, variation in enumerate(variations)]
         by_twin = [
             is_joined(member_scene) or not is_known(member_scene, variation)
@@ -178,7 +174,7 @@ class Ensemble:
         self._members: list[AnyMember] = []
         boundaries = SharedBoundaries()
         for key, variation in zip(zip(scenes, by_twin, strict=True), variations, strict=True):
-            self._members.append(_new_member(key[0], starts[key], variation, boundaries))
+            self._members.append(_new_member(key[0], starts[key], variation, boundaries, watched))
 
     @property
     def time_ns(self) -> int:
@@ -206,14 +202,9 @@ class Ensemble:
         self._interrupted = True
         while steps > 0:
             batch = min(steps, BATCH_STEPS)
-            if self._thread_scratch is None or self._thread_scratch.steps != batch:
-                self._thread_scratch = _ThreadScratch(batch, self._watched)
-            local = self._thread_scratch
 
-            def advance_members(
-                group: list[SteppedMember], batch: int = batch, local: _ThreadScratch = local
-            ) -> None:
-                advance_group(group, batch, self._interval_steps, local.scratch)
+            def advance_members(group: list[SteppedMember], batch: int = batch) -> None:
+                advance_group(group, batch, self._interval_steps, self._scratch.arrays)
 
             self._on_threads(advance_members, self._groups())
             self.steps += batch
@@ -330,9 +321,9 @@ def _find_start(key: StartKey, monitors: Monitors) -> AnyStart:
 
 
 def _new_member(
-    scene: Scene, start: AnyStart, variation: Variation, boundaries: SharedBoundaries
+    scene: Scene, start: AnyStart, variation: Variation, boundaries: SharedBoundaries, watch: bool
 ) -> AnyMember:
-    """Return a member that begins in this static equilibrium.
+    """Return a member that begins in this static equilibrium; watch: record every step of a rope.
 
     Raises:
         InputError: a winch command is not possible.
@@ -343,7 +334,7 @@ def _new_member(
         return TwinMember(
             start, variation.heave, variation.commands, boundaries.of_system(scene, variation)
         )
-    return Member(scene, start, boundaries.of_rope(scene, variation))
+    return Member(scene, start, boundaries.of_rope(scene, variation), watch)
 
 
 def sort_into_groups(
@@ -367,9 +358,10 @@ def compile_lanes(groups: Iterable[Sequence[SteppedMember]]) -> None:
     by_types = {}
     for group in groups:
         if len(group) > 1 and (kind := group[0].kind()) is not None:
-            by_types[kind.types] = group[0]
-    for member in by_types.values():
-        member.new_group().advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
+            by_types[kind.types] = group[0], kind
+    for member, kind in by_types.values():
+        lone = member.rope if isinstance(member, Member) else member.system
+        new_group(kind, lone, 0).advance(Run(0.0, 0, 0, 0, 0, 1, 0))  # no step at all
 
 
 def advance_group(
@@ -377,168 +369,46 @@ def advance_group(
 ) -> None:
     """Advance the members of a group by a batch of steps.
 
-    Members whose number of elements changes at the same step, as of ropes with equal payout,
-    continue as a group of their own.
-    """
-    if len(members) == 1:
-        members[0].advance(steps, interval_steps, scratch)
-        return
-    twin_members = [member for member in members if isinstance(member, TwinMember)]
-    if twin_members:
-        _advance_joined(twin_members, steps, interval_steps, scratch)
-        return
-    waiting = [
-        _Progress(member, member.open_batch(steps, scratch), 0)
-        for member in members
-        if isinstance(member, Member)
-    ]
-    while waiting:
-        same_kind = [progress for progress in waiting if progress.can_join(waiting[0])]
-        waiting = [progress for progress in waiting if not progress.can_join(waiting[0])]
-        if same_kind[0].member.kind() is not None and len(same_kind) >= MIN_GROUP:
-            waiting += _LaneBatch(same_kind, interval_steps, scratch).run()
-        else:
-            for member, batch, done in same_kind:
-                member.given_up += steps - done
-                member.go_on(batch, done, interval_steps, scratch)
-
-
-def _advance_joined(
-    members: Sequence[TwinMember], steps: int, interval_steps: int, scratch: Scratch
-) -> None:
-    """Advance multi-line members to the end of a batch.
-
-    Members whose number of elements changes continue as another group until they have done as many
+    Members whose number of elements changes go on as another group, until they have done as many
     steps as the others.
     """
     end = members[0].steps + steps
     for member in members:
         member.submit(steps)
     while running := [member for member in members if not member.failure and member.steps < end]:
-        first_step = min(member.steps for member in running)
-        behind = [member for member in running if member.steps == first_step]
-        next_step = min(
-            (member.steps for member in running if member.steps > first_step), default=end
-        )
-        count = min(next_step - first_step, STEPS_PER_CALL)
-        for group in sort_into_groups(behind):
-            same_kind = [member for member in group if isinstance(member, TwinMember)]
-            kind = same_kind[0].kind()
-            if len(same_kind) > 1 and isinstance(kind, JoinedKind):
-                JoinedBatch(same_kind, kind, scratch).run(count, interval_steps)
+        first = min(member.steps for member in running)
+        behind = [member for member in running if member.steps == first]
+        later = (member.steps for member in running if member.steps > first)
+        count = min(later, default=end) - first
+        for group in sorted(sort_into_groups(behind), key=len, reverse=True):
+            if len(group) > 1:
+                count = _step_in_lanes(group, count, interval_steps, scratch)
                 continue
-            for member in same_kind:
-                member.given_up += count
-                member.go_on(count, interval_steps)
+            group[0].given_up += count if len(members) > 1 else 0
+            group[0].go_on(count, interval_steps, scratch)
 
 
-class _Progress(NamedTuple):
-    """Progress of a member in its batch of steps."""
-
-    member: Member
-    batch: Batch
-    done: int
-
-    def can_join(self, other: _Progress) -> bool:
-        """Return whether both can be stepped in one group."""
-        return self.done == other.done and self.member.kind() == other.member.kind()
-
-
-class _LaneBatch:
-    """Remaining steps of a batch, in SIMD lanes, of members of one kind with equal progress."""
-
-    def __init__(
-        self, progress: Sequence[_Progress], interval_steps: int, scratch: Scratch
-    ) -> None:
-        kind = progress[0].member.kind()
-        assert kind is not None
-        self._interval_steps, self._scratch = interval_steps, scratch
-        self._first, self._steps = progress[0].done, len(progress[0].batch.pulls)
-        self._before = progress[0].member.steps - self._first
-        self._time = self._before * round(kind.step * 1e9) * 1e-9
-        self._batches = [entry.batch for entry in progress]
-        self._group = scratch.group(kind)
-        self._group.begin(
-            [entry.member.rope for entry in progress], [entry.boundary for entry in self._batches]
-        )
-        # by lane, those still in the group
-        self._members = {lane: entry.member for lane, entry in enumerate(progress)}
-        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps done alone
-        self._tension: dict[int, Floats] = {}  # by lane, after the last step alone
-        self._left: list[_Progress] = []
-
-    def run(self) -> list[_Progress]:
-        """Do the steps; return the members that left with other elements, with their progress."""
-        done = self._first
-        while self._members and done < self._steps:
-            wanted = sum(1 << lane for lane in self._members)
-            late = self._group.late(self._before + done)
-            run = Run(
-                self._time, done, self._steps, wanted, self._before, self._interval_steps, late
-            )
-            done, undone_lanes = self._group.advance(run)
-            for lane in undone_lanes:
-                self._step_alone(lane, done)
-        for lane in list(self._members):
-            self._leave(lane, done)
-        return self._left
-
-    def _step_alone(self, lane: int, done: int) -> None:
-        """Do the last of `done` steps for the rope of one lane."""
-        member, group, batch = self._members[lane], self._group, self._batches[lane]
-        state, work = member.rope.state, self._scratch.work(member.work_shape)
-        group.take(lane, member.rope)
-        member.steps = self._before + done - 1
-        boundary = Boundary(*(table[done - 1 : done + 1] for table in batch.boundary))
-        alone = self._alone[lane]
-        samples = None if batch.samples is None else np.zeros((1, SAMPLE_COLUMNS))
-        single_step = Batch(boundary, np.zeros((1, PULL_COLUMNS)), samples)
-        member.step(single_step, 0, 1, self._interval_steps, work)
-        self._tension[lane] = element_tension(member.rope._replace(work=work)).copy()
-        if member.failure:
-            self._leave(lane, done - 1)
-            return
-        alone.append(done)
-        group.pulls[done - 1, :, lane] = single_step.pulls[0]
-        if samples is not None:
-            group.samples[done - 1, :, lane] = samples[0]
-        too_often = len(alone) > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * (done - self._first)
-        if too_often or state.counts[ELEMENTS] != group.kind.elements:
-            self._leave(lane, done, too_often)
-        else:
-            group.put(lane, member.rope)
-
-    def _leave(self, lane: int, done: int, too_often: bool = False) -> None:
-        """Take a rope out of the group after `done` steps.
-
-        too_often: it was stepped alone too often, and completes the batch in this way.
-        """
-        member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
-        batch, first = self._batches[lane], self._first
-        if not member.failure and not (alone and alone[-1] == done):
-            group.take(lane, member.rope)
-            self._tension[lane] = group.tension(lane)
-        steps, slack = group.account(lane, member.rope.state.health)
-        if batch.samples is not None:
-            batch.samples[first:done] = group.samples[first:done, :, lane]
-            rows_alone = [step - 1 - first for step in alone if step <= done]
-            slack = int(
-                (np.delete(batch.samples[first:done, MIN_TENSION], rows_alone) <= 0.0).sum()
-            )
-        member.lane_steps += steps
-        member.given_up += done - first - steps
-        steps_alone = [self._before + step for step in alone]
-        samplings = (self._before + done) // self._interval_steps
-        samplings -= (self._before + first) // self._interval_steps
-        member.count_slack(
-            samplings - sum(step % self._interval_steps == 0 for step in steps_alone), slack
-        )
-        member.steps = self._before + done
-        batch.pulls[first:done] = group.pulls[first:done, :, lane]
-        if member.failure or done == self._steps:
-            member.close(batch, done, self._tension[lane])
-        elif too_often:
-            member.given_up += self._steps - done
-            member.go_on(batch, done, self._interval_steps, self._scratch)
-        else:
-            self._left.append(_Progress(member, batch, done))
+def _step_in_lanes(
+    members: Sequence[SteppedMember], steps: int, interval_steps: int, scratch: Scratch
+) -> int:
+    """Step members of one kind in lanes, this number of steps at most; return those done."""
+    opened = [member.open_steps(steps, scratch, lane) for lane, member in enumerate(members)]
+    steps, before = min(one.steps for one in opened), members[0].steps
+    room, watch = max(one.steps for one in opened), members[0].watch
+    group = scratch.group(members[0].kind(), opened[0].member, room, room if watch else 0)
+    group.begin([one.member for one in opened], [one.boundary for one in opened])
+    time_s = before * round(members[0].scene.time.step_s * 1e9) * 1e-9
+    run = Run(time_s, 0, steps, 0, before, interval_steps, 0)
+    progress = group.step(range(len(members)), lambda lane: opened[lane].member, run)
+    for lane in progress.running:
+        group.take(lane, opened[lane].member)
+    for lane, member in enumerate(members):
+        done, alone = progress.left.get(lane, progress.done), progress.alone[lane]
+        pulls = group.pulls[..., :done, :, lane].copy()
+        samples = group.samples[..., :done, :, lane].copy()
+        slack = (samples[:, MIN_TENSION] <= 0.0).sum() if watch else group.slack(lane)
+        member.lane_steps += done - alone
+        member.given_up += alone
+        member.count_slack((before + done) // interval_steps - before // interval_steps, int(slack))
+        member.close_steps(opened[lane], pulls, samples, lane in progress.failed)
+    return progress.done

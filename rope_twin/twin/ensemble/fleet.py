@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.jit.wide import LANES
+from rope_twin.core.joined.joints import System
+from rope_twin.core.lanes.batch import Lanes
 from rope_twin.core.lanes.step import (
     LOWEST_TENSION,
     MIN_TENSION,
@@ -30,7 +31,7 @@ from rope_twin.core.lanes.step import (
     SAMPLE_COLUMNS,
     Run,
 )
-from rope_twin.core.state import Boundary, Floats, Ints
+from rope_twin.core.state import Boundary, Floats, Ints, Rope
 from rope_twin.errors import InputError, did_you_mean
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
@@ -41,19 +42,15 @@ from rope_twin.twin.ensemble.fleet_members import (
     FleetRecord,
     FleetState,
     LiveState,
-    Scratch,
 )
 from rope_twin.twin.ensemble.fleet_ropes import RopeMembers
 from rope_twin.twin.ensemble.fleet_systems import SystemMembers
 from rope_twin.twin.ensemble.live_state import live_state
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.figures import FIGURES, Factors, checked_factors, figures_of
 from rope_twin.twin.recovery import step_failure
 
 MAX_RANGE_STEPS = 1200  # a minute of 50 ms
-CALL_NODES = 16_000  # nodes times steps of a call of the lanes, 1 to 2 ms
-# Fraction and minimum number of steps done alone to leave a group: such a step costs about twice as
-# much as one of a member that steps alone throughout, and all others of it are nearly free.
-MAX_ALONE_FRACTION, MIN_ALONE_STEPS = 0.5, 10
 
 
 class Record:
@@ -82,12 +79,9 @@ class Record:
 class StepRange:
     """Range of steps of all members that have not failed.
 
-    Members of one kind share the lanes, where their states stay for the whole range; the compiled
-    code is called for a millisecond or two at a time, without the interpreter's lock. A step that a
-    lane cannot do (core/lanes/step) is done by the member alone. When elements of a member are
-    added or removed, its group stops, and all continue with members that then have as many; members
-    with the same line out change at the same step. A member that needs many steps alone steps alone
-    to the end.
+    Members of one kind share the lanes, where their states stay for the whole range. When elements
+    of a member are added or removed, its group stops (core/lanes/batch), and all continue with
+    members that then have as many; members with the same line out change at the same step.
     """
 
     def __init__(
@@ -108,7 +102,6 @@ class StepRange:
         self._interval_steps = interval_steps
         self._steps_before = time_ns // round(members.step_s * 1e9)
         self._time_s = time_ns * 1e-9
-        self._first_interval = self._first // interval_steps
 
     def groups(self) -> list[Ints]:
         """Return the members that have not failed, in groups to be stepped one after another.
@@ -130,146 +123,77 @@ class StepRange:
             end = min((steps for steps in done.values() if steps > first), default=self._steps)
             behind = np.array([k for k, steps in done.items() if steps == first], dtype=np.int64)
             for same_kind in sorted(self._members.groups_by_kind(behind), key=len, reverse=True):
-                kind = self._members.kind_of(int(same_kind[0]))
-                if kind is None:
-                    self._finish_alone(int(same_kind[0]), first, scratch)
-                    del done[int(same_kind[0])]
-                    continue
-                lanes = np.isin(members, same_kind)
-                # Lanes that are not in use get a copy.
-                lane_members = np.where(lanes, members, same_kind[0])
-                running = {k: int(members[k]) for k in np.flatnonzero(lanes).tolist()}
-                end, remaining = self._in_lanes(lane_members, running, kind, (first, end), scratch)
+                end, reached = self._in_lanes(members, same_kind, (first, end), scratch)
                 for member in same_kind.tolist():
-                    if member in remaining and end < self._steps:
-                        done[member] = end
-                    else:
-                        del done[member]
+                    done[member] = reached.get(member, self._steps)
+            done = {member: steps for member, steps in done.items() if steps < self._steps}
 
     def _in_lanes(
-        self,
-        members: Ints,
-        running: dict[int, int],
-        kind: Any,
-        span: tuple[int, int],
-        scratch: Scratch,
-    ) -> tuple[int, set[int]]:
-        """Step members in lanes, up to a step by which elements of one change.
+        self, members: Ints, same_kind: Ints, span: tuple[int, int], scratch: Scratch
+    ) -> tuple[int, dict[int, int]]:
+        """Step members of one kind, at most to a step by which elements of one change.
 
-        members: of all lanes; running: by lane, those to be stepped; span: steps done before, and
-        at most at the end. Returns the steps done, and the members that continue after them.
+        members: of all lanes, of which those of other kinds are not in use; span: steps done
+        before, and at most at the end. Returns the steps done in lanes, and those done by each
+        member that has not failed.
         """
-        fleet_members, interval_steps, (first, last) = self._members, self._interval_steps, span
-        lanes, done = list(running), first
-        group = self._load_group(members, lanes, kind, span, scratch)
-        alone = dict.fromkeys(running, 0)
-        changed: set[int] = set()
-        too_often: list[tuple[int, int]] = []
-        call_steps = max(1, CALL_NODES // (fleet_members.nodes_of(kind) * LANES))
-        while running and done < last and not changed:
-            wanted = sum(1 << lane for lane in running)
-            end = min(done + call_steps, last)
-            late = group.late(self._steps_before + done)
-            run = Run(self._time_s, done, end, wanted, self._first, interval_steps, late)
-            done, undone_lanes = group.advance(run)
-            for lane in undone_lanes:
-                member = running[lane]
-                lone = fleet_members.alone(member)
-                group.take(lane, lone)
-                if self._step_lane(group, lane, member, done - 1, scratch):
-                    alone[lane] += 1
-                    if fleet_members.has_changed(member, kind):
-                        changed.add(member)
-                    elif alone[lane] > MIN_ALONE_STEPS + MAX_ALONE_FRACTION * (done - first):
-                        too_often.append((member, done))
-                    else:
-                        group.put(lane, lone)
-                        continue
-                group.account(lane, fleet_members.health_of(member))
-                del running[lane]
+        fleet_members, (first, end) = self._members, span
+        used = np.isin(members, same_kind)
+        lanes = np.flatnonzero(used).tolist()
+        members = np.where(used, members, same_kind[0])  # lanes that are not in use get a copy
+        kind, begun = fleet_members.kind_of(int(same_kind[0])), self._first + first
+        model = fleet_members.alone(int(same_kind[0]), scratch)
+        group = scratch.group(kind, model, self._steps, self._interval(self._steps - 1) + 1)
+        fleet_members.load(group, members, lanes, scratch)
+        boundary = Boundary(*(table[..., first : end + 1, :, :] for table in group.boundary))
+        self._boundaries.fill(boundary, members, begun)
+        fleet_members.place(boundary, members)
+
+        def member_of(lane: int) -> Rope | System:
+            return fleet_members.alone(int(members[lane]), scratch)
+
+        run = Run(self._time_s, first, end, 0, self._first, self._interval_steps, 0)
+        done, running, left, failed, _ = group.step(lanes, member_of, run)
+        fleet_members.take(group, members, running, scratch)
         self._record_lanes(group, members[lanes], lanes, (first, done))
-        if running:
-            fleet_members.take(group, members, list(running))
-        for member, at in too_often:
-            self._finish_alone(member, at, scratch)
-        return done, changed.union(running.values())
+        for lane, steps in left.items():
+            if steps > done:
+                self._record_lanes(group, members[[lane]], [lane], (first, steps))
+            if lane in failed:
+                self._fail(int(members[lane]), steps)
+        going_on = {lane: left.get(lane, done) for lane in lanes if lane not in failed}
+        return done, {int(members[lane]): steps for lane, steps in going_on.items()}
 
-    def _load_group(
-        self, members: Ints, lanes: list[int], kind: Any, span: tuple[int, int], scratch: Scratch
-    ) -> Any:
-        """Return the arrays of a group, filled with its members and their motion in these steps."""
-        done, end = span
-        intervals = (
-            (self._first + self._steps - 1) // self._interval_steps - self._first_interval + 1
-        )
-        group = scratch.group(self._members, kind, self._steps, intervals)
-        self._members.load(group, members, lanes)
-        boundary = Boundary(*(table[..., done : end + 1, :, :] for table in group.boundary))
-        self._boundaries.fill(boundary, members, self._first + done)
-        self._members.place(boundary, members, kind)
-        return group
+    def _interval(self, step: int) -> int:
+        """Return the sampling interval of a step, from that of the first one on."""
+        return (self._first + step) // self._interval_steps - self._first // self._interval_steps
 
-    def _step_lane(self, group: Any, lane: int, member: int, step: int, scratch: Scratch) -> bool:
-        """Step one lane alone; return whether the step succeeded."""
-        interval = (self._first + step) // self._interval_steps - self._first_interval
-        extremes = self._step(member, step, scratch)
-        if extremes is None:
-            return False
-        group.pulls[..., step, :, lane] = scratch.pull[..., 0, :]
-        extremes[..., MIN_TENSION] = np.minimum(
-            extremes[..., MIN_TENSION], group.samples[..., interval, MIN_TENSION, lane]
-        )
-        group.samples[..., interval, :, lane] = extremes
-        return True
+    def _fail(self, member: int, step: int) -> None:
+        """Record that a member failed at a step."""
+        time_s = self._time_s + step * self._members.step_s
+        self._members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
+        index = self._first + step
+        self._record.fail(index, index // self._interval_steps, member)
 
     def _record_lanes(
-        self, group: Any, members: Ints, lanes: list[int], span: tuple[int, int]
+        self, group: Lanes, members: Ints, lanes: list[int], span: tuple[int, int]
     ) -> None:
         """Record the results of members in these lanes over these steps of the range.
 
-        Those of lanes that left are overwritten later.
+        Those of lanes that failed before are overwritten later.
         """
-        record, interval_steps = self._record, self._interval_steps
-        first, end = self._first + span[0], self._first + span[1]
-        first_interval, end_interval = first // interval_steps, (end - 1) // interval_steps + 1
-        samples = group.samples[
-            ...,
-            first_interval - self._first_interval : end_interval - self._first_interval,
-            :,
-            lanes,
-        ]
-        pulls = group.pulls[..., slice(*span), rows.PULL, lanes]
-        record.top[..., first:end, members] = pulls
-        min_tension = np.minimum(
-            record.samples[..., first_interval:end_interval, MIN_TENSION, members],
-            samples[..., MIN_TENSION, :],
+        record, (first, end) = self._record, span
+        own = slice(self._interval(first), self._interval(end - 1) + 1)
+        steps = slice(self._first + first, self._first + end)
+        before = self._first // self._interval_steps
+        intervals = slice(before + own.start, before + own.stop)
+        samples = group.samples[..., own, :, lanes]
+        record.top[..., steps, members] = group.pulls[..., first:end, rows.PULL, lanes]
+        lowest = np.minimum(
+            record.samples[..., intervals, MIN_TENSION, members], samples[..., MIN_TENSION, :]
         )
-        record.samples[..., first_interval:end_interval, :, members] = samples
-        record.samples[..., first_interval:end_interval, MIN_TENSION, members] = min_tension
-
-    def _finish_alone(self, member: int, done: int, scratch: Scratch) -> None:
-        """Step a member by itself to the end of the range."""
-        record = self._record
-        for step in range(done, self._steps):
-            extremes, index = self._step(member, step, scratch), self._first + step
-            if extremes is None:
-                return
-            interval = index // self._interval_steps
-            record.top[..., index, member] = scratch.pull[..., 0, rows.PULL]
-            extremes[..., MIN_TENSION] = np.minimum(
-                extremes[..., MIN_TENSION], record.samples[..., interval, MIN_TENSION, member]
-            )
-            record.samples[..., interval, :, member] = extremes
-
-    def _step(self, member: int, step: int, scratch: Scratch) -> Floats | None:
-        """Step one member alone; return its extremes over the step, or None if it failed."""
-        index, fleet_members = self._first + step, self._members
-        time_s = self._time_s + step * fleet_members.step_s
-        extremes = fleet_members.step(member, self._boundaries, index, time_s, scratch)
-        if extremes is None:
-            fleet_members.failures[member] = step_failure(self._steps_before + step + 1, time_s)
-            self._record.fail(index, index // self._interval_steps, member)
-        return extremes
+        record.samples[..., intervals, :, members] = samples
+        record.samples[..., intervals, MIN_TENSION, members] = lowest
 
 
 __all__ = [
@@ -319,7 +243,7 @@ class Fleet:
         self._members: RopeMembers | SystemMembers = members_class(self.scene, members)
         self._step_ns = round(self.scene.time.step_s * 1e9)
         self._time_ns = 0
-        self._scratches = [self._members.new_scratch() for _ in range(threads)]
+        self._scratches = [Scratch() for _ in range(threads)]
 
     def __len__(self) -> int:
         """Return the number of members, including failed ones."""

@@ -11,13 +11,14 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.joined.joints import System
+from rope_twin.core.lanes.batch import Lanes
 from rope_twin.core.state import Boundary, Floats, Ints, Rope, State
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.figures import FIGURES
 from rope_twin.twin.regrid import state_arrays
-
-MAX_KINDS = 8  # kinds of members for which a thread stores arrays
 
 
 @dataclass(frozen=True)
@@ -107,35 +108,6 @@ class BoundarySeries(NamedTuple):
             if count < table.shape[2]:
                 table[:, column, count:] = table[:, column, :1]
 
-    def set_step(self, boundary: Boundary, member: int, first: int) -> None:
-        """Set heave and line out of one member over step `first`; boundary: (2, MOTIONS)."""
-        (value, rate), steps = boundary, slice(first, first + 2)
-        columns = (value, rows.Z), (rate, rows.Z), (value, rows.LINE), (rate, rows.LINE)
-        for (table, column), series in zip(columns, self, strict=True):
-            table[:, column] = series[steps, member] if series.ndim > 1 else series[steps]
-
-
-class Scratch:
-    """Scratch arrays of a thread."""
-
-    def __init__(self, lead: tuple[int, ...], work: Floats | None = None) -> None:
-        """Allocate arrays; lead: axes before those of a rope."""
-        self.work = work  # of the step, for members that have none of their own
-        size = (*lead, 2, rows.MOTIONS)
-        self.boundary = Boundary(np.zeros(size), np.zeros(size))
-        self.pull: Floats = np.zeros((*lead, 1, rows.PULL_COLUMNS))
-        self._groups: dict[Any, Any] = {}
-
-    def group(self, members: Members, kind: Any, steps: int, intervals: int) -> Any:
-        """Return arrays for members of this kind in lanes."""
-        group = self._groups.get(kind.layout)
-        if group is None or group.steps < steps or group.samples.shape[-3] < intervals:
-            if len(self._groups) >= MAX_KINDS:
-                self._groups.clear()
-            group = self._groups[kind.layout] = members.new_group(kind, steps, intervals)
-        group.fit(kind)
-        return group
-
 
 class Members(ABC):
     """Members of one scene and mesh."""
@@ -203,5 +175,18 @@ class Members(ABC):
                 yield np.array(same_kind[first : first + LANES], dtype=np.int64)
 
     @abstractmethod
-    def new_group(self, kind: Any, steps: int, intervals: int) -> Any:
-        """Return arrays for members of this kind in lanes."""
+    def alone(self, member: int, scratch: Scratch) -> Rope | System:
+        """Return a member's rope or system, which shares its state with the fleet."""
+
+    @abstractmethod
+    def place(self, boundary: Boundary, members: Ints) -> None:
+        """Keep x and y of the hang-offs of lanes; boundary: (..., boundaries, MOTIONS, lanes)."""
+
+    def load(self, group: Lanes, members: Ints, lanes: list[int], scratch: Scratch) -> None:
+        """Copy members into a group, and clear its counters and samples; lanes: those in use."""
+        group.load([self.alone(k, scratch) for k in members.tolist()], lanes)
+
+    def take(self, group: Lanes, members: Ints, lanes: list[int], scratch: Scratch) -> None:
+        """Copy the states of these lanes back to their members, with solver counts."""
+        for lane in lanes:
+            group.take(lane, self.alone(int(members[lane]), scratch))

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.batch import Lanes
 from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
-from rope_twin.core.state import Boundary, Floats, Ints, Rope, State, columns_for, new_work
-from rope_twin.core.step import advance
+from rope_twin.core.state import Boundary, Floats, Ints, Rope, State
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.fleet_members import (
@@ -23,10 +23,9 @@ from rope_twin.twin.ensemble.fleet_members import (
     FleetState,
     LiveState,
     Members,
-    Scratch,
 )
 from rope_twin.twin.ensemble.live_state import on_mesh
-from rope_twin.twin.ensemble.member import sample_of
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.figures import scaled_rope, stacked_effects, stacked_sections
 from rope_twin.twin.regrid import has_state, own_copies, state_arrays
 from rope_twin.twin.statics import solve_scene_statics
@@ -140,13 +139,15 @@ class RopeMembers(Members):
 
     # Steps
 
-    def alone(self, member: int) -> Rope:
+    def alone(self, member: int, scratch: Scratch) -> Rope:
         """Return a member's rope, which shares its state and internal variables with the fleet."""
-        rope = self._alone.get(member)
+        rope, work = self._alone.get(member), scratch.work(self._rope.work.shape)
         if rope is None:
             factors = {name: float(value[member]) for name, value in self.factors.items()}
             rope = scaled_rope(self._rope, factors, self._effects_of(member))
-            rope = self._alone[member] = rope._replace(state=self._state_of(member))
+            rope = rope._replace(state=self._state_of(member))
+        if rope.work is not work:
+            rope = self._alone[member] = rope._replace(work=work)
         return rope
 
     def kind_of(self, member: int) -> Kind | None:
@@ -158,67 +159,24 @@ class RopeMembers(Members):
             return self._kind._replace(elements=elements)
         return kind_of(self._rope._replace(state=self._state_of(member)))
 
-    def new_scratch(self) -> Scratch:
-        """Return scratch arrays of a thread."""
-        columns = columns_for(self._rope.state.s.shape[0])
-        return Scratch(self.lead, new_work(columns, self._rope.work.shape[0]))
-
-    def new_group(self, kind: Kind, steps: int, intervals: int) -> Group:
-        """Return arrays for members of this kind in lanes."""
-        return Group(kind, steps, intervals)
-
-    def nodes_of(self, kind: Kind) -> int:
-        """Return the number of nodes that members of this kind step."""
-        return kind.elements
-
-    def load(self, group: Group, members: Ints, lanes: list[int]) -> None:
+    def load(self, group: Lanes, members: Ints, lanes: list[int], scratch: Scratch) -> None:
         """Copy members into a group, and clear its counters and samples; lanes: those in use."""
-        if group.kind.plain:
+        if isinstance(group, Group) and group.kind.plain:
             group.begin_stacked(self._stack, members)
         else:
-            group.load([self.alone(k) for k in members.tolist()])
+            super().load(group, members, lanes, scratch)
 
-    def place(self, boundary: Boundary, members: Ints, kind: Kind) -> None:
+    def place(self, boundary: Boundary, members: Ints) -> None:
         """Keep x and y of the hang-offs of lanes; boundary: (boundaries, MOTIONS, lanes)."""
-        nodes, count = self._states.nodes[members, : rows.Z, kind.elements].T, len(members)
+        top, count = self._states.counts[members, rows.ELEMENTS], len(members)
+        nodes = self._states.nodes[members, : rows.Z, top].T
         boundary.value[:, : rows.Z, :count] = nodes
         boundary.value[:, : rows.Z, count:] = nodes[:, :1]
 
-    def take(self, group: Group, members: Ints, lanes: list[int]) -> None:
+    def take(self, group: Lanes, members: Ints, lanes: list[int], scratch: Scratch) -> None:
         """Copy the states of these lanes back to their members, with solver counts."""
-        if group.kind.plain:
+        if isinstance(group, Group) and group.kind.plain:
             chosen = np.array(lanes, dtype=np.int64)
             group.take_stacked(self._states, members[chosen], chosen)
-            return
-        for lane in lanes:
-            rope = self.alone(int(members[lane]))
-            group.take(lane, rope)
-            group.account(lane, rope.state.health)
-
-    def health_of(self, member: int) -> Ints:
-        """Return a member's solver counts."""
-        health: Ints = self._states.health[member]
-        return health
-
-    def has_changed(self, member: int, kind: Kind) -> bool:
-        """Return whether a member has other elements than its kind."""
-        return bool(self._states.counts[member, rows.ELEMENTS] != kind.elements)
-
-    def step(
-        self, member: int, boundaries: BoundarySeries, step: int, time_s: float, scratch: Scratch
-    ) -> Floats | None:
-        """Step one member alone, from a step boundary on.
-
-        Returns its extremes over the step, (SAMPLE_COLUMNS,), or None if it failed. The force on
-        the hang-off is in `scratch.pull`.
-        """
-        work, boundary = scratch.work, scratch.boundary
-        assert work is not None
-        rope = self.alone(member)._replace(work=work)
-        state = rope.state
-        n = int(state.counts[rows.ELEMENTS])
-        boundaries.set_step(boundary, member, step)
-        boundary.value[:, : rows.Z] = state.nodes[: rows.Z, n]
-        if advance(rope, boundary, scratch.pull, time_s, 1) < 1:
-            return None
-        return sample_of(rope)
+        else:
+            super().take(group, members, lanes, scratch)

@@ -16,14 +16,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.lanes.joined_group import (
-    JoinedGroup,
-    JoinedKind,
-    joined_kind_of,
-    why_joined_alone,
-)
+from rope_twin.core.lanes.joined_group import JoinedKind, joined_kind_of, why_joined_alone
 from rope_twin.core.state import Boundary, Floats, Ints, Rope
-from rope_twin.core.step import advance_joined
 from rope_twin.errors import InputError
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
@@ -33,10 +27,10 @@ from rope_twin.twin.ensemble.fleet_members import (
     FleetState,
     LiveState,
     Members,
-    Scratch,
 )
 from rope_twin.twin.ensemble.live_state import on_mesh
-from rope_twin.twin.ensemble.member import element_changes, sample_of
+from rope_twin.twin.ensemble.member import element_changes
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.figures import scaled_law, scaled_rope
 from rope_twin.twin.multi_line import MultiLineRopes
 from rope_twin.twin.regrid import joined_as, own_copies, state_arrays
@@ -59,11 +53,6 @@ class SystemBoundarySeries(NamedTuple):
         """Set heave and line out of lanes from step boundary `first` on."""
         for r, series in self.by_rope.items():
             series.fill(Boundary(boundary.value[r], boundary.rate[r]), members, first)
-
-    def set_step(self, boundary: Boundary, member: int, first: int) -> None:
-        """Set heave and line out of one member over step `first`."""
-        for r, series in self.by_rope.items():
-            series.set_step(Boundary(boundary.value[r], boundary.rate[r]), member, first)
 
 
 def _copy_of(system: System) -> System:
@@ -206,7 +195,7 @@ class SystemMembers(Members):
 
     # Steps
 
-    def alone(self, member: int) -> System:
+    def alone(self, member: int, scratch: Scratch) -> System:
         """Return a member's system."""
         return self._systems[member]
 
@@ -221,73 +210,15 @@ class SystemMembers(Members):
             known = self._kinds[member] = changes, self._kind.with_elements_of(system)
         return known[1]
 
-    def new_scratch(self) -> Scratch:
-        """Return scratch arrays of a thread."""
-        return Scratch(self.lead)
-
-    def new_group(self, kind: JoinedKind, steps: int, intervals: int) -> JoinedGroup:
-        """Return arrays for members of this kind in lanes."""
-        return JoinedGroup(self._base, kind, steps, intervals)
-
-    def nodes_of(self, kind: JoinedKind) -> int:
-        """Return the number of nodes that members of this kind step."""
-        return sum(rope.elements for rope in kind.ropes)
-
-    def load(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
-        """Copy members into a group, and clear its counters and samples; lanes: those in use."""
-        group.load([self._systems[k] for k in members.tolist()], lanes)
-
-    def place(self, boundary: Boundary, members: Ints, kind: JoinedKind) -> None:
+    def place(self, boundary: Boundary, members: Ints) -> None:
         """Keep x and y of the hang-offs of lanes; boundary: (ropes, boundaries, MOTIONS, lanes)."""
         count = len(members)
         for r in self.from_ship:
-            n = kind.ropes[r].elements
-            nodes = np.array(
-                [self._systems[k].ropes[r].state.nodes[: rows.Z, n] for k in members.tolist()]
-            ).T
+            states = [self._systems[k].ropes[r].state for k in members.tolist()]
+            tops = [state.nodes[: rows.Z, state.counts[rows.ELEMENTS]] for state in states]
+            nodes = np.array(tops).T
             boundary.value[r, :, : rows.Z, :count] = nodes
             boundary.value[r, :, : rows.Z, count:] = nodes[:, :1]
-
-    def take(self, group: JoinedGroup, members: Ints, lanes: list[int]) -> None:
-        """Copy the states of these lanes back to their members, with solver counts."""
-        for lane in lanes:
-            member = int(members[lane])
-            group.take(lane, self._systems[member])
-            group.account(lane, self.health_of(member))
-
-    def health_of(self, member: int) -> Ints:
-        """Return a member's solver counts, those of its first rope."""
-        return self._systems[member].ropes[0].state.health
-
-    def has_changed(self, member: int, kind: JoinedKind) -> bool:
-        """Return whether a rope of a member has other elements than its kind."""
-        return any(
-            int(rope.state.counts[rows.ELEMENTS]) != rope_kind.elements
-            for rope, rope_kind in zip(self._systems[member].ropes, kind.ropes, strict=True)
-        )
-
-    def step(
-        self,
-        member: int,
-        boundaries: SystemBoundarySeries,
-        step: int,
-        time_s: float,
-        scratch: Scratch,
-    ) -> Floats | None:
-        """Step one member alone, from a step boundary on.
-
-        Returns its extremes over the step, (ropes, SAMPLE_COLUMNS), or None if it failed. The
-        forces on the upper ends are in `scratch.pull`.
-        """
-        system, boundary = self._systems[member], scratch.boundary
-        boundaries.set_step(boundary, member, step)
-        for r in self.from_ship:
-            state = system.ropes[r].state
-            top = state.nodes[: rows.Z, int(state.counts[rows.ELEMENTS])]
-            boundary.value[r, :, : rows.Z] = top
-        if advance_joined(system, boundary, scratch.pull, time_s, 1) < 1:
-            return None
-        return np.array([sample_of(rope) for rope in system.ropes])
 
 
 def _with_effects(system: System, effects: Sequence[tuple[Any, ...]]) -> System:

@@ -3,7 +3,7 @@
 A member of a multi-line scene, or with tension feedback of its winch, has a `Twin` of its own for
 boundary conditions and records: they belong to several ropes, or depend on the rope itself, so that
 no other member can share them. It gets its inputs a batch of steps at a time. Its system of ropes
-can still be stepped in SIMD lanes (twin/ensemble/joined_batch.py).
+can still be stepped in SIMD lanes.
 
 Members with equal inputs share their boundary conditions (`SharedBoundaries`).
 """
@@ -18,28 +18,19 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.jit.wide import LANES
 from rope_twin.core.joined.joints import System
-from rope_twin.core.lanes.group import Group, Kind, kind_of, why_alone
-from rope_twin.core.lanes.joined_group import (
-    JoinedGroup,
-    JoinedKind,
-    joined_kind_of,
-    why_joined_alone,
-)
-from rope_twin.core.lanes.step import (
-    LOWEST_TENSION,
-    MIN_TENSION,
-    PAYLOAD_DEPTH,
-    PAYLOAD_DESCENT,
-    SAMPLE_COLUMNS,
-)
-from rope_twin.core.loads.balance import lone_middle
+from rope_twin.core.lanes.batch import sample_of
+from rope_twin.core.lanes.group import Kind, kind_of, why_alone
+from rope_twin.core.lanes.joined_group import JoinedKind, joined_kind_of, why_joined_alone
+from rope_twin.core.lanes.step import SAMPLE_COLUMNS
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError
 from rope_twin.scene.load import Change
 from rope_twin.scene.rigging import is_joined, places, winch_of, winches_by_name
 from rope_twin.scene.schema import WINCH, RopeLine, Scene, Triple
+from rope_twin.twin.ensemble.scratch import Scratch
 from rope_twin.twin.motion.boundary_conditions import (
     PrescribedMotion,
     SharedBoundary,
@@ -128,66 +119,10 @@ def is_known(scene: Scene, variation: Variation) -> bool:
     )
 
 
-class Scratch:
-    """Scratch arrays of a thread; their content is valid within one call of the step."""
-
-    def __init__(self, steps: int, watched: bool = False) -> None:
-        """Allocate arrays for batches of at most `steps` steps; watched: with samples of each."""
-        self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        self.samples: Floats | None = np.zeros((steps, SAMPLE_COLUMNS)) if watched else None
-        self._work: dict[tuple[int, int], Floats] = {}
-        self._group: Group | None = None
-        self._joined: JoinedGroup | None = None
-
-    def work(self, shape: tuple[int, int]) -> Floats:
-        """Return the scratch array of this shape for the step."""
-        if shape not in self._work:
-            self._work[shape] = np.zeros(shape)
-        return self._work[shape]
-
-    def group(self, kind: Kind) -> Group:
-        """Return arrays for ropes of this kind in SIMD lanes; those of another kind are dropped."""
-        if self._group is None or self._group.kind != kind:
-            intervals = 0 if self.samples is None else len(self.samples)
-            self._group = Group(kind, len(self.pulls), intervals)
-        return self._group
-
-    def joined(self, kind: JoinedKind, system: System, steps: int) -> JoinedGroup:
-        """Return arrays for systems of this kind; those of another layout are dropped."""
-        group = self._joined
-        if group is None or group.kind.layout != kind.layout or group.steps < steps:
-            group = self._joined = JoinedGroup(system, kind, steps)
-        group.fit(kind)
-        return group
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Batch of steps: boundary conditions and results."""
-
-    boundary: Boundary  # (steps + 1, rows.MOTIONS) each
-    pulls: Floats  # result: force on the hang-off [N], (steps, rows.PULL_COLUMNS)
-    samples: Floats | None = None  # result: sampled values of each step, (steps, SAMPLE_COLUMNS)
-
-
 def element_changes(ropes: Iterable[Rope]) -> int:
     """Return how many elements of these ropes have split or merged since the start."""
     health = (rope.state.health for rope in ropes)
     return sum(int(counts[rows.SPLITS] + counts[rows.MERGES]) for counts in health)
-
-
-def sample_of(rope: Rope) -> Floats:
-    """Return the sampled values of a rope, (SAMPLE_COLUMNS,).
-
-    Minimum tension of all elements and tension of the lowest [N]; depth of the payload [m] and its
-    speed downward [m/s], those of its middle if it is a rigid body.
-    """
-    state, sample, tension = rope.state, np.empty(SAMPLE_COLUMNS), element_tension(rope)
-    sample[MIN_TENSION], sample[LOWEST_TENSION] = tension.min(), tension[0]
-    end = (float(state.nodes[row + 2, 0]) for row in (rows.POSITION, rows.VELOCITY))
-    height, speed = lone_middle(rope.effects, *end)
-    sample[PAYLOAD_DEPTH], sample[PAYLOAD_DESCENT] = -height, -speed
-    return sample
 
 
 @dataclass(frozen=True)
@@ -235,8 +170,11 @@ class UnstartedMember:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: InitialEquilibrium, boundaries: SharedBoundary) -> None:
-        self.scene, self.boundaries = scene, boundaries
+    def __init__(
+        self, scene: Scene, start: InitialEquilibrium, boundaries: SharedBoundary, watch: bool
+    ) -> None:
+        """Begin in static equilibrium; watch: record every step."""
+        self.scene, self.boundaries, self.watch = scene, boundaries, watch
         self.failure = ""
         self.steps = 0
         self.lane_steps = self.given_up = 0  # steps in SIMD lanes, and by itself within a group
@@ -245,7 +183,8 @@ class Member:
             state=start.rope.state.copy(), effects=own_copies(start.rope.effects)
         )
         self._viv_drag = copy.deepcopy(start.viv_drag)
-        self.work_shape = start.work_shape  # of the scratch array of its steps
+        self._work_shape = start.work_shape  # of the scratch array of its steps
+        self._submitted = 0, boundaries.boundary  # first step of the motion, and that
         self._kind, self._kind_changes = kind_of(self.rope), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in boundaries.boundary)
@@ -267,71 +206,69 @@ class Member:
         """Reason why it is not stepped in SIMD lanes; "": it could be."""
         return why_alone(self.rope)
 
-    def new_group(self) -> Group:
-        """Return arrays for members of its kind, without space for steps."""
-        kind = self.kind()
-        assert kind is not None
-        return Group(kind, 0)
+    def submit(self, steps: int) -> None:
+        """Prescribe the motion of the next steps."""
+        self._submitted = self.steps, self.boundaries.through(self.steps, steps)
 
-    def advance(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
-        """Advance, and check for slack after every `interval_steps` steps; the member may fail."""
-        boundary = self.boundaries.through(self.steps, steps)
-        samples = None if scratch.samples is None else scratch.samples[:steps]
-        self.go_on(Batch(boundary, scratch.pulls[:steps], samples), 0, interval_steps, scratch)
+    def open_steps(self, steps: int, scratch: Scratch, lane: int = 0) -> OpenSteps:
+        """Return the rope with a lane's scratch and the motion of its next steps, as offered."""
+        first, motion = self._submitted
+        span = slice(self.steps - first, self.steps - first + steps + 1)
+        work = scratch.work((LANES, *self._work_shape))[lane]
+        boundary = Boundary(*(table[span] for table in motion))
+        return OpenSteps(self.rope._replace(work=work), boundary, steps)
 
-    def open_batch(self, steps: int, scratch: Scratch) -> Batch:
-        """Return the next batch of steps, with arrays of its own for the results."""
-        pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        samples = None if scratch.samples is None else np.zeros((steps, SAMPLE_COLUMNS))
-        return Batch(self.boundaries.through(self.steps, steps), pulls, samples)
-
-    def go_on(self, batch: Batch, done: int, interval_steps: int, scratch: Scratch) -> None:
-        """Complete a batch of which `done` steps are done, and close it; the member may fail."""
-        steps = len(batch.pulls)
-        work = scratch.work(self.work_shape)
-        while done < steps and not self.failure:
-            count = min(steps - done, interval_steps - self.steps % interval_steps)
+    def go_on(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
+        """Do these steps alone, and check for slack after every `interval_steps`; it may fail."""
+        opened = self.open_steps(steps, scratch)
+        rope, done = opened.member, 0
+        pulls, samples = np.zeros((steps, rows.PULL_COLUMNS)), np.zeros((steps, SAMPLE_COLUMNS))
+        assert isinstance(rope, Rope)
+        while done < steps:
+            now = self.steps + done
+            count = min(steps - done, interval_steps - now % interval_steps)
             if self._viv_drag is not None:
-                count = min(count, self._viv_drag.steps_to_sampling(self.steps))
-            done += self.step(batch, done, count, interval_steps, work)
-        self.close(batch, done, element_tension(self.rope._replace(work=work)).copy())
+                count = min(count, self._viv_drag.steps_to_sampling(now))
+            boundary = Boundary(*(table[done : done + count + 1] for table in opened.boundary))
+            time_s, pull = now * self._step_ns * 1e-9, pulls[done : done + count]
+            stepped = advance(rope, boundary, pull, time_s, count)
+            done, now = done + stepped, now + stepped
+            if stepped < count:
+                break
+            if self._viv_drag is not None and self._viv_drag.steps_to_sampling(now) == 0:
+                present = Boundary(*(table[done:] for table in opened.boundary))
+                self._viv_drag.observe((rope,), present, now, 0)
+            if now % interval_steps == 0:
+                self.count_slack(1, is_slack((rope,)))
+            if self.watch:  # then every step is sampled
+                samples[done - 1] = sample_of(rope)
+        self.close_steps(opened, pulls[:done], samples[:done], done < steps)
 
-    def step(self, batch: Batch, done: int, count: int, interval_steps: int, work: Floats) -> int:
-        """Do `count` steps of a batch after `done`; return how many, fewer if it failed."""
-        rope = self.rope._replace(work=work)
-        boundary = Boundary(*(table[done : done + count + 1] for table in batch.boundary))
-        pulls = batch.pulls[done : done + count]
-        stepped = advance(rope, boundary, pulls, self.steps * self._step_ns * 1e-9, count)
-        self.steps += stepped
-        if stepped < count:
+    def close_steps(self, opened: OpenSteps, pulls: Floats, samples: Floats, failed: bool) -> None:
+        """Record the steps that were done.
+
+        pulls: (done, rows.PULL_COLUMNS); samples: of each step of a watched member, (done,
+        SAMPLE_COLUMNS); failed: whether the next step failed.
+        """
+        done, rope = len(pulls), opened.member
+        assert isinstance(rope, Rope)
+        self._tension = element_tension(rope).copy()
+        self._value, self._rate = (table[done] for table in opened.boundary)
+        self.steps += done
+        if failed:
             self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
-            return stepped
-        if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self.steps) == 0:
-            present = Boundary(*(table[done + count :] for table in batch.boundary))
-            self._viv_drag.observe((rope,), present, self.steps, 0)
-        if self.steps % interval_steps == 0:
-            self.count_slack(1, is_slack((rope,)))
-        if batch.samples is not None:  # then every step is sampled
-            batch.samples[done] = sample_of(rope)
-        return stepped
-
-    def close(self, batch: Batch, done: int, tension: Floats) -> None:
-        """Record the results of a batch; tension: of the elements after the last step [N]."""
-        self._tension = tension
-        self._value, self._rate = (table[done] for table in batch.boundary)
         if done:
-            self._pull = batch.pulls[done - 1].copy()
-            batch_extremes = Extremes()
-            batch_extremes.take(batch.pulls[:done, rows.PULL].tolist())
-            self._seen.join(batch_extremes)
-            self._recent.join(batch_extremes)
-            if batch.samples is not None:
-                line_out = batch.boundary.value[1 : done + 1, rows.LINE]
-                top = batch.pulls[:done, rows.PULL]
-                self.watched.append(np.column_stack([top, batch.samples[:done], line_out]))
+            self._pull, top = pulls[-1].copy(), pulls[:, rows.PULL]
+            extremes = Extremes()
+            extremes.take(top.tolist())
+            self._seen.join(extremes)
+            self._recent.join(extremes)
+            if self.watch:
+                line_out = opened.boundary.value[1 : done + 1, rows.LINE]
+                self.watched.append(np.column_stack([top, samples, line_out]))
 
     def count_slack(self, intervals: int, slack: int) -> None:
-        """Add slack checks made elsewhere, of which `slack` found the rope slack."""
+        """Add slack checks, of which `slack` found the rope slack."""
         self._intervals += intervals
         self._slack_samples += slack
 
@@ -351,7 +288,7 @@ class Member:
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present and restart the recent extremes of tension."""
         state: Any = self.rope.state
-        work = np.zeros(self.work_shape)
+        work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
         rope = self.rope._replace(work=work)
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
@@ -368,6 +305,8 @@ class Member:
 
 class TwinMember:
     """A member with a twin of its own."""
+
+    watch = False  # its steps are not recorded
 
     def __init__(
         self,
@@ -448,18 +387,6 @@ class TwinMember:
             self._kind_changes = changes
         return self._kind
 
-    def new_group(self) -> JoinedGroup:
-        """Return arrays for members of its kind, without space for steps."""
-        kind = self.kind()
-        assert kind is not None
-        return JoinedGroup(self.system, kind, 0)
-
-    def advance(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
-        """Advance, and check for slack after every `interval_steps` steps; the member may fail."""
-        self.submit(steps)
-        if not self.failure:
-            self.go_on(steps, interval_steps)
-
     def submit(self, steps: int) -> None:
         """Pass the inputs of the next steps to the twin; the member fails if one is rejected."""
         now_ns, first = self.twin.time_ns, self.steps
@@ -468,7 +395,7 @@ class TwinMember:
             motion = {r: boundary.through(first, steps) for r, boundary in self._boundaries.items()}
             self._motion.give(first, motion)
 
-    def go_on(self, steps: int, interval_steps: int) -> None:
+    def go_on(self, steps: int, interval_steps: int, scratch: Scratch) -> None:
         """Do these steps alone, and check for slack after every `interval_steps`; it may fail."""
         end = self.steps + steps
         try:
@@ -481,14 +408,17 @@ class TwinMember:
         except SolverError as error:
             self.failure = str(error)
 
-    def open_steps(self, steps: int) -> OpenSteps:
+    def open_steps(self, steps: int, scratch: Scratch, lane: int = 0) -> OpenSteps:
         """Return the next steps, this number at most, for lanes to do."""
-        return self.twin.open_steps(steps)
+        return self.twin.open_steps(min(steps, rows.STEPS_PER_CALL))
 
-    def close_steps(self, opened: OpenSteps, pulls: Floats, wanted: int) -> None:
-        """Complete the steps that were done, (ropes, done, rows.PULL_COLUMNS); it may fail."""
+    def close_steps(self, opened: OpenSteps, pulls: Floats, samples: Floats, failed: bool) -> None:
+        """Record the steps that were done, (ropes, done, rows.PULL_COLUMNS).
+
+        failed: whether the next step failed.
+        """
         try:
-            self.twin.close_steps(opened, pulls, wanted)
+            self.twin.close_steps(opened, pulls, pulls.shape[1] + failed)
         except SolverError as error:
             self.failure = str(error)
 
