@@ -18,6 +18,7 @@ from typing import Any
 
 from rope_twin.core.axial_law import law_from, law_of, pull_of
 from rope_twin.core.jit.decorators import jit, jit_ordered_within, jit_within
+from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import offset_row, row, rows
 from rope_twin.core.jit.wide import choose, count_beyond
 from rope_twin.core.state import (
@@ -50,10 +51,10 @@ from rope_twin.core.state import (
 
 
 @jit_within
-def section_above(sections: Any, s: float) -> int:
-    """Return the section of the rope just above material coordinate s."""
+def section_above(sections: Any, s: Any) -> int:
+    """Return the section of the rope just above material coordinate s, the same in all lanes."""
     k = 0
-    while sections[END, k] <= s + SAME_PLACE:
+    while anywhere(sections[END, k] <= s + SAME_PLACE):
         k += 1
     return k
 
@@ -82,7 +83,7 @@ def set_lengths(work: Floats, s: Any, sections: Any, n: int, L: float) -> None:
         work[k, 0] = 0.0
     for e in range(n):
         rest = (L if e == n - 1 else s[e + 1]) - s[e]
-        while sections[END, section] <= s[e] + SAME_PLACE:
+        while anywhere(sections[END, section] <= s[e] + SAME_PLACE):
             section += 1
         set_element(work, sections, section, e, rest)
         for k in range(MASS, LENGTH + 1):

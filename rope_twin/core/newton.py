@@ -167,7 +167,7 @@ def solve_stage(
         if (
             unexpected == 0
             and _has_active_sets(rope_at(system, ZERO).effects)
-            and _is_balanced(system)
+            and count_residuals(system) == 0
         ):
             return CONVERGED
         if correction >= SEARCH_FROM:
@@ -259,16 +259,16 @@ def _keeps_active_sets(system: Any, stage: Stage, fraction: float) -> bool:
 
 
 @jit
-def _is_balanced(system: Any) -> bool:
-    """Return whether all residuals of nodes and connections are below the tolerance, none NaN."""
-    unbalanced = count_unbalanced(system)
+def count_residuals(system: Any) -> int:
+    """Return nonzero (in lanes: bits) if a residual is above the tolerance, or NaN."""
+    count = count_unbalanced(system)
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
         Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
         limit2 = rope.model.tolerance * rope.model.tolerance
         for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-            unbalanced += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= limit2
-    return bool(unbalanced == 0)
+            count = count_beyond(count, Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i], 0.0, limit2)
+    return int(count)
 
 
 @jit
@@ -281,7 +281,7 @@ def _is_solved_by_factors(system: Any, stage: Stage) -> bool:
         return False
     _solve_with_factors(system)
     health_of(system)[0][SOLVES] += 1
-    if _count_residuals(system, stage) == 0 and _keeps_active_sets(system, stage, 1.0):
+    if _count_left(system, stage) == 0 and _keeps_active_sets(system, stage, 1.0):
         return True
     _evaluate(system, stage, SEARCH, 0.0, -1.0)
     return False
@@ -309,7 +309,7 @@ def _is_solved_by_reuse(system: Any, stage: Any) -> Any:
 
 
 @jit
-def _count_residuals(system: Any, stage: Stage) -> int:
+def _count_left(system: Any, stage: Stage) -> int:
     """Return nonzero if a node or connection has a residual after the correction.
 
     Connections are corrected; directions and tensions are those of corrected nodes.

@@ -37,6 +37,7 @@ from rope_twin.core.elements import (
 from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import column, copy
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.loads.balance import add_load, add_pull, load_nodes, set_flow, set_pull
 from rope_twin.core.state import (
     ACCELERATION,
@@ -190,7 +191,7 @@ def change_elements(rope: Rope, stage: Stage, L: float, lower: float) -> None:
     if lower > 0.0:
         if has_space and (taut or rest > FORCED_SPLIT * model.split_above):
             _split(rope, stage, lower)
-    elif n > 2 and rest < _merge_length(rope, stage.V):
+    elif n > 2 and rest < merge_length(rope, stage.V):
         _merge(rope, stage)
     if state.counts[ELEMENTS] != n:
         n = state.counts[ELEMENTS]
@@ -209,28 +210,29 @@ def split_length(rope: Rope, V: float) -> Any:
     n = rope.state.counts[ELEMENTS]
     s, rest = rope.state.s[n - 1], rope.work[REST, n - 1]
     end = rope.sections[END, section_above(rope.sections, s)]
-    if s + rest - end > 2.0 * _minimum_length(rope, V):
+    if s + rest - end > 2.0 * minimum_length(rope, V):
         return end - s
     return rope.model.element_length if rest > rope.model.split_above else 0.0
 
 
 @jit
-def _merge_length(rope: Rope, V: float) -> Any:
+def merge_length(rope: Any, V: Any) -> Any:
     """Return the unstretched length below which the top element merges.
 
     A node at a section's end is retained down to the minimum length. Next to an element shorter
     than standard the limit is reduced in proportion.
     """
-    top, minimum = rope.state.counts[ELEMENTS] - 1, _minimum_length(rope, V)
+    top, minimum = rope.state.counts[ELEMENTS] - 1, minimum_length(rope, V)
     s, below = rope.state.s[top], rope.work[REST, top - 1] / rope.model.element_length
+    merge = max(rope.model.merge_below * min(below, 1.0), minimum)
     for k in range(rope.sections.shape[1]):
-        if abs(rope.sections[END, k] - s) <= SAME_PLACE:
-            return minimum
-    return max(rope.model.merge_below * min(below, 1.0), minimum)
+        merge = choose(abs(rope.sections[END, k] - s) <= SAME_PLACE, minimum, merge)
+    return merge
 
 
 @jit
-def _minimum_length(rope: Rope, V: float) -> Any:
+def minimum_length(rope: Any, V: Any) -> Any:
+    """Return the smallest unstretched length of a top element that pays out at V [m/s]."""
     return max(SMALLEST_STEPS * abs(V) * rope.model.step, SMALLEST_REST)
 
 
@@ -411,28 +413,18 @@ def _set_material(rope: Rope, below: int, rest: float, V: float, A: float, slot:
 
 
 @jit
-def load_trials(rope: Rope, stage: Stage, A: float, lower: float) -> None:
+def load_trials(rope: Any, stage: Any, A: Any, lower: float) -> None:
     """Store the force less inertia per metre at the ghost nodes in their RESIDUAL.
 
     For the state after a step: `work` holds its elements, stage its time and payout speed V; A is
     dV/dt, `lower` the unstretched length below MIDDLE.
     """
-    s, sections = rope.state.s, rope.sections
-    n = rope.state.counts[ELEMENTS]
-    section = section_above(sections, s[n - 1])
-    section_after = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
-    load_trials_of(rope, stage, A, lower, section, section_after)
-
-
-@jit
-def load_trials_of(
-    rope: Rope, stage: Stage, A: float, lower: float, section: int, section_after: int
-) -> None:
-    """Evaluate the ghost nodes; section, section_after: sections at the hang-off and of AFTER."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
-    rest = work[REST, n - 1]
+    s, rest = state.s, work[REST, n - 1]
+    section = section_above(sections, s[n - 1])
+    section_after = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
     xi = min(lower / rest, 1.0)
     _set_material(rope, n - 1, rest, stage.V, A, high)
     below, length = n - 1, rest

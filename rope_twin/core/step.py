@@ -83,12 +83,19 @@ HALVINGS = 5  # down to h/32
 
 
 @jit
+def pay_out_to(rope: Any, boundary: Boundary, row: int, part: float) -> Any:
+    """Set hang-off and top element at the fraction `part` of a step; return the payout speed."""
+    n = rope.state.counts[ELEMENTS]
+    L, V, _ = place_hang_off(rope.work, boundary, row, part, rope.model.step, n)
+    set_top_length(rope.work, rope.state.s, rope.sections, n, L, V)
+    return V
+
+
+@jit
 def stage_at(rope: Rope, boundary: Boundary, row: int, part: float, time: float, c: float) -> Any:
     """Set the boundary condition at the fraction `part` of the step and return the stage there."""
-    n, h = rope.state.counts[ELEMENTS], rope.model.step
-    L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
-    set_top_length(rope.work, rope.state.s, rope.sections, n, L, V)
-    return Stage(time + part * h, c * c, c, V)
+    V = pay_out_to(rope, boundary, row, part)
+    return Stage(time + part * rope.model.step, c * c, c, V)
 
 
 @by_system_type(
@@ -99,7 +106,7 @@ def _stage_at(system: Any, boundary: Any, row: Any, part: Any, time: Any, c: Any
     for r in range(count_ropes(system)):
         if system.joints.upper[r] == LOOSE:
             prescribed = boundary_of(system, boundary, r)
-            system.joints.speed[r] = stage_at(rope_at(system, r), prescribed, row, part, time, c).V
+            system.joints.speed[r] = pay_out_to(rope_at(system, r), prescribed, row, part)
     return Stage(time + part * step_of(system), c * c, c, 0.0)
 
 
@@ -127,7 +134,7 @@ def _is_finite(system: Any) -> bool:
 
 
 @jit
-def _settle(system: Any, stage: Stage, kind: int, pending: float) -> Any:
+def settle(system: Any, stage: Any, kind: int, pending: Any) -> Any:
     """Update internal variables after a converged stage; return the correction still pending."""
     settle_ends(system, stage, pending)
     remaining = pending
@@ -162,7 +169,7 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
         if outcome < CONVERGED and level < HALVINGS:
             break  # the substep will be halved
         pending = 1.0 if outcome == PENDING else 0.0
-        pending = _settle(system, stage, kind, pending)
+        pending = settle(system, stage, kind, pending)
         reuse = level == 0 and health_of(system)[0][SOLVES] == solves + 1
     if worst_outcome == UNCONVERGED and level == HALVINGS and not _is_finite(system):
         worst_outcome = NOT_FINITE

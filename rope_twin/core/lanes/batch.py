@@ -136,7 +136,6 @@ class Lanes(ABC):
     """Base of a batch of up to LANES members, single ropes or systems of ropes."""
 
     kind: Any = None  # properties that the members have in common
-    plain = False  # whether ropes of the kind can be copied from stacked arrays
     _arrays: Any  # `Rope` or `Joined` of all lanes
     _ropes: Sequence[Rope]  # views of it, rope by rope
     _each: Any = None  # data of each lane for kernels of a single rope
@@ -144,7 +143,6 @@ class Lanes(ABC):
     _elements: Sequence[int]  # of each rope
     _loaded: Sequence[int]  # nodes that carry loads
     _types: tuple[type, ...]  # select the compiled code
-    _place: Ints  # section of each element
 
     def __init__(self, lead: tuple[int, ...], steps: int, intervals: int) -> None:
         """Allocate tables of motion and results.
@@ -218,6 +216,8 @@ class Lanes(ABC):
         for r, rope in enumerate(ropes_of(member)):
             for target, source in _state_arrays(self._ropes[r], lane, self._elements[r], rope):
                 target[...] = source
+            # also in unused lanes: all agree on the section of an element
+            self._ropes[r].sections[END, : rope.sections.shape[1], lane] = rope.sections[END]
             lowest[r, lane] = rope.state.counts[LOWEST_OFFSET]
             for i, effect in enumerate(rope.effects):
                 if variable_count(type(effect)):
@@ -343,7 +343,7 @@ class Lanes(ABC):
         """
         begins = run.first == 0 and run.time == 0.0 and any(map(variable_count, self._types))
         late = ALL if begins else self._late
-        known = self._place, self._lowest, self._tally
+        known = self._lowest, self._tally
         tables = self.boundary, self.pulls, self.samples, run._replace(late=late)
         arguments = self._arrays, self._each, known, *tables
         code = _COMPILED.get(self._types)

@@ -29,13 +29,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import types
 
-from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import INLINED, LINKED, jit, jit_within
 from rope_twin.core.jit.functions import by_type, lanes_only
 from rope_twin.core.jit.wide import ALIGNMENT, LANES, choose, mask_of, table, wide
 from rope_twin.core.loads.hooks import (
     RampedEffects,
-    calls_of,
     can_report_unchanged,
     generated,
     kernel_of,
@@ -411,37 +409,6 @@ def unchanged_lanes(effects: Any, work: Any, stage: Any, n: Any, fraction: Any) 
         lines.append(f"unchanged &= {lanes_stage}")
     head = "effects, work, stage, n, share"
     return generated(head, [*lines, "return unchanged"], calls, on_lanes=on_lanes)
-
-
-# Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
-predict_lanes = calls_of("predict", "rope, stage, kind, low, high", lanes=True, growth=True)
-# Prepare the law of the lowest element for a stage, before its elements are evaluated.
-prepare_lanes = calls_of("prepare", "rope, stage, kind", lanes=True)
-
-
-@jit
-def _complete(rope: Any, stage: Any, pending: Any) -> Any:
-    """Apply the pending correction to the stage's motion; return 0, the fraction still pending."""
-    n = rope.state.counts[ELEMENTS]
-    correct(rope.work, stage.p, stage.q, pending, rope.model.first_free, n)
-    return 0.0 * pending
-
-
-@lanes_only(LINKED)
-def settle_lanes(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any, upto: Any) -> Any:
-    """Update internal variables after a stage; return the pending correction.
-
-    upto: number of nodes that carry loads.
-    """
-    calls, counts = kernels("settle", effects, None), counts_carried(effects)
-    growth = RampedEffects(effects if counts else ())
-    lines = ["pending = complete(rope, stage, pending)"] if counts else []
-    lines += [
-        *growth.lines,
-        *(f"kernel_{i}({growth.of(i)}, rope, stage, kind, upto)" for i in counts),
-    ]
-    head = "effects, rope, stage, kind, pending, upto"
-    return generated(head, [*lines, "return pending"], calls, complete=_complete, **growth.names)
 
 
 @jit

@@ -155,7 +155,7 @@ class Group(Lanes):
         intervals: rows of `samples`, the result of a fleet in place of slack samples; 0 for none.
         """
         super().__init__((), steps, intervals)
-        self.kind, self.plain, self._types = kind, kind.plain, kind.types
+        self.kind, self._types = kind, kind.types
         self._elements = self._loaded = (kind.elements,)
         columns = kind.elements + 1 + TRIALS
         figures: Any = {name: aligned(LANES) for name in OWN_FIGURES}
@@ -178,9 +178,6 @@ class Group(Lanes):
         if any_by_lane(layout[0] for layout in kind.effects):
             self._each = new_each(LaneData, self._arrays, (), kind.effects)
             self._each_rope = (self._each,)
-        self._place = np.zeros(kind.elements, np.int64)
-        if kind.place:
-            self._place[:] = kind.place
 
     def _own(self, member: Rope) -> Iterable[Rope]:
         return (member,)

@@ -221,7 +221,6 @@ class JoinedGroup(Lanes):
                 )
                 for r in range(count)
             ]  # fmt: skip
-        self._place = np.zeros((count, columns), np.int64)
         self.fit(kind)
 
     def fit(self, kind: JoinedKind) -> None:
@@ -235,8 +234,6 @@ class JoinedGroup(Lanes):
         write_plan(self._joints.plan, self._topology, counts)
         ends = zip(self._elements, kind.upper, strict=True)
         self._loaded = [elements + (up != LOOSE) for elements, up in ends]
-        for row, rope_kind in zip(self._place, kind.ropes, strict=True):
-            row[: rope_kind.elements] = rope_kind.place
 
     def _view(self, r: int) -> Rope:
         """Return the arrays of rope r, and write the figures of its model that lanes share."""

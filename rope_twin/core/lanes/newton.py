@@ -28,7 +28,6 @@ from rope_twin.core.joined.stage import (
     count_left_at_connections,
     count_loaded,
     count_ropes,
-    count_unbalanced,
     gather_connections,
     look_ahead_in_rope,
     move_connections,
@@ -38,7 +37,7 @@ from rope_twin.core.joined.stage import (
     stage_of,
     tolerance_of,
 )
-from rope_twin.core.lanes.effects import on_lanes, predict_lanes, prepare_lanes, unchanged_lanes
+from rope_twin.core.lanes.effects import on_lanes, unchanged_lanes
 from rope_twin.core.loads.balance import (
     load_lowest,
     load_of,
@@ -48,7 +47,14 @@ from rope_twin.core.loads.balance import (
     set_flow,
 )
 from rope_twin.core.loads.hooks import couples, selected_by
-from rope_twin.core.newton import CHUNK, RESIDUAL_SHARE, SEARCH_FROM, count_left
+from rope_twin.core.loads.memory import predict_internal_variables, prepare_axial
+from rope_twin.core.newton import (
+    CHUNK,
+    RESIDUAL_SHARE,
+    SEARCH_FROM,
+    count_left,
+    count_residuals,
+)
 from rope_twin.core.pentadiagonal import (
     eliminate_coupled_wide,
     reduce_coupled_wide,
@@ -109,7 +115,7 @@ def solve_stage(system: Any, stage: Any, kind: int, wanted: int, reuse: int, pen
         correcting = zero
         _reload(system, stage, active, 0)
         if unsettled != 0:
-            active &= ALL - (unsettled & _balanced(system))
+            active &= (ALL - unsettled) | count_residuals(system)
             if active == 0:
                 break
     if bits(correcting > 0.0) != wanted:  # some lanes converged earlier
@@ -153,19 +159,6 @@ def _changing_active_sets(system: Any, stage: Any, lanes: int) -> int:
 
 
 @jit
-def _balanced(system: Any) -> int:
-    """Return the lanes with all residuals below the tolerance, none NaN."""
-    balanced = ALL & (ALL - count_unbalanced(system))
-    for r in range(count_ropes(system)):
-        rope = rope_at(system, r)
-        Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-        limit2 = rope.model.tolerance * rope.model.tolerance
-        for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-            balanced &= bits(Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= limit2)
-    return int(balanced)
-
-
-@jit
 def _correct(system: Any, stage: Any, fraction: Any) -> None:
     """Apply a fraction of the correction, per lane, to the ropes; update their elements."""
     place_all_ends(system)
@@ -198,7 +191,7 @@ def _evaluate_rope(system: Any, rope: Any, stage: Any, kind: int, pending: Any, 
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, first, upto = state.counts[ELEMENTS], rope.model.first_free, count_loaded(system, r)
     predict_law(sections_law(rope), rope, stage, kind, n - n, n)
-    prepare_lanes(rope.effects, rope, stage, kind)
+    prepare_axial(rope.effects, rope, stage, kind)
     for chunk in range(0, n, CHUNK):
         end = min(chunk + CHUNK, n)
         for start in range(chunk, end, SPAN):
@@ -216,7 +209,7 @@ def _evaluate_rope(system: Any, rope: Any, stage: Any, kind: int, pending: Any, 
             if upto > n:
                 end_rope(work, n)
         set_flow(rope.effects, work, stage, lowest, last)
-        predict_lanes(rope.effects, rope, stage, kind, lowest, last)
+        predict_internal_variables(rope.effects, rope, stage, kind, lowest, last)
         _load_nodes(rope.effects, work, stage, max(lowest, 1), last)
     load_lowest(rope.effects, work, stage)
     add_couplings(rope.effects, work, stage, n, upto)

@@ -14,7 +14,7 @@ from __future__ import annotations
 from math import exp
 from typing import Any, NamedTuple
 
-from rope_twin.core.elements import set_element, set_top_of
+from rope_twin.core.elements import section_above, set_lengths
 from rope_twin.core.integrator import BDF2, GAMMA, TRAPEZOID, accept, correct, step_start
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import flush, restore
@@ -31,12 +31,10 @@ from rope_twin.core.joined.stage import (
     pass_sheave,
     place_all_ends,
     rope_at,
-    settle_ends,
-    stage_of,
     step_of,
     tolerance_of,
 )
-from rope_twin.core.lanes.effects import accept_lanes, each_of, on_lanes, settle_lanes
+from rope_twin.core.lanes.effects import accept_lanes, each_of, on_lanes
 from rope_twin.core.lanes.newton import solve_stage
 from rope_twin.core.lanes.system import (
     border_of,
@@ -49,10 +47,9 @@ from rope_twin.core.lanes.system import (
 from rope_twin.core.loads.balance import add_pull, payload_middle
 from rope_twin.core.payout import (
     OFFSET_GONE,
-    SMALLEST_REST,
-    SMALLEST_STEPS,
-    load_trials_of,
-    place_hang_off,
+    load_trials,
+    merge_length,
+    minimum_length,
     prescribed,
     report_at_connection,
     report_tension,
@@ -60,19 +57,16 @@ from rope_twin.core.payout import (
 from rope_twin.core.state import (
     ELEMENTS,
     END,
-    LENGTH,
     LINE,
     LINE_COLUMN,
-    MASS,
     NODE_ROWS,
-    PER_METRE,
     POSITION,
     REST,
-    SAME_PLACE,
     TENSION,
     VELOCITY,
     LaneStage,
 )
+from rope_twin.core.step import pay_out_to, settle
 
 SOLVES_DONE, MAX_SOLVES, STEPS_DONE, SLACK_SAMPLES, TALLIES = range(5)  # rows of a lane's counters
 # Columns of `samples`, one row per interval: minimum tension of an element over it [N]; at its end
@@ -93,41 +87,17 @@ class Run(NamedTuple):
 
 
 @jit
-def _set_lengths(rope: Any, section_of: Any, L: Any) -> None:
-    """Set all elements and nodes for paid-out length L; section_of: section of each element."""
-    work, s, sections = rope.work, rope.state.s, rope.sections
-    n = rope.state.counts[ELEMENTS]
-    for k in range(MASS, LENGTH + 1):
-        work[k, 0] = 0.0
-    for e in range(n):
-        above = L if e == n - 1 else s[e + 1]
-        rest = above - s[e]
-        set_element(work, sections, section_of[e], e, rest)
-        for k in range(MASS, LENGTH + 1):
-            half = 0.5 * rest * sections[k - MASS + PER_METRE, section_of[e]]
-            work[k, e] += half
-            work[k, e + 1] = half
-
-
-@jit
-def _may_remesh(rope: Any, sections: Any, rest: Any, V: Any) -> Any:
+def _may_remesh(rope: Any, rest: Any, V: Any) -> Any:
     """Return the lanes whose top element may split or merge after a step.
 
     rest: its unstretched length after the step [m]; V: its rate [m/s].
     """
-    model, s, ends = rope.model, rope.state.s, rope.sections
-    n = rope.state.counts[ELEMENTS]
+    model, s, n = rope.model, rope.state.s, rope.state.counts[ELEMENTS]
     top = n - 1
-    minimum = max(SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST)
-    paid_out = s[top] + rest - ends[END, sections[top]]
-    splits = bits(paid_out > 2.0 * minimum) | bits(rest > model.split_above)
-    if n <= 2:
-        return splits
-    below = rope.work[REST, top - 1] / model.element_length
-    merge = max(model.merge_below * min(below, 1.0), minimum)
-    for k in range(ends.shape[1]):
-        merge = choose(abs(ends[END, k] - s[top]) <= SAME_PLACE, minimum, merge)
-    return splits | bits(rest < merge)
+    end = rope.sections[END, section_above(rope.sections, s[top])]
+    splits = bits(s[top] + rest - end > 2.0 * minimum_length(rope, V))
+    splits |= bits(rest > model.split_above)
+    return splits if n <= 2 else splits | bits(rest < merge_length(rope, V))
 
 
 @jit
@@ -169,23 +139,7 @@ def _fade_offsets(rope: Any, arrays: Any, lowest: Any, kept: int) -> None:
 
 
 @jit
-def _stage_at(rope: Any, sections: Any, boundary: Any, step: int, kind: int, context: Any) -> Any:
-    """Set the boundary condition at the stage's fraction of the step and return the stage.
-
-    context: time, active lanes, and their data.
-    """
-    time, lanes, each = context
-    n, h = rope.state.counts[ELEMENTS], rope.model.step
-    fraction = GAMMA if kind == TRAPEZOID else 1.0
-    c = 0.5 * GAMMA * h
-    L, V, _ = place_hang_off(rope.work, boundary, step, fraction, h, n)
-    top_sections = sections[n - 1], sections[n - 2]
-    set_top_of(rope.work, rope.state.s, rope.sections, n, (L, V), top_sections)
-    return LaneStage(time + fraction * h, c * c, c, V, lanes, each)
-
-
-@jit
-def _finish_rope(rope: Any, sections: Any, border: Any, pull: Any, step: int, context: Any) -> None:
+def _finish_rope(rope: Any, border: Any, pull: Any, step: int, context: Any) -> None:
     """Complete step `step`: report the tension on the hang-off.
 
     border: motion of the hang-off, and its row at the start of the step; context: time at the end
@@ -195,8 +149,7 @@ def _finish_rope(rope: Any, sections: Any, border: Any, pull: Any, step: int, co
     L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
     rope.state.s[n] = choose(mask_of(lanes), L, rope.state.s[n])  # other lanes repeat the step
-    stage = LaneStage(time, 1.0, 0.0, V, lanes, each)
-    load_trials_of(rope, stage, A, 0.0, sections[n - 1], sections[n - 2])
+    load_trials(rope, LaneStage(time, 1.0, 0.0, V, lanes, each), A, 0.0)
     report_tension(rope, pull, step)
     add_pull(rope.effects, rope.work, rope.state.nodes, n, pull, step)
 
@@ -237,7 +190,7 @@ def advance_lanes_steps(
 ) -> int:
     """Compiled implementation of `Lanes.advance`.
 
-    known: section of each element; each lane's lowest length correction, and counters.
+    known: each lane's lowest length correction, and counters.
     """
     mode = flush()
     done = _advance(arrays, each, known, boundary, pull, sample, run)
@@ -246,21 +199,22 @@ def advance_lanes_steps(
 
 
 @jit
-def _begin(system: Any, sections: Any, boundary: Any, first: int) -> None:
+def _begin(system: Any, boundary: Any, first: int) -> None:
     """Initialise the work arrays before step `first`."""
     for r in range(count_ropes(system)):
         rope = rope_at(system, r)
-        L = rope.state.s[rope.state.counts[ELEMENTS]]
+        state, work, n = rope.state, rope.work, rope.state.counts[ELEMENTS]
+        L = state.s[n]
         if is_suspended(system, r):
             L = border_of(system, boundary, r).value[first, LINE]
-        _set_lengths(rope, part_of(system, sections, r)[0], L)
+        set_lengths(work, state.s, rope.sections, n, L)
         if rope.model.first_free == 1:  # no stage moves a fixed node
             for k in range(NODE_ROWS):
-                rope.work[k, 0] = rope.state.nodes[k, 0]
+                work[k, 0] = state.nodes[k, 0]
 
 
 @jit
-def _lanes_to_remesh(system: Any, sections: Any, boundary: Any, step: int) -> int:
+def _lanes_to_remesh(system: Any, boundary: Any, step: int) -> int:
     """Return the lanes in which an element at a hang-off may split or merge, as bits."""
     lanes = 0
     for r in range(count_ropes(system)):
@@ -268,22 +222,21 @@ def _lanes_to_remesh(system: Any, sections: Any, boundary: Any, step: int) -> in
             rope = rope_at(system, r)
             border = border_of(system, boundary, r)
             L, V, _ = prescribed(border, step, LINE_COLUMN, 1.0, rope.model.step)
-            rest = L - rope.state.s[rope.state.counts[ELEMENTS] - 1]
-            lanes |= _may_remesh(rope, part_of(system, sections, r)[0], rest, V)
+            lanes |= _may_remesh(rope, L - rope.state.s[rope.state.counts[ELEMENTS] - 1], V)
     return int(lanes)
 
 
-@by_system_type(lambda system, sections: 0)
-def _lanes_to_remesh_at_sheaves(system: Any, sections: Any) -> Any:
+@by_system_type(lambda system: 0)
+def _lanes_to_remesh_at_sheaves(system: Any) -> Any:
     """Return the lanes in which an element at a sheave may split or merge after a solved step.
 
     The borders of the sheave are set as those of a hang-off of its ropes over the step.
     """
-    return _to_remesh_at_sheaves(system.sheaves, system, sections)
+    return _to_remesh_at_sheaves(system.sheaves, system)
 
 
 @jit
-def _to_remesh_at_sheaves(sheaves: Any, system: Any, sections: Any) -> int:
+def _to_remesh_at_sheaves(sheaves: Any, system: Any) -> int:
     lanes = 0
     if sheaves is None:
         return lanes
@@ -292,49 +245,23 @@ def _to_remesh_at_sheaves(sheaves: Any, system: Any, sections: Any) -> int:
             rope = rope_at(system, r)
             set_border(sheaves, system.joints.work, rope.model.step, r)
             _, V, _ = prescribed(sheaves.borders, 2 * r, LINE_COLUMN, 1.0, rope.model.step)
-            rest = rope.work[REST, rope.state.counts[ELEMENTS] - 1]
-            lanes |= _may_remesh(rope, sections[r], rest, V)
+            lanes |= _may_remesh(rope, rope.work[REST, rope.state.counts[ELEMENTS] - 1], V)
     return lanes
 
 
 @by_system_type(
-    lambda system, sections, boundary, step, kind, context: _stage_at(
-        system, sections, border_of(system, boundary, 0), step, kind, context
+    lambda system, stage, boundary, step, part: LaneStage(
+        stage.time, stage.p, stage.q,
+        pay_out_to(system, border_of(system, boundary, 0), step, part), stage.lanes, stage.each,
     )
-)
-def _begin_stage(
-    system: Any, sections: Any, boundary: Any, step: Any, kind: Any, context: Any
-) -> Any:
-    """Set the boundary conditions of all hang-offs; return the stage, without a payout speed."""
-    stage = _still_stage(system, kind, context)
+)  # fmt: skip
+def _begin_stage(system: Any, stage: Any, boundary: Any, step: Any, part: Any) -> Any:
+    """Set the boundary conditions of all hang-offs; return the stage with the payout speed."""
     for r in range(count_ropes(system)):
         if is_suspended(system, r):
             border = border_of(system, boundary, r)
-            rope = rope_at(system, r)
-            system.joints.speed[r] = _stage_at(rope, sections[r], border, step, kind, context).V
+            system.joints.speed[r] = pay_out_to(rope_at(system, r), border, step, part)
     return stage
-
-
-@jit
-def _still_stage(system: Any, kind: int, context: Any) -> Any:
-    """Return a stage of all lanes without a payout speed."""
-    time, lanes, each = context
-    h, fraction = step_of(system), GAMMA if kind == TRAPEZOID else 1.0
-    c = 0.5 * GAMMA * h
-    return LaneStage(time + fraction * h, c * c, c, 0.0 * tolerance_of(system), lanes, each)
-
-
-@jit
-def _settle(system: Any, stage: Any, kind: int, pending: Any) -> Any:
-    """Update internal variables after a stage; return the correction still pending."""
-    settle_ends(system, stage, pending)
-    remaining = pending
-    for r in range(count_ropes(system)):
-        rope, rope_stage = rope_at(system, r), stage_of(system, stage, r)
-        remaining = settle_lanes(
-            rope.effects, rope, rope_stage, kind, pending, count_loaded(system, r)
-        )
-    return remaining
 
 
 @jit
@@ -349,19 +276,17 @@ def _accept(system: Any, each: Any, accepted: int, pending: Any) -> None:
     keep_connections(system, mask_of(accepted))
 
 
-@by_system_type(lambda system, sections, result, context, r: False)
-def _finish_at_sheave(system: Any, sections: Any, result: Any, context: Any, r: Any) -> Any:
+@by_system_type(lambda system, result, context, r: False)
+def _finish_at_sheave(system: Any, result: Any, context: Any, r: Any) -> Any:
     """Complete a step of rope r if its upper end is at a sheave; return whether it is.
 
     result: table of pulls, and its row.
     """
-    return _finish_on_wheel(system.sheaves, system, sections, result, context, r)
+    return _finish_on_wheel(system.sheaves, system, result, context, r)
 
 
 @jit
-def _finish_on_wheel(
-    sheaves: Any, system: Any, sections: Any, result: Any, context: Any, r: int
-) -> bool:
+def _finish_on_wheel(sheaves: Any, system: Any, result: Any, context: Any, r: int) -> bool:
     if sheaves is None:
         return False
     if not is_at_sheave(sheaves, r):
@@ -370,32 +295,30 @@ def _finish_on_wheel(
     nodes, P = system.joints.nodes, whole(sheaves.figures[POINT, sheaves.of[r]])
     for k in range(NODE_ROWS):
         rope.state.nodes[k, rope.state.counts[ELEMENTS]] = nodes[k, P]
-    _finish_rope(rope, sections[r], (sheaves.borders, 2 * r), pull, step, context)
+    _finish_rope(rope, (sheaves.borders, 2 * r), pull, step, context)
     return True
 
 
 @jit
-def _finish(system: Any, arrays: Any, known: Any, tables: Any, step: int, context: Any) -> None:
+def _finish(system: Any, arrays: Any, lowest: Any, tables: Any, step: int, context: Any) -> None:
     """Complete step `step`: report tensions, let length corrections decay.
 
-    known: sections of the elements, and lowest length corrections; tables: motion and result;
-    context: as for `_stage_at`.
+    lowest: length corrections; tables: motion and result; context: time at the end of the step,
+    lanes, and their data.
     """
-    (sections, lowest), (boundary, pull), (time, lanes, each) = known, tables, context
+    (boundary, pull), (time, lanes, each) = tables, context
     for r in range(count_ropes(system)):
         rope, pulls = rope_at(system, r), table(part_of(system, pull, r)[0])
         rope_each = each_of(each, r)
         rope_context = time, lanes, rope_each
         if is_suspended(system, r):
-            border = border_of(system, boundary, r), step
-            _finish_rope(rope, part_of(system, sections, r)[0], border, pulls, step, rope_context)
-            _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
-        elif _finish_at_sheave(system, sections, (pulls, step), rope_context, r):
-            _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
-        else:
+            _finish_rope(rope, (border_of(system, boundary, r), step), pulls, step, rope_context)
+        elif not _finish_at_sheave(system, (pulls, step), rope_context, r):
             zero = 0.0 * rope.model.tolerance
             stage = LaneStage(time, 1.0, 0.0, zero, lanes, rope_each)
             report_at_connection(rope, pulls, step, stage)
+            continue
+        _fade_offsets(rope, offsets_of(arrays, r), part_of(system, lowest, r)[0], lanes)
 
 
 @jit
@@ -410,35 +333,35 @@ def _advance(
     arrays: Any, each: Any, known: Any, boundary: Any, pull: Any, sample: Any, run: Any
 ) -> int:
     system = system_by_reference(wide_system(arrays))
-    sections, lowest, tally = known
+    lowest, tally = known
     tallies = table(tally)
     first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, step_of(system)
-    zero = 0.0 * tolerance_of(system)
-    _begin(system, sections, boundary, first)
+    zero, c = 0.0 * tolerance_of(system), 0.5 * GAMMA * step_of(system)
+    _begin(system, boundary, first)
     for step in range(first, steps):
         start = step_start(time, step, h)
-        accepted = wanted & (ALL - _lanes_to_remesh(system, sections, boundary, step))
+        accepted = wanted & (ALL - _lanes_to_remesh(system, boundary, step))
         if step == first:
             accepted &= ALL - run.late
         for r in range(count_ropes(system)):
             gather_from_others(system, rope_at(system, r))
         solves, solves_max, pending, reuse = zero, zero, zero, 0
         for kind in (TRAPEZOID, BDF2):
-            stage = _begin_stage(system, sections, boundary, step, kind, (start, accepted, each))
+            part = GAMMA if kind == TRAPEZOID else 1.0
+            stage = LaneStage(start + part * h, c * c, c, zero, accepted, each)
+            stage = _begin_stage(system, stage, boundary, step, part)
             unconverged, tried, count, pending = solve_stage(
                 system, stage, kind, accepted, reuse, pending
             )
             reuse = bits(count <= 1.0)
             accepted &= ALL - unconverged
-            pending = _settle(system, on_lanes(stage, accepted), kind, pending)
+            pending = settle(system, on_lanes(stage, accepted), kind, pending)
             solves += tried + count
             solves_max = max(solves_max, count)
-        accepted &= ALL - _lanes_to_remesh_at_sheaves(system, sections)
+        accepted &= ALL - _lanes_to_remesh_at_sheaves(system)
         mask = mask_of(accepted)
         _accept(system, each, accepted, pending)
-        _finish(
-            system, arrays, (sections, lowest), (boundary, pull), step, (start + h, accepted, each)
-        )
+        _finish(system, arrays, lowest, (boundary, pull), step, (start + h, accepted, each))
         tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
         tallies[MAX_SOLVES] = max(tallies[MAX_SOLVES], choose(mask, solves_max, 0.0))
         tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)

@@ -60,6 +60,7 @@ from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_exact, jit_within
+from rope_twin.core.jit.rows import field_type
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 
@@ -356,27 +357,25 @@ class RampedEffects:
         factor, names = _RAMPED_FIELDS[kind]
         self.names[kind.__name__] = kind
         texts = []
-        for name, field_type in zip(effect.fields, effect.types, strict=True):
+        for name, part in zip(effect.fields, effect.types, strict=True):
             field_path = f"{path}.{name}"
             if name not in names:
                 texts.append(field_path)
-            elif isinstance(field_type, types.BaseNamedTuple):
-                texts.append(self._text(field_type, field_path))
-            elif isinstance(field_type, types.UniTuple):
-                times = ", ".join(
-                    f"share_{factor} * {field_path}[{k}]" for k in range(field_type.count)
-                )
+            elif isinstance(part, types.BaseNamedTuple):
+                texts.append(self._text(part, field_path))
+            elif isinstance(part, types.UniTuple):
+                times = ", ".join(f"share_{factor} * {field_path}[{k}]" for k in range(part.count))
                 texts.append(f"({times},)")
             else:
                 texts.append(f"share_{factor} * {field_path}")
         return f"{kind.__name__}({', '.join(texts)})"
 
 
-def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False) -> Any:
+def calls_of(hook: str, names: str, *, growth: bool = False) -> Any:
     """Return the function that calls the kernels of a hook of all effects, one after another.
 
-    names: of the arguments behind the effect; lanes: SIMD variants, which are also chosen where a
-    `work` among the arguments is SIMD; growth: the effects are those at the stage's time.
+    names: of the arguments behind the effect; SIMD variants are chosen where a `work`, or that of a
+    `rope`, among them is SIMD; growth: the effects are those at the stage's time.
     """
     places = {name: k for k, name in enumerate(names.split(", "))}
 
@@ -387,8 +386,10 @@ def calls_of(hook: str, names: str, *, lanes: bool = False, growth: bool = False
 
     @overload(call_all, jit_options=LINKED, strict=False)
     def compose(effects: Any, *rest: Any) -> Any:
-        if lanes or "work" in places:
-            calls = kernels(hook, effects, None if lanes else rest[places["work"]])
+        if "work" in places:
+            calls = kernels(hook, effects, rest[places["work"]])
+        elif "rope" in places:
+            calls = kernels(hook, effects, field_type(rest[places["rope"]], "work"))
         else:
             calls = kernels_by_index(hook, effects)
         text = RampedEffects(effects if growth and calls else ())

@@ -37,11 +37,14 @@ from numba.extending import overload
 
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.functions import anywhere
+from rope_twin.core.jit.rows import field_type
 from rope_twin.core.loads.hooks import (
     RampedEffects,
     calls_of,
     generated,
     kernel_of,
+    kernels,
     kernels_by_index,
     ramped,
     selected_by,
@@ -165,20 +168,13 @@ def counts_carried(effects: Any) -> dict[int, int]:
     return {i: _VARIABLE_COUNTS[kind] for i, kind in enumerate(kinds) if kind in _VARIABLE_COUNTS}
 
 
-def _for_each(
-    head: str, effects: Any, line: str, hook: str = "", result: str = "None", **names: Any
-) -> Any:
+def _for_each(head: str, effects: Any, line: str, hook: str = "", **names: Any) -> Any:
     """Return the function that runs `line` for each effect with internal variables."""
     counts = counts_carried(effects)
     calls = {i: call for i, call in kernels_by_index(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
-    if "stage" in head and counts:
-        growth, line = RampedEffects(effects), line.replace("effects[#]", "{own}")
-        calls_text = [line.replace("{own}", growth.of(i)).replace("#", str(i)) for i in counts]
-        lines, names = [*growth.lines, *calls_text], names | growth.names
-    else:
-        lines = [line.replace("#", str(i)) for i in counts]
-    return generated(head, [*lines, f"return {result}"], calls, **names)
+    lines = [line.replace("#", str(i)) for i in counts]
+    return generated(head, [*lines, "return None"], calls, **names)
 
 
 def begin_step(effects: Any, rope: Rope, time: Any, upto: Any) -> Any:
@@ -213,12 +209,12 @@ prepare_axial = calls_of("prepare", "rope, stage, kind")
 
 
 @jit
-def _complete(rope: Rope, stage: Stage, pending: float) -> float:
+def _complete(rope: Any, stage: Any, pending: Any) -> Any:
     """Apply the pending correction to the stage's motion; return 0, the fraction still pending."""
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    if pending != 0.0:
+    if anywhere(pending > 0.0):
         correct(rope.work, stage.p, stage.q, pending, first, n)
-    return 0.0
+    return 0.0 * pending
 
 
 def update_internal_variables(
@@ -238,12 +234,12 @@ def update_internal_variables(
 def _compose_settle(
     effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
 ) -> Any:
-    line = (
-        "pending = complete(rope, stage, pending)\n"
-        "    kernel_#(effects[#], rope, stage, kind, upto)"
-    )
+    counts = counts_carried(effects)
+    calls, growth = kernels("settle", effects, field_type(rope, "work")), RampedEffects(effects)
+    lines = ["pending = complete(rope, stage, pending)", *growth.lines] if counts else []
+    lines += [f"kernel_{i}({growth.of(i)}, rope, stage, kind, upto)" for i in counts]
     head = "effects, rope, stage, kind, pending, upto"
-    return _for_each(head, effects, line, "settle", "pending", complete=_complete)
+    return generated(head, [*lines, "return pending"], calls, complete=_complete, **growth.names)
 
 
 def _copies(source: int, target: int) -> Any:
