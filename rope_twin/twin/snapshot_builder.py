@@ -48,12 +48,6 @@ class Extremes:
             self._sum = reduce(add, values, self._sum)  # independent of the division into batches
             self._count += len(values)
 
-    def join(self, other: Extremes) -> None:
-        """Add the values of another series."""
-        self.high, self.low = max(self.high, other.high), min(self.low, other.low)
-        self._sum += other._sum
-        self._count += other._count
-
     @property
     def mean(self) -> float:
         """Mean of all values; NaN if there are none."""

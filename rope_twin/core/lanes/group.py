@@ -103,24 +103,28 @@ def effect_of(kind: type) -> str:
 
 def kind_of(rope: Rope) -> Kind | None:
     """Return the properties shared by ropes of a batch; None if the rope cannot be batched."""
-    if why_alone(rope):
-        return None
-    elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
+    return None if why_alone(rope) else new_kind(rope, rope.effects, rope.law)
+
+
+def new_kind(rope: Rope, effects: tuple[Any, ...], law: Any) -> Kind:
+    """Return the kind of a rope; effects, law: of the layouts that its batch has."""
     return Kind(
-        elements=elements,
-        place=places_of(rope) if sections > 1 else (),
-        sections=sections,
+        elements=int(rope.state.counts[ELEMENTS]),
+        place=places_of(rope),
+        sections=rope.sections.shape[1],
         first_free=rope.model.first_free,
         step=rope.model.step,
         absorb=rope.model.absorb,
-        effects=tuple(layout_of(effect) for effect in rope.effects),
-        law=None if rope.law is None else layout_of(rope.law),
+        effects=tuple(layout_of(effect) for effect in effects),
+        law=None if law is None else layout_of(law),
         places=effect_places(rope),
     )
 
 
 def places_of(rope: Rope) -> tuple[int, ...]:
-    """Return the section of each element."""
+    """Return the section of each element; () if there is only one."""
+    if rope.sections.shape[1] == 1:
+        return ()
     lower_ends = rope.state.s[: rope.state.counts[ELEMENTS]] + SAME_PLACE
     return tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
 
@@ -170,6 +174,7 @@ class Group(Lanes):
         state.counts[ELEMENTS] = kind.elements
         effects = tuple(make_wide(on_columns(layout, columns), ()) for layout in kind.effects)
         sections = aligned(SECTION_ROWS, kind.sections, LANES)
+        sections[END] = np.inf
         coupled = hooks.couples(layout[0] for layout in kind.effects)
         work = aligned(columns, COUPLED_ROWS if coupled else WORK_ROWS, LANES)
         law = None if kind.law is None else make_wide(kind.law, ())

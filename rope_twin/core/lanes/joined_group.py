@@ -38,14 +38,13 @@ from rope_twin.core.lanes.effects import (
     aligned,
     any_by_lane,
     is_by_lane,
-    layout_of,
     make_wide,
 )
 from rope_twin.core.lanes.group import (
     Group,
     Kind,
     effect_of,
-    effect_places,
+    new_kind,
     on_columns,
     places_of,
 )
@@ -92,7 +91,7 @@ class JoinedKind(NamedTuple):
         """Return the kind of a system of this layout, with the elements that it has now."""
         pairs = zip(self.ropes, system.ropes, strict=True)
         ropes = (
-            rope_kind._replace(elements=_count(rope), place=places_of(rope))
+            rope_kind._replace(elements=int(rope.state.counts[ELEMENTS]), place=places_of(rope))
             for rope_kind, rope in pairs
         )
         return self._replace(ropes=tuple(ropes))
@@ -108,11 +107,6 @@ def why_joined_alone(system: System) -> str:
     kinds = [type(effect) for effect in system.ropes[0].effects]
     excluded = [kind for kind in kinds if not _steps_in_lanes(kind)]
     return ", ".join(_name_of(kind) for kind in excluded)
-
-
-def _count(rope: Rope) -> int:
-    """Return the number of elements in use."""
-    return int(rope.state.counts[ELEMENTS])
 
 
 def _name_of(kind: type) -> str:
@@ -134,22 +128,8 @@ def joined_kind_of(system: System) -> JoinedKind | None:
     if why_joined_alone(system):
         return None
     first, joints = system.ropes[0], system.joints
-    effects = tuple(layout_of(effect) for effect in first.effects)
-    law = None if system.stack.law is None else layout_of(_law_at(system, 0))
-    kinds = tuple(
-        Kind(
-            elements=_count(rope),
-            place=places_of(rope),
-            sections=rope.sections.shape[1],
-            first_free=rope.model.first_free,
-            step=rope.model.step,
-            absorb=rope.model.absorb,
-            effects=effects,
-            law=law,
-            places=effect_places(rope),
-        )
-        for rope in system.ropes
-    )
+    law = _law_at(system, 0)
+    kinds = tuple(new_kind(rope, first.effects, law) for rope in system.ropes)
     links = zip(joints.ties[FIRST].tolist(), joints.ties[SECOND].tolist(), strict=True)
     ends = tuple(joints.lower.tolist()), tuple(joints.upper.tolist())
     return JoinedKind(kinds, *ends, tuple(links), _reeving_of(system), system.stack.s.shape[1])

@@ -60,7 +60,6 @@ from numba import types
 from numba.extending import overload
 
 from rope_twin.core.jit.decorators import LINKED, jit, jit_entry, jit_exact, jit_within
-from rope_twin.core.jit.rows import field_type
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 
@@ -201,6 +200,12 @@ def kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     registered = (_KERNELS if isinstance(work, types.Array) else _SIMD_KERNELS)[hook]
     by_index = {i: registered.get(effect.instance_class) for i, effect in enumerate(effects)}
     return {i: call for i, call in by_index.items() if call is not None}
+
+
+def kernels_at(hook: str, effects: Any, stage: Any) -> dict[int, Any]:
+    """Return the kernels of a hook by the effect's index; SIMD variants for a stage of lanes."""
+    in_lanes = "lanes" in stage.fields
+    return kernels(hook, effects, None) if in_lanes else kernels_by_index(hook, effects)
 
 
 def axial_index(kinds: Iterable[type]) -> int | None:
@@ -374,8 +379,8 @@ class RampedEffects:
 def calls_of(hook: str, names: str, *, growth: bool = False) -> Any:
     """Return the function that calls the kernels of a hook of all effects, one after another.
 
-    names: of the arguments behind the effect; SIMD variants are chosen where a `work`, or that of a
-    `rope`, among them is SIMD; growth: the effects are those at the stage's time.
+    names: of the arguments behind the effect; SIMD variants are chosen where a `work` among them is
+    SIMD, or with a `rope` for a stage of lanes; growth: the effects are those at the stage's time.
     """
     places = {name: k for k, name in enumerate(names.split(", "))}
 
@@ -389,7 +394,7 @@ def calls_of(hook: str, names: str, *, growth: bool = False) -> Any:
         if "work" in places:
             calls = kernels(hook, effects, rest[places["work"]])
         elif "rope" in places:
-            calls = kernels(hook, effects, field_type(rest[places["rope"]], "work"))
+            calls = kernels_at(hook, effects, rest[places["stage"]])
         else:
             calls = kernels_by_index(hook, effects)
         text = RampedEffects(effects if growth and calls else ())

@@ -38,13 +38,12 @@ from numba.extending import overload
 from rope_twin.core.integrator import correct
 from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.jit.functions import anywhere
-from rope_twin.core.jit.rows import field_type
 from rope_twin.core.loads.hooks import (
     RampedEffects,
     calls_of,
     generated,
     kernel_of,
-    kernels,
+    kernels_at,
     kernels_by_index,
     ramped,
     selected_by,
@@ -235,7 +234,7 @@ def _compose_settle(
     effects: Any, rope: Rope, stage: Stage, kind: Any, pending: Any, upto: Any
 ) -> Any:
     counts = counts_carried(effects)
-    calls, growth = kernels("settle", effects, field_type(rope, "work")), RampedEffects(effects)
+    calls, growth = kernels_at("settle", effects, stage), RampedEffects(effects)
     lines = ["pending = complete(rope, stage, pending)", *growth.lines] if counts else []
     lines += [f"kernel_{i}({growth.of(i)}, rope, stage, kind, upto)" for i in counts]
     head = "effects, rope, stage, kind, pending, upto"

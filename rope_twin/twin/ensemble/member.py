@@ -259,10 +259,8 @@ class Member:
             self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
         if done:
             self._pull, top = pulls[-1].copy(), pulls[:, rows.PULL]
-            extremes = Extremes()
-            extremes.take(top.tolist())
-            self._seen.join(extremes)
-            self._recent.join(extremes)
+            for extremes in (self._seen, self._recent):
+                extremes.take(top.tolist())
             if self.watch:
                 line_out = opened.boundary.value[1 : done + 1, rows.LINE]
                 self.watched.append(np.column_stack([top, samples, line_out]))
