@@ -14,7 +14,7 @@ from math import inf, nan
 from typing import Any
 
 from rope_twin.core.body import state as at
-from rope_twin.core.body.solution import HALVINGS, MAX_ITERATIONS, balance, correct, hook_residual
+from rope_twin.core.body.solution import hook_residual, is_solved, solve
 from rope_twin.core.body.state import select, store, vector
 from rope_twin.core.body.step import (
     KINDS,
@@ -51,68 +51,6 @@ def _record_of(body: Any) -> Any:
 
 
 @jit_exact
-def _halve(body: Any, worse: Any) -> None:
-    """Halve the last correction in these lanes."""
-    s = body.stage
-    for k in range(3):
-        v = 0.5 * (s[at.SPEED + k] + s[at.SPEED_BEFORE + k])
-        rate = 0.5 * (s[at.TURN_RATE + k] + s[at.RATE_BEFORE + k])
-        s[at.SPEED + k] = choose(worse, v, s[at.SPEED + k])
-        s[at.TURN_RATE + k] = choose(worse, rate, s[at.TURN_RATE + k])
-
-
-@jit_exact
-def _solve(body: Any, q: Any, hook: Any, lanes: int) -> Any:
-    """Solve in these lanes as `solve` does; return those that converged, as bits.
-
-    q is wide: with a scalar, LLVM would contract the sign of -q with other terms.
-    """
-    miss = balance(body, q, hook)
-    for _ in range(MAX_ITERATIONS):
-        left = lanes & (ALL - bits(miss <= 1.0))
-        if left == 0:
-            break
-        correct(body, mask_of(left))
-        last, miss = miss, balance(body, q, hook)
-        for _ in range(HALVINGS):
-            worse = left & (ALL - bits(miss < last))
-            if worse == 0:
-                break
-            _halve(body, mask_of(worse))
-            miss = balance(body, q, hook)
-    return lanes & bits(miss <= 1.0)
-
-
-@jit_exact
-def _solved_hook(body: Any) -> Any:
-    """Return the motion of the hook that each lane was last solved for."""
-    return vector(body.tangent, at.SOLVED_PLACE), vector(body.tangent, at.SOLVED_SPEED)
-
-
-@jit_exact
-def _solve_for(body: Any, q: Any, hook: Any, lanes: int) -> int:
-    """Solve in these lanes for the motion of the hook, and store it; return those solved."""
-    mask, (x0, v0) = mask_of(lanes), _solved_hook(body)
-    at_hook = select(mask, hook[0], x0), select(mask, hook[1], v0)
-    solved = _solve(body, q, at_hook, lanes)
-    place = select(mask_of(solved), at_hook[0], (nan, nan, nan))
-    store(body.tangent, at.SOLVED_PLACE, select(mask, place, x0))
-    store(body.tangent, at.SOLVED_SPEED, at_hook[1])
-    return int(solved)
-
-
-@jit_exact
-def _solved(body: Any, q: Any, hook: Any, lanes: int) -> int:
-    """Solve in these lanes where the motion of the hook has changed; return those solved."""
-    (x, v), (x0, v0) = hook, _solved_hook(body)
-    same = bits((x[0] == x0[0]) & (x[1] == x0[1]) & (x[2] == x0[2]))
-    same &= lanes & bits((v[0] == v0[0]) & (v[1] == v0[1]) & (v[2] == v0[2]))
-    if same == lanes:
-        return int(same)
-    return int(same | _solve_for(body, q, hook, lanes & (ALL - same)))
-
-
-@jit_exact
 def _is_here(body: Any) -> bool:
     """Return whether this rope carries the body, which it does in all lanes or in none."""
     return bool(anywhere(body.here > 0.0))
@@ -133,9 +71,9 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         return
     hook = column(work, POSITION, 0), column(work, VELOCITY, 0)
     q = widened(stage.q)
-    solved = _solve_for(body, q, hook, stage.lanes)
+    wanted = mask_of(stage.lanes)
     # must be finite in inactive lanes, which are eliminated too and corrected by zero times it
-    fine = mask_of(solved | (ALL - stage.lanes))
+    fine = solve(body, q, hook, wanted) | (wanted ^ mask_of(ALL))
     f = select(fine, vector(body.stage, at.HOOK_FORCE), (inf, inf, inf))
     load_hook(body, work, f, hook_residual(body, q))
 
@@ -145,8 +83,8 @@ def unchanged(body: Any, work: Any, stage: Any, n: int, share: float) -> int:
     if share == 0.0 or stage.lanes == 0 or not _is_here(body):
         return int(stage.lanes)
     hook = corrected_hook(work, stage, share)
-    solved = _solved(body, widened(stage.q), hook, stage.lanes)
-    return int(solved & bits(is_as_linearised(body, work, share)))
+    solved = is_solved(body, widened(stage.q), hook, mask_of(stage.lanes))
+    return int(bits(solved & is_as_linearised(body, work, share)))
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
@@ -154,12 +92,12 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     if not _is_here(body):
         return
     hook = column(rope.work, POSITION, 0), column(rope.work, VELOCITY, 0)
-    solved = _solved(body, widened(stage.q), hook, stage.lanes)
+    solved = is_solved(body, widened(stage.q), hook, mask_of(stage.lanes))
     if kind == TRAPEZOID:
         store_middle(body.stage)
         return
     record, speed = body.changes[0], vector(body.stage, at.SPEED)
-    write_record(body, record, select(mask_of(solved), speed, (nan, nan, nan)))
+    write_record(body, record, select(solved, speed, (nan, nan, nan)))
     _write(body, record)
 
 

@@ -48,6 +48,8 @@ from rope_twin.core.body.state import (
     RATE_BEFORE,
     RECORD,
     SHARE,
+    SOLVED_PLACE,
+    SOLVED_SPEED,
     SPEED,
     SPEED_BEFORE,
     SPIN_NOW,
@@ -194,26 +196,63 @@ def correct(body: Any, left: Any) -> None:
 
 
 @jit_exact
-def solve(body: Any, q: float, hook: Any) -> bool:
+def _halve(body: Any, worse: Any) -> None:
+    """Halve the last correction where the residual is `worse`."""
+    s = body.stage
+    for k in range(3):
+        v = 0.5 * (s[SPEED + k] + s[SPEED_BEFORE + k])
+        rate = 0.5 * (s[TURN_RATE + k] + s[RATE_BEFORE + k])
+        s[SPEED + k] = choose(worse, v, s[SPEED + k])
+        s[TURN_RATE + k] = choose(worse, rate, s[TURN_RATE + k])
+
+
+@jit_exact
+def _solve(body: Any, q: Any, hook: Any, wanted: Any) -> Any:
     """Solve for velocity and rotation rate at this motion of the hook; return whether it converged.
 
-    A correction that increases the residual is halved (line search).
+    A correction that increases the residual is halved (line search). wanted: True, or a mask of the
+    lanes to be solved. In lanes q is wide: LLVM would contract the sign of a scalar with other
+    terms.
     """
-    s = body.stage
     miss = balance(body, q, hook)
     for _ in range(MAX_ITERATIONS):
-        if miss <= 1.0:
-            return True
-        correct(body, True)
+        left = wanted ^ (wanted & (miss <= 1.0))
+        if not anywhere(left):
+            break
+        correct(body, left)
         last, miss = miss, balance(body, q, hook)
         for _ in range(HALVINGS):
-            if miss < last:
+            worse = left ^ (left & (miss < last))
+            if not anywhere(worse):
                 break
-            for k in range(3):
-                s[SPEED + k] = 0.5 * (s[SPEED + k] + s[SPEED_BEFORE + k])
-                s[TURN_RATE + k] = 0.5 * (s[TURN_RATE + k] + s[RATE_BEFORE + k])
+            _halve(body, worse)
             miss = balance(body, q, hook)
-    return bool(miss <= 1.0)
+    return wanted & (miss <= 1.0)
+
+
+@jit_exact
+def solve(body: Any, q: Any, hook: Any, wanted: Any) -> Any:
+    """Solve as `_solve`, and store the motion of the hook that the solution is for."""
+    x0, v0 = vector(body.tangent, SOLVED_PLACE), vector(body.tangent, SOLVED_SPEED)
+    x, v = select(wanted, hook[0], x0), select(wanted, hook[1], v0)
+    solved = _solve(body, q, (x, v), wanted)
+    place = select(solved, x, (nan, nan, nan))
+    store(body.tangent, SOLVED_PLACE, select(wanted, place, x0))
+    store(body.tangent, SOLVED_SPEED, v)
+    return solved
+
+
+@jit_exact
+def is_solved(body: Any, q: Any, hook: Any, wanted: Any) -> Any:
+    """Solve for this motion of the hook where it has changed; return whether it is solved."""
+    x, v = hook
+    x0, v0 = vector(body.tangent, SOLVED_PLACE), vector(body.tangent, SOLVED_SPEED)
+    same = wanted & (x[0] == x0[0]) & (x[1] == x0[1]) & (x[2] == x0[2])
+    same = same & (v[0] == v0[0]) & (v[1] == v0[1]) & (v[2] == v0[2])
+    changed = wanted ^ same
+    if not anywhere(changed):
+        return same
+    return same | solve(body, q, hook, changed)
 
 
 @jit_exact

@@ -25,7 +25,7 @@ import numpy as np
 from rope_twin.core.body import state as at
 from rope_twin.core.body.components import OWN_COLUMNS, OWN_ENTRIES, Shedding
 from rope_twin.core.body.loads import TURN2, momenta, power_of, prepare_all, record_all
-from rope_twin.core.body.solution import hook_residual, solve, solve_body_statics
+from rope_twin.core.body.solution import hook_residual, is_solved, solve, solve_body_statics
 from rope_twin.core.body.state import (
     DAMPING,
     LENGTH,
@@ -198,26 +198,6 @@ def predict_stage(body: Any, rope: Any, stage: Any, kind: int, record: Any) -> N
 
 
 @jit_exact
-def _solve(body: Any, q: float, hook: Any) -> bool:
-    """Solve the equations of motion for this motion of the hook, and store it; return success."""
-    solved = solve(body, q, hook)
-    store(body.tangent, at.SOLVED_PLACE, hook[0] if solved else (nan, nan, nan))
-    store(body.tangent, at.SOLVED_SPEED, hook[1])
-    return bool(solved)
-
-
-@jit_exact
-def _is_solved(body: Any, q: float, hook: Any) -> bool:
-    """Solve for this motion of the hook, if it has changed; return success."""
-    x, v = hook
-    x0, v0 = vector(body.tangent, at.SOLVED_PLACE), vector(body.tangent, at.SOLVED_SPEED)
-    same_position = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
-    if same_position and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
-        return True
-    return bool(_solve(body, q, hook))
-
-
-@jit_exact
 def load_hook(body: Any, work: Any, f: Any, Z: Any) -> None:
     """Add the slings' force f on the hook, its weight and inertia, to R_0, and Z + m·I to A_0.
 
@@ -250,7 +230,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         store(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
         _begin(body, hook[0])
         _predict_first(body, body.records[int(body.memory[0, 0])], stage.q)
-    solved = _solve(body, stage.q, hook)
+    solved = solve(body, stage.q, hook, True)
     f = vector(s, at.HOOK_FORCE) if solved else (inf, inf, inf)
     load_hook(body, work, f, hook_residual(body, stage.q))
 
@@ -282,7 +262,7 @@ def unchanged(body: Any, work: Any, stage: Any, n: int, fraction: float) -> bool
     """
     if fraction == 0.0 or body.here == 0.0:
         return True
-    if not _is_solved(body, stage.q, corrected_hook(work, stage, fraction)):
+    if not is_solved(body, stage.q, corrected_hook(work, stage, fraction), True):
         return False
     return bool(is_as_linearised(body, work, fraction))
 
@@ -321,7 +301,7 @@ def settle(body: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
     if body.here == 0.0:
         return
     hook = column(rope.work, POSITION, 0), column(rope.work, VELOCITY, 0)
-    solved = _is_solved(body, stage.q, hook)
+    solved = is_solved(body, stage.q, hook, True)
     if kind == TRAPEZOID:
         store_middle(body.stage)
         return
