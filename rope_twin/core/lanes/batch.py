@@ -243,14 +243,16 @@ class Lanes(ABC):
                             value[...] = part[lane]
         self._count(ropes[0].state.health, lane)
 
-    def _count(self, health: Ints, lanes: Any) -> None:
-        """Add the solver counts of lanes to those of ropes, (..., HEALTH), and clear them."""
-        solves, most, steps = self._tally[:SLACK_SAMPLES, lanes]
-        for column, value in ((STEPS, steps), (SUBSTEPS, steps), (SOLVES, solves)):
-            health[..., column] += value.astype(np.int64)
-        for column, value in ((SUBSTEPS_MAX, np.minimum(steps, 1.0)), (SOLVES_MAX, most)):
-            health[..., column] = np.maximum(health[..., column], value)
-        self._tally[:SLACK_SAMPLES, lanes] = 0.0
+    def _count(self, health: Ints, lane: int) -> None:
+        """Add the solver counts of a lane to those of a rope, and clear them."""
+        solves, most, steps = map(int, self._tally[:SLACK_SAMPLES, lane].tolist())
+        if steps:
+            health[STEPS] += steps
+            health[SUBSTEPS] += steps
+            health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], 1)
+            health[SOLVES] += solves
+            health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
+            self._tally[:SLACK_SAMPLES, lane] = 0.0
 
     def slack(self, lane: int) -> int:
         """Return the number of slack samples of a lane's member."""

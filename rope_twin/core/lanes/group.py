@@ -217,9 +217,8 @@ class Group(Lanes):
         states.s[of, : n + 1] = state.s[: n + 1, lanes].T
         states.offset[of, :n] = state.offset[:n, lanes].T
         states.counts[of, LOWEST_OFFSET] = self._lowest[lanes]
-        health = states.health[of]
-        self._count(health, lanes)
-        states.health[of] = health
+        for member, lane in zip(of.tolist(), lanes.tolist(), strict=True):
+            self._count(states.health[member], lane)
 
 
 def _fill(lanes: Any, ropes: Any, count: int) -> None:
