@@ -239,16 +239,16 @@ def first_contact(
     the number of leads. Members are sampled every SAMPLE_S; the speed is the largest downward
     one of the last two samples above the seabed, which bounds the contact speed.
     """
-    depth, speed = forecast.values[DEPTH], forecast.values[SPEED]
-    leads, members = depth.shape
+    depth, speed = (
+        np.vstack([forecast.at_origin[name], forecast.values[name]]) for name in (DEPTH, SPEED)
+    )
     on_seabed = depth >= seabed_depth_m
     lands = on_seabed.any(axis=0) & ~on_seabed[0]
-    first = np.where(lands, on_seabed.argmax(axis=0), leads)
-    last_above = np.maximum(first - 1, 0)
-    second_last = np.maximum(first - 2, 0)
-    member = np.arange(members)
+    last_above = np.where(lands, on_seabed.argmax(axis=0) - 1, len(depth) - 1)
+    second_last = np.maximum(last_above - 1, 0)
+    member = np.arange(depth.shape[1])
     fastest = np.maximum(speed[last_above, member], speed[second_last, member])
-    return np.where(lands, fastest, np.nan), first
+    return np.where(lands, fastest, np.nan), last_above
 
 
 def quiet_windows(

@@ -198,6 +198,7 @@ class TensionForecast:
     lead_s: Floats  # (leads,)
     values: Mapping[str, Floats]  # of QUANTITIES, (leads, members), at each lead; top tension is
     # that of the main winch's rope, slack margin of all ropes
+    at_origin: Mapping[str, Floats]  # depth and vertical speed of the payload, (members,)
     peak_n: Floats  # largest top tension of the SAMPLE_S up to each lead, (leads, members)
     heave_skill: Floats  # expected skill of the heave, (leads,)
     factor: Floats  # on the spread of the members, (leads,)
@@ -304,7 +305,8 @@ class TensionForecaster:
         paths = process.paths(heave, observed.waves, observed.response).for_unknown_spectrum()
         motion = self._motion(observed, paths)
         self._draw_figures()
-        states, weights = self._run_past(observed, motion, start)
+        past, states = self._run_past(observed, motion, start)
+        weights = self._pin_weights(observed, past)
         records: list[FleetRecord] = []
         for order, line in zip(orders, lines, strict=True):
             if records:
@@ -317,6 +319,7 @@ class TensionForecaster:
                 paths,
                 order,
                 line[order.winch or WINCH].note,
+                past,
                 record,
                 is_finite,
                 weights,
@@ -432,8 +435,8 @@ class TensionForecaster:
 
     def _run_past(
         self, observed: Observations, motion: tuple[Floats, Floats], start: FleetState | LiveState
-    ) -> tuple[list[FleetState], Floats | None]:
-        """Integrate over the past; return the states at the origin and the load pin's weights."""
+    ) -> tuple[FleetRecord, list[FleetState]]:
+        """Integrate over the past; return it, and the states at the origin."""
         settings, fleet = self.settings, self.fleet
         if isinstance(start, LiveState):
             fleet.begin_from(start)
@@ -444,9 +447,7 @@ class TensionForecaster:
         others = {name: self._line_of(line_m) for name, line_m in observed.lines_m.items()}
         z, v = motion
         past = fleet.advance(FleetInputs(z[:borders], v[:borders], line, rate, others), self._steps)
-        weights = self._pin_weights(observed, past)
-        states = [fleet.state(k) for k in range(len(fleet))]
-        return states, weights
+        return past, [fleet.state(k) for k in range(len(fleet))]
 
     def _pin_weights(self, observed: Observations, past: FleetRecord) -> Floats | None:
         """Return weights of the members by the load pin's readings, or None if it has none."""
@@ -521,6 +522,7 @@ class TensionForecaster:
         paths: HeavePaths,
         order: Order,
         note: str,
+        past: FleetRecord,
         record: FleetRecord,
         is_finite: NDArray[np.bool_],
         weights: Floats | None,
@@ -551,6 +553,10 @@ class TensionForecaster:
         ropes = {name: spread(name, top_n) for name, top_n in record.suspended_tension_n.items()}
         main_name = next(iter(ropes))
         main = ropes.pop(main_name)
+        at_origin = {
+            DEPTH: shifted(past.payload_depth_m[-1:], np.zeros(1))[0],
+            SPEED: shifted(past.payload_speed_m_per_s[-1:], np.zeros(1))[0],
+        }
         values = {
             TENSION: main.values,
             BOTTOM: shifted(record.payload_tension_n, self.leads),
@@ -564,7 +570,7 @@ class TensionForecaster:
             subject = "they and the load pin are" if weights is not None else "they are"
             notes.append(f"{failed} of {len(is_finite)} members failed; {subject} left out")
         return TensionForecast(
-            observed.time_s, order.name, self.leads, values, main.peak_n,
+            observed.time_s, order.name, self.leads, values, at_origin, main.peak_n,
             paths.skill()[-leads:], factors, "; ".join(notes), ropes, main_name,
         )  # fmt: skip
 

@@ -39,6 +39,7 @@ def forecast(
     depth: np.ndarray | float = 50.0,
     speed: np.ndarray | float = 0.0,
     skill: float = 0.0,
+    depth_at_origin: np.ndarray | float = 50.0,
 ) -> TensionForecast:
     """A forecast with these members, (leads, members) or what broadcasts to it."""
     shape = (len(LEADS), MEMBERS)
@@ -48,9 +49,11 @@ def forecast(
             (TENSION, tension), (BOTTOM, 1.0), (DEPTH, depth), (SPEED, speed), (MARGIN, margin),
         )
     }  # fmt: skip
+    at_origin = {DEPTH: np.broadcast_to(depth_at_origin, MEMBERS), SPEED: values[SPEED][0]}
     return TensionForecast(
-        origin_s, "hold", LEADS, values, values[TENSION], np.full(120, skill), np.ones(120)
-    )
+        origin_s, "hold", LEADS, values, at_origin, values[TENSION], np.full(120, skill),
+        np.ones(120),
+    )  # fmt: skip
 
 
 def test_risks_count_members() -> None:
@@ -72,7 +75,9 @@ def test_contact() -> None:
     depth[:, 20:] = 58.0 + 0.2 * LEADS[:, None]
     speed[:, 20:] = 0.2
     depth[:, 39], speed[:, 39] = 60.5, 0.0
-    own = forecast(depth=depth, speed=speed)
+    own = forecast(
+        depth=depth, speed=speed, depth_at_origin=np.where(np.arange(40) < 39, 50.0, 60.5)
+    )
     fast, first = first_contact(own, 60.0)
     assert fast[0] == 1.0
     assert fast[20] == pytest.approx(0.2)
@@ -81,6 +86,17 @@ def test_contact() -> None:
     assert LEADS[first[20]] == 10.0
     found = risks(own, Limits(1e6, contact_m_per_s=0.5), 60.0)
     assert [one.landing for one in found] == [39 / 40] * 4
+    assert [one.contact for one in found] == [0.5] * 4
+
+
+def test_contact_before_the_first_lead() -> None:
+    """Half the members are above the seabed at the origin, and all on it half a second later."""
+    at_origin = np.where(np.arange(MEMBERS) % 2, 59.8, 60.1)
+    own = forecast(depth=60.1, speed=0.6, depth_at_origin=at_origin)
+    _, first = first_contact(own, 60.0)
+    assert set(first[1::2]) == {0}
+    found = risks(own, Limits(1e6, contact_m_per_s=0.5), 60.0)
+    assert [one.landing for one in found] == [0.5] * 4
     assert [one.contact for one in found] == [0.5] * 4
 
 
