@@ -109,6 +109,11 @@ def require(module: str, why: str, extra: str, name: str = "") -> None:
         raise InputError(name or module, why, remedy)
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun, such as `1 step` or `2 steps`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
 def did_you_mean(word: object, known: Iterable[str]) -> str:
     """Return the nearest known word as a question, or the list of known words."""
     options = sorted(known)

@@ -10,13 +10,12 @@ import time
 from typing import Any
 
 from rope_twin.cli import Command, ExitCode, print_json
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, counted, phrase
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import Instrument, LineSample, Sample
 from rope_twin.feeds.line_faults import LineFaults, read_faults, replay_with_faults
 from rope_twin.feeds.readings import clock_of
 from rope_twin.feeds.transports import Source, hand_over, open_source
-from rope_twin.messages.reports import counted
 from rope_twin.run.options import add_duration, add_json
 from rope_twin.run.progress import StopSignal
 

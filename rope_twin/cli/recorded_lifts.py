@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.cli import CaseProgress, Command, ExitCode, print_json, print_table
-from rope_twin.errors import InputError
-from rope_twin.messages.reports import counted
+from rope_twin.errors import InputError, counted
 from rope_twin.quantity import kilonewtons
 from rope_twin.run.options import add_json, add_out, add_time, measure
 from rope_twin.run.progress import FigureProgress

@@ -14,13 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.cli import ExitCode, print_json, print_table
-from rope_twin.errors import InputError, did_you_mean
+from rope_twin.errors import InputError, counted, did_you_mean
 from rope_twin.interchange import write_scene
 from rope_twin.interchange.fmu import export_fmu, inputs_of, outputs_of
 from rope_twin.interchange.moordyn import deck_of, scene_of
 from rope_twin.interchange.moordyn_deck import CURRENT_FILE, current_text, deck_text, read_deck
 from rope_twin.interchange.orcaflex import scene_of_model
-from rope_twin.messages.reports import counted
 from rope_twin.run.options import add_command, add_json, add_out, add_scene, measure
 from rope_twin.scene.environment import vessel_raos
 from rope_twin.scene.load import load_scene, scene_names

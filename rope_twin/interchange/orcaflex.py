@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, counted
 from rope_twin.interchange import STEP_S, BreakingLoads, Imported, Keys
 from rope_twin.scene.schema import WINCH
 from rope_twin.sea.orcaflex_raos import load_model
@@ -69,13 +69,13 @@ class _Object:
         return _number(self.get(key, default), f"{self.where}, {key}")
 
     def numbers(self, key: str, default: Sequence[float]) -> list[float]:
-        """Return a list of numbers, of which the missing ones repeat the first."""
-        value = self.get(key, list(default))
+        """Return at least as many numbers as `default`; those given as ~ repeat the first."""
+        value, where = self.get(key, list(default)), f"{self.where}, {key}"
         listed = value if isinstance(value, list) else [value]
-        first = listed[0] if listed else None
-        values = [first if entry is None else entry for entry in listed]
-        values += list(default)[len(values) :]
-        return [_number(entry, f"{self.where}, {key}") for entry in values]
+        if len(listed) < len(default):
+            remedy = f"give {len(default)}; ~ repeats the first"
+            raise InputError(where, f"it has {counted(len(listed), 'number')}", remedy)
+        return [_number(listed[0] if entry is None else entry, where) for entry in listed]
 
     def rows(self, *names: str) -> list[dict[str, Any]]:
         """Return the table that has these columns, a mapping for each row."""

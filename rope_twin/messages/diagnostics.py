@@ -8,7 +8,8 @@ from functools import partial
 from typing import Any
 
 from rope_twin.core.loads.hooks import FACTORS
-from rope_twin.messages.reports import Level, Status, counted, quality_status, residuals_status
+from rope_twin.errors import counted
+from rope_twin.messages.reports import Level, Status, quality_status, residuals_status
 from rope_twin.quantity import kilonewtons
 from rope_twin.scene.error_bound import KnownError, format_bound
 from rope_twin.twin.pacing import PacingHealth

@@ -99,11 +99,6 @@ def read_diagnostics(data: bytes) -> list[Status]:
     ]
 
 
-def counted(number: int, noun: str) -> str:
-    """Return a number with its noun, such as `1 step` or `2 steps`."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
-
-
 def residuals_status(residuals: Sequence[Residual], now_s: float = -math.inf) -> Status:
     """Return the row on measured less computed values: WARN if one is outside for long.
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from rope_twin import __version__
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import counted
 from rope_twin.files import write_whole
 from rope_twin.planning.judgement import CriteriaAssessment
 from rope_twin.planning.seas import ResponsesTip, SeaState
@@ -181,11 +182,6 @@ def notes(result: PlanResult) -> Iterator[str]:
         yield "The scene has no current: the payload hangs plumb."
 
 
-def _cells(count: int, name: str = "cell") -> str:
-    """Return a number of cells, or of something else, in words."""
-    return f"1 {name}" if count == 1 else f"{count} {name}s"
-
-
 def _static(result: PlanResult) -> Iterator[str]:
     for work in result.works:
         if work.static_use > 1.0:
@@ -204,7 +200,7 @@ def _failures(result: PlanResult) -> Iterator[str]:
         faults = [item.fault for item in judged if item.fault]
         where = f"{cell.phase}, {cell.sea}"
         if failed:
-            runs = _cells(sum(item.failures for item in judged), "run")
+            runs = counted(sum(item.failures for item in judged), "run")
             yield (
                 f"{where}: {runs} did not reach the end, so that the sea counts as too high: "
                 f"{failed[0]}"
@@ -223,9 +219,9 @@ def _intervals(result: PlanResult) -> Iterator[str]:
     if wide_cells:
         half_width, cell = max(wide_cells, key=lambda pair: pair[0])
         yield (
-            f"In {_cells(len(wide_cells))} {method.seeds.most} seeds leave an interval wider than "
-            f"±{100.0 * method.within:g} % (up to ±{100.0 * half_width:.0f} %, {cell.phase}, Tp "
-            f"{cell.period_s:g} s); raise method.seeds.most."
+            f"In {counted(len(wide_cells), 'cell')} {method.seeds.most} seeds leave an interval "
+            f"wider than ±{100.0 * method.within:g} % (up to ±{100.0 * half_width:.0f} %, "
+            f"{cell.phase}, Tp {cell.period_s:g} s); raise method.seeds.most."
         )
 
 
@@ -237,12 +233,13 @@ def _errors(result: PlanResult) -> Iterator[str]:
     if large:
         largest = max(large, key=lambda cell: cell.error)
         yield (
-            f"In {_cells(len(large))} the discretisation error of the governing run is above "
-            f"{100.0 * max_error:g} % (up to {100.0 * largest.error:.2g} %, {largest.phase}, Tp "
-            f"{largest.period_s:g} s): after slack, runs of two meshes drift apart."
+            f"In {counted(len(large), 'cell')} the discretisation error of the governing run is "
+            f"above {100.0 * max_error:g} % (up to {100.0 * largest.error:.2g} %, "
+            f"{largest.phase}, Tp {largest.period_s:g} s): after slack, runs of two "
+            "meshes drift apart."
         )
     if unknown:
-        yield f"In {_cells(unknown)} the discretisation error could not be measured."
+        yield f"In {counted(unknown, 'cell')} the discretisation error could not be measured."
 
 
 def _shallow(result: PlanResult) -> Iterator[str]:

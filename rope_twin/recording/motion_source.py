@@ -25,10 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.errors import BagError, InputError
+from rope_twin.errors import BagError, InputError, counted
 from rope_twin.messages import decode, encode_heave, encode_pose
 from rope_twin.messages.inputs import read_measurement
-from rope_twin.messages.reports import counted
 from rope_twin.messages.templates import NANOSECONDS, nanoseconds
 from rope_twin.recording.bag import BagReader, find_bag
 from rope_twin.recording.heave import open_heave, open_poses, sample_of

@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
-from rope_twin.errors import BagError, InputError, did_you_mean
+from rope_twin.errors import BagError, InputError, counted, did_you_mean
 from rope_twin.messages.cdr import decode, deserialise, table
 from rope_twin.messages.inputs import read_heave, read_measurement
-from rope_twin.messages.reports import counted
 from rope_twin.quantity import or_nan
 from rope_twin.recording.bag import BagReader, DamageError, TopicContent
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files

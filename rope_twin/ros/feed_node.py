@@ -16,7 +16,7 @@ from collections import Counter
 from functools import partial
 from typing import Any
 
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, counted
 from rope_twin.feeds.configuration import FeedSettings, read_settings, with_source
 from rope_twin.feeds.instrument import Instrument, LineSample, MotionSample, Sample
 from rope_twin.feeds.line_faults import (
@@ -38,7 +38,6 @@ from rope_twin.messages import (
     encode_measurement,
     encode_pose,
 )
-from rope_twin.messages.reports import counted
 from rope_twin.messages.templates import nanoseconds, xyz
 from rope_twin.quantity import or_none
 from rope_twin.ros.entry import SuiteNode, run_node

@@ -20,10 +20,10 @@ from uuid import uuid4
 
 from rope_twin import topics
 from rope_twin.alerts.monitor import AlertMonitor
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, counted
 from rope_twin.messages import Encoder, Level, Status, encode_text, statuses
 from rope_twin.messages.diagnostics import BreachWords
-from rope_twin.messages.reports import counted, encode_alerts, encode_estimate
+from rope_twin.messages.reports import encode_alerts, encode_estimate
 from rope_twin.recording.session import (
     InputLog,
     RunSetup,

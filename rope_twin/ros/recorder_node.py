@@ -20,9 +20,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import BagError
+from rope_twin.errors import BagError, counted
 from rope_twin.messages import Level, Status, encode_diagnostics
-from rope_twin.messages.reports import counted
 from rope_twin.recording.bag import describe_topic, free_path
 from rope_twin.recording.bag_writer import BagRecorder
 from rope_twin.ros.entry import SuiteNode, run_node

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from rope_twin.effects import EFFECTS
+from rope_twin.errors import counted
 from rope_twin.messages.diagnostics import (
     bends_in_words,
     breach_words,
@@ -23,7 +24,6 @@ from rope_twin.messages.reports import (
     Level,
     Status,
     alarm_words,
-    counted,
     learned_words,
     lowest_words,
     residual_words,

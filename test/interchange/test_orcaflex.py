@@ -179,6 +179,8 @@ WRONG: dict[str, tuple[Callable[[Model], Any], str]] = {
     "no stiffness": (lambda m: m["LineTypes"][0].pop("EA"), "EA: it is not stated"),
     "a variable EA": (lambda m: m["LineTypes"][0].update(EA="Stiffness1"), "it is 'Stiffness1'"),
     "an infinite EA": (lambda m: m["LineTypes"][0].update(EA="Infinity"), "it is 'Infinity'"),
+    "two of three": (lambda m: m["LineTypes"][0].update(Cd=[1.9, 0.03]),
+                     "Cd: it has 2 numbers; give 3; ~ repeats the first"),
     "no depth": (lambda m: m["Environment"].pop("WaterDepth"), "the water depth is not stated"),
     "no period": (lambda m: m["Environment"]["WaveTrains"][0].pop("WaveTp"),
                   "its peak period is not stated; add WaveTp, or WaveTz and WaveGamma"),
