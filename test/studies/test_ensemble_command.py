@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from rope_twin.cli import main
+from rope_twin.core.jit.wide import LANES
 from rope_twin.files import share_dir
 
 SHALLOW = "shallow_lift"
@@ -103,15 +104,17 @@ def test_quantiles_and_csv_tell_the_same(regular: str, tmp_path: Path, capsys: P
 
 def test_the_text_has_a_line_for_each_figure_and_point(regular: str, capsys: Printed) -> None:
     words = ["--vary", "effects.drag.normal=1.0..2.0:2", "--sea-offset", "0..8"]
-    assert main(["ensemble", regular, *words, "--members", "2", "--duration", "2"]) == 0
+    each, count = LANES // 4, LANES // 2  # fewer than fill a batch
+    assert main(["ensemble", regular, *words, "--members", f"{each}", "--duration", "2"]) == 0
     reported = capsys.readouterr()
-    assert "changed: 4 members, 2 s each" in reported.out
+    assert f"changed: {count} members, 2 s each" in reported.out
     assert "maximum top tension [kN]" in reported.out
     points = [line.split()[0] for line in reported.out.split("(median")[1].splitlines()[1:3]]
     assert points == ["1", "2"]
     assert "0 stopped early" in reported.out
-    assert "0 of 4 members stepped in SIMD batches of 8; 4 one by one (too few" in reported.out
-    assert "4 members are in static equilibrium" in reported.err
+    stepped = f"0 of {count} members stepped in SIMD batches of {LANES}; {count} one by one"
+    assert f"{stepped} (too few" in reported.out
+    assert f"{count} members are in static equilibrium" in reported.err
 
 
 def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Path) -> None:
