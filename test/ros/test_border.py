@@ -192,9 +192,9 @@ def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() ->
     for name, profile in profiles.items():
         assert profile.publish | profile.subscribe <= {*BY_NAME, *of_ros}, name
         own = {service for service in profile.reply if service.startswith(f"{name}/")}
-        submitted = {one.name for one in SERVICES} if name == "simulation" else set()
-        assert profile.reply >= submitted
-        assert profile.reply - own == submitted - own
+        served = {one.name for one in SERVICES} if name == "simulation" else set()
+        assert profile.reply >= served
+        assert profile.reply - own == served - own
         assert CUT_TOPIC not in profile.publish | profile.subscribe
     assert profiles["console"].subscribe == {*SHOWN, "clock"}
     calls = {service_name("winch", what) for what in ("emergency_stop", TAKE, RELEASE)}

@@ -201,9 +201,9 @@ def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
     alone = [snapshot.tension_top_n for snapshot in march(same, HEAVE, 12.0, 10)]
     seen = [snapshot.tension_top_n for snapshot in march(moved, HEAVE, 3.0, 10)]
     moved.set_level(AccuracyLevel(20 * MS, 1))
-    seen += [submitted.tension_top_n for submitted in going_on(moved, 3.0, 5)]
+    seen += [one.tension_top_n for one in going_on(moved, 3.0, 5)]
     moved.set_level(AccuracyLevel(10 * MS))
-    seen += [submitted.tension_top_n for submitted in going_on(moved, 6.0, 10)]
+    seen += [one.tension_top_n for one in going_on(moved, 6.0, 10)]
     apart = np.abs(np.array(seen) - alone) / np.mean(alone)
     assert apart[:30].max() == 0.0
     assert apart[30:].max() < 2e-3
