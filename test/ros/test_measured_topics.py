@@ -6,8 +6,9 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from ros_bench import Bench, ros_ahead_ns
+from ros_bench import Bench, ros_ahead_ns, stamp_ns
 from small_scene import SMALL_SCENE
 
 from rope_twin.messages import Level, encode_measurement, read_cloud
@@ -54,9 +55,9 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     bench.until(lambda: node.paced.border.epoch_ns is not None, "its epoch")
     sent_ns = 0
 
-    def send(stamp_ns: int, *reported: Measurement) -> None:
+    def send(at_ns: int, *reported: Measurement) -> None:
         for one in reported:
-            topic, data = encode_measurement(node.paced.border.epoch_ns + stamp_ns, one)
+            topic, data = encode_measurement(node.paced.border.epoch_ns + at_ns, one)
             publishers[topic].publish(data)
 
     while (now_ns := node.paced.last.stamp_ns) < UNTIL_NS:
@@ -91,8 +92,13 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     assert abs(table["line_out_m winch"]["mean"]) < 0.01
     assert table["top_tension_n winch"]["mean"] == pytest.approx(9e4 - 7.4e4, abs=1e3)
     assert math.isnan(table["payload_depth_m tool"]["upper"])
-    steps = [message.position[0] for message in lengths]
-    assert max(steps) == pytest.approx(200.2, abs=0.01)
+    off_m = []
+    for message in lengths:
+        t = (stamp_ns(message) - node.paced.border.epoch_ns) * 1e-9
+        off_m.append(abs(message.position[0] - line(t)[0]))
+    # Samples that a busy processor brings late are bridged at the last speed: most are in time.
+    assert np.median(off_m) < 1e-6
+    assert max(message.position[0] for message in lengths) > 200.15
     indices = {row["name"].decode(): row for row in read_cloud(qualities[-1])}
     assert (indices["forecast"]["residual"], indices["forecast"]["index"] > 0.0) == (1.0, True)
     node.close()
