@@ -3,14 +3,14 @@
 Seeds are stepped together in SIMD lanes, but for a lift off a moving deck and multi-line systems,
 which a twin steps by itself: the ship's pose in six degrees of freedom moves every hang-off
 rigidly. The deck of a lift-off heaves by the same wave components (`SeaRecord`), so that crane tip
-and deck keep their phases; it stays level. Loads are taken every LOOK_S, those of the first rope's
-upper end at every step.
+and deck keep their phases; it stays level. Loads are sampled every SAMPLE_S, those of the upper
+ends at every step.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,6 +20,7 @@ from rope_twin.core.lanes.step import LOWEST_TENSION, MIN_TENSION, PAYLOAD_DEPTH
 from rope_twin.effects.rigid_body import DeckHeave, RigidBodyParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import SolverError
+from rope_twin.planning.lift_monitor import LiftMonitor, LiftSample, RopeLoads
 from rope_twin.planning.phases import Leg
 from rope_twin.planning.seas import (
     DeckTransfer,
@@ -40,34 +41,16 @@ from rope_twin.sea.tables import Vector
 from rope_twin.studies.driven_twin import check_taken
 from rope_twin.twin.ensemble.ensemble import BATCH_STEPS, Ensemble, Variation
 from rope_twin.twin.ensemble.member import LINE_OUT, TOP, WATCHED
+from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.motion.boundary_conditions import WinchMotion
-from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import schedule_samples
 
 Row = dict[str, Any]
-LOOK_S = 0.01
+SAMPLE_S = 0.01
+BATCH_S = 1.0  # of a twin, whose inputs are submitted at once
 AHEAD_NS = 1_000_000_000  # inputs are given to the twin this long before they are needed
 SMALLEST_M, SHORTEST_S = 1e-6, 0.5  # harmonics of a deck below: they move it by nothing
-
-
-def offset_m(snapshot: Snapshot, from_ship: Collection[str] = ()) -> float:
-    """Return the horizontal distance of the payload from the crane tip [m].
-
-    from_ship: names of the ropes that leave the ship in multi-line systems; their middle counts.
-    """
-    tips = [rope.node_position_m[0] for rope in snapshot.ropes if rope.name in from_ship]
-    middle = np.mean(tips, axis=0) if tips else snapshot.hang_off_position_m
-    return float(np.hypot(*(snapshot.payload_position_m - middle)[:2]))
-
-
-def hook_load_n(snapshot: Snapshot, from_ship: Collection[str] = ()) -> float:
-    """Return the largest hook load, of the first rope at any step since the last snapshot [N].
-
-    from_ship: names of the ropes that leave the ship in multi-line systems.
-    """
-    tops = [rope.tension_top_n for rope in snapshot.ropes if rope.name in from_ship]
-    return max([snapshot.tension_top_max_n, *tops])
 
 
 @dataclass
@@ -115,50 +98,40 @@ class TwinExtremes:
 
     def __init__(self, leg: Leg) -> None:
         self._first_s, self._ropes = leg.first_s, leg.ropes
-        self._from_ship = leg.from_ship
         self._decked = leg.deck_m is not None
         self._found = Extremes(re_hit_m_per_s=0.0 if self._decked else math.nan)
         self.aloft = False  # whether it has left the deck
         self.on_deck = self._decked
         self._clearance: tuple[float, float] | None = None  # time [s], above the deck [m]
-        self._by_rope: dict[str, list[float]] = {}  # largest at its top, least at its lower end
+        self._loads = [RopeLoads(math.nan, math.nan) for _ in self._ropes]  # NaN: no sample yet
 
-    def take(self, snapshot: Snapshot) -> None:
-        """Take a snapshot."""
-        if snapshot.time_s <= self._first_s:
+    def take(self, sample: LiftSample) -> None:
+        """Take a sample."""
+        if sample.time_s <= self._first_s:
             return
-        min_n = min(
-            [float(snapshot.element_tension_n.min())]
-            + [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
-        )
-        top = hook_load_n(snapshot, self._from_ship)
-        depth_m = -float(snapshot.payload_position_m[2])
         extremes = self._found
-        extremes.take_top(top, snapshot.time_s, depth_m)
-        extremes.payload_max_n = max(extremes.payload_max_n, snapshot.tension_payload_n)
-        for rope in snapshot.ropes:
-            rope_extremes = self._by_rope.setdefault(rope.name, [-math.inf, math.inf])
-            rope_extremes[0] = max(
-                rope_extremes[0], float(rope.element_tension_n.max()), rope.tension_top_n
+        extremes.take_top(sample.top_max_n, sample.time_s, sample.depth_m)
+        extremes.payload_max_n = max(extremes.payload_max_n, sample.payload_n)
+        for r, before in enumerate(self._loads):
+            now = sample.ropes[r]  # first: of two numbers, max and min return the first beside NaN
+            self._loads[r] = RopeLoads(
+                max(now.max_n, before.max_n), min(now.lowest_n, before.lowest_n)
             )
-            rope_extremes[1] = min(rope_extremes[1], float(rope.element_tension_n[-1]))
         if self._decked:
-            self._take_deck(snapshot)
+            self._take_deck(sample)
         if not self._decked or (self.aloft and not self.on_deck):
             extremes.take_minima(
-                1, int(min_n <= 0.0), top_n=snapshot.tension_top_min_n,
-                payload_n=snapshot.tension_payload_n, anywhere_n=min_n,
+                1, int(sample.min_n <= 0.0), top_n=sample.top_min_n,
+                payload_n=sample.payload_n, anywhere_n=sample.min_n,
             )  # fmt: skip
-            extremes.offset_m = max(extremes.offset_m, offset_m(snapshot, self._from_ship))
+            extremes.offset_m = max(extremes.offset_m, sample.offset_m)
 
-    def _take_deck(self, snapshot: Snapshot) -> None:
+    def _take_deck(self, sample: LiftSample) -> None:
         """Note whether the object stands on the deck, and how fast that meets it again."""
-        body = snapshot.body
-        assert body is not None, "checked when the plan was read"
-        assert body.deck_reaction_n is not None, "checked when the plan was read"
-        assert body.deck_clearance_m is not None, "checked when the plan was read"
-        clearance, before = (snapshot.time_s, body.deck_clearance_m), self._clearance
-        on_deck = body.deck_reaction_n > 0.0
+        assert sample.deck is not None, "checked when the plan was read"
+        reaction_n, clearance_m = sample.deck
+        clearance, before = (sample.time_s, clearance_m), self._clearance
+        on_deck = reaction_n > 0.0
         if on_deck and self.aloft and not self.on_deck and before is not None:
             speed = (before[1] - clearance[1]) / (clearance[0] - before[0])
             self._found.re_hit_m_per_s = max(self._found.re_hit_m_per_s, speed)
@@ -168,10 +141,9 @@ class TwinExtremes:
     def row(self) -> Row:
         """Return the run's results."""
         row = self._found.row()
-        for rope in self._ropes:
-            high, low = self._by_rope.get(rope.name, (math.nan, math.nan))
-            row[f"rope_load[{rope.name}]"] = high
-            row[f"rope_loss[{rope.name}]"] = 1.0 - low / rope.lower_n
+        for rope, loads in zip(self._ropes, self._loads, strict=True):
+            row[f"rope_load[{rope.name}]"] = loads.max_n
+            row[f"rope_loss[{rope.name}]"] = 1.0 - loads.lowest_n / rope.lower_n
         return row
 
 
@@ -185,8 +157,8 @@ def twin_rows(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     for seed in seeds:
         extremes, failure = TwinExtremes(leg), ""
         try:
-            for snapshot in watch_twin(leg, ship, sea, seed):
-                extremes.take(snapshot)
+            for sample in watch_twin(leg, ship, sea, seed):
+                extremes.take(sample)
         except SolverError as error:
             failure = str(error)
         if not failure and leg.deck_m is not None and extremes.on_deck:
@@ -195,35 +167,39 @@ def twin_rows(leg: Leg, ship: Ship, sea: SeaState, seeds: Sequence[int]) -> list
     return rows
 
 
-def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[Snapshot]:
-    """Yield snapshots of a run, one every LOOK_S or every step.
+def watch_twin(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> Iterator[LiftSample]:
+    """Yield samples of a run, one every SAMPLE_S or every step.
 
     Raises:
         RopeTwinError: it cannot start.
         SolverError: an input was rejected, or the next state would not be finite.
     """
     scene, motion = moved_by_sea(leg, ship, sea, seed)
-    twin = Twin(scene)
+    step_s = scene.time.step_s
+    every, batch, steps = (round(seconds / step_s) for seconds in (SAMPLE_S, BATCH_S, leg.seconds))
+    monitor = LiftMonitor(scene, leg.from_ship, max(1, every), steps)
+    twin = Twin(scene, Monitors(further=(monitor,)))
     twin.prescribe_motion()
-    step = twin.step_ns
-    every, steps = max(1, round(LOOK_S / twin.step_s)), round(leg.seconds / twin.step_s)
     stamp, commanded = FIRST_NS, 0
     waiting = list(leg.commands)
     while twin.steps < steps:
-        until = twin.time_ns + every * step + AHEAD_NS
+        count = min(max(1, batch), steps - twin.steps)
+        until = twin.time_ns + count * twin.step_ns + AHEAD_NS
         while stamp < until:
             check_taken(twin.submit_pose(motion.pose(stamp)))
             stamp += SAMPLE_PERIOD_NS
         for name, winch in winches_by_name(scene).items():
             if name != WINCH or not leg.commands:
-                for sample in schedule_samples(winch, commanded, until):
-                    check_taken(twin.submit_command(sample.stamp_ns, sample.command, name))
+                for command in schedule_samples(winch, commanded, until):
+                    check_taken(twin.submit_command(command.stamp_ns, command.command, name))
         commanded = until
         while waiting and waiting[0].stamp_ns < until:
-            sample = waiting.pop(0)
-            check_taken(twin.submit_command(sample.stamp_ns, sample.command))
-        twin.advance(min(every, steps - twin.steps))
-        yield twin.snapshot()
+            command = waiting.pop(0)
+            check_taken(twin.submit_command(command.stamp_ns, command.command))
+        try:
+            twin.advance(count)
+        finally:
+            yield from monitor.take()
 
 
 def moved_by_sea(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Scene, ShipOfComponents]:
@@ -480,12 +456,12 @@ def watch_seed(leg: Leg, ship: Ship, sea: SeaState, seed: int) -> tuple[Vector, 
     """
     if leg.by_twin:
         rows = []
-        for snapshot in watch_twin(leg, ship, sea, seed):
+        for sample in watch_twin(leg, ship, sea, seed):
             row = np.full(WATCHED, math.nan)
-            row[TOP] = hook_load_n(snapshot, leg.from_ship)
-            row[AT_LOWEST] = snapshot.tension_payload_n
-            row[AT_DEPTH] = -float(snapshot.payload_position_m[2])
-            rows.append((snapshot.time_s, row))
+            row[TOP], row[AT_LOWEST], row[AT_DEPTH] = (
+                sample.top_max_n, sample.payload_n, sample.depth_m,
+            )  # fmt: skip
+            rows.append((sample.time_s, row))
         return np.array([instant for instant, _ in rows]), np.stack([row for _, row in rows])
     ensemble = _started(leg, ship, sea, [seed])
     times, steps = [], []

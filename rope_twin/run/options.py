@@ -198,7 +198,11 @@ def _add_monitors(group: argparse._ArgumentGroup) -> None:
     add("--ahead", action="store_true",
         help="forecast tension, risk and quiet windows of the next minute every second, on half a "
         "core or less")  # fmt: skip
-    add("--energy", action="store_true", help="keep the energy balance and report its residual")
+    add(
+        "--energy",
+        action="store_true",
+        help="keep the energy balance and report its residual (half a millisecond more a step)",
+    )
     add("--vibration", default="", metavar="MODEL",
         help="publish the VIV response along the line: time-domain (the scene's own VIV model) or "
         "frequency-domain (natural modes that follow the line)")  # fmt: skip

@@ -178,6 +178,7 @@ class Monitors:
     error_interval: bool = False
     vortex: MonitorSettings | None = None  # vibration and fatigue
     slack_steps: int = 0  # between checks for slack; 0: tensions are not monitored
+    further: tuple[Monitor, ...] = ()  # of the caller, for one twin
 
 
 NO_MONITORS = Monitors()
@@ -203,7 +204,7 @@ def new_monitors(scene: Scene, requested: Monitors) -> tuple[Monitor, ...]:
         from rope_twin.twin.vortex_monitor import VortexMonitor
 
         monitors.append(VortexMonitor(scene, requested.vortex))
-    return tuple(monitors)
+    return *monitors, *requested.further
 
 
 class EnergyAccount:

@@ -14,7 +14,7 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.components import deck_forces
 from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import Deck, RigidBody
-from rope_twin.core.body.step import pose_of, pulls_of
+from rope_twin.core.body.step import Pose, pose_of, pulls_of
 from rope_twin.core.loads.balance import lower_end_tension
 from rope_twin.core.loads.hooks import factors_at
 from rope_twin.core.state import Boundary, Ints, Rope, State
@@ -201,6 +201,18 @@ def body_of(rope: Rope) -> RigidBody | None:
     return next((body for body in bodies if body.here), None)
 
 
+def deck_contact(body: RigidBody, pose: Pose) -> tuple[float, float] | None:
+    """Return the reaction of the deck on a body [N], and how far the body is above it [m].
+
+    None: there is no deck.
+    """
+    deck = component_of(body, Deck)
+    if deck is None:
+        return None
+    clearance_m = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
+    return float(deck_forces(deck, body, pose)[:, 2].sum()), clearance_m
+
+
 def payload_depth_m(rope: Rope) -> float:
     """Return the depth of a rope's lower end, or of the centre of the rigid body there [m]."""
     body = body_of(rope)
@@ -219,10 +231,7 @@ def with_body(snapshot: Snapshot, rope: Rope) -> Snapshot:
     force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
     ends = pose.place(body.legs[:, :3])
     legs = hook - ends
-    reaction_n, clearance_m, deck = None, None, component_of(body, Deck)
-    if deck is not None:
-        reaction_n = float(deck_forces(deck, body, pose)[:, 2].sum())
-        clearance_m = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
+    reaction_n, clearance_m = deck_contact(body, pose) or (None, None)
     return amended(
         snapshot,
         payload_position_m=pose.place(body.middle),

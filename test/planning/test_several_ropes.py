@@ -129,14 +129,14 @@ def test_hang_off_follows_the_record_of_the_tip(two: PlanResult) -> None:
     plan, scene, leg = two.plan, two.scene, two.works[0].legs[0]
     tip, bow, sea = tip_of(plan, scene), plan.bow_of(scene), plan.sea_state(1.0, 0, 0)
     short = replace(leg, seconds=14.0)
-    snapshots = list(watch_twin(short, Ship(tip, bow), sea, 5))
+    samples = list(watch_twin(short, Ship(tip, bow), sea, 5))
     series = tip_record(Ship(tip, bow), sea, 5, 14.0)
-    late = [snapshot for snapshot in snapshots if snapshot.motion_ramp == 1.0]
-    time = np.array([snapshot.time_s for snapshot in late])
+    late = [sample for sample in samples if sample.time_s >= scene.ship.motion_ramp_s]
+    time = np.array([sample.time_s for sample in late])
     at = series.stamp_ns[LEAD_SAMPLES:] * 1e-9
     assert series.lateral is not None
     expected = [series.lateral[0], series.lateral[1], series.position_m]
-    moved = np.array([snapshot.hang_off_position_m for snapshot in late]) - scene.ship.hang_off_m
+    moved = np.array([sample.hang_off_m for sample in late]) - scene.ship.hang_off_m
     for own, right in zip(moved.T, expected, strict=True):
         assert own == pytest.approx(np.interp(time, at, right[LEAD_SAMPLES:]), abs=0.01)
 
