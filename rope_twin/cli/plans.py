@@ -19,6 +19,7 @@ from rope_twin.planning.plan_file import Plan
 from rope_twin.planning.plan_reader import read_plan, with_error
 from rope_twin.planning.results import (
     notes,
+    plan_notes,
     result_object,
     summary_lines,
     table_rows,
@@ -104,6 +105,8 @@ def _run_plan(args: argparse.Namespace) -> int:
         check_report()
     if args.cell:
         return _show_cell(args, plan, scene, folder_path)
+    for note in plan_notes(plan):
+        print(f"warning: {note}", file=sys.stderr)
     reports: list[Path] = []
     progress, began = FigureProgress(), time.monotonic()
 

@@ -27,6 +27,7 @@ from rope_twin.sea.spectrum import DEEP, STANDARD_GRAVITY, irregular_waves, spre
 if TYPE_CHECKING:
     from rope_twin.planning.cells import CellLimit
     from rope_twin.planning.phases import Leg
+    from rope_twin.planning.plan_file import Plan
     from rope_twin.planning.run import PlanResult
     from rope_twin.planning.simplified import Simplified
 
@@ -160,8 +161,18 @@ def setting_words(result: PlanResult, leg: Leg) -> str:
     return "given" if given else "error not measured"
 
 
+def plan_notes(plan: Plan) -> Iterator[str]:
+    """Yield remarks on the plan itself, known before its runs."""
+    if len(plan.sea.tp_s) == 1:
+        yield (
+            f"The limits hold at Tp {plan.sea.tp_s[0]:g} s alone: `rope_twin operability` and the "
+            "console interpolate between periods; give them two or more in sea.tp_s."
+        )
+
+
 def notes(result: PlanResult) -> Iterator[str]:
     """Yield remarks on the results, the most important first."""
+    yield from plan_notes(result.plan)
     yield from _static(result)
     yield from _failures(result)
     yield from _intervals(result)

@@ -209,7 +209,9 @@ def _grid(
     periods = sorted({period for period, _ in table})
     headings = sorted({heading for _, heading in table})
     if len(periods) < 2:
-        raise InputError(place, "one Tp", "give two or more")
+        problem = f"limits at one Tp, {periods[0]:g} s, hold for no other"
+        remedy = "give two or more that enclose those of the hindcast, in a plan by sea.tp_s"
+        raise InputError(place, problem, remedy)
     for period in periods:
         for heading in headings:
             if (period, heading) not in table:

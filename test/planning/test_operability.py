@@ -365,7 +365,7 @@ WRONG_WEATHER = {
 }  # fmt: skip
 WRONG_LIMITS = {
     "no limit": ("tp_s,limit\n8,2\n9,2\n", "there is no limit_hs_m"),
-    "one period": ("tp_s,limit_hs_m\n8,2\n", "phase 'operation': one Tp; give two or more"),
+    "one period": ("tp_s,limit_hs_m\n8,2\n", "phase 'operation': limits at one Tp, 8 s, hold"),
     "double": ("tp_s,limit_hs_m\n8,2\n8,3\n", "Tp 8 s is double"),
     "a hole": ("tp_s,heading_deg,limit_hs_m\n8,0,2\n8,180,2\n9,0,2\n", "Tp 9 s at heading 180° is"),
     "both sides of one": ("# symmetric\ntp_s,heading_deg,limit_hs_m\n"

@@ -532,12 +532,26 @@ def test_remarks_are_in_numbers(small: Path, tmp_path: Path) -> None:
     said = "\n".join(notes(run(steep, scene, RowStore(), threads=1)))
     assert "At Tp 5 s limits lie above the steepest usual seas of DNV-RP-C205" in said
     assert "% of the variance of the tip's motion lies above the highest frequency" in said
+    assert "The limits hold at Tp 5 s alone" in said
     assert "has no waves" not in said
     long = replace(steep, sea=replace(sea, tp_s=(16.0,)), vessel=own.vessel)
     said = "\n".join(notes(run(long, scene, RowStore(), threads=1)))
     assert "3 seeds leave an interval wider than ±0.1 %" in said
     assert "the payload is at 150 m, less than half of the longest waves' 400 m" in said
     assert "highest frequency" not in said
+
+
+def test_a_plan_of_one_period_warns_before_its_runs(
+    small: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Operability and console interpolate between periods: the warning comes before any run."""
+    one = tmp_path / "one.yaml"
+    one.write_text(small.read_text().replace("[9.0, 12.0]", "[9.0]"))
+    for path, warnings in ((small, 0), (one, 1)):
+        words = ["plan", str(path), "--out", str(tmp_path), "--scheduler", "foo"]
+        assert main(words) == 1  # there is no such scheduler
+        said = capsys.readouterr().err
+        assert said.count("warning: The limits hold at Tp 9 s alone") == warnings
 
 
 def test_rows_hold_finite_numbers(small: Path) -> None:
