@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rope_twin.cli import Command, ExitCode, print_json, print_table
-from rope_twin.cli.selection import read_amount
+from rope_twin.cli.selection import read_share
 from rope_twin.errors import InputError
 from rope_twin.files import shipped_file
 from rope_twin.planning.cells import Cell
@@ -92,7 +92,7 @@ def _run_plan(args: argparse.Namespace) -> int:
         raise InputError("--threads", f"{args.threads}", "give 1 to 256")
     plan, scene = read_plan(args.plan)
     if args.within is not None:
-        plan = with_error(plan, 0.01 * read_amount("--within", args.within, "the error", "%"))
+        plan = with_error(plan, read_share("--within", args.within, "the error"))
     folder_path = args.out or Path(f"plan_{plan.name}")
     check_parquet()
     check_picture(folder_path / PLAN_PICTURE)

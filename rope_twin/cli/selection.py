@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from decimal import Decimal, InvalidOperation
 from functools import partial
 from statistics import mean, median
 from typing import NamedTuple
@@ -246,12 +247,26 @@ def read_amount(option: str, text: str, name: str, unit: str) -> float:
     Raises:
         InputError: it is none.
     """
+    return float(_amount(option, text, name, unit))
+
+
+def read_share(option: str, text: str, name: str) -> float:
+    """Return a share above 0 that was given in per cent: 1.1% is the number 0.011, to the bit.
+
+    Raises:
+        InputError: it is none.
+    """
+    return float(_amount(option, text, name, "%").scaleb(-2))
+
+
+def _amount(option: str, text: str, name: str, unit: str) -> Decimal:
     number = text.strip().removesuffix(unit).strip()
     try:
-        amount = float(number)
-    except ValueError:
-        amount = math.nan
-    if not (0.0 < amount < math.inf) or number == text.strip():
+        amount = Decimal(number)
+    except InvalidOperation:
+        amount = Decimal("nan")
+    is_positive = amount.is_finite() and 0.0 < float(amount) < math.inf
+    if not is_positive or number == text.strip():
         remedy = f"write a number above 0 and its unit, like {_LIKE[unit]}"
         raise InputError(f"{option} {text}", f"{name} is in {unit}", remedy)
     return amount

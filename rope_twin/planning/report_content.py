@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from decimal import Decimal
 from operator import itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -513,7 +514,8 @@ def _versions(result: PlanResult) -> Iterator[tuple[str, str]]:
     yield "scene, SHA-256", f"`{scene.digest}`"
     yield "first random number", f"`{plan.method.seed}`"
     is_selected = plan.method.elements is None
-    option = f" --within {100.0 * plan.method.error_within:g}%" if is_selected else ""
+    error_pct = Decimal(repr(plan.method.error_within)).scaleb(2).normalize()
+    option = f" --within {error_pct:f}%" if is_selected else ""
     shipped = plan.path.parent == share_dir() / "config" / "plans"
     file = plan.name if shipped else plan.path.name
     yield "command", f"`rope_twin plan {file}{option} --report`"

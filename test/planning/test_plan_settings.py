@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from rope_twin.cli import main
-from rope_twin.errors import RopeTwinError
+from rope_twin.cli.selection import read_share
+from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.cells import Cell, CellLimit, RowStore
 from rope_twin.planning.plan_reader import read_plan, with_error
 from rope_twin.planning.run import find_within, prepare
@@ -33,6 +34,21 @@ def path(tmp_path: Path) -> Path:
     """Return the path of a small plan."""
     (tmp_path / "small.yaml").write_text(PLAN)
     return tmp_path / "small.yaml"
+
+
+@pytest.mark.parametrize("tenths", [7, 11, 14, 19, 28, 55])
+def test_an_error_in_per_cent_is_the_number_of_the_file(path: Path, tenths: int) -> None:
+    """As 1.1 %·0.01 is not 0.011, a folder was refused as that of another plan."""
+    share = float(f"{tenths}e-3")
+    path.write_text(PLAN.replace("method: {", f"method: {{error_within: {share}, "))
+    plan, _ = read_plan(path)
+    assert with_error(plan, read_share("--within", f"{tenths / 10:g} %", "the error")) is plan
+
+
+@pytest.mark.parametrize("text", ["0%", "-1%", "nan%", "sNaN%", "inf%", "1e999999%", "1", "x%"])
+def test_an_error_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="write a number above 0 and its unit, like 1%"):
+        read_share("--within", text, "the error")
 
 
 def coarse_limit(path: Path, within: float) -> tuple[CellLimit, CellLimit, RowStore]:

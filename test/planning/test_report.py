@@ -12,7 +12,7 @@ import pypdfium2
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.cli.selection import read_amount
+from rope_twin.cli.selection import read_share
 from rope_twin.planning.cells import RowStore
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.report import Figure, Heading, Report, Table, Text, html_report, pdf_report
@@ -85,13 +85,14 @@ def test_tables_agree_on_the_lowest_limit(result: PlanResult) -> None:
 
 
 def test_the_command_of_the_report_is_one(result: PlanResult) -> None:
-    """It runs in the folder of the plan, with the error that was aimed at."""
-    selected = replace(result.plan.method, elements=None, step_s=None, error_within=0.015)
-    found = report_of(replace(result, plan=replace(result.plan, method=selected)))
-    rows = [row for block in found.blocks if isinstance(block, Table) for row in block.rows]
-    (command,) = (row[1].strip("`") for row in rows if row[0] == "command")
-    assert command == "rope_twin plan deeper.yaml --within 1.5% --report"
-    assert read_amount("--within", command.split()[4], "the error", "%") == 1.5
+    """It runs in the folder of the plan, with the error that was aimed at, to the bit."""
+    for share, option in ((0.015, "1.5%"), (0.011, "1.1%"), (0.0123456789, "1.23456789%")):
+        selected = replace(result.plan.method, elements=None, step_s=None, error_within=share)
+        found = report_of(replace(result, plan=replace(result.plan, method=selected)))
+        rows = [row for block in found.blocks if isinstance(block, Table) for row in block.rows]
+        (command,) = (row[1].strip("`") for row in rows if row[0] == "command")
+        assert command == f"rope_twin plan deeper.yaml --within {option} --report"
+        assert read_share("--within", command.split()[4], "the error") == share
 
 
 def bare(words: str) -> str:
