@@ -141,9 +141,11 @@ def _apart(at: LiftState) -> Iterator[Measure]:
         if disagrees(residual):
             label = residual.quantity.rpartition("_")[0].replace("_", " ")
             text = f"{label} of '{residual.name}': measured {residual.measured:.6g}, "
-            text += (
-                f"computed {residual.computed:.6g}; {residual.outside or 0.0:.0%} of a minute apart"
-            )
+            text += f"computed {residual.computed:.6g}; "
+            if residual.outside is not None:
+                text += f"{residual.outside:.0%} of a minute apart"
+            else:
+                text += f"apart by {residual.mean:+.6g} in the mean of a minute"
             yield present(f"{residual.name} {residual.quantity}", WARNING, text)
 
 

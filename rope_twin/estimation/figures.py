@@ -145,7 +145,6 @@ LINE_STEPS: Mapping[str, float] = {LINE_OFFSET: 0.02, LINE_SLIP: 0.0005}  # lane
 # members, their lanes have a sensor that is later by so much [s], which a tangent of the delay does
 # not describe for short waves.
 HEAVE_SHIFTS: Mapping[str, float] = dict(zip(HEAVE_ERRORS, (0.4, -0.4), strict=True))
-RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
 HEAVE_ERROR_SD = 0.5  # of those logarithms
 MAX_SDS = 4.0  # a figure stays within so many prior standard deviations
 
@@ -268,7 +267,7 @@ def prior_of(
 
     static_tension_n: at the hang-off [N]; others: at those of further winches, by name.
     """
-    full_scale = learning.pin_range_n or RANGE_OVER_TENSION * abs(static_tension_n)
+    full_scale = learning.pin_full_scale_n(static_tension_n)
     ranges = {
         name: 1.0 if learning.pin_range_n else abs(own_n / static_tension_n)
         for name, own_n in (others or {}).items()

@@ -100,7 +100,7 @@ def read_diagnostics(data: bytes) -> list[Status]:
 
 
 def residuals_status(residuals: Sequence[Residual], now_s: float = -math.inf) -> Status:
-    """Return the row on measured less computed values: WARN if one is outside for long.
+    """Return the row on measured less computed values: WARN if one disagrees for long.
 
     now_s: twin time, to report old measurements as such.
     """
@@ -137,7 +137,13 @@ def residual_words(residual: Residual, now_s: float = -math.inf) -> str:
         f"{scale * residual.mean:+{form}} {unit}"
     )
     if residual.half_width is None or residual.outside is None:
-        return f"{words}, interval unknown (give `measured` in the scene)"
+        words = f"{words}, interval unknown (give `measured` in the scene)"
+        if residual.explained is None or not disagrees(residual):
+            return words
+        return (
+            f"{words}; the scene's uncertainties of load and load pin explain "
+            f"±{scale * residual.explained:{form}} {unit}"
+        )
     scope = "" if residual.twin is not None else " (of the instrument alone)"
     outside = f"{100.0 * residual.outside:.0f} % outside"
     return f"{words}, {outside} ±{scale * residual.half_width:{form}} {unit}{scope}"

@@ -17,6 +17,8 @@ from math import hypot
 from rope_twin.quantity import quantity, text
 
 SHEAVE, MOTOR = "sheave", "motor"
+RANGE_OVER_TENSION = 1.5  # full scale of a load pin over the static tension, if it is not given
+PRIOR_SIGMAS = 3.0  # what is further off is not the lift, or the load pin, that the scene describes
 TENSION_PLACES = (SHEAVE, MOTOR)
 
 
@@ -186,3 +188,17 @@ class Learning:
         "standard deviation of the measured heave's error between 5 and 40 s", "m", 1e-4, 5.0,
         default=0.025,
     )  # fmt: skip
+
+    def pin_full_scale_n(self, static_tension_n: float) -> float:
+        """Return the full scale of the load pin [N]."""
+        return self.pin_range_n or RANGE_OVER_TENSION * abs(static_tension_n)
+
+    def explained_tension_n(self, tension_n: float, static_tension_n: float) -> float:
+        """Return the largest mean of measured less computed tension that is explained [N].
+
+        PRIOR_SIGMAS standard uncertainties of weight, gain, zero and friction; the whole tension
+        counts as weight of the payload.
+        """
+        pct = (self.submerged_weight_pct, self.pin_gain_pct, self.friction_uncertainty_pct)
+        zero_n = self.pin_bias_pct * self.pin_full_scale_n(static_tension_n)
+        return PRIOR_SIGMAS * 0.01 * hypot(zero_n, *(own * tension_n for own in pct))

@@ -372,6 +372,9 @@ def _compares(residual: Residual, snapshot: Snapshot) -> bool:
 def _residual(residual: Residual) -> Component:
     """Return the component of one comparison, by RMS and mean over their standard uncertainty."""
     label = f"{_WORDS[residual.quantity]} of '{residual.name}'"
+    if residual.outside is None and disagrees(residual):
+        text = f"{label}: mean residual beyond what the uncertainties of load and load pin explain"
+        return Component(DISAGREEMENT_VALUE, text)
     if residual.half_width is None or residual.half_width <= 0.0:
         return Component(None, f"the uncertainty of the measured {label} is not known")
     sigma = residual.half_width / COVERAGE

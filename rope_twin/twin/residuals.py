@@ -6,6 +6,8 @@ time. A residual should lie in ±1.96·√(u² + t²) in 95 % of the cases, with
 u of the instrument (the scene's `measured`) and t of the twin. For the tension t is the half width
 of the error interval over 1.96, or the RMS error bound of the scene's convergence study; where it
 is unknown, the interval is that of the instrument alone and the twin's part is reported as unknown.
+A tension whose instrument has no stated uncertainty has no interval; its mean residual is compared
+with what the uncertainties of load and load pin in the scene's `learning` explain.
 Nothing here acts on the twin, and without readings nothing is done.
 """
 
@@ -19,7 +21,7 @@ from operator import add
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.instruments import MOTOR as AT_MOTOR
-from rope_twin.scene.instruments import MeasuredLength, MeasuredTension
+from rope_twin.scene.instruments import Learning, MeasuredLength, MeasuredTension
 from rope_twin.scene.rigging import places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.health import SENDER_LEAD_S
@@ -93,11 +95,14 @@ class Comparison:
 
     def __init__(
         self, name: str, quantity: str, column: int, sensor: MeasuredTension | MeasuredLength,
-        group: str,
+        group: str, prior: Learning | None = None,
     ) -> None:  # fmt: skip
-        """Compare readings of a group of sensors with a column of the history (-1: the last)."""
+        """Compare readings of a group of sensors with a column of the history (-1: the last).
+
+        prior: of a load pin, for readings of unknown uncertainty.
+        """
         self.name, self.quantity, self.column, self.group = name, quantity, column, group
-        self._sensor = sensor
+        self._sensor, self._prior = sensor, prior
         self._waiting: deque[tuple[int, float]] = deque()
         # newest one compared: stamp, measured, computed, instrument's and twin's uncertainty
         self._newest: tuple[int, float, float, float | None, float | None] | None = None
@@ -212,7 +217,13 @@ class Comparison:
         if self._newest is None:
             return None
         stamp_ns, measured, computed, u, twin = self._newest
-        n, sum_r, sum_rr, out, known = (sum(row[k] for row in self._bins) for k in range(1, 6))
+        n, sum_r, sum_rr, out, known, sum_c = (
+            sum(row[k] for row in self._bins) for k in range(1, 7)
+        )
+        explained = None
+        if self._prior is not None and u is None:
+            mean_n = self._level + sum_c / n
+            explained = self._prior.explained_tension_n(mean_n, self._level)
         return Residual(
             name=self.name,
             quantity=self.quantity,
@@ -229,6 +240,7 @@ class Comparison:
             span_s=float(self._bins[-1][0] - self._bins[0][0] + 1),
             sensors=self.group,
             tests=None if self._monitor is None else self._monitor.result,
+            explained=explained,
         )
 
 
@@ -254,7 +266,8 @@ class MeasuredInputs:
         self._depth = DepthReadings(scene)
         group = MOTOR_TENSION if self._motor_tells else WINCH_MEASURED
         self._tensions = tuple(
-            Comparison(line.from_, TENSION, 2 * r, sensors.tension, group) for r, line in lines
+            Comparison(line.from_, TENSION, 2 * r, sensors.tension, group, scene.learning)
+            for r, line in lines
         )
         counter = sensors.line_out
         self._lengths = tuple(

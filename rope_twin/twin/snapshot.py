@@ -240,6 +240,7 @@ class Residual:
     span_s: float  # time covered by the readings
     sensors: str = ""  # their group in Snapshot.inputs
     tests: ResidualTests | None = None  # of the last minutes; None: too few, or no uncertainty
+    explained: float | None = None  # largest mean by the scene's `learning`, without an interval
 
     @property
     def residual(self) -> float:
@@ -251,9 +252,14 @@ OUTSIDE_FRACTION, OUTSIDE_SPAN_S = 0.25, 10.0  # of readings; 5 % are expected o
 
 
 def disagrees(residual: Residual) -> bool:
-    """Return whether `simulation: residuals` warns, as too many readings lie outside."""
-    outside = residual.outside is not None and residual.outside > OUTSIDE_FRACTION
-    return outside and residual.span_s >= OUTSIDE_SPAN_S
+    """Return whether `simulation: residuals` warns: too many readings lie outside the interval, or,
+    without one, their mean is beyond what is explained.
+    """
+    if residual.span_s < OUTSIDE_SPAN_S:
+        return False
+    if residual.outside is not None:
+        return residual.outside > OUTSIDE_FRACTION
+    return residual.explained is not None and abs(residual.mean) > residual.explained
 
 
 class ForecastScore(NamedTuple):

@@ -33,6 +33,7 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.convergence import scene_digest
 from rope_twin.scene.error_bound import KnownError
+from rope_twin.scene.instruments import PRIOR_SIGMAS
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene
@@ -48,7 +49,6 @@ LINE_TOL_M = 0.5  # of the measured line out beyond the winch's range
 SPEED_TOL = 1.1  # of the measured line speed over the winch's limit
 # minimum speed of a current extended below its last row, and of that extent over the depth
 EXTENDED_M_PER_S, EXTENDED_FRACTION = 0.25, 0.1
-PRIOR_SIGMAS = 3.0  # of a learned figure from the scene's
 MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less matches the scene's sea
 MISSING_NS = 500_000_000  # the sea counts as missing after this time without a sample
 TIME_TOL_NS = 1_000

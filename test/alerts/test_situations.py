@@ -250,6 +250,11 @@ def test_delays_keep_short_troubles_out(scene: Any) -> None:
     assert course.see(29.0, residuals=(apart,)) == {}
     (key,) = course.see(1.5, residuals=(apart,))
     assert key == (10005, f"{apart.name} {apart.quantity}")
+    course = Course(scene)
+    apart = replace(apart, outside=None, half_width=None, mean=-75e3, explained=28e3)
+    assert course.see(31.0, residuals=(apart,)) == {key: Priority.WARNING}
+    (found,) = course.watch.observe(course.last)
+    assert "apart by -75000 in the mean of a minute" in found.text
     course, winch = Course(scene), "the speed limit of 1.5 m/s"
     assert course.see(5.0, winch_at_limit=winch) == {}
     assert course.see(20.0) == {}

@@ -25,9 +25,10 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import BY_NAME, MEASURED_TOPICS
 from rope_twin.twin.input_queue import InputQueue, LogEntry, apply, calls_of, plain_calls
+from rope_twin.twin.quality import residual_of
 from rope_twin.twin.readings import Measurement
 from rope_twin.twin.residuals import DEPTH, LINE_OUT, SAMPLE_NS, TENSION, MeasuredInputs
-from rope_twin.twin.snapshot import Residual, Snapshot, TensionInterval
+from rope_twin.twin.snapshot import Residual, Snapshot, TensionInterval, disagrees
 from rope_twin.twin.state import decode_state
 from rope_twin.twin.twin import Twin
 
@@ -366,6 +367,31 @@ def test_a_cell_in_another_unit_is_noticed(scene: Scene, scale: float, words: st
         if k == 80:
             assert inputs.health(time_ns)["winch_measured"].warning == ""
     assert inputs.health(time_ns)["winch_measured"].warning == words
+
+
+@pytest.mark.parametrize(("scale", "doubted"), [(0.5, True), (1.5, True), (0.9, False)])
+def test_a_cell_beyond_load_and_pin_is_doubted_without_an_uncertainty(
+    scene: Scene, scale: float, doubted: bool
+) -> None:
+    """The scene's weight is within 18 %, its load pin within 3 % and 4 kN: 28 kN of 150 kN."""
+    twin = Twin(replace(scene, measured=Measured()))
+    inputs, blank = MeasuredInputs(replace(scene, measured=Measured())), twin.snapshot()
+    for k in range(200):
+        time_ns, swing = k * 100_000_000, (1e4, -1e4)[k % 2]
+        inputs.record(time_ns, (1.5e5 + swing, 200.0, 200.0))
+        reading = Measurement.of_winch(time_ns, tension_n=scale * (1.5e5 + swing))
+        assert inputs.submit(reading, time_ns) == ""
+        (residual,) = inputs.residuals(blank)
+        assert disagrees(residual) == (doubted and k >= 90)  # for 10 s
+    assert residual.explained == pytest.approx(
+        3.0 * math.hypot(0.06 * 1.5e5, 0.01 * 1.5e5, 0.008 * 1.5e5, 0.006 * 1.5 * 1.6e5)
+    )
+    snapshot = replace(blank, stamp_ns=time_ns, residuals=(residual,))
+    (row,) = (row for row in statuses(snapshot, None) if row.name == "simulation: residuals")
+    assert row.level == (Level.WARN if doubted else Level.OK)
+    assert "interval unknown (give `measured` in the scene)" in row.message
+    assert ("of load and load pin explain ±27.94 kN" in row.message) == doubted
+    assert residual_of("top_tension", snapshot).value == (0.5 if doubted else None)
 
 
 def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
