@@ -15,7 +15,6 @@ threads.
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections import deque
 from collections.abc import Iterator
@@ -39,14 +38,14 @@ from rope_twin.estimation.lift_model import LiftModel
 from rope_twin.estimation.measured_lift import MeasuredLift
 from rope_twin.estimation.worker import Heave, Input, Motion, Reading, Restart, Worker, WorkerCall
 from rope_twin.messages.reports import Level, Status, estimate_status
+from rope_twin.quantity import or_nan
 from rope_twin.scene.instruments import SHEAVE
 from rope_twin.scene.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.live_state import live_state
 from rope_twin.twin.figures import RAMP_S
-from rope_twin.twin.health import AHEAD_NS
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.readings import MOTOR, WINCH_SENSORS, Measurement
+from rope_twin.twin.readings import MOTOR, WINCH_SENSORS, Measurement, WinchReadings
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
@@ -352,6 +351,12 @@ class LiveLearning:
         # winch of a reading by its name
         self._winches = dict.fromkeys(("", *winches_by_name(scene), scene.ropes[0].name), "")
         self._winches |= {name: winch for winch, rope in further.items() for name in (winch, rope)}
+        lines = [scene.ropes[r] for r in suspended_ropes(scene)]
+        self._checks = {  # by source and winch
+            (source, winch): WinchReadings(scene, line, source)
+            for source in {WINCH_SENSORS, self._source}
+            for winch, line in zip(("", *further), lines, strict=True)
+        }
         self._taken: Estimate | None = None
         self._reminded_s = 0.0
         self._seen_ns: int | None = None  # twin time of the newest snapshot
@@ -360,6 +365,8 @@ class LiveLearning:
     def start(self, twin: Twin) -> None:
         """Begin at the twin's next cycle, and work."""
         self._twin = twin
+        for readings in self._checks.values():
+            readings.invalidate()
         self._inputs.at_next_slot(lambda: self._begin(twin))
         self.worker.start()
 
@@ -392,22 +399,21 @@ class LiveLearning:
     def hear(self, measurement: Measurement) -> None:
         """Pass measured tension and line out of the winches that carry the load on.
 
-        A stamp of another clock is left out, as by the twin: all that comes after one far ahead
+        Values and stamps that the twin refuses are left out; all that comes after a stamp far ahead
         would be forgotten with it at a tare.
         """
-        if measurement.source not in (self._source, WINCH_SENSORS):
-            return
-        seen_ns = self._seen_ns
-        if seen_ns is not None and abs(measurement.stamp_ns - seen_ns) > AHEAD_NS:
-            return
-        for name, line_out, _, tension in measurement.rows:
-            tension_n = tension if measurement.source == self._source else None
-            if name in self._winches and not (tension_n is None and line_out is None):
-                force, line = (
-                    math.nan if value is None else value for value in (tension_n, line_out)
+        source, stamp_ns, rows = measurement
+        now_ns = stamp_ns if self._seen_ns is None else self._seen_ns
+        for row in rows:
+            if (source, self._winches.get(row[0])) not in self._checks:
+                continue
+            winch = self._winches[row[0]]
+            _, line_out, _, tension = self._checks[source, winch].take(stamp_ns, row, now_ns)[0]
+            tension_n = tension if source == self._source else None
+            if not (tension_n is None and line_out is None):
+                self.worker.take(
+                    Reading(stamp_ns * 1e-9, or_nan(tension_n), or_nan(line_out), winch)
                 )
-                at_s = measurement.stamp_ns * 1e-9
-                self.worker.take(Reading(at_s, force, line, self._winches[name]))
 
     def hear_motion(self, stamp_ns: int, heave_m: float) -> None:
         """Pass a sample of the motion sensor on, as it came; the rule on stuck sensors has it."""

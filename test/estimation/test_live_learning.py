@@ -193,20 +193,44 @@ def test_a_twin_without_a_state_to_begin_from_steps_on(
     assert "the rope was cut" in learning.learner.trouble
 
 
+def test_what_the_twin_refuses_is_not_learned_from(tmp_path: Path) -> None:
+    """A line out in feet, tension in a unit of its own, NaN and a stamp that comes twice."""
+    twin, _, learning = new_learning(tmp_path)
+    learning.see(twin.snapshot())
+    mbl_n, lines = twin.scene.ropes[0].breaking_load_n, (200.0, 656.2, 200.1, -50.0, np.nan, 200.2)
+    forces = 1e5, 1.1e5, 3.0 * mbl_n, 1.2e5, 1.3e5, -0.5 * mbl_n
+    for k, (line_m, force_n) in enumerate(zip(lines, forces, strict=True)):
+        reading = Measurement.of_winch(k * 50_000_000, line_m, 0.0, force_n)
+        for _ in range(2):
+            learning.hear(reading)
+            twin.submit_measurement(reading)
+    learning.worker.work()
+    lift, counted = learning.learner._lift, twin.snapshot().inputs["winch_measured"]
+    assert lift.tension.table[:, 1].tolist() == [1e5, 1.1e5, 1.2e5, 1.3e5]
+    assert lift.counter.table[:, 1].tolist() == [200.0, 200.1, 200.2]
+    assert (counted.accepted, counted.refused) == (6, 5 + 6)
+    learning.start(twin)  # after a pause
+    learning.worker.stop()
+    learning.hear(Measurement.of_winch(10_000_000, 200.0, 0.0, 0.9e5))
+    learning.worker._stopping.clear()
+    learning.worker.work()
+    assert lift.tension.table[1].tolist() == [0.01, 0.9e5]
+
+
 def test_tension_before_a_tare_is_forgotten(tmp_path: Path) -> None:
     """Its zero was another; the raw line out and the motion stay."""
     twin, _, learning = new_learning(tmp_path)
     learning.see(twin.snapshot())
     for k in range(10):
-        learning.hear(Measurement.of_winch(k * 50_000_000, 200.0 + k, 0.0, 1e5 + k))
+        learning.hear(Measurement.of_winch(k * 50_000_000, 200.0 + 0.01 * k, 0.0, 1e5 + k))
     for another_clock_ns in (10**15, -(10**15)):  # later readings would be forgotten too
-        learning.hear(Measurement.of_winch(another_clock_ns, 210.0, 0.0, 1e5))
+        learning.hear(Measurement.of_winch(another_clock_ns, 200.1, 0.0, 1e5))
     learning.worker.work()
     lift = learning.learner._lift
-    assert lift.counter.table[:, 1].tolist() == [200.0 + k for k in range(10)]
+    assert lift.counter.table[:, 1].tolist() == [200.0 + 0.01 * k for k in range(10)]
     assert len(lift.tension.table) == 10
     learning.tare()
-    learning.hear(Measurement.of_winch(500_000_000, 210.0, 0.0, 0.9e5))
+    learning.hear(Measurement.of_winch(500_000_000, 200.1, 0.0, 0.9e5))
     learning.worker.work()
     assert lift.tension.table.tolist() == [[0.5, 0.9e5]]
     assert len(lift.counter.table) == 11
