@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import importlib.util
+import operator
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -107,6 +108,22 @@ def require(module: str, why: str, extra: str, name: str = "") -> None:
     if importlib.util.find_spec(module) is None:
         remedy = f"install it with `pip install 'rope_twin[{extra}]'`"
         raise InputError(name or module, why, remedy)
+
+
+def whole_number(where: str, noun: str, value: int, low: int = 1, high: int | None = None) -> int:
+    """Return a whole number of things from low to high; None: without an upper end.
+
+    Raises:
+        InputError: it is another number, or none.
+    """
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = low - 1
+    if number < low or (high is not None and number > high):
+        end = "or more" if high is None else f"to {high}"
+        raise InputError(where, f"{value!r} {noun}", f"give a whole number, {low} {end}")
+    return number
 
 
 def counted(number: int, noun: str) -> str:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rope_twin.errors import InputError, RopeTwinError
+from rope_twin.errors import InputError, RopeTwinError, whole_number
 from rope_twin.planning.cells import Cell, CellLimit, PhaseWork, RowStore, runs_of_cell
 from rope_twin.planning.dataset import plan_dataset
 from rope_twin.planning.phases import Leg, legs_of
@@ -312,6 +312,8 @@ def plan(
     Raises:
         RopeTwinError: the plan is invalid, or the folder holds another one; one sentence.
     """
+    if threads is not None:
+        threads = whole_number("plan", "threads", threads)
     file_plan, scene = read_plan(name_or_path)
     if within is not None:
         file_plan = with_error(file_plan, within)

@@ -16,6 +16,7 @@ from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.twin.ensemble.member as member_module
 from rope_twin import Twin, load_scene
+from rope_twin.core.jit.wide import LANES
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import Change
@@ -270,8 +271,15 @@ def test_invalid_times_are_rejected(tmp_path: Path) -> None:
         InputError, match=r"slack_interval_s: 0\.0 s is not possible; give a whole number"
     ):
         Ensemble(scene, [Variation()], slack_interval_s=0.0)
-    with pytest.raises(InputError, match="ensemble: 2 threads, 0 members; give at least one"):
+    with pytest.raises(InputError, match="ensemble: 0 members; give a whole number, 1 or more"):
         Ensemble(scene, [], threads=2)
+    for counts, problem in (
+        ({"threads": 1.5}, "1.5 threads; give a whole number, 1 or more"),
+        ({"threads": 0}, "0 threads"),
+        ({"max_lanes": 2.0}, f"2.0 ropes in one step; give a whole number, 1 to {LANES}"),
+    ):
+        with pytest.raises(InputError, match=f"ensemble: {problem}"):
+            Ensemble(scene, [Variation()], **counts)
     ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 2.0)))])
     for seconds in (0.0, -1.0, math.nan, 0.015):
         with pytest.raises(InputError, match="is not possible; give a whole number of steps"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,7 +16,8 @@ import rope_twin.twin.ensemble.fleet_ropes as fleet_ropes
 from rope_twin.core import state as rows
 from rope_twin.core.body.step import pose_of
 from rope_twin.core.lanes.group import why_alone
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, RopeTwinError
+from rope_twin.planning.run import plan
 from rope_twin.scene.load import Change, at_setting, change_scene, load_scene
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
@@ -112,6 +114,31 @@ def test_wrong_figures_are_refused(fleet: Fleet, factors: dict, words: str) -> N
     """In one sentence."""
     with pytest.raises(InputError, match=words):
         fleet.set_figures(factors)
+
+
+@pytest.mark.parametrize(
+    ("counts", "words"),
+    [
+        ({"members": 1.5}, "fleet: 1.5 members; give a whole number, 1 or more"),
+        ({"members": math.nan}, "nan members"),
+        ({"members": "3"}, "'3' members"),
+        ({"members": 0}, "0 members"),
+        ({"members": 2, "threads": 1.5}, "1.5 threads"),
+        ({"members": 2, "elements": 20.5}, "elements: 20.5 is not a whole number"),
+    ],
+)
+def test_counts_that_are_not_whole_are_refused(scene: Scene, counts: dict, words: str) -> None:
+    with pytest.raises(RopeTwinError, match=words):
+        Fleet(scene, **counts)
+
+
+def test_a_member_that_is_not_there_has_no_state(fleet: Fleet) -> None:
+    """Nor is -1 the last one; a plan has whole threads too."""
+    for member in (11, -1, 0.5):
+        with pytest.raises(InputError, match=r"as a member; give a whole number, 0 to 10\."):
+            fleet.state(member)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"plan: 1\.5 threads; give a whole number"):
+        plan("landing", threads=1.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.joined_group import JoinedKind, new_group
 from rope_twin.core.lanes.step import MIN_TENSION, Run
 from rope_twin.core.state import Floats
-from rope_twin.errors import InputError, SceneError
+from rope_twin.errors import InputError, SceneError, whole_number
 from rope_twin.scene.load import change_scene
 from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.rope_model import build
@@ -142,14 +142,10 @@ class Ensemble:
         self._interval_steps = (
             1 if watched else whole_steps("slack_interval_s", slack_interval_s, self.step_s)
         )
-        self.threads = cores() if threads is None else threads
-        if not 1 <= max_lanes <= LANES:
-            raise InputError("ensemble", f"{max_lanes} ropes in one step", f"give 1 to {LANES}")
-        if self.threads < 1 or not variations:
-            problem = f"{self.threads} threads, {len(variations)} members"
-            raise InputError("ensemble", problem, "give at least one of each")
+        self.threads = cores() if threads is None else whole_number("ensemble", "threads", threads)
+        self.max_lanes = whole_number("ensemble", "ropes in one step", max_lanes, 1, LANES)
+        whole_number("ensemble", "members", len(variations))
         self.scene = scene
-        self.max_lanes = max_lanes
         self.steps = 0
         self._interrupted = False
         self._scratch = _ThreadScratch()

@@ -32,7 +32,7 @@ from rope_twin.core.lanes.step import (
     Run,
 )
 from rope_twin.core.state import Boundary, Floats, Ints, Rope
-from rope_twin.errors import InputError, did_you_mean
+from rope_twin.errors import InputError, did_you_mean, whole_number
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.scene.rigging import is_joined, winch_of, winches_by_name
 from rope_twin.scene.schema import Scene
@@ -230,20 +230,18 @@ class Fleet:
             SceneError: the scene cannot be built, or has no static equilibrium.
         """
         scene = scene if isinstance(scene, Scene) else load_scene(scene)
-        if members < 1 or threads < 1:
-            problem = f"{members} members, {threads} threads"
-            raise InputError("fleet", problem, "give at least one of each")
+        members = whole_number("fleet", "members", members)
+        self.threads = whole_number("fleet", "threads", threads)
         if model_beside(scene) is not None:
             problem = f"the VIV model of '{scene.name}' runs beside the step"
             remedy = "remove it from the scene; its drag amplification then has no effect"
             raise InputError("fleet", problem, remedy)
         self.scene = at_setting(scene, elements, step_s)
-        self.threads = threads
         members_class = SystemMembers if is_joined(self.scene) else RopeMembers
         self._members: RopeMembers | SystemMembers = members_class(self.scene, members)
         self._step_ns = round(self.scene.time.step_s * 1e9)
         self._time_ns = 0
-        self._scratches = [Scratch() for _ in range(threads)]
+        self._scratches = [Scratch() for _ in range(self.threads)]
 
     def __len__(self) -> int:
         """Return the number of members, including failed ones."""
@@ -284,7 +282,8 @@ class Fleet:
     # States
 
     def state(self, member: int) -> FleetState:
-        """Return a copy of a member's state."""
+        """Return a copy of a member's state. Raises InputError: there is no such member."""
+        member = whole_number("fleet: state", "as a member", member, 0, len(self) - 1)
         return self._members.state(member, self._time_ns)
 
     def restore(self, states: FleetState | Sequence[FleetState]) -> None:
@@ -358,8 +357,7 @@ class Fleet:
         Raises:
             InputError: see `advance`.
         """
-        if interval_steps < 1:
-            raise InputError("fleet", f"an interval of {interval_steps} steps", "give at least 1")
+        whole_number("fleet", "steps of an interval", interval_steps)
         first = np.shape(inputs.heave_m)[:1]
         series = [
             ("heave_m", inputs.heave_m),
