@@ -9,6 +9,12 @@ The interval is a parametric bootstrap of the pivot (x̂_p - x_p)/β̂. Its dist
 number of seeds alone, since the estimates follow shift and scale of the sample (Lawless 2003,
 Statistical Models and Methods for Lifetime Data, 5.2 and app. E); so it is computed once from
 samples of the standard Gumbel distribution, and the coverage is exact where maxima are Gumbel's.
+
+A quantity such as the re-hit speed is zero in the seeds in which the event does not happen. Its
+distribution is mixed, F(x) = 1 - q + q·G(x): G is the Gumbel distribution of the maxima above zero,
+q their share, and x_p = G⁻¹(1 - (1 - p)/q), or 0 for p ≤ 1 - q. The interval is that of G at the
+ends of the exact interval of q (Clopper and Pearson 1934), each with half of the error
+(Bonferroni), so that it covers at least as often as is asked.
 """
 
 from __future__ import annotations
@@ -21,6 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import betaincinv
 
 from rope_twin.errors import InputError
 from rope_twin.planning.slings import sling_shares
@@ -99,6 +106,7 @@ class Extreme:
     low: float
     high: float
     seeds: int
+    zeros: float = 0.0  # share of the seeds in which it is zero
 
     @property
     def half_width(self) -> float:
@@ -108,13 +116,18 @@ class Extreme:
 
     def scaled(self, factor: float) -> Extreme:
         """Return the extreme of the quantity times a positive factor."""
-        return Extreme(factor * self.value, factor * self.low, factor * self.high, self.seeds)
+        value, low, high = (factor * own for own in (self.value, self.low, self.high))
+        return Extreme(value, low, high, self.seeds, self.zeros)
 
 
 def characteristic_maximum(
     maxima: Sequence[float] | Floats, percentile: float, confidence: float = 0.9
 ) -> Extreme:
     """Return the percentile of the maximum of a record from the maxima of some records.
+
+    Where some maxima are zero and the others are positive the distribution is mixed. Fewer than
+    three positive ones determine no distribution: the value is then that of the sample, and the
+    upper end of its interval is infinite, unless the percentile is certainly zero.
 
     Args:
         maxima: one of each seed, (n,).
@@ -134,12 +147,45 @@ def characteristic_maximum(
     if not (0.0 < percentile < 100.0 and 0.0 < confidence < 1.0):
         problem = f"percentile {percentile:g} with confidence {confidence:g}"
         raise InputError("extremes", problem, "give 0 to 100 % and 0 to 1, between the ends")
-    probability = 0.01 * percentile
+    probability, count = 0.01 * percentile, len(sample)
+    happened = sample[sample > 0.0]
+    if (sample >= 0.0).all() and 0 < len(happened) < count:
+        return _mixed_maximum(sample, happened, probability, confidence)
+    value, low, high = _gumbel_maximum(sample, probability, confidence)
+    return Extreme(value, low, high, count, float((sample == 0.0).mean()))
+
+
+def _gumbel_maximum(
+    sample: Floats, probability: float, confidence: float
+) -> tuple[float, float, float]:
+    """Return the quantile of a sample's Gumbel distribution and its interval."""
     gumbel = fit_gumbel(sample)
     value, scale = float(gumbel.quantile(probability)), float(gumbel.scale)
     tail = 0.5 * (1.0 - confidence)
     low, high = np.quantile(_pivots(len(sample), probability), [tail, 1.0 - tail])
-    return Extreme(value, value - scale * float(high), value - scale * float(low), len(sample))
+    return value, value - scale * float(high), value - scale * float(low)
+
+
+def _mixed_maximum(
+    sample: Floats, happened: Floats, probability: float, confidence: float
+) -> Extreme:
+    """Return the quantile of a sample (n,) that is zero but for the values `happened` (k,)."""
+    n, k = len(sample), len(happened)
+    confidence = 0.5 * (1.0 + confidence)  # of the share, and of the quantile
+    tail = 0.5 * (1.0 - confidence)
+    least, most = betaincinv(k, n - k + 1, tail), betaincinv(k + 1, n - k, 1.0 - tail)
+
+    def at(share: float) -> tuple[float, float, float]:
+        own = 1.0 - (1.0 - probability) / share
+        if own <= 0.0:
+            return 0.0, 0.0, 0.0
+        if k < MIN_SEEDS:
+            value = float(np.quantile(sample, probability, method="inverted_cdf"))
+            return value, 0.0, math.inf
+        return _gumbel_maximum(happened, own, confidence)
+
+    value, low, high = (max(0.0, own) for own in (at(k / n)[0], at(least)[1], at(most)[2]))
+    return Extreme(value, low, high, n, (n - k) / n)
 
 
 def rayleigh_factor(cycles: float, percentile: float) -> float:

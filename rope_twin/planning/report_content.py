@@ -335,7 +335,8 @@ def _assumptions(result: PlanResult) -> Iterator[str]:
     yield (
         "Maxima of seeds follow the Gumbel distribution (Gumbel 1958), fitted by maximum "
         f"likelihood; intervals of {100.0 * method.confidence:g} % by a pivotal bootstrap (Lawless "
-        "2003)."
+        "2003). Where some are zero, as of a re-hit that does not happen, the others are fitted, "
+        "and the percentile is taken of both together."
     )
     yield f"The first {scene.ship.motion_ramp_s + method.settle_s:g} s of a run are not counted."
     if any(leg.speed_m_per_s > 0.0 for work in result.works for leg in work.legs):

@@ -31,7 +31,7 @@ SLING = ("phase", "sling", "share %", "with skew, tilt, CoG %", "load at hook kN
 SNAP = (*CELL, "uplift %", "slack %", "snap force kN", "static + snap kN", "of hook limit %",
         "hook load kN")  # fmt: skip
 LIFT_OFF = (*CELL, "winch m/s", "tip to deck m/s", "lateral m", "least by API m/s", "DAF",
-            "simplified DAF", "re-hit m/s")  # fmt: skip
+            "simplified DAF", "re-hit m/s", "re-hit in % of seeds")  # fmt: skip
 
 
 USES = (*CELL, "criterion", "value", "limit", "utilisation %")
@@ -170,13 +170,14 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
             gamma = result.plan.sea.gamma
             sea = SeaState(judgement.height_m, cell.period_s, cell.heading_deg, gamma, spreading)
             inputs = leg, work.ship.tip, sea, result.plan.method.percentile
+            re_hit = judgement.values["re_hit"]
             closing, lateral = relative_speed(*inputs), relative_offset_m(*inputs)
             by_rule = lift_off_n(leg, lift_of(leg), closing - leg.speed_m_per_s) / static
             rows.append([
                 *cell.row_head, f"{judgement.height_m:g}", f"{-leg.speed_m_per_s:g}",
                 f"{closing:.2f}", f"{lateral:.2f}", f"{lift_off_speed(judgement.height_m):.2f}",
                 f"{judgement.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
-                f"{judgement.values['re_hit'].value:.2f}",
+                f"{re_hit.value:.2f}", f"{100.0 * (1.0 - re_hit.zeros):.0f}",
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
@@ -186,7 +187,7 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
         "a winch faster than the deck leaves it behind; an object that swings on its rope, or "
         "leaves the deck edge by edge, may still meet it. API's least hoisting speed is that of "
         "5.4.5.2 for a supply vessel. Re-hit: closing speed of object and deck after the first "
-        "lift-off."
+        "lift-off, and the share of seeds that have one."
     )
     return Table("Lift-off", rows, about)
 

@@ -68,6 +68,46 @@ def test_interval_covers_the_true_quantile(count: int, percentile: float) -> Non
     assert 0.88 <= held <= 0.92
 
 
+@pytest.mark.parametrize("share", [0.15, 0.4, 0.7, 0.95])
+def test_events_that_do_not_happen_in_each_record(share: float) -> None:
+    """A re-hit in a share of the seeds: no bias of a Gumbel fit with zeros in it, and covered.
+
+    Such a fit was -57 to +16 % off, and its 90 % interval held the true value in 11 to 73 %.
+    """
+    own = 1.0 - (1.0 - 0.9) / share
+    true = 0.4 - 0.1 * math.log(-math.log(own))
+    draw = np.random.default_rng([round(100 * share), 6])
+    uniform, happens = draw.random((300, 48)), draw.random((300, 48)) < share
+    samples = np.where(happens, 0.4 - 0.1 * np.log(-np.log(uniform)), 0.0)
+    found = [characteristic_maximum(sample, 90.0) for sample in samples]
+    assert np.mean([one.low <= true <= one.high for one in found]) >= 0.88
+    assert np.median([one.value for one in found]) == pytest.approx(true, rel=0.06)
+    assert found[0].zeros == np.mean(samples[0] == 0.0)
+    assert found[0].scaled(2.0).zeros == found[0].zeros
+
+
+def test_the_percentile_of_a_mixed_sample_by_hand() -> None:
+    """Half of the seeds: P90 of all is P80 of those that are hit; P40 is 0."""
+    hits = [0.31, 0.45, 0.38, 0.52, 0.41]
+    location, scale = gumbel_r.fit(hits)
+    found = characteristic_maximum([*hits, *[0.0] * 5], 90.0)
+    assert found.value == pytest.approx(location - scale * math.log(-math.log(0.8)), rel=1e-4)
+    assert (found.zeros, found.low < found.value < found.high) == (0.5, True)
+    assert characteristic_maximum([*hits, *[0.0] * 5], 40.0).value == 0.0
+    assert characteristic_maximum([-0.5, 0.0, 0.4, 0.9], 90.0).zeros == 0.25, "no event: a value"
+
+
+def test_few_events_determine_no_distribution() -> None:
+    """Two hits of 8 seeds: P90 is the larger one, without an upper end; of 100 seeds it is 0."""
+    few = characteristic_maximum([0.3, 0.5, *[0.0] * 6], 90.0)
+    assert (few.value, few.low, few.high) == (0.5, 0.0, math.inf)
+    assert few.half_width == math.inf
+    rare = characteristic_maximum([0.3, 0.5, *[0.0] * 98], 90.0)
+    assert (rare.value, rare.low, rare.high, rare.zeros) == (0.0, 0.0, 0.0, 0.98)
+    none = characteristic_maximum([0.0] * 8, 90.0)
+    assert (none.value, none.high, none.zeros) == (0.0, 0.0, 1.0)
+
+
 def test_equal_maxima_have_no_width() -> None:
     """A sea that moves nothing has one value for all seeds."""
     found = characteristic_maximum([7.0] * 5, 90.0)
