@@ -106,7 +106,9 @@ def _show(result: Operability, alpha: AlphaTable | None) -> None:
                          (result.heading_not_covered, "of the rows has a heading that the limits "
                           "do not cover, and counts as above them"),
                          (result.not_covered, "of the rows has a Tp that the limits do not cover, "
-                          "and counts as above them")):  # fmt: skip
+                          "and counts as above them"),
+                         (result.without_alpha, "of the rows is within a limit below the alpha "
+                          "factors, and counts as above alpha times the limit")):  # fmt: skip
         if share > 0.0:
             print(f"warning: {100.0 * share:.3g} % {remark}")
     for name, share in result.phases.items():

@@ -3,7 +3,8 @@
 Limits are significant wave heights over peak period and, where it matters, heading of the waves
 relative to the bow, for each phase of the operation; an operation needs all its phases. A forecast
 is uncertain, so that the weather must be forecast below α times the limit: OP_WF = α·OP_LIM, over
-the reference period T_R = T_POP + contingency (DNV-ST-N001, 2.6). α is the user's table.
+the reference period T_R = T_POP + contingency (DNV-ST-N001, 2.6). α is the user's table. Below its
+lowest Hs (1 m in that standard) α is not defined: no start is planned in such a limit.
 
 A start at t is possible if every sample from t to t + T_R is within α times the limit. From each
 sample of the hindcast the operation waits for the next possible start: percentiles of that wait,
@@ -117,6 +118,7 @@ class Operability:
     missing: float  # share of the time without a row in the hindcast
     not_covered: float  # share of the rows at periods that the limits do not cover
     heading_not_covered: float  # share of the rows at headings that they do not cover
+    without_alpha: float  # share of the rows within a limit that has no alpha factor
     alpha: tuple[float, float]  # smallest and largest used, where Hs is within the limit
     whole: Period
     months: tuple[Period, ...]
@@ -134,7 +136,7 @@ def operability(
 
     Raises:
         InputError: the limits depend on a heading that is not given, the hindcast is shorter than
-            T_R, or α is not known for the period or for a limit that the weather is within.
+            T_R, or α is not known for the period or for any limit that the weather is within.
     """
     steps = math.ceil(operation.reference_s / hindcast.step_s * (1.0 - WHOLE))
     if steps >= len(hindcast.hs_m):
@@ -169,11 +171,12 @@ def operability(
             _share(starts, in_period), Spread.of(wait_s), Spread.of(wait_s + operation.reference_s),
         )  # fmt: skip
 
-    alphas = factor[inside] if inside.any() else np.ones(1)
+    has_alpha = np.isfinite(factor)
+    alphas = factor[inside & has_alpha] if inside.any() else np.ones(1)
     return Operability(
         operation, hindcast.step_s, len(known) * hindcast.step_s / (365.25 * 86400.0),
         1.0 - float(known.mean()), _share(~np.isfinite(limit) & ~heading_not_covered, known),
-        _share(heading_not_covered, known),
+        _share(heading_not_covered, known), _share(~has_alpha, known),
         (float(alphas.min()), float(alphas.max())), period("all", np.ones(len(known), bool)),
         tuple(period(MONTHS[k], months == k + 1) for k in range(12) if (months == k + 1).any()),
         Spread.of(_spells(calm, True) * hindcast.step_s),
@@ -259,6 +262,7 @@ def figures(result: Operability) -> dict[str, Any]:
         "missing_share": result.missing,
         "not_covered_share": result.not_covered,
         "heading_not_covered_share": result.heading_not_covered,
+        "without_alpha_share": result.without_alpha,
         "alpha": list(result.alpha),
         "phases_within_limit": dict(result.phases),
         "periods": [_period_figures(period) for period in (result.whole, *result.months)],

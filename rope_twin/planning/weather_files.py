@@ -142,25 +142,25 @@ class AlphaTable:
     alpha: Vector  # (hs, periods)
 
     def at(self, limit_hs_m: Vector, planned_s: float, reference_s: float) -> Vector:
-        """Return α at limits (n,), bilinear.
+        """Return α at limits (n,), bilinear; nan below the lowest Hs of the table.
 
         The factor of the largest Hs and of the shortest period holds beyond them, as α rises with
         Hs and falls with the period.
 
         Raises:
-            InputError: a limit is below the table, or the period above it.
+            InputError: all limits are below the table, or the period above it.
         """
         period = reference_s if self.by_reference else planned_s
         if period > self.period_s[-1]:
             problem = f"it ends at {self.period_s[-1] / SECONDS_PER_HOUR:g} h"
             remedy = f"give alpha factors up to {period / SECONDS_PER_HOUR:g} h"
             raise InputError(self.where, problem, remedy)
-        min_limit_m = float(limit_hs_m.min(initial=math.inf))
-        if min_limit_m < self.hs_m[0]:
-            problem = f"it begins at Hs {self.hs_m[0]:g} m, and a limit is {min_limit_m:.3g} m"
+        if len(limit_hs_m) and limit_hs_m.max() < self.hs_m[0]:
+            problem = f"it begins at Hs {self.hs_m[0]:g} m, and the limits that the weather is "
+            problem += f"within are at most {float(limit_hs_m.max()):.3g} m"
             raise InputError(self.where, problem, "give alpha factors for that height")
         alpha_of_period = [np.interp(period, self.period_s, row) for row in self.alpha]
-        return np.asarray(np.interp(limit_hs_m, self.hs_m, alpha_of_period))
+        return np.asarray(np.interp(limit_hs_m, self.hs_m, alpha_of_period, left=np.nan))
 
 
 def read_limits(path: Path) -> LimitTable:

@@ -134,8 +134,8 @@ def test_alpha_lowers_the_limit_of_the_forecast(tmp_path: Path) -> None:
     at = alpha.at(np.array([1.0, 1.5, 3.0, 9.0]), 18.0 * HOUR, 99.0 * HOUR)
     assert at == pytest.approx([0.65, 0.7, 0.81, 0.87])
     assert alpha.at(np.array([2.0]), 1.0 * HOUR, 0.0) == pytest.approx([0.8])
-    with pytest.raises(InputError, match=r"it begins at Hs 1 m, and a limit is 0\.5 m; give"):
-        alpha.at(np.array([0.5]), 12.0 * HOUR, 0.0)
+    with pytest.raises(InputError, match=r"it begins at Hs 1 m, and .* at most 0\.5 m; give"):
+        alpha.at(np.array([0.5, 0.2]), 12.0 * HOUR, 0.0)
     with pytest.raises(InputError, match=r"it ends at 24 h; give alpha factors up to 30 h"):
         alpha.at(np.array([2.0]), 30.0 * HOUR, 0.0)
     (tmp_path / "alpha.csv").write_text(ALPHA.replace("planned_h", "reference_h"))
@@ -310,8 +310,30 @@ def test_a_sea_that_no_height_is_allowed_in_needs_no_alpha(tmp_path: Path) -> No
         found = operability(swell, read_limits(path), Operation(4.0 * HOUR, 0.0), alpha)
         assert found.whole.within_forecast == share
     low = replace(weather, hs_m=np.full(40, 0.2), tp_s=np.full(40, 7.8))
-    with pytest.raises(InputError, match=r"begins at Hs 1 m, and a limit is 0\.2 m"):
+    with pytest.raises(InputError, match=r"begins at Hs 1 m, .* within are at most 0\.2 m"):
         operability(low, read_limits(path), Operation(4.0 * HOUR, 0.0), alpha)
+
+
+def test_low_limits_between_others_have_no_forecast_limit(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Between a limit of 0 and one of 2 m, a limit of 0.2 m ended the command for all weather."""
+    (tmp_path / "alpha.csv").write_text(ALPHA)
+    (tmp_path / "l.csv").write_text("tp_s,limit_hs_m\n6,2\n8,0\n10,2\n")
+    rows = [f"2001-01-{1 + k // 24:02d}T{k % 24:02d}:00,{hs},{tp}\n"
+            for k, (hs, tp) in enumerate([(0.2, 7.8)] * 10 + [(1.0, 6.0)] * 30)]  # fmt: skip
+    (tmp_path / "h.csv").write_text("time,hs_m,tp_s\n" + "".join(rows))
+    words = ["operability", *(str(tmp_path / name) for name in ("l.csv", "h.csv"))]
+    words += ["--planned-period", "4h", "--contingency", "0h", "--alpha"]
+    assert main([*words, str(tmp_path / "alpha.csv")]) == 0
+    shown = capsys.readouterr().out
+    assert "25 % of the rows is within a limit below the alpha factors, and counts" in shown
+    assert "alpha             0.8 to 0.8" in shown
+    assert main([*words, str(tmp_path / "alpha.csv"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["without_alpha_share"] == 0.25
+    whole = found["periods"][0]
+    assert (whole["within_limit"], whole["within_forecast"]) == (1.0, 0.75)
 
 
 def test_short_periods_are_not_rounded_to_hours(
