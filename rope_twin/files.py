@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
@@ -53,23 +55,34 @@ def shipped_file(
     raise error(phrase(f"{noun} '{name_or_path}'", f"there is no such {noun}", remedy))
 
 
+@contextmanager
+def written_whole(path: Path) -> Iterator[Path]:
+    """Yield the path of a temporary file in the same folder, which becomes the file at the end.
+
+    An error or an interruption in between removes it and leaves an old file unchanged.
+
+    Raises:
+        OSError: the disk rejects it.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+        _sync_folder(path.parent)
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def write_whole(path: Path, data: bytes) -> None:
     """Write a temporary file in the same folder, sync it to disk, rename it, and sync the folder.
 
     Raises:
         OSError: the disk rejects it; the old file is unchanged and the temporary one removed.
     """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-        _sync_folder(path.parent)
-    except OSError:
-        part.unlink(missing_ok=True)
-        raise
+    with written_whole(path) as part, part.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _sync_folder(folder: Path) -> None:

@@ -14,6 +14,7 @@ from typing import Any
 
 from rope_twin.cli import Command, ExitCode, print_json
 from rope_twin.errors import InputError
+from rope_twin.files import written_whole
 from rope_twin.run.options import CONSOLE, add_json, add_out, add_time
 from rope_twin.run.progress import StopSignal
 
@@ -108,13 +109,17 @@ def _check_view(args: argparse.Namespace, save: Path | None, screenshot: Path | 
 
 def _convert(bag: str, recording: Path, until_s: float | None) -> dict[str, Any]:
     from rope_twin.view.rope_view import RopeView, play
-    from rope_twin.view.sinks import FileSink
+    from rope_twin.view.sinks import FileSink, unwritten
 
-    view = RopeView(FileSink(recording, footer=True))
     try:
-        played = play(bag, view, until_s)
-    finally:
-        view.close()
+        with written_whole(recording) as part:
+            view = RopeView(FileSink(recording, footer=True, part=part))
+            try:
+                played = play(bag, view, until_s)
+            finally:
+                view.close()
+    except OSError as error:
+        raise unwritten(recording, error.strerror or str(error)) from error
     for problem in played.problems:
         print(problem, file=sys.stderr)
     return {

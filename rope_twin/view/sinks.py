@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.files import write_whole
 
 APPLICATION = "rope_twin"
 _VIEWER_MEMORY = "1GB"  # beyond this the window drops its oldest data
@@ -81,25 +82,27 @@ class FileSink:
     file; leave it off for recordings of unknown length.
     """
 
-    def __init__(self, path: Path, footer: bool = False) -> None:
+    def __init__(self, path: Path, footer: bool = False, part: Path | None = None) -> None:
         """Create the file.
+
+        part: temporary file that is written instead, and becomes the file later.
 
         Raises:
             InputError: the file cannot be created.
         """
-        rerun = load_rerun()
+        rerun, file = load_rerun(), part or path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.open("ab").close()
+            file.open("ab").close()
         except OSError as error:
-            raise _unwritten(path, error.strerror or str(error)) from error
+            raise unwritten(path, error.strerror or str(error)) from error
         self.path = path
         self.live = False
         self.stream = rerun.RecordingStream(APPLICATION)
         try:
-            self.stream.save(path, write_footer=footer)
+            self.stream.save(file, write_footer=footer)
         except RuntimeError as error:  # raised by rerun if the disk is full
-            raise _unwritten(path, str(error)) from error
+            raise unwritten(path, str(error)) from error
 
     def close(self) -> None:
         """Flush and close the file.
@@ -110,11 +113,12 @@ class FileSink:
         try:
             self.stream.flush()
         except RuntimeError as error:
-            raise _unwritten(self.path, str(error)) from error
+            raise unwritten(self.path, str(error)) from error
         self.stream.disconnect()
 
 
-def _unwritten(path: Path, reason: str) -> InputError:
+def unwritten(path: Path, reason: str) -> InputError:
+    """Return the error to raise where a recording cannot be written."""
     problem = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
     return InputError(f"file {path}", problem, "name another file")
 
@@ -332,7 +336,9 @@ def _write(data: bytes, picture: Path) -> None:
     try:
         with contextlib.suppress(FileExistsError):
             picture.parent.mkdir(parents=True)
-        image.save(picture, format="PNG", optimize=True)
+        buffer = io.BytesIO()
+        image.save(buffer, format="PNG", optimize=True)
+        write_whole(picture, buffer.getvalue())
     except OSError as error:
         problem = f"it cannot be written ({error.strerror or error})"
         raise InputError(f"picture {picture}", problem, "name another file") from error

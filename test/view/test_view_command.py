@@ -20,6 +20,7 @@ from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import TOPICS
 from rope_twin.view import sinks
+from rope_twin.view.rope_view import RopeView
 
 EPOCH_NS = 1_763_700_000_000_000_000
 
@@ -128,6 +129,33 @@ def test_nothing_is_written_for_a_bag_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(BagError, match="no such file"):
         command(str(tmp_path / "nowhere"), "--out", str(out))
     assert not out.exists()
+
+
+@pytest.mark.parametrize("fault", ["after its end", "Ctrl-C"])
+def test_a_failed_view_leaves_files_as_they_were(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fault: str
+) -> None:
+    """Neither a part of a new recording nor an old one with a part of it behind."""
+    out, words = tmp_path / "out" / "a.rrd", [str(bag)]
+    expected: type[BaseException] = InputError
+    if fault == "after its end":
+        words += ["--at", "900"]
+    else:
+        expected, shown = KeyboardInterrupt, []
+
+        def interrupt(*_: object) -> None:
+            shown.append(0)
+            if len(shown) > 20:
+                raise KeyboardInterrupt
+
+        monkeypatch.setattr(RopeView, "show", interrupt)
+    for before in (None, b"an old recording"):
+        if before is not None:
+            out.write_bytes(before)
+        with pytest.raises(expected):
+            command(*words, "--out", str(out))
+        left = {file.name: file.read_bytes() for file in out.parent.iterdir()}
+        assert left == ({} if before is None else {out.name: before})
 
 
 @pytest.mark.parametrize("at", ["0", "-3"])
