@@ -90,8 +90,9 @@ class HangingRope:
         self._last = -1
         self.polls = 0  # rows that were made
         self.spent_s = 0.0  # CPU time of making messages, which the suite does in a run
-        self._shot = _snapshot(0.0)
-        self._given = {name for name in self._topics if _is_given(self._encoder, name, self._shot)}
+        self._snapshot = _snapshot(0.0)
+        given = (name for name in self._topics if _is_given(self._encoder, name, self._snapshot))
+        self._given = set(given)
 
     def poll(self, readings: Readings, now_s: float) -> None:
         """Hand over the newest messages of each topic."""

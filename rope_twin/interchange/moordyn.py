@@ -127,7 +127,7 @@ class _Writer:
 
     def __init__(self, scene: Scene, left_out: list[str]) -> None:
         self._scene, self._left_out = scene, left_out
-        self._shot = Twin(scene).snapshot()
+        self._at_rest = Twin(scene).snapshot()
         self.types, self.points, self.lines = list[LineType](), list[Point](), list[Line]()
         self._numbers: dict[str, int] = {}
         self._density = scene.environment.water_density_kg_per_m3
@@ -139,8 +139,8 @@ class _Writer:
             if any(line.from_ == name for line in self._scene.ropes):
                 self._add_point(COUPLED, position, name)
         for number, line in enumerate(self._scene.ropes):
-            ropes = self._shot.ropes
-            nodes = ropes[number].node_position_m if ropes else self._shot.node_position_m
+            ropes = self._at_rest.ropes
+            nodes = ropes[number].node_position_m if ropes else self._at_rest.node_position_m
             if line.fixed_at_m is not None:
                 below = self._add_point(FIXED, line.fixed_at_m)
             else:
@@ -226,7 +226,7 @@ class _Writer:
     def _add_junction(self, line: RopeLine, nodes: Any, at_m: float) -> int:
         """Add a point at an unstretched length from the upper end."""
         equal = np.linspace(0.0, line.length_m, len(nodes))
-        arc = equal if self._shot.ropes else self._shot.arc_length_m
+        arc = equal if self._at_rest.ropes else self._at_rest.arc_length_m
         return self._add_point(FREE, [np.interp(at_m, arc, nodes[:, k]) for k in range(3)])
 
     def _damping(self, number: int, line: RopeLine) -> list[float]:
@@ -254,7 +254,7 @@ class _Writer:
             self._left_out.append(remark)
         kind = LineType(
             f"{line.name}_{section + 1}" if len(line.made_of) > 1 else line.name, d,
-            rope.mass_kg_per_m, rope.tangent_n(max(self._shot.tension_top_n, 1.0)), damping,
+            rope.mass_kg_per_m, rope.tangent_n(max(self._at_rest.tension_top_n, 1.0)), damping,
             0.0 if bending is None else bending.stiffness_n_m2, Cd,
             0.0 if added is None else added.normal, CdAx,
             0.0 if added is None else added.tangential,

@@ -297,7 +297,7 @@ class ClearanceReport:
     def __init__(self, watch: ClearanceMonitor) -> None:
         self._watch = watch
         self._sampled_second = -1  # second of the last sampling
-        self._shot: LinesSnapshot | None = None
+        self._sampled: LinesSnapshot | None = None
 
     def complete(self, snapshot: Snapshot) -> Snapshot:
         """Add the results of the lines to the snapshot.
@@ -306,18 +306,18 @@ class ClearanceReport:
         """
         second = snapshot.stamp_ns // SAMPLING_NS
         if snapshot.step == 0 or second == self._sampled_second:
-            return replace(snapshot, lines=self._shot)
+            return replace(snapshot, lines=self._sampled)
         nearest, events = self._watch.observe(snapshot)
         self._sampled_second = second
-        self._shot = LinesSnapshot(nearest, self._watch.crossings)
-        return replace(snapshot, lines=self._shot, line_events=tuple(events))
+        self._sampled = LinesSnapshot(nearest, self._watch.crossings)
+        return replace(snapshot, lines=self._sampled, line_events=tuple(events))
 
     def state(self) -> list[Any]:
         """Return the state that a restart needs, as plain numbers."""
         crossings = [
             [c.depth_m, c.angle_deg, c.gap_m, *c.position_m] for c in self._watch.crossings
         ]
-        near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
+        near = self._sampled.nearest if self._sampled else Nearest(0.0, 0.0, 0.0)
         last = [near.time_s, near.depth_m, near.distance_m]
         return [self._sampled_second, self._watch.turned_up, last, crossings]
 
@@ -327,7 +327,7 @@ class ClearanceReport:
         crossings = (Crossing(depth, angle, gap, (x, y, z)) for depth, angle, gap, x, y, z in rows)
         self._watch.crossings = tuple(crossings)
         sampled = self._sampled_second >= 0
-        self._shot = LinesSnapshot(Nearest(*last), self._watch.crossings) if sampled else None
+        self._sampled = LinesSnapshot(Nearest(*last), self._watch.crossings) if sampled else None
 
 
 def report_on(scene: Scene) -> ClearanceReport | None:
