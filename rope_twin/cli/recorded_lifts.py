@@ -57,7 +57,7 @@ def _run_learn(args: argparse.Namespace) -> int:
     """Learn and print the table. Raises RopeTwinError with one sentence if it cannot be done."""
     from rope_twin.estimation import report
     from rope_twin.estimation.alarms import FaultWatch
-    from rope_twin.estimation.estimator import begin_at_rest
+    from rope_twin.estimation.estimator import MIN_USED, begin_at_rest
     from rope_twin.estimation.recorded_lift import read_lift
     from rope_twin.scene.load import load_scene
 
@@ -113,6 +113,7 @@ def _run_learn(args: argparse.Namespace) -> int:
     if args.json:
         learned = report.as_json(figures, estimator.results, derived, estimator.model.winches)
         learned["remarks"] = remarks
+        learned["warnings"] = list(recorded.problems)
         learned["alarm"] = None if alarm is None else alarm.as_json()
         print_json({"bag": str(args.bag), "scene": scene.name, "tared": args.tared} | learned)
         return ExitCode.OK if alarm is None else ExitCode.NEGATIVE
@@ -125,7 +126,7 @@ def _run_learn(args: argparse.Namespace) -> int:
             f"added mass {derived['added_mass_kg']:.4g} kg"
         )
     last = estimator.results[-1]
-    minutes = len(estimator.results)
+    minutes = sum(result.used >= MIN_USED for result in estimator.results)
     print(f"after {minutes} min; {100.0 * last.used:.0f} % of the last minute's tension used")
     for remark in (*report.left_out_words(last), *remarks):
         print(remark)

@@ -3,6 +3,9 @@
 Tension comes from winch/measured; line out from there, or else from ropes/length of the twin; heave
 from ship/heave, or else from the twin's hang_off/odometry. Times count from the first tension. The
 winches that carry a load together are known by the scene; of others the first is taken.
+
+Where heave or line out pause for longer than LONGEST_PAUSE_S the rope may hang anywhere behind the
+pause: the stretch with the longest tension is taken, whose rope begins at rest.
 """
 
 from __future__ import annotations
@@ -10,12 +13,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
-from rope_twin.errors import BagError, InputError
+from rope_twin.core.state import Floats
+from rope_twin.errors import BagError, InputError, counted
 from rope_twin.estimation.figures import ROPE_FIGURES, suspended_ropes
 from rope_twin.estimation.measured_lift import MeasuredLift, Series
 from rope_twin.recording.bag import find_bag
@@ -39,6 +44,7 @@ from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC, WINCH_MEASURED
 from rope_twin.twin.input_queue import calls_of
 
 MIN_SAMPLES = 100
+LONGEST_PAUSE_S = 600.0  # of heave and line out: the rope has forgotten its motion long before
 Content = TypeVar("Content")
 
 
@@ -149,6 +155,7 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
             raise BagError(f"bag {bag.path}{suffix}", problem, f"record {topics}")
     if lift.heave is hang_off:
         lift.heave = _relative(hang_off, session, rest_z)
+    paused = _take_longest(lift)
     zero_s = min(
         float(rope_lift.tension.table[0, 0])
         for rope_lift in lift.ropes
@@ -160,8 +167,34 @@ def _read(bag: Messages, winch: str, scene: Scene | None) -> RecordedLift:
             rope_lift.line_out.less(zero_s, 0.0),
         )
     lift.heave = lift.heave.less(zero_s, 0.0, 0.0)
-    problems = (*refusal_words(refused), *impossible_words(impossible))
+    problems = (*refusal_words(refused), *impossible_words(impossible), *paused)
     return RecordedLift(lift, session, problems, applied)
+
+
+def _take_longest(lift: MeasuredLift) -> list[str]:
+    """Keep the stretch with the longest tension between pauses; return a remark if there are."""
+    series = (lift.heave, *(rope.line_out for rope in lift.ropes))
+    borders = np.unique(np.concatenate([[-np.inf, np.inf], *map(_pauses, series)]))
+    if len(borders) == 2:
+        return []
+    stamps = np.sort(np.concatenate([rope.tension.table[:, 0] for rope in lift.ropes]))
+    edges = np.searchsorted(stamps, borders)
+    spans = [stamps[b - 1] - stamps[a] if b > a else 0.0 for a, b in pairwise(edges)]
+    longest = int(np.argmax(spans))
+    begin_s, end_s = borders[longest : longest + 2]
+    for rope in lift.ropes:
+        for own in (rope.tension, rope.line_out, rope.heave):
+            own.keep((own.table[:, 0] >= begin_s) & (own.table[:, 0] < end_s))
+    whole, pauses = stamps[-1] - stamps[0], counted(len(borders) - 2, "pause")
+    words = f"heave or line out has {pauses} of more than {LONGEST_PAUSE_S / 60.0:g} min; only the "
+    words += f"longest stretch is taken, {spans[longest]:.0f} s of {whole:.0f} s, "
+    return [f"{words}from {stamps[edges[longest]] - stamps[0]:.0f} s on"]
+
+
+def _pauses(series: Series) -> Floats:
+    """Return the times at which samples come after a pause [s]."""
+    times = series.table[:, 0]
+    return np.asarray(times[1:][np.diff(times) > LONGEST_PAUSE_S])
 
 
 def _session(topic: str, data: bytes) -> Session:

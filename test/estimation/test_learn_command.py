@@ -37,6 +37,31 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_bag(tmp_path_factory.mktemp("bags") / "lift")
 
 
+def test_a_pause_of_a_day_is_not_stepped_through(tmp_path: Path) -> None:
+    """Of a minute, a pause of a day and three minutes the latter are taken, and it is said."""
+    plain = read_lift(write_bag(tmp_path / "plain"), "", scene())
+    paused = read_lift(write_bag(tmp_path / "day", earlier=(86400.0, 60.0)), "", scene())
+    for name in ("tension", "line_out", "heave"):
+        tables = (getattr(one.lift, name).table for one in (plain, paused))
+        assert np.allclose(*tables, rtol=0.0, atol=1e-6)
+    assert plain.problems == ()
+    assert paused.problems == (
+        "heave or line out has 1 pause of more than 10 min; only the longest stretch is taken, "
+        "182 s of 86582 s, from 86400 s on",
+    )
+
+
+def test_minutes_without_data_do_not_count(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of eight minutes that were stepped, five lie in a pause between one minute and three."""
+    file = tmp_path / "small.yaml"
+    file.write_text(SMALL_SCENE)
+    bag = write_bag(tmp_path / "minutes", earlier=(360.0, 60.0))
+    assert main(["learn", str(bag), "--scene", str(file)]) == 0
+    assert "after 3 min; 100 % of the last minute's" in capsys.readouterr().out
+
+
 def test_learn_prints_json(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """True weight, mass and drag lie in their intervals; advice has numbers; a picture is there."""
     file = tmp_path / "small.yaml"

@@ -87,12 +87,14 @@ def write_bag(
     *,
     unit_n: float = 1.0,
     stuck_s: float = np.inf,
+    earlier: tuple[float, float] = (0.0, -1.0),
     **applied: float,
 ) -> Path:
     """Return a bag with winch/measured and ship/heave of the lift, as sensors publish them.
 
     unit_n: of the tension; 1000: a sensor that publishes kN.
     stuck_s: time from which on the load pin repeats itself.
+    earlier: how long before that, and for how long, the bag has its beginning too [s].
     applied: factors on figures that the run took over.
     """
     made = lift()
@@ -102,17 +104,18 @@ def write_bag(
             calls = plain_calls([Call("submit_figures", (), {"ramp_s": 20.0, **applied})])
             data = encode_json({"time_ns": 0, "calls": calls})
             bag.write(INPUT_LOG_TOPIC, START_NS, data)
-        for t, z, v in made.heave.table:
-            stamp_ns = START_NS + round(t * 1e9)
-            if t <= seconds:
-                bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, z, v))
-        tables = made.tension.table, made.line_out.table
-        force = np.nan
-        for (t, new), (_, length) in zip(*tables, strict=True):
-            force = new if t < stuck_s else force
-            stamp_ns = START_NS + round(t * 1e9)
-            reading = Measurement.of_winch(stamp_ns, length, 0.0, force / unit_n, "winch")
-            name, data = encode_measurement(stamp_ns, reading)
-            if t <= seconds:
-                bag.write(name, stamp_ns, data)
+        for before_s, end_s in (earlier, (0.0, seconds)):
+            for t, z, v in made.heave.table:
+                stamp_ns = START_NS + round((t - before_s) * 1e9)
+                if t <= end_s:
+                    bag.write("ship/heave", stamp_ns, encode_heave(stamp_ns, z, v))
+            tables = made.tension.table, made.line_out.table
+            force = np.nan
+            for (t, new), (_, length) in zip(*tables, strict=True):
+                force = new if t < stuck_s else force
+                stamp_ns = START_NS + round((t - before_s) * 1e9)
+                reading = Measurement.of_winch(stamp_ns, length, 0.0, force / unit_n, "winch")
+                name, data = encode_measurement(stamp_ns, reading)
+                if t <= end_s:
+                    bag.write(name, stamp_ns, data)
     return folder
