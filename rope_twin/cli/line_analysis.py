@@ -25,6 +25,7 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside, shedding_model, vortex_words
 from rope_twin.studies.modes import (
+    DEFAULT_COUNT,
     WAVE_PERIODS_S,
     Mode,
     Modes,
@@ -60,7 +61,6 @@ from rope_twin.vortex.coupled import shedding_of
 from rope_twin.vortex.fatigue import STRESS_CURVES, StressCurve, find_stress_curve
 from rope_twin.vortex.shedding import Shedding
 
-COUNT = 10
 MODE_HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "max at m", "Strouhal Hz",
              "waves")  # fmt: skip
 SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "max at m", "of rope",
@@ -79,8 +79,8 @@ a whole: the lowest modes, then the first that stretch its lines. A rigid body s
 
 def _add_modes(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
-    parser.add_argument("--count", type=int, default=COUNT, metavar="N",
-                        help="number of lowest modes (default: %(default)s)")  # fmt: skip
+    help_text = f"number of lowest modes (default: {DEFAULT_COUNT}, or all of a coarse mesh)"
+    parser.add_argument("--count", type=int, metavar="N", help=help_text)
     add_out(parser, "FILE.png", "draw the mode shapes")
     add_json(parser)
 
@@ -125,6 +125,8 @@ def _show_modes(
         for number, mode in enumerate(modes, 1)
     ]
     low, high = WAVE_PERIODS_S
+    if len(result.lowest) == result.of_mesh:
+        print(f"all {result.of_mesh} modes of the mesh; the highest are those of its elements\n")
     print_table([SYSTEM_HEAD if isinstance(result, SystemModes) else MODE_HEAD, *rows])
     print(f"\nwaves: period over the nearest wave period of {low:g} to {high:g} s; 1: it is one")
     if isinstance(result, SystemModes):

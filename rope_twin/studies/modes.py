@@ -8,7 +8,7 @@ payload with its added mass. Both ends have the scene's boundary conditions. Dam
 of hydrodynamic loads with the shape are neglected.
 
 The smallest eigenvalues of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, as
-in ARPACK).
+in ARPACK); where nearly all are wanted, by a dense solution (LAPACK).
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ from rope_twin.studies.equilibrium import (
 from rope_twin.vortex.line_model import diameters
 
 WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
+DEFAULT_COUNT = 10
 AXIAL_MODES = 3
+MAX_DENSE = 600  # unknowns of a mesh whose modes can all be computed
 NEAR = 8  # modes looked at around the frequency that an axial mode should have
 SAME = 1e-6  # relative: frequencies this close belong to one mode in two directions
 STRAIGHT = 1e-6  # of the length: a rope within this of a line has no plane of its own
@@ -73,26 +75,40 @@ class Modes:
     place: Floats  # of the nodes at rest, hang-off first [m], (nodes, 3)
     strouhal: float  # St of the scene's VIV model, else of a rope
     strouhal_max_hz: float  # where the current across the rope is fastest
+    of_mesh: int  # number of modes that the mesh has
 
 
-def find_modes(scene: Scene, count: int) -> Modes:
+def _checked_count(count: int | None, unknowns: int, words: str) -> int:
+    """Return the number of lowest modes; None: DEFAULT_COUNT, or all of a coarser mesh.
+
+    Raises:
+        InputError: the mesh does not have as many.
+    """
+    max_count = unknowns if unknowns <= MAX_DENSE else unknowns - NEAR
+    if count is None:
+        return min(DEFAULT_COUNT, max_count)
+    if not 1 <= count <= max_count:
+        raise InputError("--count", f"{count} of {words}", f"give 1 to {max_count}")
+    return count
+
+
+def find_modes(scene: Scene, count: int | None = None) -> Modes:
     """Return the `count` lowest modes and the first axial ones.
+
+    count: None for DEFAULT_COUNT, or all of a coarser mesh.
 
     Raises:
         InputError: a count that the rope's free nodes do not give.
         SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
     """
     rest = bring_to_rest(scene)
-    max_count = 3 * rest.free_count - NEAR
-    if not 1 <= count <= max_count:
-        problem = f"{count} of a rope with {rest.free_count} free nodes"
-        raise InputError("--count", problem, f"give 1 to {max_count}")
     # 3 unknowns per free node, and a body's 6
     free = slice(3 * rest.first, -3)
     K, M = (matrix.tocsr()[free, free] for matrix in (_stretch(rest) + _turn(rest), _masses(rest)))
     if rest.body is not None:
         K, M = with_body(K, rest.body.stiffness, 0), with_body(M, rest.body.mass, 0)
     K, M = K.tocsc(), M.tocsc()
+    count = _checked_count(count, K.shape[0], f"a rope with {rest.free_count} free nodes")
     shift = 0.0 if rest.body is None else NEAR_FREE  # nothing holds a body's turn about the rope
     lowest = list(_modes(rest, *solve(K, M, count, shift)))
     axial: list[Mode] = []
@@ -105,7 +121,8 @@ def find_modes(scene: Scene, count: int) -> Modes:
         axial += axial_modes or sorted(around, key=lambda mode: -mode.axial_share)[:1]
     position = np.ascontiguousarray(rest.place[:, ::-1].T)
     fastest = float(_shedding_hz(rest).max())
-    return Modes(tuple(lowest), tuple(axial), position, strouhal_number(scene), fastest)
+    strouhal = strouhal_number(scene)
+    return Modes(tuple(lowest), tuple(axial), position, strouhal, fastest, K.shape[0])
 
 
 def solve(K: Any, M: Any, count: int, shift: float) -> tuple[Floats, Floats]:
@@ -113,8 +130,13 @@ def solve(K: Any, M: Any, count: int, shift: float) -> tuple[Floats, Floats]:
 
     The start vector is fixed, so that the same scene gives the same digits.
     """
+    from scipy.linalg import eigh
     from scipy.sparse.linalg import eigsh
 
+    if count > K.shape[0] - 2:  # ARPACK needs more unknowns than that
+        squares, modes = eigh(K.toarray(), M.toarray())
+        nearest = np.sort(np.argsort(np.abs(squares - shift), kind="stable")[:count])
+        return np.sqrt(np.maximum(squares[nearest], 0.0)), modes[:, nearest]
     start = np.random.default_rng(1).standard_normal(K.shape[0])
     squares, modes = eigsh(K, k=count, M=M, sigma=shift, which="LM", v0=start)
     order = np.argsort(squares)
@@ -264,10 +286,13 @@ class SystemModes:
     lowest: tuple[SystemMode, ...]
     stretching: tuple[SystemMode, ...]
     still: StillSystem
+    of_mesh: int  # number of modes that the mesh has
 
 
-def find_system_modes(scene: Scene, count: int) -> SystemModes:
+def find_system_modes(scene: Scene, count: int | None = None) -> SystemModes:
     """Return the `count` lowest modes and the first that stretch the ropes.
+
+    count: as for `find_modes`.
 
     Raises:
         InputError: a count that the ropes' free nodes do not give.
@@ -275,10 +300,7 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
     """
     still = bring_system_to_rest(scene)
     size = still.follow.shape[1]
-    max_count = size - 2
-    if not 1 <= count <= max_count:
-        problem = f"{count} of ropes with {size} ways to move"
-        raise InputError("--count", problem, f"give 1 to {max_count}")
+    count = _checked_count(count, size, f"ropes with {size} ways to move")
     from scipy.sparse import diags_array
 
     stretch, turn, local_mass = (_whole(still, part) for part in (_stretch, _turn, _masses))
@@ -287,14 +309,14 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
         M = M + still.body_mass
     modes: list[SystemMode] = []
     for trial_count in LOOKED_AT:
-        trial_count = min(max(trial_count, count), max_count)
+        trial_count = min(max(trial_count, count), size)
         modes = list(
             _system_modes(still, stretch, *solve(K.tocsc(), M.tocsc(), trial_count, NEAR_FREE))
         )
         stretching = [mode for mode in modes if mode.kind == STRETCHING]
-        if len(stretching) >= AXIAL_MODES or trial_count == max_count:
+        if len(stretching) >= AXIAL_MODES or trial_count == size:
             break
-    return SystemModes(tuple(modes[:count]), tuple(stretching[:AXIAL_MODES]), still)
+    return SystemModes(tuple(modes[:count]), tuple(stretching[:AXIAL_MODES]), still, size)
 
 
 def _whole(still: StillSystem, part: Any) -> Any:

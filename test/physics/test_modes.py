@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, SceneError
+from rope_twin.files import share_dir
 from rope_twin.scene.grid import Bar, first_axial_frequency
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes import find_modes
@@ -149,6 +151,26 @@ def test_slack_ropes_and_too_many_modes_are_rejected() -> None:
         find_modes(slack.scene(), 3)
     with pytest.raises(InputError, match=r"--count: 5000 of a rope with 99 free nodes; give 1 to"):
         find_modes(STRING.scene(), 5000)
+
+
+def test_a_coarse_mesh_has_all_its_modes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Three elements between fixed ends: two nodes, six modes, by LAPACK as by ARPACK."""
+    rig = replace(STRING, elements=3)
+    every, some = find_modes(rig.scene()), find_modes(rig.scene(), 4)
+    assert every.of_mesh == len(every.lowest) == 6
+    frequencies = [[mode.frequency_hz for mode in own.lowest] for own in (some, every)]
+    assert frequencies[0] == pytest.approx(frequencies[1][:4], rel=1e-6)
+    with pytest.raises(InputError, match=r"7 of a rope with 2 free nodes; give 1 to 6\."):
+        find_modes(rig.scene(), 7)
+    coarse = tmp_path / "coarse.yaml"
+    text = (share_dir() / "config" / "scenes" / "bridle_lift.yaml").read_text()
+    coarse.write_text(re.sub(r"elements: \d+", "elements: 3", text))
+    assert main(["modes", str(coarse), "--count", "54"]) == 0
+    assert capsys.readouterr().out.startswith("all 54 modes of the mesh; the highest are")
+    assert main(["modes", str(coarse)]) == 0
+    assert "modes of the mesh" not in capsys.readouterr().out
 
 
 def test_the_modes_command_prints_table_and_json(capsys: pytest.CaptureFixture[str]) -> None:
