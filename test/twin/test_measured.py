@@ -394,6 +394,33 @@ def test_a_cell_beyond_load_and_pin_is_doubted_without_an_uncertainty(
     assert residual_of("top_tension", snapshot).value == (0.5 if doubted else None)
 
 
+@pytest.mark.parametrize(("factor", "noticed"), [(1.0, False), (1.0 / 0.3048, True)])
+def test_heave_in_feet_shows_in_the_measured_tension(
+    scene: Scene, factor: float, noticed: bool
+) -> None:
+    """Heave itself is plausible, as of a higher sea; the residuals of a load cell are not."""
+    true, twin = Twin(scene), Twin(scene)
+    for own in (true, twin):
+        own.prescribe_motion()
+    omega, bias_n = 2.0 * math.pi / 7.0, scene.measured.tension.bias_n
+    for k in range(400):
+        for n in (4 * k, 4 * k + 1, 4 * k + 2, 4 * k + 3):
+            t = (n + 1) * 0.05
+            z, v = 0.6 * math.sin(omega * t), 0.6 * omega * math.cos(omega * t)
+            for own, size in ((true, 1.0), (twin, factor)):
+                assert own.submit_heave(round(t * 1e9), size * z, size * v) == ""
+        for own in (true, twin):
+            own.advance(20)
+        tension_n = true.snapshot().tension_top_n + bias_n
+        twin.submit_measurement(Measurement.of_winch(twin.time_ns, tension_n=tension_n))
+        snapshot = twin.snapshot()
+    assert snapshot.inputs["heave"].warning == snapshot.inputs["heave"].fault == ""
+    assert disagrees(by_quantity(snapshot)[TENSION]) == noticed
+    quality = residual_of("top_tension", snapshot)
+    assert quality.value is not None
+    assert (quality.value <= 0.5) == noticed
+
+
 def test_a_frozen_cell_is_noticed(scene: Scene) -> None:
     """Equal readings while the twin's tension swings by 10 %; none while the twin is as quiet."""
     for swing, frozen in ((1e4, True), (10.0, False)):
