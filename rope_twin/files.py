@@ -68,9 +68,10 @@ def written_whole(path: Path) -> Iterator[Path]:
     try:
         yield part
         part.replace(path)
-        _sync_folder(path.parent)
-    finally:
+    except BaseException:
         part.unlink(missing_ok=True)
+        raise
+    _sync_folder(path.parent)
 
 
 def write_whole(path: Path, data: bytes) -> None:
