@@ -103,7 +103,7 @@ class DepthProfiles(NamedTuple):
     dk: float  # half the difference of the drag, ascent less descent [kg/m]
     wx: float  # ρ0·V + added mass [kg]
     wy: float
-    wz: float
+    wz: float  # with the mean of ascent and descent
 
 
 AT_END = DepthProfiles._fields[4:]  # what is the payload's
@@ -136,7 +136,7 @@ def build(params: DepthProfilesParams, payload: Any, environment: Any) -> DepthP
         end = {
             "buoyancy": displaced * g, "Ax": added[0], "Ay": added[1], "Az": added[2] + dA,
             "kx": k[0], "ky": k[1], "kz": k[2] + dk, "dA": dA, "dk": dk,
-            "wx": displaced + added[0], "wy": displaced + added[1], "wz": displaced + added[2],
+            "wx": displaced + added[0], "wy": displaced + added[1], "wz": displaced + added[2] + dA,
         }  # fmt: skip
     density = 0.0 if environment.wets or not params.density_kg_per_m3 else rho
     return DepthProfiles(
@@ -244,7 +244,8 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     coupling = TURN2 / (near * root)
     fx = end.wx * wx[0] - end.Ax * ax[0] - end.kx * speed * x
     fy = end.wy * wy[0] - end.Ay * ay[0] - end.ky * speed * y
-    fz = end.buoyancy + end.wz * wz[0] - Az * az[0] - kz * speed * w
+    water = end.wz + end.dA * w / root
+    fz = end.buoyancy + water * wz[0] - Az * az[0] - kz * speed * w
     Rx[0] += more * fx
     Ry[0] += more * fy
     Rz[0] += more * fz
@@ -252,7 +253,7 @@ def load_end(end: Any, work: Any, stage: Any) -> None:
     Axx[0] += more * end.Ax + q * end.kx * speed + g * end.kx * x * x
     Ayy[0] += more * end.Ay + q * end.ky * speed + g * end.ky * y * y
     Azz[0] += more * Az + q * kz * speed + g * kz * w * w - rise * fz
-    Azz[0] += q * coupling * (end.dA * az[0] + end.dk * speed * w)
+    Azz[0] += q * coupling * (end.dA * (az[0] - wz[0]) + end.dk * speed * w)
     Axy[0] += 0.5 * g * (end.kx + end.ky) * x * y
     Axz[0] += 0.5 * g * (end.kx + kz) * x * w - 0.5 * rise * fx
     Ayz[0] += 0.5 * g * (end.ky + kz) * y * w - 0.5 * rise * fy
@@ -266,7 +267,7 @@ def power_end(end: Any, place: Any) -> Any:
     turn = u[2] / np.sqrt(u[2] ** 2 + TURN2)
     added = np.stack([end.Ax + 0.0 * turn, end.Ay + 0.0 * turn, end.Az + end.dA * turn])
     k = np.stack([end.kx + 0.0 * turn, end.ky + 0.0 * turn, end.kz + end.dk * turn])
-    wet = np.array([[end.wx], [end.wy], [end.wz]])
+    wet = np.stack([end.wx + 0.0 * turn, end.wy + 0.0 * turn, end.wz + end.dA * turn])
     force = wet * place.flow_rate - added * place.acceleration
     force = force - k * np.sqrt((u * u).sum(axis=0)) * u
     force[2] += end.buoyancy

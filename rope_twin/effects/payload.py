@@ -9,8 +9,10 @@ velocity u relative to the water (Morison et al. 1950).
 A grab or a skip has different faces above and below (Hoerner 1965, 3-17; DNV-RP-N103, table B-2).
 Its coefficients along z blend with w, the vertical velocity relative to the water, from those of
 descent to those of ascent: c(w) = c_mean + c_half·w/√(w² + δ²) with δ = 0.05 m/s, so that the force
-has a slope where the body reverses. Its kinetic energy contains the mean added mass; the power of
-the rest is charged to the water's account.
+has a slope where the body reverses. Its added mass acts with the acceleration relative to the water
+(Morison et al. 1950): `waves` has the water's acceleration times that of descent, and the excess
+c(w) - c_descent is added here. Its kinetic energy contains the mean added mass; the power of the
+rest is charged to the water's account.
 
 **splash_zone**: Payload in the splash zone: buoyancy, added mass and drag follow the submergence
 ratio.
@@ -87,10 +89,11 @@ class TwoWayPayload(NamedTuple):
     kz: float  # mean of ascent and descent
     dM: float  # half the difference of the mass, ascent less descent [kg]
     dk: float  # half the difference of the drag, ascent less descent [kg/m]
+    dw: float  # dM of the water's acceleration [kg]
 
 
 scales_with_ramp(Payload, "kx", "ky", "kz")
-scales_with_ramp(TwoWayPayload, "kx", "ky", "kz", "dk")
+scales_with_ramp(TwoWayPayload, "kx", "ky", "kz", "dk", "dw")
 differs_by_rope(Payload, TwoWayPayload)
 
 
@@ -106,7 +109,7 @@ def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | Tw
     dM = 0.5 * float(payload.rising_added_mass_kg - payload.added_mass_kg[2])
     dk = 0.25 * float(density * (payload.rising_drag_area_m2 - payload.drag_area_m2[2]))
     mean = plain._replace(Mz=plain.Mz + dM, kz=plain.kz + dk)
-    return TwoWayPayload(*mean, dM=dM, dk=dk)
+    return TwoWayPayload(*mean, dM=dM, dk=dk, dw=dM)
 
 
 @jit_within
@@ -166,8 +169,13 @@ def power(load: Any, place: Any) -> Any:
 
 @kernel("load_end", TwoWayPayload, wide=True)
 def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
-    """Subtract M(w)·a + k(w)·|u|·u + W·ẑ from R_0; add its symmetrised derivative to A_0."""
+    """Subtract M(w)·a + k(w)·|u|·u + W·ẑ from R_0, and add (M(w) - M_descent)·a_water.
+
+    Their symmetrised derivative is added to A_0.
+    """
     _, _, az = rows(work, ACCELERATION, 0)
+    _, _, wz = rows(work, FLOW_RATE, 0)
+    _, _, Rz = rows(work, RESIDUAL, 0)
     _, _, _, _, _, Azz = span(work, BLOCK, 6, 0)
     x, y, z = end_relative(work)
     speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
@@ -176,7 +184,8 @@ def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
     along = load.Mz + load.dM * z / root, load.kz + load.dk * z / root
     slope = TURN2 / (near * root)
     _resist(load, work, stage.q, (x, y, z, speed), along)
-    Azz[0] += stage.q * slope * (load.dM * az[0] + load.dk * speed * z)
+    Rz[0] += load.dw * (1.0 + z / root) * wz[0]
+    Azz[0] += stage.q * slope * (load.dM * az[0] + load.dk * speed * z - load.dw * wz[0])
 
 
 def _share(w: Any) -> Any:
@@ -186,12 +195,16 @@ def _share(w: Any) -> Any:
 
 @account("power_end", TwoWayPayload)
 def power_two_way(load: Any, place: Any) -> Any:
-    """Return the power of drag and of the added mass in excess of its mean [W]."""
+    """Return the power of drag and of the added mass beyond what others account for [W].
+
+    The kinetic energy has the mean of the added mass, `waves` that of descent.
+    """
     u = place.velocity - place.flow
     share = _share(u[2])
     k = np.stack([load.kx + 0.0 * share, load.ky + 0.0 * share, load.kz + load.dk * share])
     force = k * np.sqrt((u * u).sum(axis=0)) * u
     force[2] += load.dM * share * place.acceleration[2]
+    force[2] -= load.dw * (1.0 + share) * place.flow_rate[2]
     return -(force * place.velocity).sum(axis=0)
 
 

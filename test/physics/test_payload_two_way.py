@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_cases import loads, some_stage, some_work
+from effect_cases import apply, loads, some_stage, some_work
 from rigs import Rig, Vector, march, still
 
 from rope_twin import load_scene
@@ -19,6 +19,8 @@ from rope_twin.core.loads.accounts import Place, account_sum
 from rope_twin.core.loads.hooks import all_wide
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
+from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.effects.waves import build as build_waves
 from rope_twin.messages.encoder import ropes_of
 from rope_twin.scene.relations import faults
 from rope_twin.scene.rigging import winches_by_name
@@ -86,13 +88,14 @@ def test_two_way_blocks_are_the_derivative_of_the_residual(w: float) -> None:
 def test_two_way_power_is_force_times_velocity(w: float) -> None:
     """F·v = power - d(kinetic + potential)/dt."""
     work, effects = some_work(), (effect(BOTH),)
-    work[rows.VELOCITY + 2, 0] = w
+    work[rows.VELOCITY + 2, 0], work[rows.FLOW_RATE + 2, 0] = w, 0.8
+    water = work[rows.FLOW_RATE : rows.FLOW_RATE + 3, :1]
     v, a = (work[row : row + 3, :1] for row in (rows.VELOCITY, rows.ACCELERATION))
     done = float(force(BOTH, work) @ v[:, 0])
 
     def place(dt: float) -> Place:
         x = work[rows.POSITION : rows.POSITION + 3, :1]
-        nothing = {name: np.zeros(1) for name in Place._fields}
+        nothing = {name: np.zeros(1) for name in Place._fields} | {"flow_rate": water}
         return Place(**{**nothing, "position": x + dt * v, "velocity": v + dt * a,
                         "acceleration": a, "flow": np.zeros((3, 1))})  # fmt: skip
 
@@ -101,6 +104,30 @@ def test_two_way_power_is_force_times_velocity(w: float) -> None:
 
     rate = (stored(place(1e-5)) - stored(place(-1e-5))) / 2e-5
     assert done == pytest.approx(account_sum("power_end", effects, place(0.0)) - rate, rel=1e-6)
+
+
+@pytest.mark.parametrize("w", [-3.0, 0.0, 3.0])
+def test_two_way_added_mass_acts_on_the_acceleration_relative_to_the_water(w: float) -> None:
+    """A payload that accelerates with the water feels its weight and the water's pressure alone.
+
+    So it is in ascent, in descent and in between: no added mass is left in the balance.
+    """
+    inertia = replace(BOTH, drag_area_m2=(0.0,) * 3, drag_area_rising_m2=0.0)
+    swell = WavesParams(regular=RegularWave(height_m=10.0, period_s=18.0), ramp_s=0.0)
+    effects = effect(inertia), build_waves(swell, inertia, WATER)
+    work, water = some_work(), some_work()
+    apply(effects, water, some_stage(), 0, 1)
+    for k in range(3):
+        work[rows.VELOCITY + k, 0] = water[rows.FLOW + k, 0]
+        work[rows.ACCELERATION + k, 0] = water[rows.FLOW_RATE + k, 0]
+    work[rows.VELOCITY + 2, 0] += w
+    a = work[rows.ACCELERATION : rows.ACCELERATION + 3, 0]
+    on_rope = loads((build_waves(swell, None, WATER),), work)
+    whole = (loads(effects, work) - on_rope)[3:6, 0]
+    lifted = 1025.0 * inertia.volume_m3 - inertia.mass_kg
+    expected = lifted * (a + np.array([0.0, 0.0, 9.80665]))
+    assert abs(a[2]) > 0.05
+    assert whole == pytest.approx(expected, rel=1e-12)
 
 
 def towed(speed: float) -> float:
