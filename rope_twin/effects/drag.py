@@ -131,7 +131,7 @@ class ReynoldsDrag(NamedTuple):
     drag: Drag
     log_re: Floats  # ln of the Reynolds numbers, ascending, (rows,)
     factor: Floats  # factor on kn
-    scale: float  # 4/(π·ν): Re = scale·|n|·volume/frontal area [s/m²]
+    per_viscosity: float  # 1/ν [s/m²]
 
 
 class CurrentDrag(NamedTuple):
@@ -159,8 +159,8 @@ def build(
         return oscillating_drag(*drag, *own.table(), own.window_s, environment.room)
     if params.over_reynolds:
         re, factor = np.array(params.over_reynolds, dtype=float).T
-        scale = 4.0 / (math.pi * params.viscosity_m2_per_s)
-        return ReynoldsDrag(drag, np.log(re), np.ascontiguousarray(factor), scale)
+        per_viscosity = 1.0 / params.viscosity_m2_per_s
+        return ReynoldsDrag(drag, np.log(re), np.ascontiguousarray(factor), per_viscosity)
     return drag
 
 
@@ -212,8 +212,14 @@ def oscillating_load(drag: Any, node: Any, stage: Any) -> Any:
 
 @jit_within
 def _factor(drag: Any, speed: float, node: Any) -> Any:
-    """Return the factor on kn at a normal speed; constant beyond the table's last row."""
-    re = drag.scale * speed * node.volume / (node.frontal + DIVISOR_MIN)
+    """Return the factor on kn at a normal speed; constant beyond the table's last row.
+
+    d follows from the volume of all the node's rope, as the frontal area has a rope's own
+    coefficient in it.
+    """
+    whole = node.volume * node.touching / (node.frontal + DIVISOR_MIN)
+    diameter = sqrt(4.0 / math.pi * whole / (node.length + DIVISOR_MIN))
+    re = drag.per_viscosity * speed * diameter
     return interpolate(drag.log_re, drag.factor, log(max(re, DIVISOR_MIN)))
 
 
@@ -247,7 +253,9 @@ def reynolds_power(drag: Any, place: Any) -> Any:
     u = place.velocity - place.flow
     across = u - (u * place.tangent).sum(axis=0) * place.tangent
     speed = np.sqrt((across * across).sum(axis=0))
-    re = drag.scale * speed * place.volume / (place.frontal + DIVISOR_MIN)
+    whole = place.volume * place.touching / (place.frontal + DIVISOR_MIN)
+    diameter = np.sqrt(4.0 / math.pi * whole / (place.length + DIVISOR_MIN))
+    re = drag.per_viscosity * speed * diameter
     factor = np.interp(np.log(np.maximum(re, DIVISOR_MIN)), drag.log_re, drag.factor)
     return _power(drag.drag, place, u, factor)
 

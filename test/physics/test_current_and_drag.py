@@ -150,12 +150,24 @@ def test_drag_coefficient_by_reynolds_number() -> None:
     bare = scratch_after((), work)
     v, t = work[rows.VELOCITY : rows.VELOCITY + 3], work[rows.TANGENT : rows.TANGENT + 3]
     speed = np.linalg.norm(v - (v * t).sum(axis=0) * t, axis=0)
-    diameter = 4.0 / math.pi * work[rows.VOLUME] / work[rows.FRONTAL]
+    diameter = np.sqrt(4.0 / math.pi * work[rows.VOLUME] / work[rows.LENGTH])
     factor = np.interp(np.log(speed * diameter / 1.3e-6), np.log([1e3, 1e5, 1e6]), [2.0, 1.0, 0.5])
     force = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
     expected = factor * (plain[force] - bare[force])
     assert other[force] - bare[force] == pytest.approx(expected, rel=1e-9, abs=1e-12)
     assert np.ptp(factor) > 0.1
+
+
+def test_reynolds_number_of_a_rope_with_its_own_coefficient() -> None:
+    """It is that of the diameter: twice the coefficient of the rope is twice the force."""
+    work = some_work()
+    table = DragParams(normal=1.2, tangential=0.0, over_reynolds=((1e3, 2.0), (1e6, 0.5)))
+    built = (build_drag(table, None, WATER),)
+    own = work.copy()
+    own[rows.FRONTAL] *= 2.0
+    force = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
+    once, twice = ((scratch_after(built, at) - scratch_after((), at))[force] for at in (work, own))
+    assert twice == pytest.approx(2.0 * once, rel=1e-12, abs=1e-12)
 
 
 def test_drag_by_current_alone_has_no_damping() -> None:
