@@ -18,7 +18,7 @@ from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.quantity import kilonewtons
 from rope_twin.scene.environment import bed_at, reference_point_m, spectrum_of, vessel_raos
-from rope_twin.scene.lift import LiftFigures, point_figures
+from rope_twin.scene.lift import LiftFigures, listed_effects, point_figures
 from rope_twin.scene.rigging import body_payload, places, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.raos import FADE, long_wave_doubts
@@ -38,7 +38,7 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check ropes, winches and waves."""
     yield from _ends(scene, moored_up(scene, figures))
     for check in (_depth_orders, _steepness, _sea_steepness, _another_sea, _reach_of_responses,
-                  _depth_of_waves, _arm, _never_whole):  # fmt: skip
+                  _depth_of_waves, _arm, _never_whole, _wet_in_the_air):  # fmt: skip
         yield from check(scene)
 
 
@@ -200,6 +200,19 @@ def _never_whole(scene: Scene) -> Iterator[str]:
         if factor != 1.0:
             problem = f"the forces stay at {factor:g} times their own from {time_s:g} s on"
             yield phrase(f"effects fluid_ramp.{name}", problem, "end the table with a factor of 1")
+
+
+def _wet_in_the_air(scene: Scene) -> Iterator[str]:
+    """Check for forces on a point payload that do not follow its submergence ratio."""
+    listed = listed_effects(scene)
+    if "splash_zone" not in listed:
+        return
+    for name in ("net", "fairing", "payload_shedding"):
+        if name not in listed or (name == "payload_shedding" and body_payload(scene) is not None):
+            continue
+        problem = "it acts on a payload above the water as on one below, also with `splash_zone`"
+        remedy = "list it only where the payload stays submerged"
+        yield phrase(f"effects.{name}", problem, remedy)
 
 
 def strong_current(where: str, points: Iterable[Point], factor: float = 1.0) -> str:

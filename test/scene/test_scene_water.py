@@ -142,6 +142,23 @@ def test_each_payload_may_have_its_own_size_in_the_splash_zone(tmp_path: Path) -
     assert_refused(alone, "payloads[0].splash_zone", ("the only payload",), tmp_path)
 
 
+@pytest.mark.parametrize(
+    "effect",
+    [
+        "fairing: {face_m2: 4.0}",
+        "net: {width_m: 3.0, height_m: 3.0, solidity: 0.2}",
+        "payload_shedding: {strouhal: 0.2, lift_coefficient: 0.5, diameter_m: 2.0, area_m2: 4.0}",
+    ],
+)
+def test_a_force_that_does_not_follow_submergence_is_warned_of(tmp_path: Path, effect: str) -> None:
+    """A current of 2 m/s pushed a payload 9 m above the water by its fairing of 4 m²: 8.2 kN."""
+    submerged = with_effect(GOOD, effect)
+    position = f"effects.{effect.partition(':')[0]}"
+    for text, count in ((submerged, 0), (with_effect(submerged, SPLASH), 1)):
+        found = sense_checks(load_scene(written(tmp_path, text)))
+        assert len([words for words in found if words.startswith(position)]) == count
+
+
 def test_uneven_frequency_steps_are_not_a_gap(tmp_path: Path) -> None:
     """A buoy's bands grow with the frequency; and a table beside the scene is found."""
     (tmp_path / "even.csv").write_text(f"{HEAD}0.05,1\n0.055,2\n0.065,2\n0.085,1\n0.1,0\n")
