@@ -23,8 +23,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Floats, Rope, Table
 from rope_twin.effects.current import Current, CurrentInTime, RisingCurrent, RisingCurrentInTime
+from rope_twin.effects.depth_profiles import DepthProfiles
 from rope_twin.effects.drag import CurrentDrag, Drag, ReynoldsDrag
 from rope_twin.effects.payload import Payload, SplashZone, TwoWayPayload
+from rope_twin.effects.payload_oscillation import PayloadOscillation
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.regrid import with_arrays_of
@@ -55,6 +57,8 @@ _FIELDS: dict[type, dict[str, tuple[str, ...]]] = {
         "payload_drag": ("kx", "ky", "kz", "dk"),
     },
     SplashZone: {"payload_drag": ("k",)},  # it reduces the drag of the part in the air
+    DepthProfiles: {"payload_drag": ("kx", "ky", "kz", "dk")},  # in water of another density
+    PayloadOscillation: {"payload_drag": ("kx", "ky", "kz")},  # by its factors of drag
     Drag: {"tangential_drag": ("kt",)},
     OscillatingDrag: {"tangential_drag": ("kt",)},
     Current: _CURRENT,

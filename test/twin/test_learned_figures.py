@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,6 +12,8 @@ from small_scene import small_scene
 
 from rope_twin import Twin
 from rope_twin.core.state import Table
+from rope_twin.effects.depth_profiles import DepthProfilesParams
+from rope_twin.effects.payload_oscillation import PayloadOscillationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.load import Change, change_scene, load_scene
 from rope_twin.twin.ensemble.fleet import Fleet
@@ -56,6 +60,27 @@ def test_figures_are_those_of_a_scene_with_them(tmp_path: Path, twin: Twin) -> N
     assert changed["Drag"] == before["Drag"]
     fresh = Twin(other)
     assert np.array_equal(twin.rope.sections[1], 0.9 * fresh.rope.sections[1]), area
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        PayloadOscillationParams(size_m=(2.0, 2.0, 2.0), drag=((0.0, 2.0),)),
+        DepthProfilesParams(density_kg_per_m3=((0.0, 1025.0), (-300.0, 1060.0))),
+    ],
+)
+def test_payload_drag_is_also_that_of_effects_which_add_to_it(tmp_path: Path, params: Any) -> None:
+    """With twice the payload's own drag by `payload_oscillation`, 1.5 times it were 1.25 times."""
+    plain = small_scene(tmp_path)
+    twin = Twin(replace(plain, effects=(*plain.effects, params)))
+    before = {type(effect): effect for effect in twin.rope.effects}
+    assert twin.submit_figures(ramp_s=0.0, payload_drag=1.5) == ""
+    twin.advance(1)
+    (added,) = (effect for effect in twin.rope.effects if hasattr(effect, "Ax"))
+    for name in ("kx", "ky", "kz"):
+        own = getattr(before[type(added)], name)
+        assert own > 0.0
+        assert getattr(added, name) == 1.5 * own
 
 
 def test_a_saved_state_goes_on_within_the_ramp(tmp_path: Path, twin: Twin) -> None:
