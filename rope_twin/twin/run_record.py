@@ -32,6 +32,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -152,11 +153,20 @@ class LoadRecord:
         self._static_at_m = list(rules.lengths_m)
         self._amplification = [0.0] * ropes
         self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
-        self.landings: Landings | None = None
+        # numbers, since the fields of an object must be in a saved state from the start
+        self._landings: list[float] = []
         self._begun = self._broken = False
         # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
         self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
+
+    @property
+    def landings(self) -> Landings | None:
+        """Landings of the payload since the start; None: it has not landed."""
+        if not self._landings:
+            return None
+        count, *rest = self._landings
+        return Landings(int(count), *rest)
 
     def observe(
         self, snapshot: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
@@ -273,7 +283,8 @@ class LoadRecord:
             speed, known = max(sinking, self._sinking), self.landings
             limit = rules.limits.landing_speed_m_per_s
             first = Landings(1, snapshot.time_s, speed, snapshot.time_s, speed)
-            self.landings = first if known is None else known.then(snapshot.time_s, speed)
+            now = first if known is None else known.then(snapshot.time_s, speed)
+            self._landings = list(astuple(now))
             if limit is not None and speed > limit:
                 row = len(rules.ropes) * len(ROPE_LIMITS) - lowest * len(PAYLOAD_LIMITS)
                 self._record_breach(row + 2, speed, snapshot.time_s)

@@ -13,7 +13,7 @@ import pytest
 from saved_runs import run_until
 from small_scene import digest, small_scene
 
-from rope_twin import Snapshot
+from rope_twin import Snapshot, fed, load_scene
 from rope_twin.errors import InputError
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import measure_alone
@@ -131,6 +131,22 @@ def test_statistics_continue_after_a_restart(scene: Scene, tmp_path: Path) -> No
     run_until(twin, 260)
     twin.save(tmp_path / "saved")
     assert Twin.restore(tmp_path / "saved", scene).statistics() == twin.statistics()
+
+
+def test_a_run_resumes_after_its_payload_has_landed(tmp_path: Path) -> None:
+    """No state after the first landing could be resumed: an object of a fresh run lacked it."""
+    scene = load_scene("landing")
+    twin = Twin(scene)
+    while twin.snapshot().landings is None:
+        for _ in fed(twin, twin.time_ns * 1e-9 + 0.5):
+            pass
+    twin.save(tmp_path / "saved")
+    resumed = Twin.restore(tmp_path / "saved", scene)
+    assert same(resumed.capture(), twin.capture())
+    later_s = twin.time_ns * 1e-9 + 5.0
+    for one, other in zip(fed(twin, later_s), fed(resumed, later_s), strict=True):
+        assert one.landings == other.landings
+        assert one.node_position_m.tobytes() == other.node_position_m.tobytes()
 
 
 def test_internal_variables_of_effects_are_saved(tmp_path: Path) -> None:
