@@ -23,10 +23,10 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache
 from statistics import NormalDist
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -69,8 +69,15 @@ class ResidualMonitor:
         self._bins: deque[tuple[int, int, float, float, float]] = deque()
         self._drift = SlowDrift(MIN_SPREAD)
         self._block, self._readings, self._sum = -1, 0, 0.0
-        self._found: Drift | None = None
-        self.result: ResidualTests | None = None  # at the end of the last bin; None: too little
+        # The numbers of a drift and of `result`: a saved state can have the fields of an object
+        # only if a new run has them.
+        self._found: list[float] = []
+        self._result: list[Any] = []
+
+    @property
+    def result(self) -> ResidualTests | None:
+        """Results at the end of the last bin; None: the readings cover too little."""
+        return ResidualTests(*self._result) if self._result else None
 
     def take(self, stamp_ns: int, residual: float, sigma: float, instrument: float) -> None:
         """Add a residual, its standard uncertainty and that of the instrument alone (both > 0)."""
@@ -82,35 +89,37 @@ class ResidualMonitor:
         else:
             while self._bins and self._bins[0][0] < number - VARIANCE_S // BIN_S:
                 self._bins.popleft()
-            self.result = self._evaluate()
+            self._result = self._evaluate()
         self._bins.append((number, n + 1, sum_zz + z * z, sum_r + r, sum_rr + r * r))
 
     def _take_mean(self, block: int, z: float) -> None:
         if block != self._block:
             if self._readings >= MIN_READINGS:
-                self._found = self._drift.take(self._sum / self._readings)
+                drift = self._drift.take(self._sum / self._readings)
+                self._found = [] if drift is None else list(astuple(drift))
             self._block, self._readings, self._sum = block, 0, 0.0
         self._readings += 1
         self._sum += z
 
-    def _evaluate(self) -> ResidualTests | None:
-        """Return the results of all bins, or None if the readings cover too little."""
+    def _evaluate(self) -> list[Any]:
+        """Return the results of all bins, or none if the readings cover too little."""
         full = [row for row in self._bins if row[1] >= MIN_READINGS]
         span_s = float(BIN_S * len(full))
         if span_s < MIN_SPAN_S:
-            return None
+            return []
         n, sum_zz, sum_r, sum_rr = (sum(row[k] for row in full) for k in range(1, 5))
         variance, mean = sum_zz / n, sum_r / n
         variance_term = 2.0 / (9.0 * span_s / FREEDOM_S)
-        drift = self._found
-        return ResidualTests(
+        begun, drift = self._found or (-1.0, None)
+        tests = ResidualTests(
             variance=variance,
             deviate=(variance ** (1.0 / 3.0) - 1.0 + variance_term) / math.sqrt(variance_term),
             scatter=math.sqrt(max(sum_rr / n - mean * mean, 0.0)),
             span_s=span_s,
-            drift=None if drift is None else drift.offset_n,
-            drift_s=0.0 if drift is None else float(BLOCK_S * (drift.begun + 1)),
+            drift=drift,
+            drift_s=float(BLOCK_S * (begun + 1)),
         )
+        return list(tests)
 
 
 def run_length(limit: float, shift: float = 0.0, reference: float = REFERENCE) -> float:

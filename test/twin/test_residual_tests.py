@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
 from scipy.stats import chi2, norm
@@ -12,6 +14,7 @@ from rope_twin.twin.residual_tests import (
     ResidualMonitor,
     ResidualTests,
 )
+from rope_twin.twin.state_file import deserialise, serialise
 
 S = 1_000_000_000
 SIGMA, OWN = 1500.0, 1200.0  # standard uncertainty of a residual, and of the instrument alone
@@ -59,6 +62,23 @@ def test_old_residuals_are_forgotten() -> None:
     found = after(np.concatenate([white(6.0, 10.0), white(5.5)]))
     assert found is not None
     assert found.variance < 1.5
+
+
+def test_results_and_a_drift_are_restored_from_a_state() -> None:
+    """They were objects that a new monitor lacks: no state with results could be resumed."""
+    monitor, resumed = ResidualMonitor(), ResidualMonitor()
+    residuals = white(60.0) + np.where(np.arange(7200) < 3000, 0.0, 2.0)
+    for k, one in enumerate(residuals):
+        monitor.take(k * S // 2, float(one) * SIGMA, SIGMA, OWN)
+    assert monitor.result is not None
+    assert monitor.result.drift is not None
+    plain = json.loads(json.dumps(serialise(monitor, {}, "monitor")))
+    resumed = deserialise(plain, resumed, {}, "monitor")
+    assert resumed.result == monitor.result
+    for k in range(7200, 7300):
+        for one in (monitor, resumed):
+            one.take(k * S // 2, SIGMA, SIGMA, OWN)
+    assert resumed.result == monitor.result
 
 
 def test_a_drift_is_found_long_before_it_is_outside_the_interval() -> None:
