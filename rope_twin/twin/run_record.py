@@ -148,6 +148,7 @@ class LoadRecord:
         ropes = len(rules.ropes)
         self._start_n = list(start_n)
         self._max_n = [0.0] * ropes
+        self._top_max_n = [0.0] * ropes
         self._most_used = [(0.0, 1.0)] * ropes  # tension [N] and MBL [N] of the most used section
         self._static_n = list(start_n)
         self._static_at_m = list(rules.lengths_m)
@@ -155,7 +156,7 @@ class LoadRecord:
         self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
         # numbers, since the fields of an object must be in a saved state from the start
         self._landings: list[float] = []
-        self._begun = self._broken = False
+        self._broken = False
         # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
         self._found = [[-math.inf] * 4 for _ in range(count + 1)]  # the last: of the two lines
@@ -196,7 +197,6 @@ class LoadRecord:
             distance_m = snapshot.lines.nearest.distance_m
             if distance_m < min_clearance_m:
                 self._record_breach(len(self._found) - 1, -distance_m, snapshot.time_s)
-        self._begun = True
         return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
 
     def _load(
@@ -206,12 +206,13 @@ class LoadRecord:
         if snapshot.ropes and r > 0:
             now_n, line_out_m = snapshot.ropes[r].tension_top_n, snapshot.ropes[r].line_out_m
         else:
-            # the first snapshot's maximum includes the static equilibrium, which no step computed
-            now_n = snapshot.tension_top_max_n if self._begun else strength.max_n
-            line_out_m = snapshot.line_out_m
+            now_n, line_out_m = snapshot.tension_top_max_n, snapshot.line_out_m
         has_grown = strength.max_n > self._max_n[r]
         current_n = max(now_n, strength.max_n) if has_grown else now_n
-        peak_n = current_n if r > 0 and self._begun else now_n
+        # in the first snapshot also the static equilibrium, which no step computed
+        top_has_grown = strength.top_max_n > self._top_max_n[r]
+        peak_n = max(now_n, strength.top_max_n) if top_has_grown else now_n
+        self._top_max_n[r] = max(self._top_max_n[r], strength.top_max_n)
         max_n = self._max_n[r] = max(self._max_n[r], current_n)
         used = (current_n, rules.upper_mbl_n(r, line_out_m))
         if strength.section_n is not None:
@@ -228,9 +229,13 @@ class LoadRecord:
                 self._amplification[r] = peak_n / static_n
         carried_n, mbl_n = self._most_used[r]
         amplification = self._amplification[r] or None
-        own = () if strength.section_n is None else (carried_n, _share(used))
-        static_n = self._static_n[r]
-        return RopeStrength(strength.name, max_n, mbl_n, static_n, amplification, *own)
+        of_section = strength.section_n is not None
+        return RopeStrength(
+            strength.name, max_n, mbl_n, self._static_n[r], amplification,
+            section_n=carried_n if of_section else None,
+            utilisation_now=_share(used) if of_section else None,
+            top_max_n=self._top_max_n[r],
+        )  # fmt: skip
 
     def _check_tension(
         self, r: int, tension_n: float, utilisation: float, at: tuple[float, LoadRules]

@@ -196,10 +196,11 @@ class RopeStrength:
     max_n: float  # at its upper end in every step since the start, along it at snapshots
     breaking_load_n: float  # MBL, of the section with the highest utilisation
     static_n: float | None = None  # static tension at its upper end at the present payout
-    dynamic_amplification: float | None = None  # maximum tension over static since the start
+    dynamic_amplification: float | None = None  # maximum over static at its upper end
     # of a rope of several sections: maximum tension of that section, and utilisation at present
     section_n: float | None = None
     utilisation_now: float | None = None
+    top_max_n: float = 0.0  # at its upper end alone, in every step since the start
 
     @property
     def utilisation(self) -> float:

@@ -168,16 +168,18 @@ def strength_of(line: RopeLine, max_n: float, rope: Rope) -> RopeStrength:
     """
     n = int(rope.state.counts[rows.ELEMENTS])
     tension_n = rope.work[rows.TENSION, :n]
-    peak_n = max(float(max_n), float(tension_n.max()))
+    top_n = float(max_n)
+    peak_n = max(top_n, float(tension_n.max()))
     if len(line.made_of) == 1:
-        return RopeStrength(line.name, peak_n, line.breaking_load_n)
+        return RopeStrength(line.name, peak_n, line.breaking_load_n, top_max_n=top_n)
     s = rope.state.s[: n + 1]
     mbl_n = np.array([section.rope.breaking_load_n for section in line.made_of])
     number = np.searchsorted(rope.sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
     mbl_n = mbl_n[np.minimum(number, len(mbl_n) - 1)]
     most = int(np.argmax(tension_n / mbl_n))
     carried_n = float(tension_n[most])
-    return RopeStrength(line.name, peak_n, float(mbl_n[most]), section_n=carried_n)
+    mbl_n_there = float(mbl_n[most])
+    return RopeStrength(line.name, peak_n, mbl_n_there, section_n=carried_n, top_max_n=top_n)
 
 
 def _solver_health(health: Ints) -> SolverHealth:

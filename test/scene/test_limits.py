@@ -347,3 +347,16 @@ def test_dynamic_amplification_refers_to_static_tension_at_the_same_line_out() -
     assert reported["utilisation"] == now.utilisation == now.max_n / 1013440.0
     assert reported["dynamic_amplification"] == now.dynamic_amplification
     assert reported["static_tension_n"] == now.static_n
+
+
+@pytest.mark.parametrize("name", ["smooth_5km", "two_line_loop"])
+def test_dynamic_amplification_is_one_at_rest_where_the_top_does_not_pull_most(name: str) -> None:
+    """A floating rope pulls most at its load, the lines of a loop pull most below it."""
+    twin = Twin(load_scene(name))
+    before = twin.snapshot()
+    twin.advance(20)
+    first = before.strength[0]
+    assert first.static_n is not None
+    assert first.max_n > 1.01 * first.static_n
+    for rope in (*before.strength, *twin.snapshot().strength):
+        assert rope.dynamic_amplification == pytest.approx(1.0, abs=1e-3)
