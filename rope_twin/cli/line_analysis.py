@@ -47,9 +47,11 @@ from rope_twin.studies.viv_frequency_domain import (
 from rope_twin.studies.viv_pictures import (
     check_folder,
     draw_modes,
+    growth_figure,
     strain_words,
     time_domain_figures,
     time_domain_words,
+    unsettled_words,
     write_all,
     write_time_domain,
 )
@@ -307,6 +309,7 @@ def _viv_summary(run: FrequencyDomainRun, fatigue: Fatigue) -> dict[str, Any]:
         "rms_max_diameters": float(rms[largest]),
         "rms_max_at_m": float(run.from_top_m[largest]),
         "frequency_there_hz": float(run.frequency_hz()[largest]),
+        **growth_figure(run.growth),
         "drag_amplification_max": float(run.drag_amplification().max()),
         "strain_rms_max": float(fatigue.strain_rms.max()),
         "stress_rms_max_pa": float(np.nanmax(fatigue.stress_rms_pa)) if steel else None,
@@ -345,6 +348,7 @@ def _show_viv(sums: dict[str, Any]) -> None:
         f"maximum rms A/D {sums['rms_max_diameters']:.3g} at {sums['rms_max_at_m']:.4g} m below "
         f"the upper end, {sums['frequency_there_hz']:.3g} Hz\n"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
+        f"{unsettled_words(sums['rms_second_over_first_half'])}"
         f"drag amplification at most {sums['drag_amplification_max']:.3g}\n"
         f"{strain_words(sums['strain_rms_max'])}"
     )

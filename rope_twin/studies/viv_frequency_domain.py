@@ -95,6 +95,17 @@ class FrequencyDomainRun:
         square = np.einsum("pm,mn,pn->p", shape, self.covariance, shape, optimize=True)
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / self.response.span.diameter)
 
+    @property
+    def growth(self) -> float:
+        """Return the RMS of all modes in the second half of the steady time over the first.
+
+        1: settled; above, the response still builds up from rest. NaN: no mode moves.
+        """
+        steady = self.coordinate[self.first :]
+        middle = len(steady) // 2
+        early, late = (float(part.var(axis=0).sum()) for part in (steady[:middle], steady[middle:]))
+        return float(np.sqrt(late / early)) if early > 0.0 else float("nan")
+
     def frequency_hz(self) -> Floats:
         """Return the mean frequency rms(ẏ)/rms(y)/2π of the motion, by modes; 0 without motion."""
         shape = self.response.modes.shape

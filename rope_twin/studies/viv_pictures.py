@@ -258,7 +258,7 @@ def time_domain_figures(run: TimeDomainRun) -> dict[str, Any]:
         "spectrum_bandwidth_hz": spectrum.bandwidth_hz,
         "modulation": run.modulation,
         "in_line_rms_max_diameters": float(with_flow.max()) if run.in_line else None,
-        "rms_second_over_first_half": run.growth if math.isfinite(run.growth) else None,
+        **growth_figure(run.growth),
         "drag_amplification_max": float(run.drag_amplification.max()),
         "drag_amplification_mean": float(run.drag_amplification.mean()),
         "drag_amplification_vandiver_max": float(run.vandiver.max()),
@@ -285,7 +285,7 @@ def time_domain_words(run: TimeDomainRun) -> str:
         f"mean rms A/D {figures['rms_mean_diameters']:.3g}; spectrum about "
         f"{figures['spectrum_centre_hz']:.3g} Hz, bandwidth "
         f"{figures['spectrum_bandwidth_hz']:.2g} Hz; modulation {figures['modulation']:.0%}\n"
-        f"{_unsettled(run.growth)}"
+        f"{unsettled_words(run.growth)}"
         f"(published VIV codes differ from each other by a factor of 1.7)\n"
         f"top tension {1e-3 * figures['tension_top_min_n']:.4g} to "
         f"{1e-3 * figures['tension_top_max_n']:.4g} kN, "
@@ -313,12 +313,17 @@ def strain_words(strain_rms_max: float) -> str:
     return f"bending strain at most {strain:.3g} µm/m rms, of a section that stays plane"
 
 
-def _unsettled(growth: float) -> str:
-    """Return a line if the motion differs between both halves of its time; else nothing."""
-    if abs(growth - 1.0) <= SETTLED:
+def growth_figure(growth: float) -> dict[str, float | None]:
+    """Return the ratio of the rms of both halves under its key of `--json`."""
+    return {"rms_second_over_first_half": growth if math.isfinite(growth) else None}
+
+
+def unsettled_words(growth: float | None) -> str:
+    """Return a line if the motion differs between both halves of its time; None: no motion."""
+    if growth is None or abs(growth - 1.0) <= SETTLED:
         return ""
     return (
-        "not settled: the rms of the second half of that time is "
+        "not settled: the rms of the second half of the time that counts is "
         f"{growth:.2g} times that of the first; give a longer --duration\n"
     )
 

@@ -52,11 +52,22 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     moved = np.array(modes["rms_diameters"])
     assert min(by_rms) > 0.01 * moved.max()
     assert {row["mode"] - 1 for row in reported["modes"]} == set(np.argsort(-moved)[: len(by_rms)])
+    assert reported["rms_second_over_first_half"] == pytest.approx(1.0, abs=0.1)
     # a rope in at most 0.5 m/s, at its hang-off: the top of the current's Strouhal frequency
     assert reported["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
     assert main(["modes", "deep_lift", "--count", "3", "--json"]) == 0
     of_modes = json.loads(capsys.readouterr().out)
     assert of_modes["strouhal_max_hz"] == pytest.approx(reported["strouhal_max_hz"], rel=1e-12)
+
+
+def test_a_run_that_is_too_short_to_settle_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    """From rest, the response after 5 s is half of the steady one."""
+    assert main(["viv", "deep_lift", "--duration", "5"]) == 0
+    assert "not settled: the rms of the second half of the time that counts is 1.3 times" in (
+        capsys.readouterr().out
+    )
+    assert main(["viv", "deep_lift", "--duration", "100"]) == 0
+    assert "not settled" not in capsys.readouterr().out
 
 
 def test_statistics_of_a_run() -> None:
