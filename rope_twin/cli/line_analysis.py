@@ -25,6 +25,7 @@ from rope_twin.scene.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.vortex import model_beside, shedding_model, vortex_words
 from rope_twin.studies.modes import (
+    AXIAL,
     DEFAULT_COUNT,
     WAVE_PERIODS_S,
     Mode,
@@ -139,6 +140,12 @@ def _show_modes(
             f"Strouhal: shedding frequency {result.strouhal:g}·U/D where the mode has its maximum; "
             f"along the line at most {result.strouhal_max_hz:.3g} Hz"
         )
+        if any(mode.kind != AXIAL for mode in result.axial):
+            print(
+                "axial: this curved line stretches as it sways. A row of another kind is the most "
+                "axial mode\nnear the frequency of a straight rope; no mode there moves mainly "
+                "along the rope"
+            )
 
 
 def _mode_row(name: str, mode: Mode | SystemMode) -> tuple[str, ...]:

@@ -173,6 +173,16 @@ def test_a_coarse_mesh_has_all_its_modes(
     assert "modes of the mesh" not in capsys.readouterr().out
 
 
+def test_an_axial_row_that_is_not_axial_is_explained(capsys: pytest.CaptureFixture[str]) -> None:
+    """The first axial row of a bent pipe moves 1 % along it; a straight lift has no such row."""
+    for scene, explained in (("curved_pipe", True), ("shallow_lift", False)):
+        assert main(["modes", scene]) == 0
+        out = capsys.readouterr().out
+        (first,) = [line for line in out.splitlines() if line.startswith("axial 1")]
+        assert ("in-plane" in first) is explained
+        assert ("no mode there moves mainly along the rope" in out) is explained
+
+
 def test_the_modes_command_prints_table_and_json(capsys: pytest.CaptureFixture[str]) -> None:
     """deep_lift's first axial period lies among wave periods."""
     assert main(["modes", "deep_lift", "--count", "4"]) == 0
