@@ -196,7 +196,7 @@ def _ensemble_figures(scene: Scene, result: StudyResult) -> dict[str, Any]:
         "elements": scene.ropes[0].elements,
         "threads": result.threads,
         "in_lanes": result.lanes.members,
-        "alone_because": result.lanes.alone,
+        "alone_because": dict(_why_alone(result.lanes)),
         "starting_s": result.starting_s,
         "computing_s": result.computing_s,
         "real_time_factor": result.real_time_factor,
@@ -229,9 +229,15 @@ def _ensemble_text(scene: Scene, result: StudyResult) -> str:
 def _lane_words(lanes: Lanes, members: int) -> str:
     """Return how the members were stepped."""
     line = f"{lanes.members} of {members} members stepped in SIMD batches of {LANES}"
-    for reason, count in lanes.alone.items():
-        line += f"; {count} one by one ({reason or 'too few of a kind'})"
+    for reason, count in _why_alone(lanes):
+        line += f"; {count} one by one ({reason})"
     return line
+
+
+def _why_alone(lanes: Lanes) -> Iterator[tuple[str, int]]:
+    """Yield the reasons why members are stepped one by one, and how many."""
+    for reason, count in lanes.alone.items():
+        yield reason or "too few of a kind", count
 
 
 def _quantile_lines(result: StudyResult) -> list[str]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from rope_twin.errors import BagError, InputError
 from rope_twin.messages import inputs
+from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import McapScan, mcap_files
 from rope_twin.recording.session import (
     LoggedCalls,
@@ -284,15 +285,15 @@ _NAMES = {
 
 
 def read_content(bag: Path) -> BagContent:
-    """Return the runs in a bag (directory or .mcap file).
+    """Return the runs in a bag, by a name in bags/ or a path (directory or .mcap file).
 
     Raises:
         BagError: no such bag, or it has no run that can be replayed.
     """
-    files = mcap_files(bag)
+    files = mcap_files(find_bag(bag))
     if not files:
-        problem = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
-        raise BagError(f"bag {bag}", problem, "give a bag that rope_twin recorded")
+        remedy = "give a bag that rope_twin recorded"
+        raise BagError(f"bag {bag}", "it holds no .mcap file", remedy)
     content = BagContent(files)
     if not content.sessions:
         problem = f"it has no {SESSION_TOPIC}, which says what was run"

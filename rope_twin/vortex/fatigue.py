@@ -197,7 +197,7 @@ def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
     problem = (
         f"{name} is a curve of {material} rope, and of rope '{line.name}' {', '.join(excluded)}"
     )
-    return phrase("fatigue", problem, "what it tells of those metres compares them and is no life")
+    return phrase("fatigue", problem, "damage there compares places, and is no fatigue life")
 
 
 def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
