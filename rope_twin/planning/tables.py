@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rope_twin.planning.judgement import quantity_of
+from rope_twin.planning.judgement import Extreme, quantity_of
 from rope_twin.planning.plan_reader import spreading_of
 from rope_twin.planning.seas import SeaState
 from rope_twin.planning.simplified import (
@@ -157,6 +157,16 @@ def _snaps(result: PlanResult) -> Table:
     return Table("Snap check", rows, about)
 
 
+def _share_hit(re_hit: Extreme, confidence: float) -> str:
+    """Return the share of seeds with a re-hit [%]; none: and its upper confidence limit.
+
+    All n seeds are without one with probability (1 - q)^n (Clopper and Pearson 1934).
+    """
+    if re_hit.zeros < 1.0:
+        return f"{100.0 * (1.0 - re_hit.zeros):.0f}"
+    return f"0 (at most {100.0 * (1.0 - (1.0 - confidence) ** (1.0 / re_hit.seeds)):.0f})"
+
+
 def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
     """Return speeds, offset and loads of each lift-off, by the runs and by the formula."""
     rows = [list(LIFT_OFF)]
@@ -177,7 +187,7 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
                 *cell.row_head, f"{judgement.height_m:g}", f"{-leg.speed_m_per_s:g}",
                 f"{closing:.2f}", f"{lateral:.2f}", f"{lift_off_speed(judgement.height_m):.2f}",
                 f"{judgement.values['hook_load'].value / static:.2f}", f"{by_rule:.2f}",
-                f"{re_hit.value:.2f}", f"{100.0 * (1.0 - re_hit.zeros):.0f}",
+                f"{re_hit.value:.2f}", _share_hit(re_hit, result.plan.method.confidence),
             ])  # fmt: skip
     about = (
         "DAF of the simplified formula: 1 + V_R·√(K/(g·W)) with V_R the speed of the winch and the "
@@ -187,7 +197,8 @@ def _lift_offs(result: PlanResult, works: list[PhaseWork]) -> Table:
         "a winch faster than the deck leaves it behind; an object that swings on its rope, or "
         "leaves the deck edge by edge, may still meet it. API's least hoisting speed is that of "
         "5.4.5.2 for a supply vessel. Re-hit: closing speed of object and deck after the first "
-        "lift-off, and the share of seeds that have one."
+        "lift-off, and the share of seeds that have one; where none has, the share that so many "
+        "seeds without one do not exclude."
     )
     return Table("Lift-off", rows, about)
 

@@ -198,6 +198,9 @@ def test_plan_of_a_lift_off(tmp_path: Path) -> None:
     simple = max(one.hook_n for one in cell.simplified) / result.works[0].static_hook_n
     assert float(words["simplified DAF"]) == pytest.approx(simple, abs=0.006)
     assert 1.05 < float(words["DAF"]) < float(words["simplified DAF"])
+    assert words["re-hit m/s"] == "0.00"
+    excluded = 1.0 - 0.1 ** (1.0 / cell.shown.seeds)  # (1 - q)^n = 10 %
+    assert words["re-hit in % of seeds"] == f"0 (at most {100.0 * excluded:.0f})"
     remarks = list(notes(result))
     assert not any("the scene has no waves" in one for one in remarks)
     assert any("stays level" in one for one in remarks)
