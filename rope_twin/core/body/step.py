@@ -440,8 +440,9 @@ def _three(table: Floats, i: Any) -> Floats:
 
 def _matrix(Q: Floats) -> Floats:
     """Return the rotation matrix of a unit quaternion, (3, 3): I + 2·w·[q] + 2·[q]²."""
-    skew = np.cross(np.eye(3), Q[:3])
-    return np.asarray(np.eye(3) + 2.0 * Q[3] * skew + 2.0 * skew @ skew)
+    x, y, z, w = Q.tolist()
+    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
 
 
 def _where_here(part: Any) -> Any:
