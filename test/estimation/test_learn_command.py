@@ -38,7 +38,7 @@ def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_pause_of_a_day_is_not_stepped_through(tmp_path: Path) -> None:
-    """Of a minute, a pause of a day and three minutes the latter are taken, and it is said."""
+    """One minute, a pause of a day, three minutes: the latter are taken, and a warning says so."""
     plain = read_lift(write_bag(tmp_path / "plain"), "", scene())
     paused = read_lift(write_bag(tmp_path / "day", earlier=(86400.0, 60.0)), "", scene())
     for name in ("tension", "line_out", "heave"):
@@ -54,7 +54,7 @@ def test_a_pause_of_a_day_is_not_stepped_through(tmp_path: Path) -> None:
 def test_minutes_without_data_do_not_count(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Of eight minutes that were stepped, five lie in a pause between one minute and three."""
+    """Eight minutes are stepped; five of them lie in a pause between one minute and three."""
     file = tmp_path / "small.yaml"
     file.write_text(SMALL_SCENE)
     bag = write_bag(tmp_path / "minutes", earlier=(360.0, 60.0))

@@ -38,7 +38,7 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("tenths", [7, 11, 14, 19, 28, 55])
 def test_an_error_in_per_cent_is_the_number_of_the_file(path: Path, tenths: int) -> None:
-    """As 1.1 %·0.01 is not 0.011, a folder was refused as that of another plan."""
+    """1.1 times 0.01 is not 0.011: a folder was refused, being that of another plan."""
     share = float(f"{tenths}e-3")
     path.write_text(PLAN.replace("method: {", f"method: {{error_within: {share}, "))
     plan, _ = read_plan(path)
