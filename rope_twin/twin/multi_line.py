@@ -422,6 +422,7 @@ class MultiLineRopes(OtherRopes):
             values[f"joined/{r}/memories"] = state_arrays(rope.effects)
             if self._is_cut:  # parts keep the figures of their rope
                 values[f"joined/{r}/effects"] = rope.effects
+                values[f"joined/{r}/model"] = rope.model
             values[f"joined/{r}/tension"] = element_tension(rope)
         return values
 
@@ -439,7 +440,8 @@ class MultiLineRopes(OtherRopes):
         ropes = []
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
-            rope = rope._replace(effects=values.pop(f"joined/{r}/effects", rope.effects))
+            for part in ("effects", "model"):
+                parts[part] = values.pop(f"joined/{r}/{part}", getattr(rope, part))
             ropes.append(rope._replace(**parts))
             memories = values.pop(f"joined/{r}/memories")
             for array, saved in zip(state_arrays(rope.effects), memories, strict=True):

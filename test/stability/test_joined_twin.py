@@ -158,6 +158,20 @@ def test_a_multi_line_twin_resumes_bit_identically(two_lines: Scene, tmp_path: P
     assert expected[-1].solver.splits >= 2
 
 
+def test_a_cut_system_resumes_with_the_figures_of_each_part(
+    two_lines: Scene, tmp_path: Path
+) -> None:
+    """The lower part has a tolerance of its own, from the tension at the cut."""
+    twin = Twin(two_lines)
+    assert twin.submit_cut(1_000_000_000, 0.6 * two_lines.ropes[0].length_m) == ""
+    heaved(twin, 300)
+    assert twin.cut is not None
+    twin.save(tmp_path / "saved")
+    restored = Twin.restore(tmp_path / "saved", two_lines)
+    assert [rope.model for rope in restored.all_ropes] == [rope.model for rope in twin.all_ropes]
+    assert digest(heaved(restored, 600)) == digest(heaved(twin, 600))
+
+
 def test_building_one_rope_rejects_a_multi_line_scene(bridle: Scene) -> None:
     with pytest.raises(SceneError, match="ropes meet here; give a scene of one rope"):
         build(bridle)
