@@ -206,10 +206,12 @@ class LoadRecord:
         if snapshot.ropes and r > 0:
             now_n, line_out_m = snapshot.ropes[r].tension_top_n, snapshot.ropes[r].line_out_m
         else:
-            now_n, line_out_m = snapshot.tension_top_max_n, snapshot.line_out_m
+            # the first snapshot's maximum includes the static equilibrium, which no step computed
+            is_first = self._top_max_n[r] == 0.0
+            now_n = strength.top_max_n if is_first else snapshot.tension_top_max_n
+            line_out_m = snapshot.line_out_m
         has_grown = strength.max_n > self._max_n[r]
         current_n = max(now_n, strength.max_n) if has_grown else now_n
-        # in the first snapshot also the static equilibrium, which no step computed
         top_has_grown = strength.top_max_n > self._top_max_n[r]
         peak_n = max(now_n, strength.top_max_n) if top_has_grown else now_n
         self._top_max_n[r] = max(self._top_max_n[r], strength.top_max_n)
