@@ -1,4 +1,4 @@
-"""Wave kinematics along a rope: linear superposition of components, truncation, interpolation.
+"""Wave kinematics along a rope: linear superposition of components, expansion, interpolation.
 
 **Table**: properties of the components, and work arrays for their cosines and sines. Like the rows
 of core/jit/rows they are pointers that LLVM knows not to alias. All properties are in one table,
@@ -9,13 +9,9 @@ blocks with zero amplitude, so that a sum over blocks has no remainder.
 **Sums** over the components at one position, vectorised over components. `evaluate_phases` computes
 cosine and sine of each component's phase, and the surface, at a base position. Near it they are
 rotated: the angle differs by d = k·(distance along the heading), and with cos d to d⁴ and sin d to
-d⁵ the relative error of a component is at most d⁶/720. `rotation_ranges` returns the admissible
-distance.
-
-**Truncation**: depth of components, node spacing, range of rotated angles. Each neglects part of
-the water velocity; the total error is below `neglected` [m/s]. Here k are wave numbers [1/m] in
-ascending order and speed is a·ω of each component at the surface [m/s], (n,), where ω is at least
-1/s, so that the bound holds for the acceleration too.
+d⁵ the relative error of a component is at most d⁶/720; the surface is its Taylor polynomial of the
+same order. e^{kz} is expanded likewise about the next tabulated level. core/wave_tables gives the
+distances within which that is done.
 
 **Interpolation.** Where the water motion varies little along the rope it is evaluated at four nodes
 of a stretch and interpolated by a cubic. In any direction the fourth derivative of a component's
@@ -29,11 +25,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numpy as np
-
 from rope_twin.core.jit.decorators import jit, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, stack_rows, table_rows
-from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE, WAVE_MIN, Floats
+from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE
 
 BLOCK, MAX_COMPONENTS = 16, 2000  # components per block; maximum per sea
 
@@ -53,20 +47,26 @@ ROTATION_RANGE = (
 # and one column per level, from the surface down.
 LEVEL = 13  # z [m]
 STRETCH_THIRD = 14  # of the longest stretch [m] that a cubic can interpolate below it
-SEA_ROWS = 15
+# Columns per level at which e^{kz} of the components is tabulated,
+DECAY_LEVEL = 15  # z [m]
+DECAY_END = 16  # down to this z [m] e^{kz} may be expanded about it; up to that of the level above
+DECAY_START = 17  # place of its first component in the table of decays: one more column
+SEA_ROWS = 18
 
 # Rows of the work arrays.
-COS, SIN = 0, 1  # of each component's angle at the present position
-COS_BASE, SIN_BASE = 2, 3  # and at the base position from which angles are rotated:
-DECAY = 4  # e^{kz} of each component at LAST_Z
-BASE = 5  # base position: x, y and surface [m]; row of LEVEL at the end of the last stretch;
-DECAY_Z, DECAY_BLOCKS = 4, 5  # z of FADED, and the number of its blocks
-SCRATCH_ROWS = 6
+COS, SIN = 0, 1  # of each component's angle at the base position from which angles are rotated
+DECAY = 2  # e^{kz} of each component at DECAY_Z
+TAYLOR = 3  # coefficients of the surface about the base position, by order and power of y
+BASE = 4  # base position: x, y and surface [m]; row of LEVEL at the end of the last stretch;
+DECAY_Z, DECAY_BLOCKS, DECAY_ROW = 4, 5, 6  # z of DECAY, number of its blocks, row of DECAY_LEVEL
+TAYLOR_MADE = 7  # 1 once TAYLOR belongs to the base position
+TAYLOR_TERMS = 21  # of orders 0 to 5
 
 
-# Rows of a sea's table; uninitialised work arrays.
+# Rows of a sea's table; e^{kz} at the tabulated levels, in one row; uninitialised work arrays.
 figures = table_rows("sea", SEA_ROWS)
-scratch = stack_rows("scratch", (*[MAX_COMPONENTS] * (SCRATCH_ROWS - 1), DECAY_BLOCKS + 1))
+decay_rows = table_rows("sea", 1)
+scratch = stack_rows("scratch", (*[MAX_COMPONENTS] * 3, TAYLOR_TERMS, TAYLOR_MADE + 1))
 
 
 MAX_DECAY_EXPONENT = 60.0  # exponents below are clamped to e^-60
@@ -111,10 +111,19 @@ def decay(x: float) -> float:
     return e * e
 
 
+@jit_within
+def _rotate(cosine: float, sine: float, d: float) -> Any:
+    """Return cosine and sine of an angle that is larger by d, to d⁶/720."""
+    square = d * d
+    across = 1.0 - square * (1.0 / 2.0 - square * (1.0 / 24.0))
+    along = d * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)))
+    return cosine * across - sine * along, sine * across + cosine * along
+
+
 @jit_sum
 def evaluate_phases(sea: Any, buffer: Any, x: float, y: float, time: float) -> float:
-    """Return η of the full sea at a position [m]; store cosines and sines for `rotate_phases`."""
-    c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
+    """Return η of the full sea at a position [m]; store cosines and sines as the base."""
+    c, s = buffer[COS], buffer[SIN]
     rows = figures(sea.table)
     kx, ky, omega, phase, a = rows[KX], rows[KY], rows[OMEGA], rows[PHASE], rows[AMPLITUDE]
     eta = 0.0
@@ -122,57 +131,133 @@ def evaluate_phases(sea: Any, buffer: Any, x: float, y: float, time: float) -> f
         cosine, sine = cos_sin(kx[j] * x + ky[j] * y - omega[j] * time + phase[j])
         c[j] = cosine
         s[j] = sine
-        c_base[j] = cosine
-        s_base[j] = sine
-        eta += a[j] * cosine
-    return eta
-
-
-@jit_sum
-def rotate_phases(sea: Any, buffer: Any, x: float, y: float) -> float:
-    """Return η near the base position [m], with the angles rotated from there."""
-    c, s, c_base, s_base = buffer[COS], buffer[SIN], buffer[COS_BASE], buffer[SIN_BASE]
-    rows = figures(sea.table)
-    kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
-    eta = 0.0
-    for j in range(BLOCK * sea.blocks):
-        d = kx[j] * x + ky[j] * y
-        square = d * d
-        across = 1.0 - square * (1.0 / 2.0 - square * (1.0 / 24.0))
-        along = d * (1.0 - square * (1.0 / 6.0 - square * (1.0 / 120.0)))
-        cosine = c_base[j] * across - s_base[j] * along
-        c[j] = cosine
-        s[j] = s_base[j] * across + c_base[j] * along
         eta += a[j] * cosine
     return eta
 
 
 @jit
+def surface_near(sea: Any, buffer: Any, x: float, y: float) -> float:
+    """Return η of the full sea at this distance from the base position [m], to (k·distance)⁶/720.
+
+    Its Taylor polynomial in x and y is made for the first position near a base.
+    """
+    base, m = buffer[BASE], buffer[TAYLOR]
+    if base[TAYLOR_MADE] == 0.0:
+        base[TAYLOR_MADE] = 1.0
+        _expand_to_cubic(sea, buffer)
+        _expand_to_quintic(sea, buffer)
+    return float(
+        m[0] + x * (m[1] + x * (m[3] + x * (m[6] + x * (m[10] + x * m[15]))))
+        + y * (m[2] + x * (m[4] + x * (m[7] + x * (m[11] + x * m[16])))
+        + y * (m[5] + x * (m[8] + x * (m[12] + x * m[17]))
+        + y * (m[9] + x * (m[13] + x * m[18])
+        + y * (m[14] + x * m[19] + y * m[20]))))
+    )  # fmt: skip
+
+
+@jit_sum
+def _expand_to_cubic(sea: Any, buffer: Any) -> None:
+    """Set the coefficients of η about the base position, orders 0 to 3."""
+    c, s, m = buffer[COS], buffer[SIN], buffer[TAYLOR]
+    rows = figures(sea.table)
+    kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
+    m0, m1, m2, m3, m4, m5, m6, m7, m8, m9 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(BLOCK * sea.blocks):
+        x, y, even, odd = kx[j], ky[j], a[j] * c[j], a[j] * s[j]
+        odd_x, odd_y, square_x, square_y = odd * x, odd * y, x * x, y * y
+        m0 += even
+        m1 -= odd_x
+        m2 -= odd_y
+        m3 -= even * square_x
+        m4 -= even * (x * y)
+        m5 -= even * square_y
+        m6 += odd_x * square_x
+        m7 += odd_y * square_x
+        m8 += odd_x * square_y
+        m9 += odd_y * square_y
+    m[0], m[1], m[2], m[3], m[4], m[5] = m0, m1, m2, m3 / 2.0, m4, m5 / 2.0
+    m[6], m[7], m[8], m[9] = m6 / 6.0, m7 / 2.0, m8 / 2.0, m9 / 6.0
+
+
+@jit_sum
+def _expand_to_quintic(sea: Any, buffer: Any) -> None:
+    """Set the coefficients of η about the base position, orders 4 and 5."""
+    c, s, m = buffer[COS], buffer[SIN], buffer[TAYLOR]
+    rows = figures(sea.table)
+    kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
+    m0, m1, m2, m3, m4 = 0.0, 0.0, 0.0, 0.0, 0.0
+    m5, m6, m7, m8, m9, m10 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(BLOCK * sea.blocks):
+        x, y, even, odd = kx[j], ky[j], a[j] * c[j], a[j] * s[j]
+        square_x, square_y, mixed = x * x, y * y, x * y
+        even_x, even_y = even * square_x, even * square_y
+        odd_x, odd_y = odd * x, odd * y
+        fourth_x, fourth, fourth_y = square_x * square_x, square_x * square_y, square_y * square_y
+        m0 += even_x * square_x
+        m1 += even_x * mixed
+        m2 += even_x * square_y
+        m3 += even_y * mixed
+        m4 += even_y * square_y
+        m5 -= odd_x * fourth_x
+        m6 -= odd_y * fourth_x
+        m7 -= odd_x * fourth
+        m8 -= odd_y * fourth
+        m9 -= odd_x * fourth_y
+        m10 -= odd_y * fourth_y
+    m[10], m[11], m[12], m[13], m[14] = m0 / 24.0, m1 / 6.0, m2 / 4.0, m3 / 6.0, m4 / 24.0
+    m[15], m[16], m[17] = m5 / 120.0, m6 / 24.0, m7 / 12.0
+    m[18], m[19], m[20] = m8 / 12.0, m9 / 24.0, m10 / 120.0
+
+
+@jit
 def set_decay(sea: Any, buffer: Any, blocks: int, z: float) -> None:
     """Set e^{kz} of the longest blocks, if not set already: nodes above the surface share one z."""
-    base, faded, k = buffer[BASE], buffer[DECAY], figures(sea.table)[K]
+    base = buffer[BASE]
     if z == base[DECAY_Z] and blocks <= base[DECAY_BLOCKS]:
         return
     base[DECAY_Z], base[DECAY_BLOCKS] = z, blocks
+    rows, faded = figures(sea.table), buffer[DECAY]
+    k, lower_end, level, start = rows[K], rows[DECAY_END], rows[DECAY_LEVEL], rows[DECAY_START]
+    last, m = sea.decay_levels - 1, int(base[DECAY_ROW])
+    while m < last and z < lower_end[m]:
+        m += 1
+    while m > 0 and z >= lower_end[m - 1]:
+        m -= 1
+    base[DECAY_ROW] = m
+    if m <= last and z >= lower_end[m] and start[m] + BLOCK * blocks <= start[m + 1]:
+        _decay_from(sea, faded, int(start[m]), BLOCK * blocks, z - level[m])
+        return
     for j in range(BLOCK * blocks):
         faded[j] = decay(max(k[j] * z, -MAX_DECAY_EXPONENT))
 
 
-@jit_sum
-def kinematics(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> Any:
-    """Return velocity and acceleration at a stretched z from the `reaching` longest blocks.
+@jit
+def _decay_from(sea: Any, faded: Any, start: int, count: int, rise: float) -> None:
+    """Set e^{kz} from its values at a tabulated level, this much below [m], to (k·rise)⁶/720."""
+    k, stored = figures(sea.table)[K], decay_rows(sea.decays)[0]
+    for j in range(count):
+        d = k[j] * rise
+        faded[j] = stored[start + j] * (1.0 + d * (1.0 + d * (1.0 / 2.0 + d * (
+            1.0 / 6.0 + d * (1.0 / 24.0 + d * (1.0 / 120.0))))))  # fmt: skip
 
-    The `echoing` longest ones have cosh and sinh profiles, which include the reflection at the
-    bottom. All factors are read before the sums: register pressure decides how many partial sums
-    LLVM makes, on which the rounding depends.
+
+@jit_sum
+def kinematics(sea: Any, buffer: Any, x: float, y: float, z: float, spans: Any) -> Any:
+    """Return velocity and acceleration at a stretched z, this far from the base position [m].
+
+    spans: the number of longest blocks with cosh and sinh profiles, which include the reflection at
+    the bottom, and of those that reach z. All factors are read before the sums: register pressure
+    decides how many partial sums LLVM makes, on which the rounding depends.
     """
+    echoing, reaching = spans
     set_decay(sea, buffer, max(echoing, reaching), z)
     rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
-    omega, east, north, up = rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom, faded = rows[BOTTOM_DECAY], buffer[DECAY]
+    kx, ky, omega, bottom = rows[KX], rows[KY], rows[OMEGA], rows[BOTTOM_DECAY]
+    east, north, up, faded = rows[EAST], rows[NORTH], rows[UP], buffer[DECAY]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * echoing):
-        o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
+        o, e, n, r, far = omega[j], east[j], north[j], up[j], faded[j]
+        cosine, sine = _rotate(c[j], s[j], kx[j] * x + ky[j] * y)
         echo = bottom[j] / far  # e^{-k(z+2h)}
         along, rise = (far + echo) * cosine, (far - echo) * sine
         cross, fall = o * (far + echo) * sine, o * (far - echo) * cosine
@@ -183,7 +268,8 @@ def kinematics(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> 
         dv += n * cross
         dw -= r * fall
     for j in range(BLOCK * echoing, BLOCK * reaching):
-        o, e, n, r, far, cosine, sine = omega[j], east[j], north[j], up[j], faded[j], c[j], s[j]
+        o, e, n, r, far = omega[j], east[j], north[j], up[j], faded[j]
+        cosine, sine = _rotate(c[j], s[j], kx[j] * x + ky[j] * y)
         along, rise = far * cosine, far * sine
         cross, fall = o * rise, o * along
         u += e * along
@@ -196,16 +282,17 @@ def kinematics(sea: Any, buffer: Any, echoing: int, reaching: int, z: float) -> 
 
 
 @jit_sum
-def vertical_gradients(sea: Any, buffer: Any, echoing: int) -> Any:
+def vertical_gradients(sea: Any, buffer: Any, x: float, y: float, echoing: int) -> Any:
     """Return the change of velocity and acceleration with z at the mean level [1/s], [1/s²]."""
     rows, c, s = figures(sea.table), buffer[COS], buffer[SIN]
-    k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]
-    bottom = rows[BOTTOM_DECAY]
+    kx, ky, k, omega = rows[KX], rows[KY], rows[K], rows[OMEGA]
+    east, north, up, bottom = rows[EAST], rows[NORTH], rows[UP], rows[BOTTOM_DECAY]
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(BLOCK * sea.blocks):
+        cosine, sine = _rotate(c[j], s[j], kx[j] * x + ky[j] * y)
         echo = bottom[j] if j < BLOCK * echoing else 0.0
-        along, rise = k[j] * (1.0 - echo) * c[j], k[j] * (1.0 + echo) * s[j]
-        cross, fall = omega[j] * k[j] * (1.0 - echo) * s[j], omega[j] * k[j] * (1.0 + echo) * c[j]
+        along, rise = k[j] * (1.0 - echo) * cosine, k[j] * (1.0 + echo) * sine
+        cross, fall = omega[j] * k[j] * (1.0 - echo) * sine, omega[j] * k[j] * (1.0 + echo) * cosine
         u += east[j] * along
         v += north[j] * along
         w += up[j] * rise
@@ -215,99 +302,8 @@ def vertical_gradients(sea: Any, buffer: Any, echoing: int) -> Any:
     return u, v, w, du, dv, dw
 
 
-# Fractions of the error budget. A cubic amplifies an error of its four values by up to 1.63.
-TRUNCATION_SHARE, ROTATION_SHARE, INTERPOLATION_SHARE = 0.2, 0.1, 0.5
-LEVELS, MAX_LEVEL_DEPTH = 40, 2e3  # of the table of stretches, to this depth [m]
-BISECTIONS = 60  # bisections for the depth that a component reaches
-MAX_ROTATION_RANGE = 1e4  # m: maximum range of rotated angles
-ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
-
-
-def levels_to(depth: float) -> Floats:
-    """Return the levels at which the longest stretches are tabulated, from the surface down [m]."""
-    return -np.append(0.0, np.geomspace(0.25, min(depth, MAX_LEVEL_DEPTH), LEVELS))
-
-
-def lowest_level(k: Floats, depth: float) -> float:
-    """Return the z at which the longest component ends: the bottom, or where it has decayed [m]."""
-    return max(-MAX_DECAY_EXPONENT / float(k[0]), -depth)
-
-
-def reach_levels(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
-    """Return for each component the z below which it and all shorter ones are negligible.
-
-    z is Wheeler's. The bound is the sum of all amplitudes, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), solved by
-    bisection.
-    """
-    error, bottom = TRUNCATION_SHARE * neglected, lowest_level(k, depth)
-    reach = np.full(len(k), bottom)
-    for j in range(len(k)):
-        low, high = bottom, 0.0
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            decay_sum = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
-            if float(speed[j:] @ decay_sum) > error:
-                high = middle
-            else:
-                low = middle
-        reach[j] = low if low > bottom else -math.inf
-    return reach
-
-
-def lowest_node_height(reach: float, crest: float, depth: float) -> float:
-    """Return the z below which no component reaches a node, for coincident crests or troughs.
-
-    From Wheeler's z that the longest one reaches, `reach` [m]; crest: Σ a [m].
-    """
-    if crest >= depth:
-        return -math.inf
-    return reach * (1.0 - crest / depth) - crest
-
-
-def reflection_levels(k: Floats, depth: float) -> Floats:
-    """Return for each component the z down to which its reflection at the bottom is negligible."""
-    return 0.5 * ROUND_OFF_EXPONENT / k - depth
-
-
-def stretch_thirds(
-    levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float
-) -> Floats:
-    """Return a third of the longest stretch [m] that a cubic can interpolate below each level.
-
-    (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
-    """
-    error, size = INTERPOLATION_SHARE * neglected, speed * k**4
-    return np.asarray(
-        (11.0 * error / np.maximum(_decay_sum(levels, k, depth) @ size, WAVE_MIN)) ** 0.25
-    )
-
-
-def rotation_ranges(
-    levels: Floats, k: Floats, a: Floats, speed: Floats, depth: float, neglected: float
-) -> Floats:
-    """Return the horizontal range [m] over which angles may be rotated, below each level.
-
-    The relative error of a component rotated by d = k·r is d⁶/720: in the velocity that of Σ
-    a·ω·k⁶·e^{kz}, and in the surface that of Σ a·k⁶, which shifts Wheeler's z and changes the
-    velocity by Σ a·ω·k·e^{kz} a metre, in shallow water by h/(h - Σ a) times as much.
-    """
-    margin = 1.0 - float(a.sum()) / depth
-    if margin <= 0.0:
-        return np.zeros(len(levels))
-    decay = _decay_sum(np.maximum(levels, lowest_level(k, depth)), k, depth)
-    error_sum = decay @ (speed * k**6) + decay @ (speed * k) * float(a @ k**6) / margin
-    return np.minimum(
-        (720.0 * ROTATION_SHARE * neglected / np.maximum(error_sum, WAVE_MIN)) ** (1 / 6),
-        MAX_ROTATION_RANGE,
-    )
-
-
-def _decay_sum(levels: Floats, k: Floats, depth: float) -> Floats:
-    """Return e^{kz} + e^{-k(z+2h)} of components at levels, (levels, n)."""
-    return np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * depth, k))
-
-
 MIN_STRETCH_NODES = 5  # nodes of a stretch: with fewer, each is evaluated individually
+ROUNDED_UP = 1.0 + 1e-9  # more than the rounding of a length
 NO_BASE_YET = 1e30  # m: no angles are stored yet
 
 
@@ -346,17 +342,18 @@ def _evaluate_at(sea: Any, build_up: Any, buffer: Any, position: Any, time: floa
     distance = math.sqrt(dx * dx + dy * dy)
     highest = _stretched_z(sea, z, factor * (base[2] - sea.steepest * distance))
     if distance <= figures(sea.table)[ROTATION_RANGE][_reaching_blocks(sea, highest)]:
-        full = rotate_phases(sea, buffer, dx, dy)
+        full = surface_near(sea, buffer, dx, dy)
     else:
         full = evaluate_phases(sea, buffer, x, y, time)
-        base[0], base[1], base[2] = x, y, full
+        base[0], base[1], base[2], base[TAYLOR_MADE] = x, y, full, 0.0
+        dx = dy = 0.0
     eta = factor * full
     level = _stretched_z(sea, z, eta)
-    echoing, reaching = _reflected_blocks(sea, level), _reaching_blocks(sea, level)
-    u, v, w, du, dv, dw = kinematics(sea, buffer, echoing, reaching, level)
+    spans = _reflected_blocks(sea, level), _reaching_blocks(sea, level)
+    u, v, w, du, dv, dw = kinematics(sea, buffer, dx, dy, level, spans)
     height = sea.extends * min(z, eta)
     if height > 0.0:
-        su, sv, sw, sdu, sdv, sdw = vertical_gradients(sea, buffer, echoing)
+        su, sv, sw, sdu, sdv, sdw = vertical_gradients(sea, buffer, dx, dy, spans[0])
         u, v, w = u + height * su, v + height * sv, w + height * sw
         du, dv, dw = du + height * sdu, dv + height * sdv, dw + height * sdw
     return (
@@ -366,26 +363,43 @@ def _evaluate_at(sea: Any, build_up: Any, buffer: Any, position: Any, time: floa
 
 
 @jit
+def _level_row(sea: Any, row_of: int, z: float) -> int:
+    """Return the row of the lowest level at or above z, searched from another row."""
+    level = figures(sea.table)[LEVEL]
+    while row_of < sea.levels - 1 and level[row_of + 1] >= z:
+        row_of += 1
+    while row_of > 0 and level[row_of] < z:
+        row_of -= 1
+    return row_of
+
+
+@jit
 def _stretch_end(sea: Any, buffer: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
     """Return the last node of a stretch from node i; arc length of its nodes is in arc [m].
 
-    eta: the surface elevation above node i; from there it falls by the steepest slope at most.
+    eta: the surface elevation above node i; from there it falls by the steepest slope at most. A
+    stretch ends below the surface, where the kinematics have a kink.
     """
     x, y, z = nodes
-    level, third = figures(sea.table)[LEVEL], figures(sea.table)[STRETCH_THIRD]
-    end, length, top, row_of = i, 0.0, -sea.depth, int(buffer[BASE][3])
+    third, row_of = figures(sea.table)[STRETCH_THIRD], int(buffer[BASE][3])
+    end, length, top = i, 0.0, -sea.depth
     shrink = 1.0 / (1.0 + sea.follows * eta / sea.depth)
+    k = i + MIN_STRETCH_NODES - 1  # most stretches in short ropes would end before this node
+    if k >= last or z[i] > sea.follows * eta:
+        return i
+    row_of = _level_row(sea, row_of, min((z[k] - sea.follows * eta) * shrink, 0.0))
+    dx, dy, dz = x[k] - x[i], y[k] - y[i], z[k] - z[i]
+    if dx * dx + dy * dy + dz * dz > ROUNDED_UP * (3.0 * third[row_of]) ** 2:
+        buffer[BASE][3] = row_of
+        return i
     for k in range(i + 1, last):
         dx, dy, dz = x[k] - x[k - 1], y[k] - y[k - 1], z[k] - z[k - 1]
         length += math.sqrt(dx * dx + dy * dy + dz * dz)
         dx, dy = x[k] - x[i], y[k] - y[i]
         lowest = sea.follows * (eta - sea.steepest * math.sqrt(dx * dx + dy * dy))
-        top = max(top, min((z[k] - lowest) * shrink, 0.0))  # at least _level(sea, z[k], lowest)
-        while row_of < sea.levels - 1 and level[row_of + 1] >= top:
-            row_of += 1
-        while row_of > 0 and level[row_of] < top:
-            row_of -= 1
-        if length > 3.0 * third[row_of] or z[k] < sea.lowest:
+        top = max(top, min((z[k] - lowest) * shrink, 0.0))  # at least _stretched_z there
+        row_of = _level_row(sea, row_of, top)
+        if length > 3.0 * third[row_of] or z[k] < sea.lowest or z[k] > lowest:
             break
         arc[k] = length
         end = k
@@ -469,7 +483,7 @@ def add_water(sea: Any, build_up: Any, work: Any, time: float, low: int, high: i
     buffer = scratch()
     buffer[BASE][0] = NO_BASE_YET
     buffer[BASE][1] = buffer[BASE][2] = buffer[BASE][3] = 0.0
-    buffer[BASE][DECAY_Z] = NO_BASE_YET
+    buffer[BASE][DECAY_Z], buffer[BASE][DECAY_ROW] = NO_BASE_YET, 0.0
     target = (*rows(work, FLOW, low), *rates, surface_at)
     i, last = low - low, high - low  # a literal 0 has its own type: a second specialisation
     while i < last:

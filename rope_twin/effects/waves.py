@@ -21,7 +21,7 @@ Morison et al. 1950).
 
 Approximations: components are sorted from long to short, and a node uses only as many that the sum
 of the others, Σ a·ω·e^{k·z}, is negligible there; nodes between others may be interpolated by a
-cubic (core/waves); angles are rotated from those of a nearby position by a series
+cubic (core/waves); angles and decay are those of a nearby position and level, changed by a series
 (core/waves). Their total error is below `neglected_m_per_s`.
 """
 
@@ -40,9 +40,21 @@ from rope_twin.core.lanes.effects import by_lane
 from rope_twin.core.loads.accounts import account
 from rope_twin.core.loads.hooks import Load, differs_by_rope, kernel, scales_with_ramp
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
+from rope_twin.core.wave_tables import (
+    decay_table,
+    levels_to,
+    lowest_node_height,
+    reach_levels,
+    reflection_levels,
+    rotation_ranges,
+    stretch_thirds,
+)
 from rope_twin.core.waves import (
     BLOCK,
     BOTTOM_DECAY,
+    DECAY_END,
+    DECAY_LEVEL,
+    DECAY_START,
     LEVEL,
     MAX_COMPONENTS,
     REACH_LEVEL,
@@ -51,12 +63,6 @@ from rope_twin.core.waves import (
     SEA_ROWS,
     STRETCH_THIRD,
     add_water,
-    levels_to,
-    lowest_node_height,
-    reach_levels,
-    reflection_levels,
-    rotation_ranges,
-    stretch_thirds,
 )
 from rope_twin.errors import InputError
 from rope_twin.quantity import SparingRepr, quantity, text
@@ -225,8 +231,10 @@ class Waves(NamedTuple):
     """Kernel data: components from long to short, in blocks."""
 
     table: Floats  # data of components, blocks and levels (core/waves), (SEA_ROWS, any)
+    decays: Floats  # e^{kz} of components at levels, (1, any)
     blocks: int
     levels: int
+    decay_levels: int
     steepest: float  # Σ a·k, maximum slope of the surface
     lowest: float  # z of nodes [m] below which waves are negligible
     depth: float  # [m]
@@ -270,9 +278,11 @@ def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
     speed = a * sea.omega / (1.0 - np.exp(-2.0 * k * depth))
     felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and acceleration
     levels, neglected = levels_to(depth), params.neglected_m_per_s
-    reach = reach_levels(k, felt, depth, neglected)[::BLOCK]
+    reach_of_each = reach_levels(k, felt, depth, neglected)
+    reach = reach_of_each[::BLOCK]
     blocks = len(reach)
-    table = np.zeros((SEA_ROWS, max(blocks * BLOCK, len(levels), blocks + 1)))
+    decay_levels, ends, starts, decays = decay_table(k, felt, reach_of_each, depth, neglected)
+    table = np.zeros((SEA_ROWS, max(blocks * BLOCK, len(levels), blocks + 1, len(starts))))
     table[: BOTTOM_DECAY + 1, : len(k)] = (
         k * np.cos(sea.heading), k * np.sin(sea.heading), sea.omega, sea.phase, a, k,
         speed * np.cos(sea.heading), speed * np.sin(sea.heading), speed, np.exp(-2.0 * k * depth),
@@ -284,13 +294,18 @@ def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
     )
     table[LEVEL, : len(levels)] = levels
     table[STRETCH_THIRD, : len(levels)] = stretch_thirds(levels, k, felt, depth, neglected)
+    table[DECAY_LEVEL, : len(decay_levels)] = decay_levels
+    table[DECAY_END, : len(ends)] = ends
+    table[DECAY_START, : len(starts)] = starts
     inertia = [0.0] * 3
     if payload is not None:
         inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
     return Waves(
         table=table,
+        decays=decays[np.newaxis],
         blocks=blocks,
         levels=len(levels),
+        decay_levels=len(decay_levels),
         steepest=float(a @ k),
         lowest=lowest_node_height(float(reach[0]), float(a.sum()), depth),
         depth=depth,

@@ -164,6 +164,23 @@ def test_error_of_neglected_components_is_bounded(
         assert np.abs(u).max() > 0.3
 
 
+@pytest.mark.parametrize("neglected", [1e-2, 3e-4, 1e-7])
+@pytest.mark.parametrize("depth", [12.0, 45.0, 300.0])
+def test_error_of_neglected_components_is_bounded_in_finite_depth(
+    depth: float, neglected: float
+) -> None:
+    """From the bed through the surface, on an upright and an inclined rope of fine elements."""
+    for slope, time in ((0.0, 70.0), (0.02, 77.7), (0.3, 70.0), (0.7, 90.1)):
+        z = np.linspace(-depth, 3.0, 80)
+        position = np.stack([slope * z, -0.4 * slope * z, z])
+        params = replace(SEA, depth_m=depth, neglected_m_per_s=neglected)
+        _, u, du = airy(components_of(params, G), position, time)
+        found, rate = kernel_at(params, position, time)
+        assert np.sqrt(((found - u) ** 2).sum(axis=0))[1:].max() <= neglected
+        assert np.sqrt(((rate - du) ** 2).sum(axis=0))[1:].max() <= neglected
+        assert np.abs(u).max() > 0.3
+
+
 def test_a_sea_without_neglect_equals_airy_theory() -> None:
     """The full sum of 200 components to 1e-12 of what they are together, along a steep rope."""
     z = np.linspace(-60.0, 1.0, 62)

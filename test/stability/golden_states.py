@@ -4,7 +4,8 @@
 row of a new scene to golden_states.json, without a name all rows (about two minutes once all is
 compiled). Rows of other scenes change only together with a raised `SOLVER_VERSION`,
 `CONNECTIONS_VERSION` or `Effect.version`, or where results change by rounding alone (1e-9 of the
-tension's standard deviation), and with the reason in the commit.
+tension's standard deviation) or within a bound that the scene states (`neglected_m_per_s`), and
+with the reason in the commit.
 """
 
 from __future__ import annotations
