@@ -20,13 +20,8 @@ from rope_twin.scene.lift import LiftFigures, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import Drum
-from rope_twin.twin.run_record import (
-    LINES,
-    LoadRules,
-    minimum_tensions_n,
-    payload_motions,
-    watches_bends,
-)
+from rope_twin.twin.landings import LandingWatch, payload_motions
+from rope_twin.twin.run_record import LINES, LoadRules, minimum_tensions_n, watches_bends
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 
 NEAR_LIMIT = 0.95  # of a limit: a warning
@@ -232,7 +227,7 @@ class LimitWatch:
     def __init__(self, figures: SceneFigures) -> None:
         self._figures, self.crew = figures, figures.crew
         self._broken: dict[tuple[str, str], LimitBreach] = {}  # of the crew's limits
-        self._landed, self._sinking = True, 0.0  # what starts on the bed does not land
+        self._landings = LandingWatch()
 
     def tension(self, snapshot: Snapshot) -> Iterator[Measure]:
         """Find the tension at the top of each rope, against the least of its limits."""
@@ -316,13 +311,11 @@ class LimitWatch:
                     values = bend.now.radius_m, radius_m
                     self._break(snapshot.time_s, "bend_radius", bend.now.name, values)
         if landing is not None and snapshot.seabed is not None:
-            motions = payload_motions(snapshot, max(1, len(self._figures.payloads)))
-            sinking = max((-float(speed[2]) for _, speed in motions), default=0.0)
-            fast, landed = max(sinking, self._sinking), snapshot.seabed.payload_landed
-            if landed and not self._landed and fast > landing:
-                where = ", ".join(self._figures.payloads) or "payload"
-                self._break(snapshot.time_s, "landing_speed_m_per_s", where, (fast, landing))
-            self._landed, self._sinking = landed, sinking
+            payloads = self._figures.payloads or ("payload",)
+            for number, speed in self._landings.take(snapshot):
+                if speed > landing:
+                    values = speed, landing
+                    self._break(snapshot.time_s, "landing_speed_m_per_s", payloads[number], values)
 
     def _break(self, time_s: float, limit: str, where: str, values: tuple[float, float]) -> None:
         """Record that a limit is broken now; found: the value and the limit."""

@@ -126,17 +126,22 @@ def sheave_snapshots(state: SystemState) -> tuple[SheaveSnapshot, ...]:
 
 
 def contact(state: SystemState) -> BedContact | None:
-    """Return the seabed contact of all ropes; the height is that of the lowest payload."""
+    """Return the seabed contact of all ropes; the height is that of the lowest payload.
+
+    Without payloads it is that of the lowest lower end, as of a single rope.
+    """
     every_rope = (seabed_contact(rope) for rope in state.system.ropes)
     contacts = [bed for bed in every_rope if bed is not None]
     if not contacts:
         return None
     below_payloads = [contacts[state.owners[payload.name]] for payload in state.scene.payloads]
+    at_ends = below_payloads or contacts
     return BedContact(
-        payload_height_m=min(bed.payload_height_m for bed in below_payloads),
-        payload_reaction_n=sum(bed.payload_reaction_n for bed in below_payloads),
+        payload_height_m=min(bed.payload_height_m for bed in at_ends),
+        payload_reaction_n=sum(bed.payload_reaction_n for bed in at_ends),
         rope_on_bed_m=sum(bed.rope_on_bed_m for bed in contacts),
         rope_reaction_n=sum(bed.rope_reaction_n for bed in contacts),
+        several=tuple((bed.payload_height_m, bed.payload_reaction_n) for bed in below_payloads),
     )
 
 

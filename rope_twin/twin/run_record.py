@@ -46,6 +46,7 @@ from rope_twin.scene.lift import LiftFigures, alone, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of
+from rope_twin.twin.landings import LandingWatch, payload_motions
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import (
@@ -153,7 +154,7 @@ class LoadRecord:
         self._static_n = list(start_n)
         self._static_at_m = list(rules.lengths_m)
         self._amplification = [0.0] * ropes
-        self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
+        self._watch = LandingWatch()
         # numbers, since the fields of an object must be in a saved state from the start
         self._landings: list[float] = []
         self._broken = False
@@ -163,7 +164,7 @@ class LoadRecord:
 
     @property
     def landings(self) -> Landings | None:
-        """Landings of the payload since the start; None: it has not landed."""
+        """Landings of the payloads since the start; None: none has landed."""
         if not self._landings:
             return None
         count, *rest = self._landings
@@ -191,7 +192,7 @@ class LoadRecord:
         if rules.watches_payload and rules.payloads:
             self._check_payloads(snapshot, rules)
         if snapshot.seabed is not None and rules.payloads:
-            self._check_landing(snapshot, rules)
+            self._check_landings(snapshot, rules)
         min_clearance_m = limits.line_clearance_m
         if min_clearance_m is not None and snapshot.lines is not None:
             distance_m = snapshot.lines.nearest.distance_m
@@ -255,8 +256,7 @@ class LoadRecord:
                 self._record_breach(self._row(r, number), value, time_s)
 
     def _check_payloads(self, snapshot: Snapshot, rules: LoadRules) -> None:
-        limits, deepest, deepest_number = rules.limits, -math.inf, 0
-        first = len(rules.ropes) * len(ROPE_LIMITS)
+        limits, first = rules.limits, len(rules.ropes) * len(ROPE_LIMITS)
         for number, (position, velocity) in enumerate(
             payload_motions(snapshot, len(rules.payloads))
         ):
@@ -269,33 +269,24 @@ class LoadRecord:
                     self._record_breach(row, speed, snapshot.time_s)
             if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
                 self._record_breach(row + 1, depth_m, snapshot.time_s)
-            if depth_m > deepest:
-                deepest, deepest_number = depth_m, number
         if snapshot.seabed is None or limits.bed_clearance_m is None:
             return
-        height_m = snapshot.seabed.payload_height_m
-        if height_m < limits.bed_clearance_m:
-            row = first + deepest_number * len(PAYLOAD_LIMITS) + 3
-            self._record_breach(row, -height_m, snapshot.time_s)
+        for number, (height_m, _) in enumerate(snapshot.seabed.payloads):
+            if height_m < limits.bed_clearance_m:
+                row = first + number * len(PAYLOAD_LIMITS) + 3
+                self._record_breach(row, -height_m, snapshot.time_s)
 
-    def _check_landing(self, snapshot: Snapshot, rules: LoadRules) -> None:
-        """Record the sinking speed before contact, the larger of this snapshot and the last one, if
-        the bed carries the payload now.
-        """
-        assert snapshot.seabed is not None
-        motions = payload_motions(snapshot, len(rules.payloads))
-        sinking, lowest = max((-float(v[2]), -k) for k, (_, v) in enumerate(motions))
-        sinking, landed = max(sinking, 0.0), snapshot.seabed.payload_landed
-        if landed and not self._landed:
-            speed, known = max(sinking, self._sinking), self.landings
-            limit = rules.limits.landing_speed_m_per_s
+    def _check_landings(self, snapshot: Snapshot, rules: LoadRules) -> None:
+        """Record the payloads that land now, and which of them are too fast."""
+        limit = rules.limits.landing_speed_m_per_s
+        for number, speed in self._watch.take(snapshot):
+            known = self.landings
             first = Landings(1, snapshot.time_s, speed, snapshot.time_s, speed)
             now = first if known is None else known.then(snapshot.time_s, speed)
             self._landings = list(astuple(now))
             if limit is not None and speed > limit:
-                row = len(rules.ropes) * len(ROPE_LIMITS) - lowest * len(PAYLOAD_LIMITS)
+                row = len(rules.ropes) * len(ROPE_LIMITS) + number * len(PAYLOAD_LIMITS)
                 self._record_breach(row + 2, speed, snapshot.time_s)
-        self._landed, self._sinking = landed, sinking
 
     def _row(self, r: int, number: int) -> int:
         return r * len(ROPE_LIMITS) + number
@@ -358,13 +349,6 @@ def minimum_tensions_n(snapshot: Snapshot) -> list[float]:
     if not snapshot.ropes:
         return [min(snapshot.tension_top_min_n, float(snapshot.element_tension_n.min()))]
     return [float(rope.element_tension_n.min()) for rope in snapshot.ropes]
-
-
-def payload_motions(snapshot: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
-    """Return position [m] and velocity [m/s] of each payload, (3,) each."""
-    if snapshot.payloads:
-        return [(payload.position_m, payload.velocity_m_per_s) for payload in snapshot.payloads]
-    return [(snapshot.payload_position_m, snapshot.payload_velocity_m_per_s)][:count]
 
 
 def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:

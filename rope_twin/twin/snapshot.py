@@ -83,20 +83,27 @@ class ContactForce:
 class BedContact:
     """Contact of payload and rope with the seabed."""
 
-    payload_height_m: float  # above the bed; negative: penetration
-    payload_reaction_n: float  # reaction of the bed, normal to it
+    payload_height_m: float  # of the lowest payload above the bed; negative: penetration
+    payload_reaction_n: float  # reaction of the bed, normal to it, of all payloads
     rope_on_bed_m: float  # unstretched length of rope on the bed
     rope_reaction_n: float
+    # height [m] and reaction [N] of each payload of a multi-line scene; else none
+    several: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def payloads(self) -> tuple[tuple[float, float], ...]:
+        """Height [m] and reaction [N] of each payload."""
+        return self.several or ((self.payload_height_m, self.payload_reaction_n),)
 
     @property
     def payload_landed(self) -> bool:
-        """Whether the bed carries any of the payload."""
+        """Whether the bed carries any of a payload."""
         return self.payload_reaction_n > 0.0
 
 
 @dataclass(frozen=True)
 class Landings:
-    """Landings of the payload on the seabed since the start; speeds are those before contact."""
+    """Landings of payloads on the seabed since the start; speeds are those before contact."""
 
     count: int
     first_s: float
@@ -424,7 +431,7 @@ class Snapshot:
     breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
-    landings: Landings | None = None  # None: it has not landed
+    landings: Landings | None = None  # None: no payload has landed
     contacts: tuple[ContactForce, ...] = ()  # of the effects of contact
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodySnapshot | None = None  # only of a scene whose payload is a rigid body
