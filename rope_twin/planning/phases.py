@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from rope_twin.core import state as rows
-from rope_twin.core.bed_shape import clearance
+from rope_twin.core.loads.balance import lone_middle
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
@@ -26,7 +26,7 @@ from rope_twin.scene.rigging import places
 from rope_twin.scene.rope_model import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import variant
-from rope_twin.twin.contact import seabed_of
+from rope_twin.twin.contact import seabed_contact
 from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.statics import solve_scene_statics
 from rope_twin.twin.twin import Twin
@@ -61,7 +61,7 @@ class Leg:
     speed_m_per_s: float  # of the winch
     static_hook_n: float  # largest static hook load of the leg
     payload_n: float  # static submerged weight of the payload
-    bed_m: float | None = None  # depth of the seabed below the payload, of a landing
+    bed_m: float | None = None  # depth of the payload's middle as it touches down, of a landing
     deck_m: float | None = None  # mean height of the deck, of a lift-off
     deck: DeckTransfer | None = None  # that moves it, or None if it is fixed
     by_twin: bool = False  # stepped by a twin of its own
@@ -154,7 +154,8 @@ def _leg(
     bed_m: float | None = None,
 ) -> Leg:
     start, end = depths_m
-    start_scene, _, _, offset = suspended_at(scene, start)
+    begin = suspended_at(scene, start)
+    start_scene, offset = begin.scene, begin.offset_m
     if end > start and bed_m is None:
         offset = max(offset, suspended_at(scene, end).offset_m)
     seconds = exposure_s or (end - start) / speed_m_per_s
@@ -252,22 +253,24 @@ def _landing(scene: Scene, settled_s: float, above_m: float, speed_m_per_s: floa
     """Return the leg of a landing from this height above the seabed."""
     length_m = scene.ropes[0].length_m
     for _ in range(TRIALS):
-        _, depth, height, _ = suspended_at(scene, None, length_m)
+        found = suspended_at(scene, None, length_m)
+        depth, height = found.depth_m, found.height_m
         if height is None or abs(height - above_m) <= NEAR_M:
             break
         length_m += height - above_m
     assert height is not None, "checked when the plan was read"
-    bed = depth + height
-    return _leg(0, scene, settled_s, (depth, bed + LANDED_M), speed_m_per_s, bed_m=bed)
+    ends, bed = (depth, depth + height + LANDED_M), found.middle_depth_m + height
+    return _leg(0, scene, settled_s, ends, speed_m_per_s, bed_m=bed)
 
 
 class SuspendedConfiguration(NamedTuple):
     """A payload in static equilibrium."""
 
     scene: Scene  # with the rope so long
-    depth_m: float
-    height_m: float | None  # above the seabed, or None if there is none
+    depth_m: float  # of the rope's lower end
+    height_m: float | None  # above the seabed, of its lowest corner; None: there is no seabed
     offset_m: float  # horizontal distance from the crane tip
+    middle_depth_m: float  # of its middle: below the hook if it is a rigid body
 
 
 def suspended_at(
@@ -292,15 +295,17 @@ def suspended_at(
         if depth_m is None or abs(suspended_depth_m - depth_m) <= NEAR_M:
             break
         length += depth_m - suspended_depth_m
-    bed = seabed_of(rope)
+    contact = seabed_contact(rope)
     position = rope.state.nodes[rows.POSITION : rows.POSITION + 3, :1]
     x, y, _ = scene.ship.hang_off_m
     offset = math.hypot(float(position[0, 0]) - x, float(position[1, 0]) - y)
+    middle, _ = lone_middle(rope.effects, -suspended_depth_m, 0.0)
     return SuspendedConfiguration(
         suspended,
         suspended_depth_m,
-        None if bed is None else float(clearance(bed, position)[0]),
+        None if contact is None else contact.payload_height_m,
         offset,
+        -middle,
     )
 
 

@@ -132,7 +132,7 @@ def resonance_figure(result: PlanResult) -> Any:
     template, periods = legs[0], []
     depths = np.linspace(shallow, deepest, DEPTHS)
     for depth in depths.tolist():
-        scene, depth_m, _, _ = suspended_at(result.scene, None, depth + tip_m)
+        scene, depth_m = suspended_at(result.scene, None, depth + tip_m)[:2]
         leg = type(template)(
             **{**vars(template), "scene": scene, "from_m": depth_m, "to_m": depth_m}
         )
