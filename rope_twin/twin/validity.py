@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import functools
 import math
+import operator
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol
@@ -39,6 +40,7 @@ from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.water_warnings import is_air
+from rope_twin.twin.landings import payload_motions
 from rope_twin.twin.motion.ship_motion import ZERO_VECTOR, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 
@@ -116,7 +118,8 @@ class ModelRange:
                 yield Finding(OUTSIDE, text)
 
     def _below_the_bed(self, snapshot: Snapshot) -> Iterator[Finding]:
-        depth_m = -float(snapshot.payload_position_m[2])
+        depths = [-float(position[2]) for position, _ in payload_motions(snapshot, 1)]
+        depth_m = max(depths)
         if self._water_m is not None and depth_m > self._water_m:
             yield Finding(
                 0.0, f"the payload is at {depth_m:.1f} m in water {self._water_m:g} m deep"
@@ -127,7 +130,8 @@ class ModelRange:
         if penetration_m > PENETRATION_M[0]:
             text = f"the payload is {penetration_m:.1f} m in the seabed, whose model is elastic"
             yield Finding(falling(penetration_m, *PENETRATION_M), text)
-        bed_m = depth_m + snapshot.seabed.payload_height_m
+        heights = (height_m for height_m, _ in snapshot.seabed.payloads)
+        bed_m = max(map(operator.add, depths, heights))
         for residual in snapshot.residuals:
             beyond_m = residual.measured - bed_m - (residual.half_width or 0.0)
             if residual.quantity == "payload_depth_m" and beyond_m > PENETRATION_M[0]:

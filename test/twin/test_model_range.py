@@ -20,6 +20,7 @@ from rope_twin.twin.snapshot import (
     InputHealth,
     LinesSnapshot,
     Nearest,
+    PayloadSnapshot,
     Snapshot,
 )
 from rope_twin.twin.twin import Twin
@@ -91,6 +92,22 @@ def test_a_payload_below_the_bed() -> None:
     only(found, OUTSIDE, "measured depth, 212.0 m", "seabed at 210.0 m")
     inside = replace(deeper, measured=211.0)
     assert not findings("landing", at_depth(200.0, seabed=high, residuals=(inside,)))
+
+
+def test_the_bed_below_loads_under_a_hook() -> None:
+    """The bed is where the loads meet it, not as far below the hook; the deepest load counts."""
+    place = np.array([0.0, 0.0, -1.0])
+    loads = tuple(
+        PayloadSnapshot(name, depth_m * place, 0.0 * place)
+        for name, depth_m in (("port", 214.0), ("starboard", 213.0))
+    )
+    bed = BedContact(1.0, 0.0, 0.0, 0.0, ((1.0, 0.0), (2.0, 0.0)))
+    hook = replace(RESIDUAL, quantity="payload_depth_m", half_width=1.0, measured=204.0)
+    hanging = at_depth(200.0, payloads=loads, seabed=bed)
+    assert not findings("landing", replace(hanging, residuals=(hook,)))
+    below = replace(hook, measured=217.0)
+    found = findings("landing", replace(hanging, residuals=(below,)))
+    only(found, OUTSIDE, "measured depth, 217.0 m", "seabed at 215.0 m")
 
 
 def test_a_line_that_is_followed_beyond_the_winch() -> None:
