@@ -13,7 +13,8 @@ linearly to μ·N over s and never vanishes at rest (elastic, perfectly plastic,
 Simo and Hughes 1998, ch. 1). A node that leaves the bed forgets e. e is solved in the stage, with
 the position. In static equilibrium it is 0: friction acts against displacements from there.
 
-The payload rubs with the coefficient across the rope. Omitted in the block: the change of N, and
+The payload rubs with the coefficient across the rope; the corners of a rigid body do so by the law
+of `seabed`, and creep at rest. Omitted in the block: the change of N, and
 while a node slides the change of the force along e.
 """
 

@@ -75,7 +75,7 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
             continue
         if isinstance(built_effect, Plane | Grid):
             (params,) = (effect for effect in scene.effects if isinstance(effect, SeabedParams))
-            parts.append(_bed(built_effect, params, body))
+            parts.append(_bed(built_effect, params, body, _payload_friction(scene, params)))
             if body.here:  # the rope's end carries only the hook
                 k = max(body.hook_weight, 0.0) / params.payload_penetration_m
                 built_effect = built_effect._replace(soil=built_effect.soil._replace(k_payload=k))
@@ -111,12 +111,18 @@ def _outline_columns(params: SplashZoneParams, body: RigidBody, density: float) 
     )
 
 
-def _bed(shape: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
+def _payload_friction(scene: Scene, bed: SeabedParams) -> float:
+    """Return the friction coefficient of a payload, that across the rope with `bed_friction`."""
+    sticks = scene.listed(BedFrictionParams)
+    return bed.friction if sticks is None or sticks.lateral is None else sticks.lateral
+
+
+def _bed(shape: Plane | Grid, params: SeabedParams, body: RigidBody, friction: float) -> Any:
     """Return the seabed below the corners."""
     weight = (body.m - body.displaced) * body.g
     k = max(weight, MIN_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
     kind: Any = GridBed if isinstance(shape, Grid) else PlaneBed
-    return kind(shape=shape, k=float(k), chi=shape.soil.chi, mu=shape.soil.mu)
+    return kind(shape=shape, k=float(k), chi=shape.soil.chi, mu=friction)
 
 
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1

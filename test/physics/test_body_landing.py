@@ -20,6 +20,7 @@ from rope_twin.core.body.components import bed_forces
 from rope_twin.core.body.loads import component_of
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
 from rope_twin.core.body.step import Pose, pose_of
+from rope_twin.effects.bed_friction import BedFrictionParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams, Soundings
 from rope_twin.errors import SceneError
@@ -137,6 +138,24 @@ def test_a_box_creeps_on_a_slope_below_the_friction_angle(length_m: float) -> No
             WEIGHT / math.sqrt(1.05), rel=1e-6
         )
         twin.advance(400)
+
+
+@pytest.mark.parametrize(("own", "of_bed"), [(0.5, 0.1), (None, 0.5)])
+def test_friction_that_sticks_leaves_a_box_its_own(own: float | None, of_bed: float) -> None:
+    """Beside `bed_friction` it creeps with the coefficient across the rope, by the closed form."""
+    slack = replace(LOOSE, slings=(replace(SLACK, length_m=12.0),))
+    bed = replace(BED, slope=(0.2, 0.1), friction=of_bed)
+    scene = between(SUBMERGED, slack, bed)
+    index = scene.effects.index(bed) + 1
+    sticks = BedFrictionParams(lateral=own)
+    effects = (*scene.effects[:index], sticks, *scene.effects[index:])
+    twin = Twin(replace(scene, effects=effects))
+    down = np.array([-0.2, -0.1, -0.05]) / math.sqrt(0.0525)
+    r = math.hypot(0.2, 0.1) / 0.5
+    creep = 0.01 * r / math.sqrt(1 - r * r)
+    for _ in range(2):
+        assert pose_of(body_in(twin)).velocity == pytest.approx(creep * down, abs=1e-8)
+        twin.advance(100)
 
 
 def test_a_box_above_the_friction_angle_needs_slings() -> None:
