@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from rope_twin.twin.state import SavedState
     from rope_twin.twin.twin import Twin
 
-FORMAT = 14  # of a saved state; raise it with every change of what a state holds
+FORMAT = 15  # of a saved state; raise it with every change of what a state holds
 Arrays = dict[str, NDArray[Any]]
 _CONSTANT = tuple(f"rope_twin.scene.{part}" for part in ("schema", "winch", "instruments"))
 # a current may have gained rows and a rope elements, as have the monitors of that rope
