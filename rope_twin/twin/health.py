@@ -220,6 +220,14 @@ class SenderClock:
         self._step(usual_ns, received_ns)
         return 0.0
 
+    def expect_repeats(self) -> None:
+        """Expect stamps from before a pause again: as they run backwards its clock has not stepped.
+
+        A correction of the stamps remains.
+        """
+        self._newest_ns = -(10**18)
+        self._apart.clear()
+
     def _step(self, usual_ns: int, now_ns: int) -> None:
         """Correct the stamps by a step from the usual offset to that of the newest samples."""
         step_ns = min(self._apart) - usual_ns

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from rope_twin import Twin
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.motion.heave_track import HeaveTrack
 from rope_twin.twin.winch.commands import WinchCommand
@@ -100,6 +101,32 @@ def test_an_invalid_sample_does_not_discard_the_known_samples() -> None:
     other, _ = started()
     after = follow(track, PAUSE_NS, 2 * PAUSE_NS)
     assert after.tobytes() == follow(other, PAUSE_NS, 2 * PAUSE_NS).tobytes()
+
+
+def test_a_repeated_replay_is_no_step_of_its_clock() -> None:
+    """The sender begins anew 0.35 s before the present, all of it at once: its stamps run
+    backwards and their arrival is late, but its clock is right.
+    """
+
+    def play(twin: Twin, from_ns: int, until_ns: int) -> None:
+        for now in range(from_ns, until_ns, SAMPLE_NS):
+            stamp = now + 200_000_000
+            assert not twin.submit_heave(stamp, *heave(stamp, -1.5), received_ns=now)
+            if now >= twin.time_ns:
+                twin.advance(SAMPLE_NS // twin.step_ns)
+
+    unbroken, resumed = Twin("shallow_lift"), Twin("shallow_lift")
+    for twin in unbroken, resumed:
+        play(twin, 0, PAUSE_NS)
+    resumed.invalidate_inputs()
+    for stamp in range(PAUSE_NS - 450_000_000, PAUSE_NS + 200_000_000, SAMPLE_NS):
+        received = PAUSE_NS - 350_000_000
+        assert not resumed.submit_heave(stamp, *heave(stamp, -1.5), received_ns=received)
+    for twin in unbroken, resumed:
+        play(twin, PAUSE_NS, 2 * PAUSE_NS)
+    was, now = unbroken.snapshot(), resumed.snapshot()
+    assert now.node_position_m.tobytes() == was.node_position_m.tobytes()
+    assert now.inputs["heave"].refused == 0
 
 
 def scheduled() -> Winch:

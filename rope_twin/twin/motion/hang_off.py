@@ -165,6 +165,7 @@ class HangOffTrack(HeaveTrack):
     def invalidate(self) -> None:
         """Invalidate samples that were known in advance, as the sender was interrupted."""
         super().invalidate()
+        self.clock.expect_repeats()
         for track in self._followers:
             track.invalidate()
 
