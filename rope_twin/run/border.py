@@ -140,6 +140,7 @@ class InputBorder:
         # called with all winches whose stop is latched, at each new one; None: no listener
         self.latch_listener: Callable[[set[str]], None] | None = None
         self._epoch_ns: int | None = None
+        self._begun_ns = -math.inf  # twin time at the end of the last pause or restart
         self._held_current: NDArray[np.float64] | None = None  # newest profile of a pause
         self.motion_ns: int | None = None  # twin time of the newest sample of ship motion
         self.lower_end_ns: int | None = None  # likewise of the motion of the lower end
@@ -152,6 +153,7 @@ class InputBorder:
     @epoch_ns.setter
     def epoch_ns(self, epoch_ns: int | None) -> None:
         self._epoch_ns = epoch_ns
+        self._begun_ns = self._twin.time_ns or -math.inf  # a motion may begin before t = 0
         if epoch_ns is not None and self._held_current is not None:
             self._inputs.submit_current(self._held_current)
             self._held_current = None
@@ -164,7 +166,7 @@ class InputBorder:
         sender: any identifier of its publisher; received_ns: ROS time of arrival, None: unknown.
         """
         content = self._read(topic, lambda: _MOTION_READERS[topic](data))
-        if content is None or (epoch_ns := self._epoch()) is None:
+        if content is None or (epoch_ns := self._epoch(content[0])) is None:
             return
         with self._lock:
             now_s = self._now_s()
@@ -192,7 +194,7 @@ class InputBorder:
                 self._malformed[topics.LOWER_END].add(sentence, self._now_s())
             return
         content = self._read(topics.LOWER_END, lambda: read_lower_end(data))
-        if content is not None and (epoch_ns := self._epoch()) is not None:
+        if content is not None and (epoch_ns := self._epoch(content[0])) is not None:
             stamp_ns, position_m, velocity_m_per_s = content
             self._inputs.submit_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
@@ -263,7 +265,7 @@ class InputBorder:
         Several nodes may share a topic, each with its own winch or quantity.
         """
         content = self._read(topic, lambda: read_measurement(topic, data))
-        if content is None or (epoch_ns := self._epoch()) is None:
+        if content is None or (epoch_ns := self._epoch(content.stamp_ns)) is None:
             return
         with self._lock:
             rows = self._admitted(topic, content.rows, sender)
@@ -379,13 +381,18 @@ class InputBorder:
                 self.latch_listener(set(self.latched))
         self._inputs.submit_command(None, WinchCommand(EMERGENCY_STOP), winch)
 
-    def _epoch(self) -> int | None:
-        """Return the epoch; if there is none, count the input as ignored and return None."""
+    def _epoch(self, stamp_ns: int | None = None) -> int | None:
+        """Return the epoch; if there is none, count the input as ignored and return None.
+
+        So is one stamped within a pause, or before a restart: in the new epoch its stamp means
+        another time. It may have waited in the subscriber's queue.
+        """
         epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        elif self.latched:  # they have reached the twin
+        if epoch_ns is not None and self.latched:  # they have reached the twin
             self.latched.clear()
+        if epoch_ns is None or (stamp_ns is not None and stamp_ns - epoch_ns < self._begun_ns):
+            self._ignored += 1
+            return None
         return epoch_ns
 
 

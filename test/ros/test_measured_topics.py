@@ -86,7 +86,7 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
         lambda: rows()["simulation: input winch measured"].values["refused"] == "1", "a refusal"
     )
     assert "0 to 400 m out" in rows()["simulation: input winch measured"].message
-    assert rows()["simulation: messages"].level is Level.WARN
+    bench.until(lambda: rows()["simulation: messages"].level is Level.WARN, "a malformed message")
     table = {row["name"].decode(): row for row in read_cloud(residuals[-1])}
     assert set(table) == {"top_tension_n winch", "line_out_m winch", "payload_depth_m tool"}
     assert abs(table["line_out_m winch"]["mean"]) < 0.01

@@ -286,6 +286,22 @@ def test_without_an_epoch_nothing_is_taken(rig: Rig) -> None:
     assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "1"
 
 
+def test_what_was_sent_before_a_restart_is_not_taken_for_the_present(rig: Rig) -> None:
+    """Samples and readings of the time that is not simulated may wait in the subscriber's queue."""
+    for _ in range(50):
+        rig.inputs.advance(10)
+    rig.border.epoch_ns = None
+    rig.border.epoch_ns = EPOCH_NS
+    for stamp_s, taken in ((4.95, 0), (5.1, 2)):
+        rig.heave(stamp_s)
+        reading = Measurement.of_winch(0, 200.0, tension_n=1e5)
+        stamp_ns = EPOCH_NS + round(stamp_s * 1e9)
+        rig.border.take_measurement(*encode_measurement(stamp_ns, reading), "load pin")
+        assert len(rig.calls()) == taken
+    assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "2"
+    assert rig.inputs.snapshot().inputs["heave"].refused == 0
+
+
 def test_who_has_not_the_seat_is_refused(rig: Rig) -> None:
     topic, data = encode_order(0, WinchCommand(SPEED, 0.2))
     rig.border.take_order(topic, data, "console")
