@@ -208,12 +208,13 @@ class InputBorder:
         if content is None:
             return
         stamp_ns, order, name = content
-        # the planner's stops belong to its schedule, which begins again with the next epoch
-        is_stop = order.kind == EMERGENCY_STOP and not self.seats.plans(sender)
+        # the planner's commands belong to its schedule, which begins again with the next epoch
+        is_planned = self.seats.plans(sender)
+        is_stop = order.kind == EMERGENCY_STOP and not is_planned
         if is_stop and self.epoch_ns is None:
             self._latch_stop(self._twin.inputs.winch_name(name))
             return
-        if (epoch_ns := self._epoch()) is None:
+        if (epoch_ns := self._epoch(stamp_ns if is_planned else None)) is None:
             return
         at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
         winch, now_ns = self._twin.inputs.winch_name(name), self._twin.time_ns

@@ -298,7 +298,12 @@ def test_what_was_sent_before_a_restart_is_not_taken_for_the_present(rig: Rig) -
         stamp_ns = EPOCH_NS + round(stamp_s * 1e9)
         rig.border.take_measurement(*encode_measurement(stamp_ns, reading), "load pin")
         assert len(rig.calls()) == taken
-    assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "2"
+    stamp_ns = EPOCH_NS + 4_950_000_000
+    rig.border.take_order(*encode_order(stamp_ns, WinchCommand(SPEED, 0.2)), "winch_schedule")
+    assert len(rig.calls()) == 2
+    rig.border.take_order(*encode_order(stamp_ns, WinchCommand(SPEED, 0.0)), "/panel")
+    assert len(rig.calls()) == 3, "what a person commanded meanwhile is executed"
+    assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "3"
     assert rig.inputs.snapshot().inputs["heave"].refused == 0
 
 
