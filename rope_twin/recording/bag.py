@@ -229,16 +229,34 @@ def find_bag(bag: str | Path) -> Path:
     """Return the path of a bag, from a name in bags/ or a path (a directory or an .mcap file).
 
     Raises:
-        BagError: there is neither.
+        BagError: there is neither, or it may not be read.
     """
     known = list_bags()
     if str(bag) in known:
         return known[str(bag)]
     path = Path(bag)
-    if not str(bag).strip() or not path.exists():
+    if not str(bag).strip() or not is_readable(path):
         remedy = did_you_mean(bag, known) if known else "give the path of a bag"
         raise BagError(f"bag {bag}", "there is no such file or name in bags/", remedy)
     return path
+
+
+def is_readable(bag: Path) -> bool:
+    """Return whether there is such a bag.
+
+    Raises:
+        BagError: its folder or one of its files may not be read.
+    """
+    try:
+        exists = bag.exists()
+        for file in bag.iterdir() if bag.is_dir() else [bag]:
+            if file.is_file() and file.suffix in (".mcap", ".db3", ".yaml"):
+                file.open("rb").close()
+    except OSError as error:
+        name = Path(error.filename or bag).name
+        problem = f"{name} cannot be read ({error.strerror})"
+        raise BagError(f"bag {bag}", problem, "check path and permissions") from error
+    return exists
 
 
 def files_of(bag: Path) -> FileStates:
@@ -330,7 +348,7 @@ class BagReader(ClosableBag):
 def _check_outside(path: Path) -> None:
     """Report faults that are visible without parsing, each with its own sentence."""
     where = f"bag {path}"
-    if not path.exists():
+    if not is_readable(path):
         raise BagError(where, "it does not exist", "give the path of a bag")
     if path.is_dir():
         files = sorted(path.glob("*.mcap"))
@@ -357,7 +375,7 @@ def _fault_at_ends(file: Path) -> str:
             stream.seek(max(0, size - len(MCAP_MAGIC)))
             tail = stream.read()
     except OSError as error:
-        return f"cannot be opened ({error.strerror})"
+        return f"cannot be read ({error.strerror})"
     if size == 0:
         return "is empty"
     if head != MCAP_MAGIC:

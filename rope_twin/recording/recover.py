@@ -19,6 +19,7 @@ from rope_twin.recording.bag import (
     ROSBAG_RECORD,
     RecordedTopic,
     describe_topic,
+    is_readable,
 )
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage, mcap_files
@@ -57,8 +58,8 @@ def recover(bag: Path, out: Path | None = None) -> Recovery:
         BagError: there is no such bag, or the new one cannot be written.
     """
     bag = Path(bag)
-    out = out or bag.with_name(f"{bag.stem if bag.is_file() else bag.resolve().name}_recovered")
     source = _find_files(bag)
+    out = out or bag.with_name(f"{bag.stem if bag.is_file() else bag.resolve().name}_recovered")
     salvage = _Salvage(out, source.custom_data)
     lost, remarks = list(source.lost), list(source.remarks)
     for file in source.files:
@@ -94,10 +95,10 @@ class _Source:
 
 
 def _find_files(bag: Path) -> _Source:
+    if not is_readable(bag):
+        raise BagError(f"bag {bag}", "it does not exist", "give a bag or an .mcap file")
     if bag.is_file():
         return _Source([bag])
-    if not bag.is_dir():
-        raise BagError(f"bag {bag}", "it does not exist", "give a bag or an .mcap file")
     source = _Source(mcap_files(bag))
     if not source.files:
         source.lost.append(f"{bag} holds no .mcap file")

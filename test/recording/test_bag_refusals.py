@@ -1,12 +1,16 @@
 """Bags that cannot be replayed: the sentence that each of them gets."""
 
+import errno
 import math
+import os
 import re
 import shutil
+from pathlib import Path
 
 import pytest
 from bag_samples import STEP_NS, swell, write_heave
 
+from rope_twin.cli import main
 from rope_twin.errors import BagError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave import open_heave
@@ -217,6 +221,32 @@ def test_bad_bag_gets_one_sentence(tmp_path, name):
 def test_a_name_that_is_none_is_answered(name, reported):
     with pytest.raises(BagError, match=re.escape(reported)):
         open_heave(name)
+
+
+@pytest.mark.parametrize(
+    "command",
+    ["replay", "recover", "export --out t.csv", "alerts", "learn", "console", "view --out v.rrd"],
+)
+def test_a_bag_that_may_not_be_read_is_called_so(tmp_path, monkeypatch, capsys, command):
+    """Not damaged, empty or unwritable; and so with a path that the system refuses."""
+    bag = write_heave(tmp_path / "bag", swell(20))
+    opened = Path.open
+
+    def refused(path, *args, **kwargs):
+        if path.suffix == ".mcap":
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
+        return opened(path, *args, **kwargs)
+
+    monkeypatch.setattr(Path, "open", refused)
+    monkeypatch.chdir(tmp_path)
+    action, *options = command.split()
+    for name, reported in (
+        (str(bag), "bag_0.mcap cannot be read (Permission denied)"),
+        (long := "x" * 300, f"{long} cannot be read (File name too long)"),
+    ):
+        assert main([action, name, *options]) == 1
+        words = capsys.readouterr().err
+        assert words == f"bag {name}: {reported}; check path and permissions.\n"
 
 
 def test_a_wrong_topic_is_answered(tmp_path):
