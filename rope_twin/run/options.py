@@ -9,7 +9,6 @@ import math
 import os
 import socket
 import time
-from contextlib import suppress
 from dataclasses import dataclass, fields
 from itertools import count
 from pathlib import Path
@@ -356,12 +355,22 @@ def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
 
 
 def _without_units(cut: str) -> str:
-    """Return `1500.0@120.0` for `1.5km@2min`; what is not a quantity is left to `read_plan`."""
+    """Return `1500@120` for `1.5km@2min`; what has no `@` is left to `read_plan`.
+
+    Raises:
+        InputError: place or time is not a quantity.
+    """
     start, colon, cut_point = cut.rpartition(":")
+    if "@" not in cut_point:
+        return cut
     values = cut_point.split("@", 1)
-    for number, (word, unit) in enumerate(zip(values, ("m", "s"), strict=False)):
-        with suppress(ValueError):
+    for number, (word, unit) in enumerate(zip(values, ("m", "s"), strict=True)):
+        if word.strip() == "end" and unit == "m":
+            continue
+        try:
             values[number] = f"{read_quantity(word, unit):.15g}"
+        except ValueError as error:
+            raise InputError(f"--cut {cut}: {error}.") from error
     return start + colon + "@".join(values)
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import re
 
 import pytest
 
+from rope_twin.errors import InputError
 from rope_twin.quantity import UNITS, read_quantity
 from rope_twin.run.options import add_arguments, measure, read_options
 
@@ -66,3 +68,18 @@ def test_a_cut_is_passed_on_in_si_units(given: str, kept: str) -> None:
     args = parser.parse_args(["deep_lift", "--cut", given, "--duration", "1min"])
     options = read_options(args)
     assert (options.cut, options.end_s) == (kept, 60.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "reported"),
+    [
+        ("500@3m", "'3m' is not a time; give a number in s or with a unit (ms, s, min, h)"),
+        ("10kn@3s", "'10kn' is not a length; give a number in m or with a unit (mm, "),
+    ],
+)
+def test_a_cut_in_another_unit_is_refused_by_its_unit(given: str, reported: str) -> None:
+    parser = argparse.ArgumentParser()
+    add_arguments(parser)
+    args = parser.parse_args(["deep_lift", "--cut", given, "--duration", "1min"])
+    with pytest.raises(InputError, match=re.escape(f"--cut {given}: {reported}")):
+        read_options(args)
