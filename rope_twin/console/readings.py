@@ -61,7 +61,8 @@ class Readings:
         self._updates = 0
         self._changed: Values = {}  # since the last `take_changed`
         self.values: Values = {}
-        self.stamp_ns: int | None = None  # ROS time of the newest top tension
+        # twin's time of the newest top tension [s], by the epoch of its run; None: not known yet
+        self.time_s: float | None = None
         self.epoch_ns: int | None = None  # ROS time of the twin's t = 0
         self.nodes: bytes | None = None  # newest ropes/nodes that `take_nodes` has not returned
         self.session: bytes | None = None  # likewise twin/session
@@ -147,11 +148,6 @@ class Readings:
         """Take all messages as having arrived now, as of a recording that is paused."""
         self._arrived_s = dict.fromkeys(self._arrived_s, now_s)
 
-    @property
-    def time_s(self) -> float | None:
-        """Return the twin's time of the newest top tension [s]; None: not known yet."""
-        return None if self.stamp_ns is None else self._twin_s(self.stamp_ns)
-
     def _twin_s(self, stamp_ns: int) -> float | None:
         """Return the twin's time of a stamp [s]; None: t = 0 is not known yet."""
         return None if self.epoch_ns is None else (stamp_ns - self.epoch_ns) / NANOSECONDS
@@ -173,9 +169,10 @@ class Readings:
             self.epoch_ns = nanoseconds(message)
             return {"epoch_s": self.epoch_ns / NANOSECONDS}
         if topic == TENSION:
-            self.stamp_ns = nanoseconds(message.header.stamp)
+            stamp_ns = nanoseconds(message.header.stamp)
             if self.epoch_ns is None:
-                self.epoch_ns = self.stamp_ns
+                self.epoch_ns = stamp_ns
+            self.time_s = self._twin_s(stamp_ns)
         return _READERS[topic](message)
 
 

@@ -85,6 +85,21 @@ def test_time_is_the_twin_s() -> None:
     assert read("ropes/tension_top").time_s == pytest.approx(2.5)
 
 
+def test_time_and_trend_go_on_after_a_pause() -> None:
+    """A new epoch shifts what comes after it, not the tension from before the pause."""
+    readings, trend, pause_ns = read("ropes/tension_top"), Trend(20.0), 7_000_000_000
+    assert trend.add(readings) is not None
+    readings.take("twin/epoch", messages.encode_epoch(EPOCH_NS + pause_ns), 17.0)
+    readings.update()
+    assert readings.time_s == pytest.approx(2.5)
+    assert trend.add(readings) is None
+    encoder, snapshot = messages.Encoder(EPOCH_NS + pause_ns), hanging_rope(time_s=2.55)
+    readings.take("ropes/tension_top", encoder.encode("ropes/tension_top", snapshot), 17.5)
+    readings.update()
+    assert trend.add(readings) is not None
+    assert trend.columns()["time_s"] == pytest.approx([2.5, 2.55])
+
+
 def test_ages_grow_until_the_next_message() -> None:
     readings = read("ropes/tension_top")
     assert readings.ages(10.25)["ropes/tension_top"] == pytest.approx(0.25)
