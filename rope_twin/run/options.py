@@ -140,7 +140,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_run(parser: argparse.ArgumentParser) -> None:
     words = f"{SCENE} (default: the scene of --from-state, or deep_lift)"
     add_scene(parser, nargs="?", help=words)
-    add_duration(parser, "simulated time (default: run until Ctrl-C)")
+    words = "simulated time to run, counted from that of --from-state (default: until Ctrl-C)"
+    add_duration(parser, words)
     add = parser.add_argument
     words = "simulated time over real time; 0: as fast as possible, without ROS (default: 1)"
     add("--speed", type=float, default=1.0, metavar="X", help=words)
