@@ -10,13 +10,17 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from statistics import median
+from typing import Any
 
 import numpy as np
 
 from rope_twin.core.jit.wide import LANES
+from rope_twin.effects.line_contact import LineContactParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.driven_twin import with_effect
 from rope_twin.studies.ensemble import make_plan, variations
 from rope_twin.studies.study_design import SEA_OFFSET_S, Variable
 from rope_twin.twin.ensemble.ensemble import Ensemble
@@ -31,6 +35,7 @@ class Case:
 
     scene: str
     shows: str
+    more: tuple[Any, ...] = ()  # parameters of effects that the scene does not list
     members: int = 4 * LANES
     warm_s: float = 10.0  # until the ship's motion has faded in; not measured
     seconds: float = 4.0  # of twin time in each turn
@@ -39,6 +44,10 @@ class Case:
     def __str__(self) -> str:
         """Return scene and effect in words."""
         return f"{self.scene} ({self.shows})"
+
+    def load(self) -> Scene:
+        """Return the scene with all effects."""
+        return reduce(with_effect, self.more, load_scene(self.scene))
 
 
 FULL = (
@@ -64,9 +73,10 @@ FULL = (
     Case("load_transfer", "multi-line: rigid_body"),
     Case("net_screen", "multi-line: net_curtain between them"),
     Case("two_line_loop", "multi-line: over a sheave"),
+    Case("two_line_loop", "multi-line: line_contact", (LineContactParams(),)),
     Case("cage_and_clump", "multi-line: payload_contact"),
 )
-QUICK = (Case("smooth_2km", "quick", LANES, 1.0, 1.0, 1),)
+QUICK = (Case("smooth_2km", "quick", (), LANES, 1.0, 1.0, 1),)
 
 
 @dataclass(frozen=True)
@@ -96,7 +106,7 @@ def gain_rows(
     Raises:
         RopeTwinError: a scene is not there, or cannot be run.
     """
-    return [_measure(load_scene(case.scene), case) for case in announced(cases, listen, str)]
+    return [_measure(case.load(), case) for case in announced(cases, listen, str)]
 
 
 def _measure(scene: Scene, case: Case) -> GainRow:

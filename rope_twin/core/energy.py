@@ -334,7 +334,7 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
     elements = tuple(border.elements for border in borders)
     touches = [
         contact
-        for contact in (rope_contact_of(system.stack), payload_contact_of(system))
+        for contact in (rope_contact_of(system), payload_contact_of(system))
         if contact is not None
     ]
     stored += sum(contact.stored for contact in touches)

@@ -159,7 +159,7 @@ def hull_contacts(rope: Rope) -> tuple[ContactForce, ...]:
 
 def system_contacts(system: System) -> tuple[ContactForce, ...]:
     """Return the present contact between ropes and between payloads, of the effects listed."""
-    contacts = (("ropes", rope_contact_of(system.stack)), ("payloads", payload_contact_of(system)))
+    contacts = (("ropes", rope_contact_of(system)), ("payloads", payload_contact_of(system)))
     return tuple(
         ContactForce(name, touch.push, touch.at if touch.contacts else NO_CONTACT)
         for name, touch in contacts

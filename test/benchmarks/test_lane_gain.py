@@ -9,7 +9,6 @@ import pytest
 import benchmarks.lane_gain as study
 from benchmarks.__main__ import main
 from benchmarks.lane_gain import FULL, QUICK, gain_rows, gain_table
-from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.core.lanes.joined_group import why_joined_alone
@@ -43,7 +42,7 @@ def test_what_differs_is_counted(
 
 def test_every_scene_of_the_benchmark_steps_in_lanes() -> None:
     """A row must not compare members alone with themselves."""
-    assert not [case.scene for case in FULL if _why_alone(load_scene(case.scene))]
+    assert not [case.scene for case in FULL if _why_alone(case.load())]
 
 
 def _why_alone(scene: Scene) -> str:

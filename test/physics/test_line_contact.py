@@ -30,16 +30,14 @@ CONTACT = LineContactParams(distance_m=REACH, friction=0.0, damping_s_per_m=0.0)
 
 def crossed(
     velocity: tuple[float, float, float], contact: LineContactParams = CONTACT, rig: Rig = RIG,
-    gap: float = 0.01, swap: bool = False,
+    gap: float = 0.01, swap: bool = False, x: float = 0.04,
 ) -> JointBench:  # fmt: skip
-    """Two taut strings, one along x that moves, above one along y, crossing at their middles."""
+    """Two taut strings, one along x that moves, above one along y at x, crossing at its middle."""
     high, half = REACH + gap, 0.5 * SPAN
     upper = Line(
         rig=rig, low=(-half, 0.03, high), high=(half, 0.03, high), held=True, more=(contact,)
     )
-    lower = Line(
-        rig=rig, low=(0.04, -half, 0.0), high=(0.04, half, 0.0), held=True, more=(contact,)
-    )
+    lower = Line(rig=rig, low=(x, -half, 0.0), high=(x, half, 0.0), held=True, more=(contact,))
     bench = JointBench([lower, upper] if swap else [upper, lower])
     moving = bench.nodes(1 if swap else 0, rows.VELOCITY)
     moving[:, 1:-1] = np.array(velocity)[:, None]
@@ -47,7 +45,7 @@ def crossed(
 
 
 def touch(bench: JointBench) -> RopeContact:
-    computed = rope_contact_of(bench.system.stack)
+    computed = rope_contact_of(bench.system)
     assert computed is not None
     return computed
 
@@ -77,6 +75,18 @@ def test_contact_force_of_colliding_strings() -> None:
     (position,) = system_contacts(bench.system)
     assert (position.name, position.normal_n) == ("ropes", pushes[-1])
     assert position.position_m[:2] == pytest.approx((0.04, 0.03), abs=0.01)
+
+
+@pytest.mark.parametrize("x", [-17.2, -12.02, 3.9, 17.3])
+def test_contact_is_found_along_the_whole_rope(x: float) -> None:
+    """F = V·√(T·m) accelerates the lower string wherever they cross, in any group of elements."""
+    speed, gap = 0.2, 0.001
+    contact = replace(CONTACT, damping_s_per_m=10.0)
+    bench = crossed((0.0, 0.0, -speed), contact, gap=gap, x=x)
+    bench.hold(20)
+    moved = RIG.mass * RIG.length / RIG.elements * bench.nodes(1, rows.VELOCITY)[2].sum()
+    expected = -speed * PLATEAU * (20 * bench.step - gap / speed)
+    assert moved == pytest.approx(expected, rel=0.05)
 
 
 def test_friction_decelerates_a_sliding_string() -> None:

@@ -23,6 +23,7 @@ from lone_twins import (
 
 from rope_twin import load_scene
 from rope_twin.core.jit.wide import LANES
+from rope_twin.core.joined.line_contact import rope_contact_of
 from rope_twin.core.joined.payload_contact import payload_contact_of
 from rope_twin.core.lanes.joined_group import joined_kind_of, why_joined_alone
 from rope_twin.core.state import ELEMENTS, RELAXATION, TENSION, VELOCITY, Floats
@@ -372,12 +373,70 @@ def test_payload_contact_in_lanes(tmp_path: Path) -> None:
 
 
 def _touches(ensemble: Ensemble, number: int) -> int:
-    """Return how many contacts between payloads there are now."""
+    """Return how many contacts between ropes or payloads there are now."""
     one = ensemble._members[number]
     assert isinstance(one, TwinMember)
-    touch = payload_contact_of(one.system)
+    touch = rope_contact_of(one.system) or payload_contact_of(one.system)
     assert touch is not None
     return touch.contacts
+
+
+def crossing(folder: Path) -> Scene:
+    """Return a scene of three lines that a turning current sets against each other."""
+    text = load_scene("cage_and_clump").path.read_text()
+    bodies, rest = text.index("  - payload_contact:"), text.index("time: {step_s")
+    text = f"{text[:bodies]}\n{text[rest:]}"
+    turning = "over_time: [[0.5, 1.0], [1.0, -1.0], [4.0, -1.0], [5.0, 2.0]]"
+    changes = (
+        ("  - current:\n", f"  - current:\n      {turning}\n"),
+        ("  - payload: {}\n", "  - line_contact: {distance_m: 0.1}\n  - payload: {}\n"),
+        ("at_m: [3.4, 0.0, 0.0]", "at_m: [0.8, 0.05, 0.0]"),
+        ("\nhang_offs:\n", THIRD.replace("[3.0, 1.0, 0.0]", "[1.4, -0.05, 0.0]")),
+        ("\nwinch:\n", BLOCK),
+    )
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = folder / "crossing.yaml"
+    path.write_text(text)
+    return load_scene(path)
+
+
+@pytest.mark.long
+def test_rope_contact_in_lanes(tmp_path: Path) -> None:
+    """Three lines hit, press, slide along each other and part, at other elements in each lane."""
+    scene, members = crossing(tmp_path), []
+    for k in range(LANES):
+        changes = (
+            Change("effects.current.profile[*][1][*]", 0.6 + 0.2 * (k % 4), multiply=True),
+            Change("effects.line_contact.distance_m", 0.06 + 0.02 * (k % 4)),
+            Change("effects.line_contact.stiffness_n_per_m", 2e4 * (k + 1)),
+            Change("effects.line_contact.friction", 0.1 * k),
+        )
+        heave = HeaveSeries.of(sea((0.2, 0.5, 1.0)[k % 3], 5.0 + 0.3 * k, 30.0))
+        members.append(Variation(changes, heave.starting_at(k * SECOND_NS // 3)))
+    ensemble = Ensemble(scene, members, threads=1)
+    lone = Ensemble(scene, members, threads=1, max_lanes=1)
+    assert ensemble.lanes().members == LANES
+    touches = []
+    for _ in range(10):
+        for one in (ensemble, lone):
+            one.advance(1)
+        touches.append([_touches(ensemble, number) for number in range(LANES)])
+        for number in range(LANES):
+            assert ensemble.snapshot(number).contacts == lone.snapshot(number).contacts
+    assert_equal_members(ensemble, lone)
+    assert {0, 1, 2} <= set(np.ravel(touches))
+    assert any(len(set(some)) > 2 for some in touches)  # not alike in all lanes
+    lanes = ensemble.lanes()
+    assert lanes.given_up < 0.1 * lanes.steps
+
+
+def test_systems_with_rope_contact_step_in_lanes(tmp_path: Path) -> None:
+    """Its kernel has a variant for lanes."""
+    system = build_joined(crossing(tmp_path)).system
+    assert not why_joined_alone(system)
+    assert joined_kind_of(system) is not None
 
 
 @pytest.mark.parametrize(
@@ -398,13 +457,3 @@ def test_a_fibre_rope_and_a_steel_rope_in_one_system_step_in_lanes(tmp_path: Pat
     fore, aft = build_joined(load_scene(path)).system.ropes
     assert list(map(type, fore.effects)) == list(map(type, aft.effects))
     assert fore.sections[RELAXATION] > 0.0 == aft.sections[RELAXATION]
-
-
-def test_rope_contact_is_not_stepped_in_lanes(tmp_path: Path) -> None:
-    """The crossing is searched for, elsewhere in each member."""
-    text, path = load_scene("two_line_lift").path.read_text(), tmp_path / "touching.yaml"
-    contact = "line_contact: {stiffness_n_per_m: 1.0e+5}"
-    path.write_text(text.replace("  - payload: {}", f"  - {contact}\n  - payload: {{}}"))
-    system = build_joined(load_scene(path)).system
-    assert why_joined_alone(system) == "line_contact"
-    assert joined_kind_of(system) is None

@@ -196,7 +196,7 @@ def _strings(speed: float, step: float, elements: int) -> tuple[System, Callable
     def advance() -> float:
         advance_joined(system, boundary, pull, time[0], 1)
         time[0] += step
-        touch = rope_contact_of(system.stack)
+        touch = rope_contact_of(system)
         assert touch is not None, "the scene lists it"
         return touch.push
 

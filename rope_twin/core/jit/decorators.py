@@ -325,8 +325,9 @@ def jit_within(function: Any) -> Any:
 
 
 def jit_exact_within(function: Any) -> Any:
-    """Compile a small scalar function as `jit_exact` does, inlined."""
-    return numba.njit(**{**INLINED, "fastmath": _EXACT})(function)
+    """Compile a small scalar function or recompile a kernel as `jit_exact` does, inlined."""
+    python_function = getattr(function, "py_func", function)
+    return numba.njit(**{**INLINED, "fastmath": _EXACT})(python_function)
 
 
 def jit_ordered_within(function: Any) -> Any:

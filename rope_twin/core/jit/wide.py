@@ -565,6 +565,16 @@ def pick(context: Any, table: Any, indices: Any) -> Any:
 
 
 @intrinsic
+def lane_of(context: Any, value: Any, lane: Any) -> Any:
+    """Return a wide number's double in a lane."""
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        return builder.extract_element(*arguments)
+
+    return types.float64(value, types.int64), generate
+
+
+@intrinsic
 def _first_lane(context: Any, value: Any) -> Any:
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         first = builder.extract_element(arguments[0], ir.Constant(_INDEX, 0))

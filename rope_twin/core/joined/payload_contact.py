@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from rope_twin.core.elimination import dot
 from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import column
@@ -48,7 +49,7 @@ def _penetration(contact: Any, motion: Any, start: Any, a: int, b: int) -> Any:
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
     gap = difference(column(motion, POSITION, i), column(motion, POSITION, j))
     before = difference(column(start, POSITION, i), column(start, POSITION, j))
-    n, distance = side_of(gap, before)
+    n, distance = side_of(dot, gap, before)
     return n, contact.radii[a] + contact.radii[b] - distance
 
 
@@ -60,7 +61,7 @@ def _touch(contact: Any, joints: Any, a: int, b: int, stage: Any) -> None:
         return
     i, j = whole(contact.joints[a]), whole(contact.joints[b])
     v = difference(column(joints.work, VELOCITY, i), column(joints.work, VELOCITY, j))
-    N, gain, _, sliding, friction = press(contact, penetration, n, v)
+    N, gain, _, sliding, friction = press(dot, contact, penetration, n, v)
     presses = N > 0.0
     if not anywhere(presses):
         return
@@ -97,7 +98,7 @@ def _measure(contact: Any, nodes: Any, result: Any) -> None:
                 continue
             i, j = contact.joints[a], contact.joints[b]
             v = difference(column(nodes, VELOCITY, i), column(nodes, VELOCITY, j))
-            N, _, out, slid, rub = press(contact, deep, n, v)
+            N, _, out, slid, rub = press(dot, contact, deep, n, v)
             result[0] += 0.5 * contact.k * deep * deep
             result[1] += (contact.k * deep - N) * out
             result[1] += rub * (slid[0] * slid[0] + slid[1] * slid[1] + slid[2] * slid[2])
@@ -113,4 +114,4 @@ def _measure(contact: Any, nodes: Any, result: Any) -> None:
 
 def payload_contact_of(system: System) -> RopeContact | None:
     """Return the present contact between payloads, or None if not modelled."""
-    return measured(system.stack, PayloadContact, _measure, system.joints.nodes)
+    return measured(system, PayloadContact, _measure, [(system.joints.nodes,)])

@@ -434,6 +434,15 @@ def _choose_work(stack: Any, r: Any) -> Any:
     return lambda stack, r: (tiles(stack.work[r], CHAIN_ROWS),)
 
 
+# State of the nodes of rope r of a stack, or of all lanes; in a tuple, as `work_of`.
+nodes_of = by_type(
+    LaneStack,
+    lambda stack, r: (tiles(stack.nodes[r], NODE_ROWS),),
+    lambda stack, r: (stack.nodes[r],),
+    INLINED,
+)
+
+
 # Nodes, coordinates and number of elements of rope r, and its part of `memories`.
 facing_of = by_type(
     LaneStack,

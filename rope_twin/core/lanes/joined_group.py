@@ -106,13 +106,7 @@ def why_joined_alone(system: System) -> str:
         return "plain Python"
     kinds = [type(effect) for effect in system.ropes[0].effects]
     excluded = [kind for kind in kinds if not _steps_in_lanes(kind)]
-    return ", ".join(_name_of(kind) for kind in excluded)
-
-
-def _name_of(kind: type) -> str:
-    """Return the name of an effect, or of the file that defines forces between ropes."""
-    name = effect_of(kind)
-    return kind.__module__.rpartition(".")[2] if name == "joined" else name
+    return ", ".join(effect_of(kind) for kind in excluded)
 
 
 def _steps_in_lanes(kind: type) -> bool:

@@ -267,7 +267,7 @@ def _reload(system: Any, stage: Any, lanes: int, others: int) -> None:
         add_couplings(rope.effects, rope.work, rope_stage, n, upto)
         if others != 0:
             _restore_loads(rope.work, upto, mask_of(others))
-    gather_connections(system, stage)
+    gather_connections(system, on_lanes(stage, lanes))
 
 
 @jit
