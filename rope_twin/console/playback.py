@@ -10,7 +10,7 @@ import bisect
 import os
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from mcap.records import Channel
@@ -90,9 +90,9 @@ class Recording:
         Of the diagnostics each one counts: every node publishes only its own rows.
         """
         if self._polled_s is not None and not self.paused:
-            passed_ns = round((now_s - self._polled_s) * self.rate * NANOSECONDS)
+            passed_ns = max(0, round((now_s - self._polled_s) * self.rate * NANOSECONDS))
             self._position_ns = min(self._position_ns + passed_ns, self._last_ns - self._first_ns)
-        self._polled_s = now_s
+        self._polled_s = max(now_s, self._polled_s or now_s)
         self._hand_on(readings, self._first_ns + self._position_ns, now_s)
         if self.paused or self._at_end:  # what stands still is not stale
             readings.touch(now_s)
@@ -127,6 +127,10 @@ class Recording:
             self._hand_on(pages.readings, at_ns, now_s)
             pages.look_back()
             at_ns += step_ns
+
+    def play_from(self, now_s: float) -> None:
+        """Let the position advance only from now on, as after a look back, which takes time."""
+        self._polled_s = now_s
 
     @property
     def _at_end(self) -> bool:
@@ -174,13 +178,19 @@ class Recording:
             self._enough.set()
 
 
-def connect_playback(source: Recording, pages: Pages, desk: RequestHandler) -> None:
-    """Let pages play, pause, jump and change the rate of a recording."""
+def connect_playback(
+    source: Recording,
+    pages: Pages,
+    desk: RequestHandler,
+    clock: Callable[[], float] = time.monotonic,
+) -> None:
+    """Let pages play, pause, jump and change the rate of a recording; clock: that of the pages."""
 
     def look() -> None:
         if source.take_jump():
-            now_s = time.monotonic()
+            now_s = clock()
             pages.jump(lambda: source.look_back(pages, now_s))
+            source.play_from(clock())
 
     def play(page: Page, content: Mapping[str, Any]) -> str:
         source.paused = False

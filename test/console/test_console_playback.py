@@ -35,7 +35,7 @@ class Player:
             time.sleep(0.01)
         self.pages = Pages(self.source, self.clock)
         self.desk = RequestHandler(self.pages, self.clock)
-        connect_playback(self.source, self.pages, self.desk)
+        connect_playback(self.source, self.pages, self.desk, self.clock)
         self.page = self.pages.connect("127.0.0.1")
 
     def ask(self, **content: object) -> None:
@@ -80,6 +80,24 @@ def test_a_jump_brings_the_minute_before(bag: Path) -> None:
     player.ask(do="seek", time_s=5.0)  # and back
     player.tick(2)
     assert player.line_out_m == pytest.approx(1005.0, abs=0.2)
+    player.source.close()
+
+
+def test_a_slow_look_back_skips_nothing_of_the_recording(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    player = Player(bag)
+    player.tick(5)
+    look_back = player.source.look_back
+
+    def slow(pages: Pages, now_s: float) -> None:
+        look_back(pages, now_s)
+        player.clock.now_s += 6.0
+
+    monkeypatch.setattr(player.source, "look_back", slow)
+    player.ask(do="seek", time_s=30.0)
+    player.tick(3)
+    assert player.source.position_s == pytest.approx(30.1, abs=0.01)
     player.source.close()
 
 
