@@ -104,7 +104,7 @@ def test_an_invalid_sample_does_not_discard_the_known_samples() -> None:
 
 
 def test_a_repeated_replay_is_no_step_of_its_clock() -> None:
-    """The sender begins anew 0.35 s before the present, all of it at once: its stamps run
+    """The sender begins again 0.35 s before the present, all of it at once: its stamps run
     backwards and their arrival is late, but its clock is right.
     """
 
