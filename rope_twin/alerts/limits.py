@@ -20,7 +20,7 @@ from rope_twin.scene.lift import LiftFigures, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import Drum
-from rope_twin.twin.landings import LandingWatch, payload_motions
+from rope_twin.twin.contact import LandingWatch, payload_motions
 from rope_twin.twin.run_record import LINES, LoadRules, minimum_tensions_n, watches_bends
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 

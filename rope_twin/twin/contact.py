@@ -1,4 +1,4 @@
-"""Contact with seabed, hull and each other, and the touchdown point within an element.
+"""Contact with seabed, hull and each other, landings, and the touchdown point within an element.
 
 A rope without bending stiffness that hangs from the bed up to its support is a catenary: at arc
 length s from the touchdown its slope is tan(phi) = w·s/H (Irvine 1981, Cable Structures, 2.1), less
@@ -37,7 +37,7 @@ from rope_twin.core.joined.payload_contact import payload_contact_of
 from rope_twin.core.state import ELEMENTS, POSITION, VELOCITY, Rope
 from rope_twin.effects.hull_contact import HullContact, contact_forces
 from rope_twin.effects.seabed import normal_push
-from rope_twin.twin.snapshot import BedContact, ContactForce, Touchdown, Vector
+from rope_twin.twin.snapshot import BedContact, ContactForce, Snapshot, Touchdown, Vector
 from rope_twin.twin.snapshot_builder import RopeShape, body_of, midpoints
 
 NO_CONTACT = (math.nan, math.nan, math.nan)
@@ -165,3 +165,36 @@ def system_contacts(system: System) -> tuple[ContactForce, ...]:
         for name, touch in contacts
         if touch is not None
     )
+
+
+def payload_motions(snapshot: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+    """Return position [m] and velocity [m/s] of each payload, (3,) each."""
+    if snapshot.payloads:
+        return [(payload.position_m, payload.velocity_m_per_s) for payload in snapshot.payloads]
+    return [(snapshot.payload_position_m, snapshot.payload_velocity_m_per_s)][:count]
+
+
+class LandingWatch:
+    """Finds landings, snapshot by snapshot; a payload that starts on the bed does not land."""
+
+    def __init__(self) -> None:
+        # numbers, since the fields of an object must be in a saved state from the start
+        self._landed: list[bool] = []
+        self._sinking: list[float] = []  # [m/s]
+
+    def take(self, snapshot: Snapshot) -> list[tuple[int, float]]:
+        """Return number and sinking speed [m/s] of each payload that the bed carries from now on.
+
+        The speed is that before contact, the larger of this snapshot's and the last one's.
+        """
+        assert snapshot.seabed is not None, "landings are asked for where there is a seabed"
+        motions = payload_motions(snapshot, 1)
+        landed = [reaction_n > 0.0 for _, reaction_n in snapshot.seabed.payloads]
+        sinking = [max(-float(velocity[2]), 0.0) for _, velocity in motions]
+        landings = [
+            (number, max(sinking[number], self._sinking[number]))
+            for number, was_landed in enumerate(self._landed)
+            if landed[number] and not was_landed
+        ]
+        self._landed, self._sinking = landed, sinking
+        return landings

@@ -45,8 +45,14 @@ from rope_twin.scene.grid import is_compensated
 from rope_twin.scene.lift import LiftFigures, alone, lift_figures
 from rope_twin.scene.rigging import is_joined, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.twin.contact import hull_contacts, seabed_contact, seabed_of, touchdown_of
-from rope_twin.twin.landings import LandingWatch, payload_motions
+from rope_twin.twin.contact import (
+    LandingWatch,
+    hull_contacts,
+    payload_motions,
+    seabed_contact,
+    seabed_of,
+    touchdown_of,
+)
 from rope_twin.twin.quality import QualityIndex
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import (

@@ -40,7 +40,7 @@ from rope_twin.scene.rope_warnings import validity_warnings
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes import payload_figures
 from rope_twin.scene.water_warnings import is_air
-from rope_twin.twin.landings import payload_motions
+from rope_twin.twin.contact import payload_motions
 from rope_twin.twin.motion.ship_motion import ZERO_VECTOR, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 
