@@ -99,8 +99,14 @@ def test_a_measured_line_is_followed_compared_and_replayed(bench: Bench, tmp_pat
     # Samples that a busy processor brings late are bridged at the last speed: most are in time.
     assert np.median(off_m) < 1e-6
     assert max(message.position[0] for message in lengths) > 200.15
-    indices = {row["name"].decode(): row for row in read_cloud(qualities[-1])}
-    assert (indices["forecast"]["residual"], indices["forecast"]["index"] > 0.0) == (1.0, True)
+    forecasts = [
+        row
+        for message in qualities
+        for row in read_cloud(message)
+        if row["name"] == b"forecast" and row["residual"] == 1.0
+    ]
+    # The index falls to 0 if a busy processor takes more than 10 s for the rest of this test.
+    assert max(row["index"] for row in forecasts) > 0.0
     node.close()
     heard = -1
     while recorder.received != heard:
