@@ -27,6 +27,7 @@ from rope_twin.core.state import (
     CORRECTION,
     DAMPING,
     DIRECTION,
+    DIVISOR_MIN,
     EA,
     ELEMENTS,
     END,
@@ -48,6 +49,20 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
+
+PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
+
+
+@jit_within
+def diameter(volume: float, length: float) -> float:
+    """Return the diameter of this volume on this length [m]."""
+    return PER_AREA * sqrt(volume / (length + DIVISOR_MIN))
+
+
+@jit_within
+def dry_height(length: float, volume: float) -> Any:
+    """Return a height over the surface [m] above which a node's rope is dry however it lies."""
+    return 0.5 * length + diameter(volume, length)
 
 
 @jit_within

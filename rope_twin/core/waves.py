@@ -25,9 +25,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rope_twin.core.elements import dry_height
 from rope_twin.core.jit.decorators import jit, jit_sum, jit_within
 from rope_twin.core.jit.rows import row, rows, stack_rows, table_rows
-from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE
+from rope_twin.core.state import FLOW, FLOW_RATE, LENGTH, POSITION, SURFACE, VOLUME
 
 BLOCK, MAX_COMPONENTS = 16, 2000  # components per block; maximum per sea
 
@@ -305,6 +306,7 @@ def vertical_gradients(sea: Any, buffer: Any, x: float, y: float, echoing: int) 
 MIN_STRETCH_NODES = 5  # nodes of a stretch: with fewer, each is evaluated individually
 ROUNDED_UP = 1.0 + 1e-9  # more than the rounding of a length
 NO_BASE_YET = 1e30  # m: no angles are stored yet
+ALWAYS_WET = 1e30  # m above the surface: no node is so high
 
 
 @jit
@@ -333,8 +335,13 @@ def _stretched_z(sea: Any, z: float, eta: float) -> float:
 
 
 @jit
-def _evaluate_at(sea: Any, build_up: Any, buffer: Any, position: Any, time: float) -> Any:
-    """Return surface, velocity and acceleration at a position; build_up: factor and its rate."""
+def _evaluate_at(
+    sea: Any, build_up: Any, buffer: Any, position: Any, time: float, dry_above: float
+) -> Any:
+    """Return surface, velocity and acceleration at a position; build_up: factor and its rate.
+
+    dry_above: height over the surface above which the water's motion is left out, 0 [m].
+    """
     x, y, z = position
     factor, rate = build_up
     base = buffer[BASE]
@@ -348,6 +355,8 @@ def _evaluate_at(sea: Any, build_up: Any, buffer: Any, position: Any, time: floa
         base[0], base[1], base[2], base[TAYLOR_MADE] = x, y, full, 0.0
         dx = dy = 0.0
     eta = factor * full
+    if z - eta > dry_above:
+        return eta, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     level = _stretched_z(sea, z, eta)
     spans = _reflected_blocks(sea, level), _reaching_blocks(sea, level)
     u, v, w, du, dv, dw = kinematics(sea, buffer, dx, dy, level, spans)
@@ -485,23 +494,32 @@ def add_water(sea: Any, build_up: Any, work: Any, time: float, low: int, high: i
     buffer[BASE][1] = buffer[BASE][2] = buffer[BASE][3] = 0.0
     buffer[BASE][DECAY_Z], buffer[BASE][DECAY_ROW] = NO_BASE_YET, 0.0
     target = (*rows(work, FLOW, low), *rates, surface_at)
+    lengths, volumes = row(work, LENGTH, low), row(work, VOLUME, low)
     i, last = low - low, high - low  # a literal 0 has its own type: a second specialisation
     while i < last:
         if nodes[2][i] >= sea.lowest:
-            i = _evaluate_stretches(sea, build_up, buffer, nodes, target, time, (i, last))
+            dry_above = ALWAYS_WET
+            if i + low > 0:  # the payload at the lower end may reach into the water
+                dry_above = sea.dry_above + dry_height(lengths[i], volumes[i])
+            i = _evaluate_stretches(
+                sea, build_up, buffer, nodes, target, time, (i, last), dry_above
+            )
         i += 1
 
 
 @jit
 def _evaluate_stretches(
-    sea: Any, build_up: Any, buffer: Any, nodes: Any, target: Any, time: float, span: Any
-) -> int:
+    sea: Any, build_up: Any, buffer: Any, nodes: Any, target: Any, time: float, span: Any,
+    dry_above: float,
+) -> int:  # fmt: skip
     """Evaluate node i and as many stretches from it as possible; return the last node done."""
     i, last = span
     x, y, z = nodes
     arc = target[6]
-    first = _evaluate_at(sea, build_up, buffer, (x[i], y[i], z[i]), time)
+    first = _evaluate_at(sea, build_up, buffer, (x[i], y[i], z[i]), time, dry_above)
     _store_node(target, i, first)
+    if z[i] - first[0] > dry_above:
+        return int(i)
     while True:
         end = _stretch_end(sea, buffer, nodes, arc, i, last, first[0])
         if end - i + 1 < MIN_STRETCH_NODES:
@@ -509,9 +527,9 @@ def _evaluate_stretches(
         a, b = _nodes_at_thirds(arc, i, end)
         if not i < a < b < end or not 0.0 < arc[a] < arc[b] < arc[end]:
             break
-        second = _evaluate_at(sea, build_up, buffer, (x[a], y[a], z[a]), time)
-        third = _evaluate_at(sea, build_up, buffer, (x[b], y[b], z[b]), time)
-        fourth = _evaluate_at(sea, build_up, buffer, (x[end], y[end], z[end]), time)
+        second = _evaluate_at(sea, build_up, buffer, (x[a], y[a], z[a]), time, ALWAYS_WET)
+        third = _evaluate_at(sea, build_up, buffer, (x[b], y[b], z[b]), time, ALWAYS_WET)
+        fourth = _evaluate_at(sea, build_up, buffer, (x[end], y[end], z[end]), time, ALWAYS_WET)
         _interpolate_stretch(target, (i, end), (a, b), (first, second, third, fourth))
         first, i = fourth, end
     for k in range(i + 1, end + 1):

@@ -33,6 +33,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.elements import PER_AREA, diameter, dry_height
 from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.jit.wide import choose
@@ -50,8 +51,6 @@ from rope_twin.core.state import (
     VOLUME,
 )
 from rope_twin.quantity import quantity
-
-PER_AREA = 1.1283791670955126  # diameter over the root of the section's area, √(4/π)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,11 +76,6 @@ def build_wetting(params: WettingParams, payload: Any, environment: Any) -> Wett
     )
 
 
-@jit_within
-def _diameter(volume: float, length: float) -> float:
-    return PER_AREA * sqrt(volume / (length + DIVISOR_MIN))
-
-
 @kernel("flow", Wetting, wide=True)
 def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Set the water to rest at nodes that no position of their rope would bring into it.
@@ -97,7 +91,7 @@ def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
         row(work, VOLUME, low),
     )
     for i in range(max(low, 1) - low, high - low):
-        dry = z[i] - surface[i] > 0.5 * length[i] + _diameter(volume[i], length[i])
+        dry = z[i] - surface[i] > dry_height(length[i], volume[i])
         ux[i] = choose(dry, 0.0, ux[i])
         uy[i] = choose(dry, 0.0, uy[i])
         uz[i] = choose(dry, 0.0, uz[i])
@@ -109,7 +103,7 @@ def flow(wetting: Any, work: Any, stage: Any, low: int, high: int) -> None:
 @kernel("submerge", Wetting, wide=True)
 def submerge(wetting: Any, node: Any) -> Any:
     """Return the node with the volume and the areas of its wetted part."""
-    d = _diameter(node.volume, node.length)
+    d = diameter(node.volume, node.length)
     height = node.length * abs(node.tz) + d * sqrt(max(1.0 - node.tz * node.tz, 0.0))
     share = 0.5 + (node.surface - node.z) / (height + DIVISOR_MIN)
     wet = min(max(share, 0.0), 1.0)

@@ -50,6 +50,7 @@ from rope_twin.core.wave_tables import (
     stretch_thirds,
 )
 from rope_twin.core.waves import (
+    ALWAYS_WET,
     BLOCK,
     BOTTOM_DECAY,
     DECAY_END,
@@ -240,6 +241,7 @@ class Waves(NamedTuple):
     depth: float  # [m]
     ramp: float  # [s]
     follows: float  # share of η that z is taken from: 1 with Wheeler's stretching, else 0
+    dry_above: float  # 0, with `wetting`: the water need not move at dry nodes; or ALWAYS_WET [m]
     extends: float  # share of the tangent that is followed above the mean level: 1 or 0
     density: float  # of the water [kg/m³]
     Ca: float  # added mass coefficient of the rope
@@ -310,6 +312,7 @@ def build(params: WavesParams, payload: Any, environment: Any) -> Waves:
         lowest=lowest_node_height(float(reach[0]), float(a.sum()), depth),
         depth=depth,
         ramp=params.ramp_s,
+        dry_above=0.0 if environment.wets else ALWAYS_WET,
         follows=STRETCHING[params.stretching][0],
         extends=STRETCHING[params.stretching][1],
         density=density,

@@ -226,6 +226,29 @@ def test_error_of_neglected_components_is_bounded_with_other_stretching(stretchi
     assert np.sqrt(((rate - du) ** 2).sum(axis=0))[1:].max() <= 1e-3
 
 
+@pytest.mark.parametrize("stretching", ["wheeler", "linear"])
+def test_with_wetting_the_water_is_left_out_at_dry_nodes_only(stretching: str) -> None:
+    """Surface at every node, and all else at wet ones, is to the bit what it is without wetting."""
+    params = replace(SEA, stretching=stretching)
+    z = np.append(np.linspace(-4.0, 4.0, 41), -30.0)  # back under water after the dry ones
+    water = []
+    for surroundings in (WATER, WATER._replace(wets=True)):
+        work = rows.new_work(len(z))
+        work[:3] = 0.1 * z, 0.0 * z, z
+        work[rows.LENGTH], work[rows.VOLUME] = 0.2, 0.2 * 0.25 * math.pi * 0.04**2
+        kernel = build(params, None, surroundings)
+        apply((kernel,), work, rows.Stage(12.0, 0.0, 0.0, 0.0), 1, len(z))
+        motion = *range(rows.FLOW, rows.FLOW + 3), *range(rows.FLOW_RATE, rows.FLOW_RATE + 3)
+        water.append(work[[*motion, rows.SURFACE], 1:])
+    without, with_wetting = water
+    surface = without[-1]
+    dry = z[1:] - surface > 0.1 + 0.04
+    assert 5 < dry.sum() < 30
+    assert np.array_equal(with_wetting[-1], surface)
+    assert np.array_equal(with_wetting[:, ~dry], without[:, ~dry])
+    assert not with_wetting[:-1, dry].any()
+
+
 def test_crossing_seas_superpose() -> None:
     """A wind sea, a swell across it and a regular wave: the sum of each alone, none stretched."""
     swell = WaveSystem(

@@ -49,10 +49,12 @@ from rope_twin.core.state import (
     FLOW,
     FLOW_RATE,
     KEPT,
+    LENGTH,
     LOW,
     POSITION,
     RESIDUAL,
     SURFACE,
+    VOLUME,
     WORK_ROWS,
     Floats,
     Ints,
@@ -263,6 +265,8 @@ def _copy_positions(each: Any, lane: int, low: int, high: int) -> None:
         for k in range(3):
             each.own[POSITION + k, i] = each.work[i, POSITION + k, lane]
             each.own[FLOW + k, i] = each.work[i, FLOW + k, lane]
+        each.own[LENGTH, i] = each.work[i, LENGTH, lane]
+        each.own[VOLUME, i] = each.work[i, VOLUME, lane]
 
 
 @jit
