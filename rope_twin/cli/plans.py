@@ -48,7 +48,7 @@ EXAMPLE_PLAN = "deep_installation"
 PLAN_EXAMPLES = (
     "plan deep_installation",
     "plan my_plan.yaml --out results --report",
-    "plan deep_installation --cell at_depth,9,165",
+    "plan deep_installation --cell at_depth,9,135",
     "plan --example > my_plan.yaml",
 )
 PLAN_MORE = """For each phase of the operation, peak period and heading: the largest Hs at which the

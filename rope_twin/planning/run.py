@@ -487,7 +487,7 @@ def prepare(plan: Plan, scene: Scene, store: RowStore | None = None) -> tuple[Ph
 
 
 def cell_named(plan: Plan, text: str) -> tuple[int, int, int]:
-    """Return the cell of `PHASE,TP,HEADING`, such as `at_depth,9,165`.
+    """Return the cell of `PHASE,TP,HEADING`, such as `at_depth,9,135`.
 
     Raises:
         InputError: there is no such cell.

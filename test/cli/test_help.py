@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from rope_twin.cli import MEANINGS, ExitCode, build_parser, main
+from rope_twin.planning.plan_reader import read_plan
+from rope_twin.planning.run import cell_named
 from rope_twin.run.options import leaf_parsers
 
 PARSER = build_parser()
@@ -40,6 +42,15 @@ def test_every_command_has_two_or_three_examples_that_parse(
     for line in found:
         assert f"rope_twin {line}".startswith(parser.prog.split(" ", 1)[0])
         PARSER.parse_args(shlex.split(line))
+
+
+def test_cells_of_the_examples_are_those_of_a_shipped_plan() -> None:
+    lines = [line for parser in COMMANDS for line in examples(parser) if "--cell" in line]
+    found = [PARSER.parse_args(shlex.split(line)) for line in lines]
+    shipped = [words for words in found if not words.plan.endswith(".yaml")]
+    assert shipped
+    for words in shipped:
+        cell_named(read_plan(words.plan)[0], words.cell)
 
 
 @pytest.mark.parametrize("parser", COMMANDS, ids=lambda one: one.prog)
