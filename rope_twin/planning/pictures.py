@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from rope_twin.planning.run import PlanResult
 
 COLUMNS = ("time_s", "hook_load_n", "payload_tension_n", "payload_depth_m")
+TIME_DIGITS = 10  # of a file: the finest steps stay apart after days
 AROUND_S = 60.0  # on either side of the largest load, in the lower panels
 DEPTHS, SHALLOW = 12, 0.05  # along the curve of resonance; its beginning over the deepest
+STEPS = 40  # along the static hook load
 STYLES = ("-", "--", ":", "-.")
 WIDE = 7.0  # inches, over a page
 NAME_WIDTH = 10  # letters of a line under a phase
@@ -82,7 +84,8 @@ def arrangement_figure(result: PlanResult) -> Any:
     water.set_ylabel("depth [m]")
     water.set_title("payload in each phase", fontsize=9)
     figures, tip_m = lift_figures(result.scene), result.scene.ship.hang_off_m[2]
-    depths = np.linspace(min(shallow, deepest), deepest, 40)
+    start = min(leg.from_m for leg in _sunk(result))
+    depths = np.linspace(min(shallow, start), deepest, STEPS)
     panels[1].plot([1e-3 * figures.top_tension_n(tip_m + d) for d in depths.tolist()], depths)
     panels[1].set_xlabel("kN")
     panels[1].set_title("static hook load", fontsize=9)
@@ -110,13 +113,13 @@ def tip_figure(result: PlanResult) -> Any:
     plan = result.plan
     for number, tp in enumerate(plan.sea.tp_s):
         heights = plan.heights_m(number, 0)
-        spectrum = plan.sea_state(heights[len(heights) // 2], number, 0).spectrum()
         height = heights[len(heights) // 2]
+        spectrum = plan.sea_state(height, number, 0).spectrum()
         density = spectrum.density_at(1.0 / period) / height**2
-        sea.plot(period, density, label=f"{tp:g} s", linewidth=0.9)
+        sea.plot(period, density, label=f"{tp:g} s, {height:g} m", linewidth=0.9)
     sea.set_xlabel("wave period [s]")
     sea.set_ylabel("S/Hs² [s]")
-    sea.legend(fontsize="small", title="Tp")
+    sea.legend(fontsize="small", title="Tp, Hs")
     return figure
 
 
@@ -289,6 +292,13 @@ def series_figure(limit: CellLimit, time_s: Vector, series: Vector) -> Any:
     return figure
 
 
+def series_csv(time_s: Vector, series: Vector) -> str:
+    """Return time [s], (n,), and the series of `governing_series`, (n, 3), as CSV with COLUMNS."""
+    pairs = zip(time_s.tolist(), series.tolist(), strict=True)
+    rows = (",".join([f"{t:.{TIME_DIGITS}g}", *(f"{v:.6g}" for v in row)]) for t, row in pairs)
+    return "\n".join([",".join(COLUMNS), *rows]) + "\n"
+
+
 def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     """Run the governing run of a cell's limiting height again; write its series and its picture.
 
@@ -309,9 +319,7 @@ def show_cell(search: Cell, limit: CellLimit, out: Path) -> dict[str, Any]:
     time_s, series = governing_series(search, limit)
     stem = f"cell_{limit.phase}_{limit.period_s:g}s_{limit.heading_deg:g}deg".replace("/", "_")
     table = out / f"{stem}.csv"
-    columns = np.column_stack([time_s, series])
-    lines = [",".join(COLUMNS), *(",".join(f"{v:.6g}" for v in row) for row in columns)]
-    write_whole(table, ("\n".join(lines) + "\n").encode())
+    write_whole(table, series_csv(time_s, series).encode())
     picture = out / f"{stem}.png"
     write_picture(series_figure(limit, time_s, series), picture, 110)
     return {

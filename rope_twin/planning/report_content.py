@@ -34,7 +34,9 @@ from rope_twin.planning.report import Report, check_report, html_report, pdf_rep
 from rope_twin.planning.results import (
     NONE,
     NOT_COVERED,
+    SWINGING,
     daf,
+    depth_words,
     difference,
     height_words,
     limit_words,
@@ -44,7 +46,7 @@ from rope_twin.planning.results import (
     table_rows,
 )
 from rope_twin.planning.simplified import lift_of, resonance_period_s
-from rope_twin.planning.tables import further_tables, lowest
+from rope_twin.planning.tables import further_tables, lowest, snap_of
 from rope_twin.scene.convergence import solver_version
 from rope_twin.scene.lift import lift_figures, listed_effects
 from rope_twin.scene.rigging import is_joined
@@ -297,10 +299,9 @@ def _legs(result: PlanResult) -> Iterator[tuple[str, ...]]:
     for work in result.works:
         for leg in work.legs:
             setting = leg.setting
-            depth = f"{leg.from_m:.0f}"
             yield (
                 work.title,
-                depth if leg.to_m == leg.from_m else f"{depth} to {leg.to_m:.0f}",
+                depth_words(leg),
                 f"{leg.line_out_m:.0f}",
                 f"{leg.speed_m_per_s:g}",
                 f"{leg.window_s:.0f}",
@@ -339,7 +340,7 @@ def _assumptions(result: PlanResult) -> Iterator[str]:
         "and the percentile is taken of both together."
     )
     yield f"The first {scene.ship.motion_ramp_s + method.settle_s:g} s of a run are not counted."
-    if any(leg.speed_m_per_s > 0.0 for work in result.works for leg in work.legs):
+    if any(leg.speed_m_per_s != 0.0 for work in result.works for leg in work.legs):
         yield "Winch speeds are constant, within the winch's acceleration."
     if any(len(work.legs) > 1 for work in result.works):
         yield "Legs of a lowering have independent seas of the same state."
@@ -419,12 +420,10 @@ def _add_simplified(report: Report, result: PlanResult) -> None:
         for cell in result.cells if cell.judged is not None and cell.simplified
     ]  # fmt: skip
     if differences:
-        lowest, highest = min(differences, key=itemgetter(0)), max(differences, key=itemgetter(0))
-        report.text(
-            f"The hook load of the runs differs from the simplified one by {lowest[0]:+.1f} % "
-            f"({lowest[1].phase}, {lowest[1].sea}) to {highest[0]:+.1f} % ({highest[1].phase}, "
-            f"{highest[1].sea})."
-        )
+        ends = min(differences, key=itemgetter(0)), max(differences, key=itemgetter(0))
+        words = [f"{share:+.1f} % ({cell.phase}, {cell.sea})" for share, cell in ends]
+        by = " to ".join(dict.fromkeys(words))
+        report.text(f"The hook load of the runs differs from the simplified one by {by}.")
 
 
 def _add_runs(report: Report, result: PlanResult) -> None:
@@ -460,7 +459,8 @@ def _add_accuracy(report: Report, result: PlanResult) -> None:
             f"{100.0 * max(errors):.2g} %."
         )
     report.heading("What is not covered")
-    report.points(NOT_COVERED)
+    in_air = any(leg.by_twin and leg.to_m < 0.0 for work in result.works for leg in work.legs)
+    report.points([line for line in NOT_COVERED if line != SWINGING or not in_air])
 
 
 def _add_cells(report: Report, result: PlanResult) -> None:
@@ -502,7 +502,7 @@ def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
             f"{1e-3 * values['hook_load'].value:.0f}", f"{1e-3 * hook:.0f}",
             f"{round(100.0 * differences['hook_load']):+d}",
             f"{100.0 * values['uplift'].value:.0f}", f"{100.0 * uplift:.0f}",
-            f"{1e-3 * max(s.snap_n for s in cell.simplified):.0f}",
+            f"{1e-3 * snap_of(result.work_of(cell), cell)[0]:.0f}",
         ]  # fmt: skip
 
 

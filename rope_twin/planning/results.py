@@ -40,7 +40,8 @@ NOT_COVERED = (
     "Motion of the crane's boom and slewing, off-lead and side-lead; the tip moves with the hull.",
     "Second-order motions, manoeuvring and positioning of the vessel; forward speed.",
     "Vortex-induced vibration of the wire, its fatigue and wear.",
-    "Trapped air, flooding and the swinging of the object in air.",
+    "Trapped air and flooding.",
+    SWINGING := "The swinging of the object in air.",
     "Shielding of waves by the vessel, and its radiated and reflected waves.",
     "Weather forecasts: limits are operational limits, before any alpha factor.",
 )
@@ -122,13 +123,9 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
     )
     for work in result.works:
         for leg in work.legs:
-            where = (
-                f"{leg.from_m:.0f} to {leg.to_m:.0f} m"
-                if leg.to_m > leg.from_m
-                else (f"{leg.from_m:.0f} m")
-            )
             setting = f"{leg.setting}, {setting_words(result, leg)}"
-            yield f"{work.title}, {where}: {setting}; exposure {leg.window_s:.0f} s"
+            exposure = f"exposure {leg.window_s:.0f} s"
+            yield f"{work.title}, {depth_words(leg)} m: {setting}; {exposure}"
     titles = [work.title for work in result.works if work.legs[0].by_twin]
     if titles:
         yield f"{', '.join(titles)}: runs are stepped one at a time, not in lanes"
@@ -151,6 +148,12 @@ def summary_lines(result: PlanResult) -> Iterator[str]:
         progress = "done" if result.made >= result.runs else f"{result.made} runs made"
         total += f", {progress} in {result.elapsed_s:.0f} s ({factor:,.0f} times real time)"
     yield total
+
+
+def depth_words(leg: Leg) -> str:
+    """Return the depths of a leg's payload at its start and its end [m], or one for both."""
+    ends = (f"{leg.from_m:.0f}", f"{leg.to_m:.0f}")
+    return " to ".join(ends[:1] if leg.to_m == leg.from_m else ends)
 
 
 def setting_words(result: PlanResult, leg: Leg) -> str:

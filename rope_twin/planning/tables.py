@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rope_twin.planning.judgement import Extreme, quantity_of
@@ -128,6 +129,17 @@ def _values(result: PlanResult) -> Table:
     return Table("Further characteristic values", rows, about)
 
 
+def snap_of(work: PhaseWork, cell: CellLimit) -> tuple[float, float]:
+    """Return the snap force of the leg with the largest sum of it and its static hook load, and
+    that sum [N].
+    """
+    pairs = [
+        (load.snap_n, leg.static_hook_n + load.snap_n)
+        for leg, load in zip(work.legs, cell.simplified, strict=True)
+    ]
+    return max(pairs, key=itemgetter(1))
+
+
 def _snaps(result: PlanResult) -> Table:
     """Return the snap loads of a slack rope by the formula, beside the loads of the runs."""
     rows = [list(SNAP)]
@@ -139,8 +151,7 @@ def _snaps(result: PlanResult) -> Table:
             judgement = cell.shown
             if judgement is None or not cell.simplified or "uplift" not in judgement.values:
                 continue
-            snap = max(load.snap_n for load in cell.simplified)
-            total_n = work.static_hook_n + snap
+            snap, total_n = snap_of(work, cell)
             rows.append([
                 *cell.row_head, f"{judgement.height_m:g}",
                 f"{100.0 * judgement.values['uplift'].value:.0f}",
@@ -151,8 +162,9 @@ def _snaps(result: PlanResult) -> Table:
             ])  # fmt: skip
     about = (
         "Snap force v_snap·√(K·(M + A33)) of DNV-RP-N103 (4.7.2 in H103) and with the static hook "
-        "load, over the least limit of the hook load, should the rope go slack; the last column is "
-        "that of the runs, which have the snap where uplift or slack lead to one."
+        "load, over the least limit of the hook load, should the rope go slack; of several legs "
+        "that with the largest sum. The last column is that of the runs, which have the snap where "
+        "uplift or slack lead to one."
     )
     return Table("Snap check", rows, about)
 

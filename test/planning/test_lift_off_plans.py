@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -208,6 +209,12 @@ def test_plan_of_a_lift_off(tmp_path: Path) -> None:
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "  Lift-off</h3>" in page
     assert "there is no curve of resonance" in page
+    assert "Lift off, -6 to -7 m: 4 elements" in page
+    assert "Winch speeds are constant" in page
+    assert "The swinging of the object in air" not in page
+    differences = re.search(r"differs from the simplified one by ([^<]*)", page)
+    assert differences is not None
+    assert differences[1].count("%") == 1, "that of the only cell, once"
 
 
 def test_least_hoisting_speed() -> None:

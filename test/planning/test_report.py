@@ -7,17 +7,23 @@ import io
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pypdfium2
 import pytest
 
 from rope_twin import load_scene
 from rope_twin.cli.selection import read_share
 from rope_twin.planning.cells import RowStore
+from rope_twin.planning.phases import legs_of
+from rope_twin.planning.pictures import arrangement_figure, series_csv, tip_figure
 from rope_twin.planning.plan_reader import read_plan
 from rope_twin.planning.report import Figure, Heading, Report, Table, Text, html_report, pdf_report
 from rope_twin.planning.report_content import _object, report_of
 from rope_twin.planning.run import PlanResult, run_plan
+from rope_twin.planning.tables import further_tables
 from rope_twin.scene.lift import lift_figures
 
 PLAN = """about: hanging deep & deeper
@@ -165,6 +171,66 @@ def test_reports_repeat(result: PlanResult) -> None:
     first, second = report_of(result), report_of(result)
     assert html_report(first) == html_report(second)
     assert pdf_report(first) == pdf_report(second)
+
+
+def test_wide_tables_leave_the_names_of_phases_their_width() -> None:
+    """Heads of many words beside short numbers: no two words of a row overlap."""
+    head = ("phase", "Tp s", "heading °", "Hs m", "load at the lower end of the rope kN",
+            "loss of the minimum tension kN", "re-hit speed of the deck m/s",
+            "lateral offset m")  # fmt: skip
+    report = Report("title", "lead", (("plan", "x"), ("scene", "x"), ("analysis", "x")))
+    report.heading("Results")
+    report.table("Values.", head, [("lift off", "8", *["180"] * 6)], (0,), (0,), True)
+    with pypdfium2.PdfDocument(io.BytesIO(pdf_report(report))) as document:
+        page = document[1].get_textpage()
+
+        def box(words: str) -> tuple[float, float, float, float]:
+            start, count = page.search(words, match_case=True).get_next()
+            assert page.count_rects(start, count) == 1, f"{words} is on one line"
+            return page.get_rect(0)  # left, bottom, right, top
+
+        assert box("phase")[2] < box("Tp")[0]
+        assert box("lift off")[2] < box("8")[0]
+
+
+def test_snap_of_a_leg_adds_to_its_own_static_load(result: PlanResult) -> None:
+    """A short rope is stiff and carries less of itself than a long one."""
+    work, cell = result.works[1], result.of_phase("lowering")[0]
+    (leg,), (load,) = work.legs, cell.simplified
+    short = replace(leg, static_hook_n=leg.static_hook_n - 1e5)
+    stiff = replace(load, snap_n=load.snap_n + 5e4)
+    two = replace(result, works=(replace(work, legs=(short, leg)),),
+                  cells=(replace(cell, simplified=(stiff, load)),))  # fmt: skip
+    (table,) = (one for one in further_tables(two) if one.title == "Snap check")
+    words = dict(zip(table.rows[0], table.rows[1], strict=True))
+    assert words["snap force kN"] == f"{1e-3 * load.snap_n:.0f}"
+    assert words["static + snap kN"] == f"{1e-3 * (leg.static_hook_n + load.snap_n):.0f}"
+
+
+def test_spectra_state_their_height(result: PlanResult) -> None:
+    """γ follows from Tp/√Hs, so that S/Hs² holds for one height."""
+    _, sea = tip_figure(result).axes
+    assert [text.get_text() for text in sea.get_legend().get_texts()] == ["9 s, 2 m", "12 s, 2 m"]
+
+
+def test_times_of_a_series_stay_apart() -> None:
+    """Steps of 6.25 ms after an hour."""
+    time_s = 3600.0 + 0.00625 * np.arange(200.0)
+    rows = series_csv(time_s, np.full((200, 3), 3e5)).splitlines()
+    assert rows[1] == "3600,300000,300000,300000"
+    assert [float(row.split(",")[0]) for row in rows[1:]] == time_s.tolist()
+
+
+def test_static_hook_load_is_drawn_from_the_start_of_a_phase() -> None:
+    """Through the splash zone: the object's weight in air at first."""
+    plan, scene = read_plan("splash_zone")
+    legs = legs_of(plan, scene, plan.phases[0])
+    work = SimpleNamespace(title="splash zone", legs=legs)
+    lowering: Any = SimpleNamespace(plan=plan, scene=scene, works=(work,))
+    (line,) = arrangement_figure(lowering).axes[1].get_lines()
+    kilonewtons, depths = line.get_data()
+    assert depths[0] == pytest.approx(-4.0, abs=2e-3)
+    assert 1e3 * kilonewtons[0] == pytest.approx(legs[0].static_hook_n, rel=1e-4)
 
 
 def test_plan_without_a_limit_has_a_report(tmp_path: Path) -> None:
