@@ -233,13 +233,19 @@ def _show_sensitivity(result: Sensitivity) -> None:
             f"warning: in {result.capped} of them the limit is at the end of the grid, which hides "
             "what lies beyond; raise sea.hs_m.to or compare the loads"
         )
+    if result.method == "morris":
+        print(
+            "percentiles are those of the samples, of which Morris takes the ends of a "
+            "distribution as often as its middle; for those of the data use --method sobol"
+        )
     for output, (low, middle, high) in result.spread.items():
         quantity = OUTPUTS[output]
         values = (result.case.nominal[output], low, middle, high)
         plan, *shares = (
             f"{quantity.scale * value:.4g} {quantity.unit}".strip() for value in values
         )
-        print("\n{}: {} by the plan; P10 {}, P50 {}, P90 {}".format(quantity.words, plan, *shares))
+        words = "{}: {} by the plan; of the samples P10 {}, P50 {}, P90 {}"
+        print("\n" + words.format(quantity.words, plan, *shares))
         print_table(table_rows(result, output))
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lone_middle
+from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
@@ -67,6 +68,7 @@ class Leg:
     by_twin: bool = False  # stepped by a twin of its own
     ropes: tuple[RopeAtRest, ...] = ()  # of a multi-line scene
     offset_m: float = 0.0  # largest lateral offset of the payload from the crane tip at rest
+    in_air: bool = False  # above the water throughout; its lateral offset is that of the runs
     setting_error: float = math.nan  # measured when mesh and step were chosen; NaN: it was not
 
     @property
@@ -135,13 +137,27 @@ def _legs(plan: Plan, scene: Scene, phase: Phase) -> Sequence[Leg]:
         return [_leg(0, scene, settled_s, (-zone.above_m, zone.below_m), zone.speed_m_per_s)]
     if phase.in_air is not None:
         above, exposure = phase.in_air.above_m, phase.in_air.exposure_s
-        return [_leg(0, scene, settled_s, (-above, -above), 0.0, exposure)]
+        leg = _leg(0, _without_deck(scene), settled_s, (-above, -above), 0.0, exposure)
+        if scene.listed(SplashZoneParams) is not None:  # its weight in water is that further down
+            payload = lift_figures(scene).payload
+            assert payload is not None, "checked when the plan was read"
+            leg = replace(leg, payload_n=payload.mass_kg * scene.environment.gravity_m_per_s2)
+        return [replace(leg, in_air=True)]
     if phase.from_scene is not None:
         return [_from_scene(scene, settled_s, phase.from_scene.exposure_s)]
     if phase.lift_off is not None:
         return [_lift_off(plan, scene, settled_s, phase.lift_off)]
     assert phase.landing is not None
     return [_landing(scene, settled_s, phase.landing.above_m, phase.landing.speed_m_per_s)]
+
+
+def _without_deck(scene: Scene) -> Scene:
+    """Return the scene of an object that has been slewed clear of the deck it stood on."""
+    body = scene.listed(RigidBodyParams)
+    if body is None:
+        return scene
+    effects = (replace(body, deck=None) if effect is body else effect for effect in scene.effects)
+    return replace(scene, effects=tuple(effects))
 
 
 def _leg(

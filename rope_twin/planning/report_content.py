@@ -459,8 +459,9 @@ def _add_accuracy(report: Report, result: PlanResult) -> None:
             f"{100.0 * max(errors):.2g} %."
         )
     report.heading("What is not covered")
-    in_air = any(leg.by_twin and leg.to_m < 0.0 for work in result.works for leg in work.legs)
-    report.points([line for line in NOT_COVERED if line != SWINGING or not in_air])
+    legs = [leg for work in result.works for leg in work.legs]
+    swings = any(leg.in_air or leg.deck_m is not None for leg in legs)
+    report.points([line for line in NOT_COVERED if line != SWINGING or not swings])
 
 
 def _add_cells(report: Report, result: PlanResult) -> None:
@@ -496,13 +497,14 @@ def _simplified_rows(result: PlanResult) -> Iterator[list[str]]:
         hook = max(load.hook_n for load in cell.simplified)
         uplift = max(load.uplift_share for load in cell.simplified)
         values, differences = cell.judged.values, difference(cell)
+        snap, _ = snap_of(result.work_of(cell), cell)
         yield [
             *cell.row_head, f"{cell.height_m:g}",
             f"{tip.tip_m:.2f}", f"{tip.tip_period_s:.1f}",
             f"{1e-3 * values['hook_load'].value:.0f}", f"{1e-3 * hook:.0f}",
             f"{round(100.0 * differences['hook_load']):+d}",
             f"{100.0 * values['uplift'].value:.0f}", f"{100.0 * uplift:.0f}",
-            f"{1e-3 * snap_of(result.work_of(cell), cell)[0]:.0f}",
+            NONE if math.isnan(snap) else f"{1e-3 * snap:.0f}",
         ]  # fmt: skip
 
 

@@ -224,7 +224,7 @@ def _refined(search: Cell, limit: CellLimit) -> Cell | None:
         return None
 
 
-VERSION = 4  # of what the rows mean
+VERSION = 5  # of what the rows mean
 Report = Callable[[int, int, int], None]  # cells done, cells in all, runs done
 
 

@@ -16,7 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.lanes.step import LOWEST_TENSION, MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT
+from rope_twin.core.lanes.step import (
+    EAST,
+    LOWEST_TENSION,
+    MIN_TENSION,
+    NORTH,
+    PAYLOAD_DEPTH,
+    PAYLOAD_DESCENT,
+)
 from rope_twin.effects.rigid_body import DeckHeave, RigidBodyParams
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import SolverError
@@ -276,8 +283,8 @@ def on_deck(scene: Scene, deck: DeckTransfer, record: SeaRecord) -> Scene:
     return replace(scene, effects=effects)
 
 
-AT_MIN_TENSION, AT_DEPTH, AT_SINKING, AT_LOWEST = (
-    1 + k for k in (MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION)
+AT_MIN_TENSION, AT_DEPTH, AT_SINKING, AT_LOWEST, AT_EAST, AT_NORTH = (
+    1 + k for k in (MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION, EAST, NORTH)
 )
 
 # what a run is for: extremes of its cell, the error of one of those, or the choice of a setting
@@ -361,6 +368,9 @@ class SteppedExtremes:
             extremes.payload_max_n = max(
                 extremes.payload_max_n, float(selected[:, AT_LOWEST].max())
             )
+            if self._leg.in_air:
+                offset_m = np.hypot(selected[:, AT_EAST], selected[:, AT_NORTH])
+                extremes.offset_m = max(extremes.offset_m, float(offset_m.max()))
         if afloat.any():
             selected = steps[afloat]
             extremes.take_minima(

@@ -390,6 +390,7 @@ def panels(result: Sensitivity) -> list[Panel]:
         items = [index for index in result.indices if index.output == output]
         quantity = OUTPUTS[output]
         if result.method == "morris":
+            items.sort(key=lambda item: result.case.names.index(item.name))  # one colour for each
             k = quantity.scale
             lines = [Line([k * item.first], [k * item.total], item.name, "o") for item in items]
             unit = f" [{quantity.unit}]" if quantity.unit else ""

@@ -99,7 +99,7 @@ def lift_of(leg: Leg) -> Lift:
     ]
     length_m = sum(length for _, length in bars)
     EA = length_m / sum(length / bar.stiffness_n for bar, length in bars)
-    drag = scene.listed(DragParams)
+    drag, dry = scene.listed(DragParams), leg.in_air and scene.listed(SplashZoneParams) is not None
     skin = sum(_drag_diameter_m(bar.rope, drag, "tangential") * length for bar, length in bars)
     return Lift(
         length_m=length_m,
@@ -108,9 +108,9 @@ def lift_of(leg: Leg) -> Lift:
         rope_damping_newton_seconds=max(figures.damping_newton_seconds),
         rope_drag_kg_per_m2=0.5 * density * math.pi * skin / length_m,
         mass_kg=payload.mass_kg,
-        added_mass_kg=payload.added_mass_kg[2],
-        drag_kg_per_m=0.5 * density * payload.drag_area_m2[2],
-        weight_n=figures.payload_weight_n,
+        added_mass_kg=0.0 if dry else payload.added_mass_kg[2],
+        drag_kg_per_m=0.0 if dry else 0.5 * density * payload.drag_area_m2[2],
+        weight_n=leg.payload_n,
         displaced_kg=density * payload.volume_m3,
         static_hook_n=leg.static_hook_n,
     )
@@ -170,7 +170,7 @@ class Simplified:
     payload_min_n: float  # least load of the payload
     payload_max_n: float
     uplift_share: float  # hydrodynamic force over the submerged weight
-    snap_n: float  # snap force should the rope go slack
+    snap_n: float  # snap force should the rope go slack; NaN: in air
     payload_m_per_s: float  # speed of the payload, with that of the winch
     re_hit_m_per_s: float  # by which the deck is faster than the winch, on a rigid rope; 0: none
     offset_m: float  # lateral, at rest
@@ -192,7 +192,7 @@ def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> 
         high = hook - leg.static_hook_n + lift.weight_n
         re_hit = max(closing + leg.speed_m_per_s, 0.0)
         formula, snap = "lift-off, API Spec 2C 5.4.5", hook - leg.static_hook_n
-    elif leg.from_m <= 0.0 and zone is not None:
+    elif leg.from_m <= 0.0 and zone is not None and not leg.in_air:
         relative, hydro = splash_force(lift, leg, zone, sea, (amplitude, speed, acceleration))
         hook = leg.static_hook_n + hydro
         low, high = lift.weight_n - hydro, lift.weight_n + hydro
@@ -200,6 +200,8 @@ def simplified(leg: Leg, tip: TipTransfer, sea: SeaState, percentile: float) -> 
     else:
         hook, (low, high), relative = _on_long_rope(lift, leg, tip, sea, percentile)
         formula, snap = "rope with payload, 5.3.6", snap_force_n(lift, relative)
+        if leg.in_air:  # the free fall of the formula is that in water
+            snap = math.nan
     return Simplified(
         tip_m=amplitude,
         tip_m_per_s=speed,

@@ -55,8 +55,9 @@ def further_tables(result: PlanResult) -> Iterator[Table]:
     """Yield the tables that the plan has."""
     yield _uses(result)
     yield _values(result)
-    if any(cell.simplified for cell in result.cells):
-        yield _snaps(result)
+    snaps = _snaps(result)
+    if len(snaps.rows) > 1:
+        yield snaps
     lifted = [work for work in result.works if work.legs[0].deck_m is not None]
     if lifted:
         yield _lift_offs(result, lifted)
@@ -131,7 +132,7 @@ def _values(result: PlanResult) -> Table:
 
 def snap_of(work: PhaseWork, cell: CellLimit) -> tuple[float, float]:
     """Return the snap force of the leg with the largest sum of it and its static hook load, and
-    that sum [N].
+    that sum [N]; NaN in air.
     """
     pairs = [
         (load.snap_n, leg.static_hook_n + load.snap_n)
@@ -152,6 +153,8 @@ def _snaps(result: PlanResult) -> Table:
             if judgement is None or not cell.simplified or "uplift" not in judgement.values:
                 continue
             snap, total_n = snap_of(work, cell)
+            if math.isnan(snap):
+                continue
             rows.append([
                 *cell.row_head, f"{judgement.height_m:g}",
                 f"{100.0 * judgement.values['uplift'].value:.0f}",

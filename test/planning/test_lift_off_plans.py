@@ -14,7 +14,7 @@ from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.planning.cells import RowStore
 from rope_twin.planning.phases import Leg, legs_of
-from rope_twin.planning.plan_file import Heights, LiftedFrom, LiftOff, Plan, Seeds
+from rope_twin.planning.plan_file import Heights, InAir, LiftedFrom, LiftOff, Phase, Plan, Seeds
 from rope_twin.planning.plan_reader import deck_of, read_plan, tip_of
 from rope_twin.planning.report_content import write_report
 from rope_twin.planning.results import notes
@@ -25,20 +25,24 @@ from rope_twin.planning.seas import (
     SAMPLE_NS,
     RelativeTip,
     ResponsesTip,
+    SeaState,
     Ship,
     lateral_moments,
     sea_record,
+    tip_moments,
     tip_record,
 )
 from rope_twin.planning.simplified import (
     lift_of,
     lift_off_n,
     lift_off_speed,
+    simplified,
     vertical_stiffness_n_per_m,
 )
 from rope_twin.planning.tables import further_tables
 from rope_twin.scene.error_bound import Setting
 from rope_twin.scene.schema import Damping, Scene
+from rope_twin.twin.twin import Twin
 
 COARSE = Setting(6, 0.0025)
 
@@ -257,6 +261,34 @@ def test_wrong_lift_offs(old: str, new: str, words: str, tmp_path: Path) -> None
     with pytest.raises(RopeTwinError) as caught:
         read_plan(path)
     assert words in str(caught.value)
+
+
+def test_an_object_in_air_hangs_clear_of_its_deck() -> None:
+    """With the hook at 12 m its bottom is below the deck of the scene, 5 m above the water."""
+    plan, scene = read_plan("lift_off")
+    phase = Phase(in_air=InAir(above_m=12.0, exposure_s=60.0))
+    (leg,) = legs_of(plan, scene, phase)
+    assert Twin(leg.scene).snapshot().tension_top_n == pytest.approx(leg.static_hook_n, rel=1e-6)
+    leg = leg.at_setting(Setting(4, 0.005))
+    ship, sea = Ship(tip_of(plan, scene), plan.bow_of(scene)), SeaState(1.0, 11.0, 90.0)
+    (row,) = run_seeds(leg, ship, sea, [7])
+    (own,) = run_seeds(replace(leg, by_twin=True), ship, sea, [7])
+    assert row["top_max_n"] == pytest.approx(own["top_max_n"], rel=1e-2)
+    assert 0.5 < row["offset_m"] < own["offset_m"], "the hook swings less than the object below it"
+
+
+def test_simplified_loads_in_air_know_no_water() -> None:
+    """Above a splash zone: neither slamming nor added mass, and no snap of a free fall in water."""
+    plan, scene = read_plan("splash_zone")
+    (leg,) = legs_of(plan, scene, Phase(in_air=InAir(above_m=6.0, exposure_s=60.0)))
+    mass_kg = scene.payloads[0].mass_kg
+    assert leg.payload_n == pytest.approx(mass_kg * 9.80665)
+    load = simplified(leg, tip_of(plan, scene), SeaState(2.0, 9.0, 180.0), 90.0)
+    tip = tip_moments(tip_of(plan, scene), SeaState(2.0, 9.0, 180.0))
+    factor = load.tip_m / tip.rms_m
+    inertia_n = mass_kg * factor * tip.rms_m_per_s2
+    assert load.hook_n - leg.static_hook_n == pytest.approx(inertia_n, rel=0.1)
+    assert math.isnan(load.snap_n)
 
 
 def test_objects_in_water_are_not_in_air(tmp_path: Path) -> None:

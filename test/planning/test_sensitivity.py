@@ -6,6 +6,8 @@ import json
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as parquet
@@ -18,11 +20,14 @@ from rope_twin.errors import InputError
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.plan_reader import read_plan, tip_of
 from rope_twin.planning.sensitivity import (
+    Index,
+    Sensitivity,
     case_of,
     design,
     indices,
     lowest_cell,
     outputs_at,
+    panels,
     run_sensitivity,
 )
 from rope_twin.planning.uncertainties import Normal, Triangular, Uniform, with_values
@@ -199,12 +204,26 @@ def test_command_ranks_the_numbers_of_a_plan(
     shown = capsys.readouterr().out
     assert (out / "runs.parquet").stat().st_mtime_ns == stamp
     assert re.search(r"limiting Hs: [1-6]\.\d* m by the plan", shown)
-    assert re.search(r"hook load: 3\d\d\.\d kN by the plan; P10 3\d\d", shown)
+    assert re.search(r"hook load: 3\d\d\.\d kN by the plan; of the samples P10 3\d\d", shown)
+    assert "Morris takes the ends of a distribution as often as its middle" in shown
     load, *_ = [row for row in shown[shown.index("hook load:") :].splitlines() if "mass " in row]
     assert float(load.split()[1]) == pytest.approx(1e-3 * weights["hook_load", "mass"], rel=0.01)
     assert "weighing" in shown
     assert main([*words, "--cell", "at_depth,12,180"]) == 1
     assert "its rows are of another sensitivity study" in capsys.readouterr().err
+
+
+def test_a_number_has_one_colour_in_all_panels() -> None:
+    """In the order of the plan, whatever its weight for an output."""
+    names = ["mass", "SWL"]
+    weights = [Index(name, output, weight, 0.0, 0.1, math.nan) for output, name, weight in (
+        ("limiting_hs_m", "SWL", 2.0), ("limiting_hs_m", "mass", 1.0),
+        ("hook_load", "mass", 3.0), ("hook_load", "SWL", 0.0),
+    )]  # fmt: skip
+    case: Any = SimpleNamespace(names=names)
+    spread = dict.fromkeys(("limiting_hs_m", "hook_load"), (1.0, 2.0, 3.0))
+    found = panels(Sensitivity(case, "morris", 6, 0, tuple(weights), spread))
+    assert [[line.label for line in panel.lines] for panel in found] == [names, names]
 
 
 def test_the_lowest_cell_is_found_by_the_simplified_method(path: Path) -> None:

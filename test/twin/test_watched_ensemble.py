@@ -6,12 +6,20 @@ import numpy as np
 import pytest
 
 from rope_twin.core.jit.wide import LANES
-from rope_twin.core.lanes.step import LOWEST_TENSION, MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT
+from rope_twin.core.lanes.step import (
+    EAST,
+    LOWEST_TENSION,
+    MIN_TENSION,
+    NORTH,
+    PAYLOAD_DEPTH,
+    PAYLOAD_DESCENT,
+)
 from rope_twin.errors import InputError
 from rope_twin.scene.load import at_setting, load_scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.fleet import Fleet, FleetInputs
 from rope_twin.twin.motion.heave_track import HeaveSeries
+from rope_twin.twin.twin import Twin
 
 SECONDS = 20.0
 
@@ -85,3 +93,18 @@ def test_ropes_that_meet_are_not_watched() -> None:
     scene = load_scene("bridle_lift")
     with pytest.raises(InputError, match="are not watched; step them with"):
         Ensemble(scene, [Variation()], watched=True)
+
+
+def test_watched_distance_is_that_of_the_ends() -> None:
+    """In the current at rest that of statics; the same to the bit in lanes and alone."""
+    scene = at_setting(load_scene("shallow_lift"), 39, 0.05)
+    moved = heaves(LANES, 0.8)
+    found = []
+    for members in (moved, moved[:1]):
+        ensemble = Ensemble(scene, [Variation((), one) for one in members], threads=1, watched=True)
+        ensemble.advance(SECONDS / 4.0)
+        found.append(ensemble.watched(0)[:, [1 + EAST, 1 + NORTH]])
+    np.testing.assert_array_equal(*found)
+    at_rest = Twin(scene).snapshot().payload_position_m[:2] - np.array(scene.ship.hang_off_m[:2])
+    assert np.hypot(*at_rest) > 0.1
+    assert found[0][0] == pytest.approx(at_rest, abs=1e-6)

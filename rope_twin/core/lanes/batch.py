@@ -28,8 +28,10 @@ from rope_twin.core.lanes.effects import (
     put_wide,
 )
 from rope_twin.core.lanes.step import (
+    EAST,
     LOWEST_TENSION,
     MIN_TENSION,
+    NORTH,
     PAYLOAD_DEPTH,
     PAYLOAD_DESCENT,
     SAMPLE_COLUMNS,
@@ -79,7 +81,8 @@ def sample_of(rope: Rope) -> Floats:
     """Return the sampled values of a rope, (SAMPLE_COLUMNS,).
 
     Minimum tension of all elements and tension of the lowest [N]; depth of the payload [m] and its
-    speed downward [m/s], those of its middle if it is a rigid body.
+    speed downward [m/s], those of its middle if it is a rigid body; how far east and north of the
+    upper end the lower one is [m].
     """
     state, sample = rope.state, np.empty(SAMPLE_COLUMNS)
     tension = rope.work[TENSION, : state.counts[ELEMENTS]]
@@ -87,6 +90,8 @@ def sample_of(rope: Rope) -> Floats:
     end = (float(state.nodes[row + 2, 0]) for row in (POSITION, VELOCITY))
     height, speed = lone_middle(rope.effects, *end)
     sample[PAYLOAD_DEPTH], sample[PAYLOAD_DESCENT] = -height, -speed
+    x_y = state.nodes[POSITION : POSITION + 2]
+    sample[[EAST, NORTH]] = x_y[:, 0] - x_y[:, state.counts[ELEMENTS]]
     return sample
 
 

@@ -70,8 +70,9 @@ from rope_twin.core.step import pay_out_to, settle
 
 SOLVES_DONE, MAX_SOLVES, STEPS_DONE, SLACK_SAMPLES, TALLIES = range(5)  # rows of a lane's counters
 # Columns of `samples`, one row per interval: minimum tension of an element over it [N]; at its end
-# depth of the payload's middle [m], its speed downward [m/s] and the lowest element's tension [N]
-MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION, SAMPLE_COLUMNS = range(5)
+# depth of the payload's middle [m], its speed downward [m/s], the lowest element's tension [N] and
+# how far east and north of the upper end the lower one is [m]
+MIN_TENSION, PAYLOAD_DEPTH, PAYLOAD_DESCENT, LOWEST_TENSION, EAST, NORTH, SAMPLE_COLUMNS = range(7)
 
 
 class Run(NamedTuple):
@@ -173,7 +174,7 @@ def _sample_rope(rope: Any, samples: Any, interval: int, mask: Any) -> None:
     minimum = tension[0]
     for e in range(1, rope.state.counts[ELEMENTS]):
         minimum = min(minimum, tension[e])
-    _, _, z = node_rows(nodes, POSITION, 0)
+    x, y, z = node_rows(nodes, POSITION, 0)
     _, _, vz = node_rows(nodes, VELOCITY, 0)
     height, speed = payload_middle(rope.effects, z[0], vz[0])
     samples[interval, MIN_TENSION] = choose(
@@ -182,6 +183,9 @@ def _sample_rope(rope: Any, samples: Any, interval: int, mask: Any) -> None:
     samples[interval, PAYLOAD_DEPTH] = choose(mask, -height, samples[interval, PAYLOAD_DEPTH])
     samples[interval, PAYLOAD_DESCENT] = choose(mask, -speed, samples[interval, PAYLOAD_DESCENT])
     samples[interval, LOWEST_TENSION] = choose(mask, tension[0], samples[interval, LOWEST_TENSION])
+    n = rope.state.counts[ELEMENTS]
+    samples[interval, EAST] = choose(mask, x[0] - x[n], samples[interval, EAST])
+    samples[interval, NORTH] = choose(mask, y[0] - y[n], samples[interval, NORTH])
 
 
 @jit_entry
