@@ -151,6 +151,8 @@ def _check_options(args: argparse.Namespace) -> None:
         raise InputError("--duration", problem, "give a time above 0 s, at most 1e6 s")
     if args.seed < 0:
         raise InputError("--seed", f"{args.seed} is negative", "give 0 or more")
+    if args.jobs < 1:
+        raise InputError("--jobs", f"{args.jobs} threads", "give 1 or more")
     if args.out is None:
         return
     folder = args.out.resolve().parent

@@ -259,8 +259,8 @@ class Cell:
                     self.heights_m[height], 0, {}, {}, 0.0, 0, str(error)
                 )
                 break
-            weight = self.work.weight_n
-            judgement = judge(self.plan, self.work.limits, rows, self.heights_m[height], weight)
+            limits, legs = self.work.limits, self.work.legs
+            judgement = judge(self.plan, limits, rows, self.heights_m[height], legs)
             if (
                 judgement.narrow(method.within)
                 or (judgement.clear and not narrow)

@@ -374,9 +374,14 @@ class CriteriaAssessment:
 
 
 def judge(
-    plan: Plan, limits: Sequence[Limit], rows: Sequence[Row], height_m: float, weight_n: float
+    plan: Plan,
+    limits: Sequence[Limit],
+    rows: Sequence[Row],
+    height_m: float,
+    legs: Sequence[Leg],
 ) -> CriteriaAssessment:
-    """Return the judgement of rows of a sea state."""
+    """Return the judgement of rows of a sea state; legs: of the phase, by their numbers."""
+    weight_n = legs[0].payload_n
     failures = [row["failure"] for row in rows if row["failure"]]
     samples = samples_of([row for row in rows if not row["failure"]], weight_n)
     method, values = plan.method, {}
@@ -396,13 +401,20 @@ def judge(
         seeds=len({row["seed"] for row in rows}),
         values=values,
         uses=uses,
-        slack_share=float(np.mean([row["slack_share"] for row in rows])) if rows else 0.0,
+        slack_share=_slack_share(rows, legs),
         failures=len(failures),
         fault=fault,
         failure=next(iter(failures), ""),
         governing_seed=seed,
         governing_leg=leg,
     )
+
+
+def _slack_share(rows: Sequence[Row], legs: Sequence[Leg]) -> float:
+    """Return the share of the time of all runs, each of which has one over its own exposure."""
+    windows_s = [legs[int(row["leg"])].window_s for row in rows]
+    shares = [row["slack_share"] for row in rows]
+    return float(np.average(shares, weights=windows_s)) if rows else 0.0
 
 
 def _governing_run(

@@ -83,7 +83,8 @@ def read_load_chart(path: str | Path) -> LoadChart:
     try:
         chart = json.loads(Path(path).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(where, f"it cannot be read ({error})", REMAKE) from error
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(where, f"it cannot be read ({reason})", REMAKE) from error
     except ValueError as error:
         raise InputError(where, f"it is not JSON ({error})", REMAKE) from error
     if not isinstance(chart, dict) or chart.get("format") != FORMAT:

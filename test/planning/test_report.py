@@ -17,6 +17,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli.selection import read_share
 from rope_twin.planning.cells import RowStore
+from rope_twin.planning.judgement import judge
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.pictures import arrangement_figure, series_csv, tip_figure
 from rope_twin.planning.plan_reader import read_plan
@@ -205,6 +206,17 @@ def test_snap_of_a_leg_adds_to_its_own_static_load(result: PlanResult) -> None:
     words = dict(zip(table.rows[0], table.rows[1], strict=True))
     assert words["snap force kN"] == f"{1e-3 * load.snap_n:.0f}"
     assert words["static + snap kN"] == f"{1e-3 * (leg.static_hook_n + load.snap_n):.0f}"
+
+
+def test_slack_is_a_share_of_the_time_of_all_legs(result: PlanResult) -> None:
+    """A leg that is three times as long counts three times."""
+    work = result.works[1]
+    (leg,), row = work.legs, result.rows[-1]
+    assert row["phase"] == "lowering"
+    longer = replace(leg, number=1, seconds=leg.seconds + 2.0 * leg.window_s)
+    rows = [{**row, "leg": k, "slack_share": share} for k, share in enumerate((0.1, 0.02))]
+    judged = judge(result.plan, work.limits, rows, 1.0, (leg, longer))
+    assert judged.slack_share == pytest.approx((0.1 + 3.0 * 0.02) / 4.0)
 
 
 def test_spectra_state_their_height(result: PlanResult) -> None:

@@ -154,7 +154,7 @@ def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> No
         (["--sea-offset", "0..9", "--duration", "0.0153"], "--duration: 0.0153 s is not possible"),
         (["--sea-offset", "0..9", "--time-step", "0.5"], "--time-step: 0.5 s is not possible"),
         (["--sea-offset", "0..9", "--slack-interval", "0"], "--slack-interval: 0.0 s is not pos"),
-        (["--sea-offset", "0..9", "--jobs", "0"], "ensemble: 0 threads"),
+        (["--sea-offset", "0..9", "--jobs", "0"], "--jobs: 0 threads; give 1 or more."),
         (["--sea-offset", "0..9", "--seed", "-1"], "--seed: -1 is negative"),
         (["--sea-offset", "0..9", "--out", "/nowhere/x.csv"], "--out: there is no folder"),
     ],
