@@ -253,7 +253,8 @@ def limits_of(plan: Plan, scene: Scene, legs: Sequence[Leg]) -> list[Limit]:
         limits.append(Limit("uplift_share", "uplift", criteria.uplift_share, "slack"))
     if criteria.min_tension_n is not None:
         limit = weight - criteria.min_tension_n
-        limits.append(Limit("min_tension_n", "loss", limit, "minimum tension"))
+        label = f"loss to the minimum of {1e-3 * criteria.min_tension_n:g} kN"
+        limits.append(Limit("min_tension_n", "loss", limit, label))
     if criteria.landing_speed_m_per_s is not None and legs[0].bed_m is not None:
         limit = criteria.landing_speed_m_per_s
         limits.append(Limit("landing_speed_m_per_s", "landing_speed", limit, "landing speed"))

@@ -328,8 +328,8 @@ class Criteria:
         10.0, default=None,
     )  # fmt: skip
     offset_m: float | None = quantity(
-        "largest lateral offset of the object from the crane tip, at rest; dynamic in a lift-off",
-        "m", 0.01, 1e4, default=None,
+        "largest lateral offset of the object from the crane tip, at rest; dynamic in a lift-off "
+        "and in air", "m", 0.01, 1e4, default=None,
     )  # fmt: skip
     stroke_m: float | None = quantity(
         "largest stroke of the heave compensation, in either direction", "m", 1e-2, 100.0,

@@ -30,6 +30,7 @@ from rope_twin.planning.pictures import (
     series_figure,
     tip_figure,
 )
+from rope_twin.planning.plan_file import Criteria
 from rope_twin.planning.report import Report, check_report, html_report, pdf_report
 from rope_twin.planning.results import (
     NONE,
@@ -62,7 +63,7 @@ SOURCES = {
     "safety_factor": "plan; MBL of the wire by the scene",
     "slings": "MBL over the nominal safety factor of GL Noble Denton 0027/ND 7.3, or WLL",
     "uplift_share": "DNV-RP-N103: hydrodynamic force at most 0.9 of the static submerged weight",
-    "min_tension_n": "plan",
+    "min_tension_n": "plan; submerged weight less the minimum tension anywhere in the rope",
     "re_hit_m_per_s": "plan; what object and deck bear",
     "offset_m": "plan; watch circle or target",
     "landing_speed_m_per_s": "plan; what object and soil bear",
@@ -317,11 +318,10 @@ def _criteria(result: PlanResult) -> Iterator[tuple[str, str, str]]:
     for limit in limits.values():
         unit = quantity_of(limit.quantity).unit
         text = f"{1e-3 * limit.most:.0f} kN" if unit == "kN" else f"{limit.most:g} {unit}".strip()
-        yield (
-            f"{limit.words} (`{limit.key}`)",
-            text,
-            SOURCES.get(plain_name(limit.key), "plan"),
-        )
+        source = SOURCES.get(plain_name(limit.key), "plan")
+        if plain_name(limit.key) == "uplift_share" and limit.most != Criteria.uplift_share:
+            source = "plan"
+        yield f"{limit.words} (`{limit.key}`)", text, source
 
 
 def _assumptions(result: PlanResult) -> Iterator[str]:

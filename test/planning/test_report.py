@@ -17,7 +17,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli.selection import read_share
 from rope_twin.planning.cells import RowStore
-from rope_twin.planning.judgement import judge
+from rope_twin.planning.judgement import judge, limits_of
 from rope_twin.planning.phases import legs_of
 from rope_twin.planning.pictures import arrangement_figure, series_csv, tip_figure
 from rope_twin.planning.plan_reader import read_plan
@@ -217,6 +217,23 @@ def test_slack_is_a_share_of_the_time_of_all_legs(result: PlanResult) -> None:
     rows = [{**row, "leg": k, "slack_share": share} for k, share in enumerate((0.1, 0.02))]
     judged = judge(result.plan, work.limits, rows, 1.0, (leg, longer))
     assert judged.slack_share == pytest.approx((0.1 + 3.0 * 0.02) / 4.0)
+
+
+def test_criteria_name_what_is_compared(result: PlanResult) -> None:
+    """A minimum tension is judged by the loss to it; another share of uplift is the plan's own."""
+    own = replace(result.plan.criteria, min_tension_n=5e4, uplift_share=0.5)
+    plan = replace(result.plan, criteria=own)
+    works = [replace(work, limits=tuple(limits_of(plan, result.scene, work.legs)))
+             for work in result.works]  # fmt: skip
+    found = report_of(replace(result, works=tuple(works)))
+    tables = [block for block in found.blocks if isinstance(block, Table)]
+    rows = next(table.rows for table in tables if table.head == ("criterion", "limit", "source"))
+    by_name = {row[0]: row[1:] for row in rows}
+    allowed_n = works[0].weight_n - 5e4
+    limit, source = by_name["loss to the minimum of 50 kN (`min_tension_n`)"]
+    assert limit == f"{1e-3 * allowed_n:.0f} kN"
+    assert source.startswith("plan; submerged weight less")
+    assert by_name["slack (`uplift_share`)"] == ("0.5", "plan")
 
 
 def test_spectra_state_their_height(result: PlanResult) -> None:
