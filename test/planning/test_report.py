@@ -175,14 +175,16 @@ def test_reports_repeat(result: PlanResult) -> None:
 
 
 def test_wide_tables_leave_the_names_of_phases_their_width() -> None:
-    """Heads of many words beside short numbers: no two words of a row overlap."""
+    """Heads of many words beside short numbers: no two words of a row overlap; over two pages."""
     head = ("phase", "Tp s", "heading °", "Hs m", "load at the lower end of the rope kN",
             "loss of the minimum tension kN", "re-hit speed of the deck m/s",
             "lateral offset m")  # fmt: skip
     report = Report("title", "lead", (("plan", "x"), ("scene", "x"), ("analysis", "x")))
     report.heading("Results")
-    report.table("Values.", head, [("lift off", "8", *["180"] * 6)], (0,), (0,), True)
+    report.table("Values.", head, [("lift off", "8", *["180"] * 6)] * 60, (0,), (0,), True)
     with pypdfium2.PdfDocument(io.BytesIO(pdf_report(report))) as document:
+        assert len(document) == 3
+        assert "lateral offset" in document[2].get_textpage().get_text_range()
         page = document[1].get_textpage()
 
         def box(words: str) -> tuple[float, float, float, float]:
