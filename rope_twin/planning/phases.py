@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from rope_twin.core import state as rows
 from rope_twin.core.loads.balance import lone_middle
-from rope_twin.effects.payload import SplashZoneParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.planning.plan_file import LiftOff, Phase, Plan
@@ -61,7 +60,7 @@ class Leg:
     to_m: float
     speed_m_per_s: float  # of the winch
     static_hook_n: float  # largest static hook load of the leg
-    payload_n: float  # static submerged weight of the payload
+    payload_n: float  # static submerged weight of the payload with its hook
     bed_m: float | None = None  # depth of the payload's middle as it touches down, of a landing
     deck_m: float | None = None  # mean height of the deck, of a lift-off
     deck: DeckTransfer | None = None  # that moves it, or None if it is fixed
@@ -138,11 +137,8 @@ def _legs(plan: Plan, scene: Scene, phase: Phase) -> Sequence[Leg]:
     if phase.in_air is not None:
         above, exposure = phase.in_air.above_m, phase.in_air.exposure_s
         leg = _leg(0, _without_deck(scene), settled_s, (-above, -above), 0.0, exposure)
-        if scene.listed(SplashZoneParams) is not None:  # its weight in water is that further down
-            payload = lift_figures(scene).payload
-            assert payload is not None, "checked when the plan was read"
-            leg = replace(leg, payload_n=payload.mass_kg * scene.environment.gravity_m_per_s2)
-        return [replace(leg, in_air=True)]
+        load_n = lift_figures(scene).suspended.weight_n(leg.line_out_m)
+        return [replace(leg, in_air=True, payload_n=load_n)]
     if phase.from_scene is not None:
         return [_from_scene(scene, settled_s, phase.from_scene.exposure_s)]
     if phase.lift_off is not None:
@@ -193,7 +189,7 @@ def _leg(
         to_m=end,
         speed_m_per_s=speed_m_per_s,
         static_hook_n=max(figures.top_tension_n(length) for length in lengths),
-        payload_n=figures.payload_weight_n,
+        payload_n=figures.suspended.wet_n,
         bed_m=bed_m,
         offset_m=offset,
     )
@@ -224,7 +220,7 @@ def _lift_off(plan: Plan, scene: Scene, settled_s: float, lift_off: LiftOff) -> 
         to_m=-middle - lift_off.hoist_m,
         speed_m_per_s=-speed,
         static_hook_n=figures.top_tension_n(scene.ropes[0].length_m),
-        payload_n=figures.payload_weight_n,
+        payload_n=figures.suspended.wet_n,
         by_twin=True,
         deck_m=height,
         deck=deck_of(plan, lift_off.deck),

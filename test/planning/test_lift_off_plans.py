@@ -268,7 +268,11 @@ def test_an_object_in_air_hangs_clear_of_its_deck() -> None:
     plan, scene = read_plan("lift_off")
     phase = Phase(in_air=InAir(above_m=12.0, exposure_s=60.0))
     (leg,) = legs_of(plan, scene, phase)
-    assert Twin(leg.scene).snapshot().tension_top_n == pytest.approx(leg.static_hook_n, rel=1e-6)
+    snapshot = Twin(leg.scene).snapshot()
+    assert snapshot.tension_top_n == pytest.approx(leg.static_hook_n, rel=1e-6)
+    assert snapshot.tension_payload_n == pytest.approx(leg.payload_n, rel=1e-3), "hook and object"
+    (lift,) = legs_of(plan, scene, plan.phases[0])
+    assert lift.payload_n == pytest.approx(leg.payload_n)
     leg = leg.at_setting(Setting(4, 0.005))
     ship, sea = Ship(tip_of(plan, scene), plan.bow_of(scene)), SeaState(1.0, 11.0, 90.0)
     (row,) = run_seeds(leg, ship, sea, [7])
