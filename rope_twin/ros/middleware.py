@@ -29,7 +29,7 @@ from std_msgs.msg import Float64
 from rope_twin.errors import InputError
 from rope_twin.files import share_dir
 
-_NEEDED = ("_take_timer", "_take_subscription", "_guard", "_context", "_tasks")
+_NEEDED = ("_take_timer", "_take_subscription", "_take_service", "_guard", "_context", "_tasks")
 _KINDS = {  # of entities, in the order of NumberOfEntities: where a node has them
     "subscription": "subscriptions",
     "guard_condition": "guards",
@@ -95,6 +95,26 @@ class SuiteExecutor(SingleThreadedExecutor):
             _run(self._take_subscription(subscription))
         if has_others or self._tasks:
             super().spin_once(timeout_sec=0.0)
+
+    def _take_service(self, srv: Any) -> Any:
+        """Return what executes a request, as rclpy's does, with its `sent_ns` for the callback."""
+        with srv.handle:
+            request, header = srv.handle.service_take_request(srv.srv_type.Request)
+
+        async def execute() -> None:
+            if header is not None:
+                srv.sent_ns = header.source_timestamp
+                srv.send_response(srv.callback(request, srv.srv_type.Response()), header)
+
+        return execute
+
+
+def sent_ago_s(sent_ns: int | None) -> float:
+    """Return the time since a message was sent [s], 0 if that is not known.
+
+    sent_ns: time at its sender, by the middleware, since 1970 [ns].
+    """
+    return (time.time_ns() - sent_ns) * 1e-9 if sent_ns else 0.0
 
 
 class _WaitSet:

@@ -25,6 +25,7 @@ from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock as ClockMessage
 from std_srvs.srv import SetBool, Trigger
 
+from rope_twin.alerts.monitor import LONGEST
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode, encode_diagnostics, encode_epoch, encode_text
 from rope_twin.messages.diagnostics import MOTION_ROW
@@ -32,6 +33,7 @@ from rope_twin.messages.reports import RECORDER_ROW, read_diagnostics
 from rope_twin.messages.templates import nanoseconds
 from rope_twin.ros import qos
 from rope_twin.ros.entry import SuiteNode, run_node
+from rope_twin.ros.middleware import sent_ago_s
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.scene.load import at_setting, following_measured, load_scene
@@ -60,6 +62,7 @@ from rope_twin.topics import (
     service_name,
 )
 from rope_twin.twin.pacing import keep_pauses_short
+from rope_twin.twin.winch.commands import EMERGENCY_STOP
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 _POLL_S, _DIAGNOSTICS_S, _COMMANDERS_S = 0.1, 1.0, 0.5
@@ -306,14 +309,19 @@ class SimulationNode(SuiteNode, LifecycleNode):
 
         def serve(request: Any, response: Any) -> Any:
             values = (request.data,) if kind is SetBool else ()
-            response.success, response.message = act(*values)
+            sent_s = sent_ago_s(getattr(service, "sent_ns", None))
+            paced, stops = self.paced, name.endswith(EMERGENCY_STOP)
+            late = "" if paced is None or stops else paced.border.refuse_late(name, "call", sent_s)
+            response.success, response.message = (False, late) if late else act(*values)
             self._publish_seat()
             return response
 
         try:
-            self._own_services.append(self.create_service(kind, name, serve))
+            service = self.create_service(kind, name, serve)
         except InvalidServiceNameException:
             self.get_logger().warning(f"no service {name}: not a valid ROS name")
+        else:
+            self._own_services.append(service)
 
     def _is_there(self, name: str) -> bool:
         """Return whether an input has a publisher, or an output a subscriber."""
@@ -352,6 +360,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
                     )
                 return
             publisher = info["publisher_gid"]["data"]
+            sent_s = sent_ago_s(info["source_timestamp"])
             arrival_ns = paced.arrival_ns(self.get_clock().now().nanoseconds)
             if name in MOTION_TOPICS:
                 paced.border.take_motion(name, data, publisher, arrival_ns)
@@ -362,24 +371,28 @@ class SimulationNode(SuiteNode, LifecycleNode):
                 paced.border.seats.name_holders(
                     lambda holder: self._senders.node_of(holder, WINCH_TOPICS)
                 )
-                paced.border.take_order(name, data, sender)
+                paced.border.take_order(name, data, sender, sent_s)
                 self._publish_seat()
             elif name == CUT_TOPIC:
-                paced.border.take_cut(data)
+                paced.border.take_cut(data, sent_s)
             elif name == LOWER_END:
                 paced.border.take_lower_end(data)
             elif name == FORECAST_RISK:
                 paced.alerts.take_risks(paced.border.take_forecast(data))
             elif name == ALERT_COMMAND:
-                self._command_alerts(paced, data)
+                self._command_alerts(paced, data, sent_s)
             else:
                 paced.border.take_current(data)
 
         return take
 
-    def _command_alerts(self, paced: PacedTwin, data: bytes) -> None:
+    def _command_alerts(self, paced: PacedTwin, data: bytes, sent_s: float) -> None:
         try:
-            self.get_logger().info(paced.alerts.command(str(decode(ALERT_COMMAND, data).data)))
+            words = str(decode(ALERT_COMMAND, data).data)
+            if late := paced.border.refuse_late(ALERT_COMMAND, words[:LONGEST], sent_s):
+                self.get_logger().warning(late)
+            else:
+                self.get_logger().info(paced.alerts.command(words))
         except InputError as error:
             self.get_logger().warning(str(error))
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin import topics
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, counted, phrase
 from rope_twin.messages import Level, Status
 from rope_twin.messages.inputs import (
     read_current,
@@ -38,6 +38,7 @@ from rope_twin.run.seat import Command, Seats
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.twin.readings import Measurement, Row
+from rope_twin.twin.snapshot import SPEED
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
@@ -46,6 +47,8 @@ INTERVALS, LONGEST_S = 3.0, 10.0  # ... or so many intervals of a measured quant
 MAX_SENSORS = 1000  # quantities of winches of which the sender is selected
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 REMARK_S = 5.0  # between two remarks to the twin
+LATE_S = 2.0  # after its sending a command is not executed at once any more; less than the time
+# after which a console reports that it has no effect
 _DEPTH, _QUANTITIES = "depth", ("line out", "line speed", "tension")  # values of a row
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
 
@@ -122,6 +125,7 @@ class InputBorder:
         self._twin, self._inputs, self._now_s = twin, inputs, now_s
         self._lock = threading.Lock()
         self._malformed = {name: Refusals() for name in (*topics.INPUTS, topics.FORECAST_RISK)}
+        self._late = Refusals()  # commands
         self._strangers = {
             name: Refusals() for name in (*topics.MOTION_TOPICS, *topics.MEASURED_TOPICS)
         }
@@ -199,15 +203,19 @@ class InputBorder:
             self._inputs.submit_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
-    def take_order(self, topic: str, data: bytes, sender: str) -> None:
+    def take_order(self, topic: str, data: bytes, sender: str, sent_ago_s: float = 0.0) -> None:
         """Accept or reject a message on one of WINCH_TOPICS.
 
-        sender: name of its node, which must have the winch's seat.
+        sender: name of its node, which must have the winch's seat; sent_ago_s: time since it was
+        sent [s].
         """
         content = self._read(topic, lambda: read_order(topic, data))
         if content is None:
             return
         stamp_ns, order, name = content
+        stops = order.kind == EMERGENCY_STOP or order == WinchCommand(SPEED, 0.0)
+        if stamp_ns is None and not stops and self.refuse_late(topic, order.kind, sent_ago_s):
+            return
         # the planner's commands belong to its schedule, which begins again with the next epoch
         is_planned = self.seats.plans(sender)
         is_stop = order.kind == EMERGENCY_STOP and not is_planned
@@ -250,11 +258,28 @@ class InputBorder:
             return False, f"winch {winch}: seat not reserved, the simulation is not active"
         return self.seats.ask(winch)
 
-    def take_cut(self, data: bytes) -> None:
-        """Accept or reject a ropes/cut message."""
+    def refuse_late(self, where: str, what: str, sent_ago_s: float) -> str:
+        """Return why a command that applies at once is rejected, and count it; "": it is not.
+
+        It was held up on its way, or this process was stopped: its sender has seen no effect and
+        may have done something else since.
+        """
+        if sent_ago_s <= LATE_S:
+            return ""
+        problem = f"'{what}' was sent {sent_ago_s:.1f} s ago and is not executed any more"
+        remedy = "send it again; if nothing was held up, set the clock of its sender"
+        note = phrase(where, problem, remedy)
+        with self._lock:
+            self._late.add(note, self._now_s())
+        return note
+
+    def take_cut(self, data: bytes, sent_ago_s: float = 0.0) -> None:
+        """Accept or reject a ropes/cut message; sent_ago_s: time since it was sent [s]."""
         content = self._read(topics.CUT_TOPIC, lambda: read_cut(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, below_m, rope = content
+            if stamp_ns is None and self.refuse_late(topics.CUT_TOPIC, "cut", sent_ago_s):
+                return
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             self._inputs.submit_cut(at_ns, below_m, rope)
 
@@ -336,7 +361,7 @@ class InputBorder:
             latched = sorted(self.latched) if self.epoch_ns is None else []
             return [
                 *self.seats.rows(),
-                _messages_row(self._malformed, ignored, latched, now_s),
+                _messages_row(self._malformed, self._late, ignored, latched, now_s),
                 _senders_row(self._strangers, now_s),
             ]
 
@@ -403,25 +428,33 @@ def _latched_words(winches: list[str]) -> str:
 
 
 def _messages_row(
-    malformed: dict[str, Refusals], ignored: int, latched: list[str], now_s: float
+    malformed: dict[str, Refusals], late: Refusals, ignored: int, latched: list[str], now_s: float
 ) -> Status:
-    """Return the row on malformed messages, inputs ignored and stops latched while not active."""
+    """Return the row on malformed messages and late commands, inputs ignored and stops latched
+    while not active.
+    """
     values = {topic: str(refused.count) for topic, refused in malformed.items()}
-    values["ignored while not active"] = str(ignored)
+    values |= {"late commands": str(late.count), "ignored while not active": str(ignored)}
     if latched:
         return Status(MESSAGES_ROW, Level.WARN, _latched_words(latched), values)
     recent = {
         topic: count for topic, refusals in malformed.items() if (count := refusals.recent(now_s))
     }
-    if not recent:
-        total = sum(refused.count for refused in malformed.values())
-        words = "all messages well formed"
-        if total:
-            words = f"{total} malformed since the start, none in the last {REPORTED_S:g} s"
-        return Status(MESSAGES_ROW, Level.OK, words, values)
-    notes = " ".join(malformed[topic].note for topic in recent)
-    message = f"{sum(recent.values())} malformed and rejected in the last {REPORTED_S:g} s; "
-    return Status(MESSAGES_ROW, Level.WARN, f"{message}last per topic: {notes}", values)
+    sentences = []
+    if late_count := late.recent(now_s):
+        sentences.append(f"{counted(late_count, 'command')} late and rejected in the last "
+                         f"{REPORTED_S:g} s; last: {late.note}")  # fmt: skip
+    if recent:
+        notes = " ".join(malformed[topic].note for topic in recent)
+        message = f"{sum(recent.values())} malformed and rejected in the last {REPORTED_S:g} s; "
+        sentences.append(f"{message}last per topic: {notes}")
+    if sentences:
+        return Status(MESSAGES_ROW, Level.WARN, " ".join(sentences), values)
+    total = sum(refused.count for refused in malformed.values())
+    words = "all messages well formed"
+    if total:
+        words = f"{total} malformed since the start, none in the last {REPORTED_S:g} s"
+    return Status(MESSAGES_ROW, Level.OK, words, values)
 
 
 def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:

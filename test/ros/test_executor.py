@@ -92,6 +92,28 @@ def test_services_and_what_waits_for_them_are_served(served: Served) -> None:
     assert future.result().values[0].integer_value == 7
 
 
+def test_a_service_knows_when_it_was_called(served: Served) -> None:
+    """What waited in the middleware is recognised: a winch does not act on it so late."""
+    from std_srvs.srv import Trigger
+
+    from rope_twin.ros.middleware import sent_ago_s
+
+    ages: list[float] = []
+
+    def serve(request: Any, response: Any) -> Any:
+        ages.append(sent_ago_s(service.sent_ns))
+        return response
+
+    service = served.one.create_service(Trigger, "late", serve)
+    client = served.one.create_client(Trigger, "late")
+    served.until(client.service_is_ready)
+    called_s = time.time()
+    client.call_async(Trigger.Request())
+    time.sleep(0.3)
+    served.until(lambda: bool(ages))
+    assert 0.3 <= ages[0] <= time.time() - called_s
+
+
 def test_a_callback_that_raises_is_heard_of(served: Served) -> None:
     def fail() -> None:
         raise ValueError("no")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 from ros_bench import Bench, ros_ahead_ns
 
-from rope_twin.messages import Level, Status, encode_order
+from rope_twin.messages import Level, Status, encode_order, encode_text
+from rope_twin.run.border import LATE_S
 from rope_twin.twin.winch.commands import WinchCommand
 
 pytestmark = pytest.mark.ros
@@ -205,3 +207,30 @@ def test_the_node_of_a_publisher_is_found_in_the_graph(bench: Bench) -> None:
     bench.until(lambda: senders.node_of(called, WINCH_TOPICS) == "operator", "its node is known")
     assert senders.node_of("operator", WINCH_TOPICS) == ""
     assert senders.node_of(publisher_name(b"\x00"), WINCH_TOPICS) == ""
+
+
+def test_what_came_while_the_simulation_was_stopped_is_not_executed(bench: Bench) -> None:
+    """A minute later the lift may be elsewhere: neither the winch nor an alert obeys, but a stop
+    is executed.
+    """
+    own = Operators(bench)
+    own.tell("panel", WinchCommand("speed", 0.2))
+    bench.until(lambda: own.held == "winch: panel", "it commands")
+    alerts = bench.publisher("alerts/command")
+    bench.until(alerts.get_subscription_count, "the list listens")
+    topic, faster = encode_order(0, WinchCommand("speed", 0.4))
+    own.publishers["panel", topic].publish(faster)
+    alerts.publish(encode_text("limit tension_n 190000"))
+    time.sleep(LATE_S + 0.2)  # nothing is spun: this process stands
+    paced = own.simulation.paced
+
+    def late() -> int:
+        rows = {row.name: row for row in paced.rows(ros_ahead_ns())}
+        return int(rows["simulation: messages"].values["late commands"])
+
+    bench.until(lambda: late() == 2, "both are refused")
+    assert own.target == ("speed", 0.2)
+    assert paced.alerts.row().message == "none beside those of the scene"
+    own.tell("panel", WinchCommand("emergency_stop"))
+    time.sleep(LATE_S + 0.2)
+    bench.until(lambda: own.target[0] == "emergency_stop", "it stops")

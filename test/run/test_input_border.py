@@ -12,6 +12,7 @@ from rope_twin.messages import (
     Level,
     Status,
     encode_current,
+    encode_cut,
     encode_heave,
     encode_lower_end,
     encode_measurement,
@@ -20,7 +21,14 @@ from rope_twin.messages import (
 from rope_twin.messages.cdr import decode, serialise
 from rope_twin.messages.inputs import encode_pose
 from rope_twin.messages.reports import encode_forecast
-from rope_twin.run.border import LONGEST_S, MESSAGES_ROW, SENDERS_ROW, InputBorder, SelectedSender
+from rope_twin.run.border import (
+    LATE_S,
+    LONGEST_S,
+    MESSAGES_ROW,
+    SENDERS_ROW,
+    InputBorder,
+    SelectedSender,
+)
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import FORECAST_RISK
@@ -377,3 +385,26 @@ def test_a_command_that_no_winch_executes_takes_no_seat(rig: Rig) -> None:
     assert rig.border._twin.inputs.winch.counter.refused == 2, "counted all the same"
     border.take_order(*encode_order(0, WinchCommand(SPEED, 0.1)), "console")
     assert border.seats.words() == "winch: console"
+
+
+def test_a_command_that_was_held_up_is_not_executed() -> None:
+    """Not as long after its sender has seen no effect; a stop is, by its button or by speed 0."""
+    rig = Rig("emergency_stop")
+    border, late_s = rig.border, LATE_S + 0.1
+    for order in (WinchCommand(SPEED, 0.3), WinchCommand("set_brake")):
+        border.take_order(*encode_order(0, order), "/panel", late_s)
+        assert rig.calls() == []
+        assert border.seats.words() == "winch: free"
+        row = rig.row(MESSAGES_ROW)
+        assert row.level == Level.WARN
+        assert f"'{order.kind}' was sent 2.1 s ago and is not executed any more; " in row.message
+    border.take_cut(encode_cut(0, 10.0)[1], late_s)
+    assert not rig.calls()
+    assert "ropes/cut: 'cut' was sent 2.1 s ago" in rig.row(MESSAGES_ROW).message
+    border.take_order(*encode_order(0, WinchCommand(SPEED, 0.3)), "/panel", LATE_S - 0.1)
+    border.take_order(*encode_order(EPOCH_NS, WinchCommand(SPEED, 0.2)), "/panel", late_s)
+    border.take_order(*encode_order(0, WinchCommand(SPEED, 0.0)), "/panel", late_s)
+    border.take_order(*encode_order(0, WinchCommand("emergency_stop")), "/panel", late_s)
+    kinds = [arguments[1] for name, arguments in rig.calls() if name == "submit_command"]
+    assert kinds == [WinchCommand(SPEED, 0.3), WinchCommand(SPEED, 0.2), WinchCommand(SPEED, 0.0),
+                     WinchCommand("emergency_stop")]  # fmt: skip
