@@ -19,7 +19,7 @@ from typing import Any, Protocol, TypeGuard
 
 from rope_twin.alerts.alert_list import MAX_SHELVED_NS, SECOND
 from rope_twin.console.pages import Page, Pages
-from rope_twin.console.readings import of_winch
+from rope_twin.console.readings import TENSION, of_winch, stale_limits_s
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.snapshot import CONTROL_MODES, LENGTH, SPEED
@@ -214,6 +214,8 @@ class RequestHandler:
             raise Refusal(_NO_CONTROL)
         if action in self.staged:
             self._check_seat(page, str(action))
+        if action in (*self.staged, "alert"):
+            self._check_twin(str(action))
         return act(page, content)
 
     def leave(self, page: Page) -> None:
@@ -320,10 +322,14 @@ class RequestHandler:
             raise Refusal("command", f"reset, but no emergency stop is in force ({mode})",
                           "reset once the page shows the stop")  # fmt: skip
         if kind not in CONTROL_MODES:
+            if kind != EMERGENCY_STOP:
+                self._check_twin("command")
             return winch, WinchCommand(kind, 0.0)
         if not is_finite(value):
             raise Refusal("command", f"{kind} {value!r}", "it must be a finite number")
         command = WinchCommand(kind, float(value))
+        if command != _STOP:
+            self._check_twin("command")
         self._check_reach(winch, command)
         return winch, command
 
@@ -340,6 +346,17 @@ class RequestHandler:
         if command.kind == LENGTH and figures and not shortest_m <= command.value <= longest_m:
             remedy = f"this winch has {shortest_m:g} to {longest_m:g} m out"
             raise Refusal("command", _words(command), remedy)
+
+    def _check_twin(self, action: str) -> None:
+        """Refuse what a lost twin might do once it is back."""
+        if lost := self._lost():
+            raise Refusal(action, lost, "wait until it is back; a stop can be sent")
+
+    def _lost(self) -> str:
+        """Return that the twin is lost, in words; "": it is not, or has not been found yet."""
+        age_s = self._pages.readings.ages(self._clock()).get(TENSION, 0.0)
+        is_lost = age_s > stale_limits_s()[TENSION]
+        return f"the twin has sent nothing for {age_s:.1f} s" if is_lost else ""
 
     def _check_seat(self, page: Page, action: str) -> None:
         if page is not self._holder:
@@ -385,18 +402,22 @@ class RequestHandler:
         return ""
 
     def _repeat(self, now_s: float) -> None:
-        """Repeat the set-points; after an emergency stop, whoever gave it, only speed 0."""
+        """Repeat the set-points; after an emergency stop, whoever gave it, only speed 0.
+
+        To a lost twin only what is in force, and stops.
+        """
         if (
             self._commander is None
             or not self._set_points
             or now_s < self._repeated_s + REPEAT_S - _SLACK_S
         ):
             return
-        self._repeated_s = now_s
+        self._repeated_s, lost = now_s, self._lost()
         for winch, set_point in self._set_points.items():
             if self._is_stopped(winch):
                 set_point.stop()
-            self._commander.send(winch, set_point.command)
+            if set_point.command in (set_point.in_force, _STOP) or not lost:
+                self._commander.send(winch, set_point.command)
 
     def _commands(self, winch: str) -> bool:
         """Return whether the twin has this console in command of a winch."""
@@ -476,8 +497,8 @@ class RequestHandler:
     def _why_not(self, winch: str, command: WinchCommand, refused: int) -> str:
         """Return what is known of a command without effect.
 
-        It is repeated no more if another one commands, or if the twin has refused more than
-        `refused` commands, as many as before it.
+        It is repeated no more if another one commands, if the twin is lost, or if it has refused
+        more than `refused` commands, as many as before it.
         """
         values = self._pages.readings.values
         seat = values.get(f"diagnostics simulation: seat {winch}")
@@ -489,10 +510,12 @@ class RequestHandler:
             last = (seat or {}).get("values", {}).get("last rejection", "")
             return last or phrase(_words(command), f"the seat is not the console's ({holder})",
                                   "take the seat and send it again")  # fmt: skip
-        if command.kind in CONTROL_MODES and self._refused(winch, command) > refused:
+        lost = self._lost()
+        is_refused = self._refused(winch, command) > refused
+        if command.kind in CONTROL_MODES and (is_refused or (lost and command != _STOP)):
             self._return_from(winch, command)
         row = self._input_row(winch, command)
-        reason = row.get("message", "").removesuffix(".") if row.get("level") else ""
+        reason = lost or (row.get("message", "").removesuffix(".") if row.get("level") else "")
         problem = f"no effect seen within {FEEDBACK_S:g} s"
         return phrase(_words(command), problem, reason or "look at the winch's state")
 

@@ -165,6 +165,44 @@ def test_a_set_point_is_repeated_until_an_emergency_stop_which_makes_it_zero() -
     assert rig.commander.sent == []
 
 
+@pytest.mark.parametrize("runs_at", [None, 0.2])
+def test_a_lost_twin_is_commanded_to_stop_only(runs_at: float | None) -> None:
+    """What it does when it comes back is what it did before: no page has seen any effect since."""
+    rig = ConsoleRig()
+    rig.source.alerts, rig.source.seat = [TENSION_ALARM], "winch: console"
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    speed = {"do": "command", "kind": "speed", "winch": "winch"}
+    if runs_at is not None:
+        rig.desk.take(page, {**speed, "value": runs_at, "id": 2})
+        rig.tick(4)
+    rig.commander.obeys, rig.source.lost = False, True
+    rig.tick()
+    rig.desk.take(page, {**speed, "value": 0.5, "id": 3})  # before the loss is known
+    rig.tick(round(FEEDBACK_S / 0.05) + 2)
+    words = replies(page)[-1]["words"]
+    assert "no effect seen within 2.5 s; the twin has sent nothing for 2.6 s" in words
+    rig.commander.sent.clear()
+    for number, request in enumerate((
+        {**speed, "value": 0.3}, {**speed, "kind": "set_brake"},
+        {"do": "alert", "action": "acknowledge", "alert": "all"},
+        {"do": "limit", "name": "tension_n", "value": 4e5},
+    )):  # fmt: skip
+        rig.desk.take(page, {**request, "id": 10 + number})
+        answer = replies(page)[-1]
+        assert not answer["ok"]
+        assert "the twin has sent nothing for 2.6 s; wait until it is back" in answer["words"]
+    assert rig.commander.alert_words == []
+    rig.tick(10)
+    assert {one.value for _, one in rig.commander.sent} == ({runs_at} if runs_at else set())
+    rig.desk.take(page, {**speed, "value": 0.0, "id": 20})
+    rig.desk.take(page, {**speed, "kind": "emergency_stop", "id": 21})
+    rig.tick(60)
+    assert rig.commander.sent[-1][1] == WinchCommand("speed", 0.0), "a stop is repeated"
+    assert "emergency_stop" in {one.kind for _, one in rig.commander.sent}
+
+
 def test_a_command_without_effect_is_reported() -> None:
     rig = ConsoleRig()
     rig.commander.obeys = False
