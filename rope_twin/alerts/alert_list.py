@@ -14,9 +14,10 @@ Times are those of the twin [ns]; the list is driven by `update` and holds no cl
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum, IntEnum
+from typing import Any
 
 from rope_twin.errors import InputError
 
@@ -154,6 +155,27 @@ class AlertList:
             one for key, one in self._alerts.items()
             if key not in before or replace(before[key], text=one.text) != one
         ]  # fmt: skip
+
+    def memory(self) -> dict[str, Any]:
+        """Return the list as JSON types."""
+        shelved_at = [[*key, int(priority)] for key, priority in self._shelved_at.items()]
+        alerts = [
+            {**vars(alert), "priority": int(alert.priority), "state": alert.state.value}
+            for alert in self._alerts.values()
+        ]
+        where = [[number, *names] for number, names in self._instances.items()]
+        return {"alerts": alerts, "where": where, "shelved_at": shelved_at}
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Continue a list of which `memory` was saved."""
+        self._instances = {number: names for number, *names in memory["where"]}
+        for saved in memory["alerts"]:
+            enums = {"priority": Priority(saved["priority"]), "state": State(saved["state"])}
+            alert = Alert(**{**saved, **enums})
+            where = self._instances[alert.identifier][alert.instance - 1]
+            self._alerts[alert.identifier, where] = alert
+        for number, where, priority in memory["shelved_at"]:
+            self._shelved_at[number, where] = Priority(priority)
 
     def _raised(self, key: tuple[int, str], situation: Situation) -> Alert:
         """Return the alert of a present situation."""

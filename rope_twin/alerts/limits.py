@@ -155,6 +155,10 @@ class CrewLimits:
         self._loosened.clear()
         return loosened
 
+    def memory(self) -> dict[str, float]:
+        """Return the limits that are set, by name."""
+        return dict(self._set)
+
     def get(self, name: str) -> float | None:
         """Return the crew's limit of a name; None: none is set."""
         return self._set.get(name)

@@ -13,6 +13,7 @@ import threading
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from rope_twin.alerts.alert_list import ACTIONS, EVERY, SECOND, Alert, AlertList, Priority
 from rope_twin.alerts.situations import SituationMonitor
@@ -146,6 +147,25 @@ class AlertMonitor:
         """Take the risks of the newest forecast, as forecast/risk has them."""
         with self._lock:
             self._watch.take_risks(rows)
+
+    def memory(self) -> dict[str, Any]:
+        """Return list, limits of the crew, delays and holds as JSON types."""
+        with self._lock:
+            crew, situations = self._watch.crew.memory(), self._watch.memory()
+            return {"limits": crew, "situations": situations, **self._list.memory()}
+
+    def restore(self, memory: Mapping[str, Any]) -> list[str]:
+        """Continue with what `memory` returned; return why limits are left out, in sentences."""
+        dropped = []
+        with self._lock:
+            self._list.restore(memory)
+            self._watch.restore(memory["situations"])
+            for name, value in memory["limits"].items():
+                try:
+                    self._watch.crew.set(name, repr(value))
+                except InputError as error:  # the scene has a stricter one by now
+                    dropped.append(str(error))
+        return dropped
 
     def observe(self, snapshot: Snapshot) -> bool:
         """Judge a snapshot; return whether the list is to be published."""

@@ -15,9 +15,9 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from rope_twin.alerts.alert_list import SECOND, Situation
+from rope_twin.alerts.alert_list import SECOND, Priority, Situation
 from rope_twin.alerts.limits import (
     ALARM,
     CAUTION,
@@ -299,9 +299,14 @@ HELD_LIMITS = {
 class _Gate:
     """Delay and hold of one level of one situation."""
 
-    def __init__(self) -> None:
-        self.on = False
-        self._since_ns: int | None = None  # since it would change
+    def __init__(self, on: bool = False, since_ns: int | None = None) -> None:
+        """Begin as if it would change since `since_ns`."""
+        self.on, self._since_ns = on, since_ns
+
+    @property
+    def memory(self) -> tuple[bool, int | None]:
+        """The arguments that it can be made of again."""
+        return self.on, self._since_ns
 
     def take(self, reached: bool, left: bool, now_ns: int, kind: Kind) -> bool:
         """Return whether the level counts now."""
@@ -344,6 +349,22 @@ class SituationMonitor:
     def crew(self) -> CrewLimits:
         """Return the limits that the crew sets."""
         return self._limits.crew
+
+    def memory(self) -> list[Any]:
+        """Return the delays and holds as JSON types; windows of a minute begin again."""
+        return [
+            [*key, [[threshold, *gate.memory] for threshold, gate in gates.items()],
+             [[threshold, int(priority)] for threshold, priority in self._texts[key][0]],
+             self._texts[key][1]]
+            for key, gates in self._gates.items()
+        ]  # fmt: skip
+
+    def restore(self, memory: Sequence[Any]) -> None:
+        """Continue with the delays and holds of which `memory` was saved."""
+        for number, where, gates, levels, text in memory:
+            key = number, where
+            self._gates[key] = {threshold: _Gate(*saved) for threshold, *saved in gates}
+            self._texts[key] = tuple((one, Priority(priority)) for one, priority in levels), text
 
     def take_rows(self, rows: list[Status]) -> None:
         """Take the newest rows of the diagnostics."""

@@ -17,18 +17,19 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rope_twin.errors import InputError, RopeTwinError, SolverError
+from rope_twin.errors import InputError, RopeTwinError, SolverError, counted
 from rope_twin.estimation import report
 from rope_twin.estimation.alarms import Alarm, FaultWatch
 from rope_twin.estimation.estimator import BURN_IN_S, MIN_USED, SPECTRUM_S, Estimator
 from rope_twin.estimation.figures import (
     ROPE_FIGURES,
+    Gaussian,
     check_learnable,
     factors_of,
     scene_prior,
@@ -66,6 +67,7 @@ class Estimate:
     factors: dict[str, float]  # on the scene's figures, without the current
     at_limit: tuple[str, ...]  # figures at the limit of the prior
     left_out: tuple[str, ...]  # why how much of the block was left out, in words
+    belief: Gaussian  # before the next block
 
     def rows(self) -> list[dict[str, Any]]:
         """Return the rows of estimate/figures."""
@@ -103,7 +105,32 @@ class Learner:
         self._tared = False
         self._frozen = ""
         self._stands = ""
+        self._belief: Gaussian | None = None  # of a run before, to continue from ...
+        self._minutes = 0  # ... and the minutes that it was learned from
         self.newest: Estimate | None = None
+
+    def memory(self) -> dict[str, Any]:
+        """Return what was learned as JSON types; any thread may ask."""
+        newest = self.newest
+        belief = self._belief if newest is None else newest.belief
+        memory: dict[str, Any] = {"tared": self._tared, "names": list(self._prior.names)}
+        if belief is not None:
+            memory["mean"], memory["covariance"] = belief.mean.tolist(), belief.covariance.tolist()
+            memory["minutes"] = self._minutes if newest is None else newest.minutes
+            memory["belief_tared"] = self._tared if newest is None else newest.tared
+        return memory
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Continue from what `memory` returned, if it has the same figures, before the start."""
+        if memory["names"] != list(self._prior.names):
+            return
+        if memory["tared"]:
+            self._tared, self._prior = True, self._prior.tared()
+        if "mean" in memory:
+            belief = Gaussian(np.array(memory["mean"]), np.array(memory["covariance"]))
+            if memory["tared"] and not memory["belief_tared"]:
+                belief = self._prior.with_tare(belief)
+            self._belief, self._minutes = belief, int(memory["minutes"])
 
     @property
     def trouble(self) -> str:
@@ -119,6 +146,9 @@ class Learner:
             return "waiting for the twin"
         if self.newest is None:
             end_s = self.estimator.block_end_s
+            if self._minutes:
+                known = counted(self._minutes, "learned minute")
+                return f"continues from {known}; the next one is learned from at {end_s:.0f} s"
             return f"collecting; the first minute is learned from at {end_s:.0f} s"
         return self.newest.words()
 
@@ -156,7 +186,7 @@ class Learner:
 
     def _begin(self, begin: Restart) -> None:
         """Begin from a live state; figures that were learned before are the prior."""
-        belief = None if self.estimator is None else self.estimator.belief
+        belief = self._belief if self.estimator is None else self.estimator.belief
         results = [] if self.estimator is None else self.estimator.results
         state = self._model.begin_live(begin.live)
         self._lift.drop_before(begin.live.time_ns * 1e-9 - 1.0)
@@ -198,7 +228,7 @@ class Learner:
         known = [name for name in ROPE_FIGURES if self._base[name] and name != "current"]
         self.newest = Estimate(
             time_s=last.end_s,
-            minutes=sum(result.used >= MIN_USED for result in estimator.results),
+            minutes=self._minutes + sum(result.used >= MIN_USED for result in estimator.results),
             tared=self._tared,
             figures=report.estimates(
                 self._base, estimator.prior, last.posterior, advice, last.at_limit
@@ -206,6 +236,7 @@ class Learner:
             factors={name: float(factors[name]) for name in known},
             at_limit=last.at_limit,
             left_out=(*report.left_out_words(last), *report.not_measured(self._lift)),
+            belief=estimator.belief,
         )
 
     def factors_to_apply(self) -> dict[str, float]:
@@ -268,6 +299,7 @@ class AlarmTask:
             successor = FaultWatch(self._scene, estimator)
             if self._watch is not None:
                 successor.keep_rules(self._watch, estimator.state_s)
+            successor.alarm = self.newest
             self._estimator, self._watch = estimator, successor
             self._blocks = len(estimator.results)
         watch = self._watch
@@ -293,6 +325,16 @@ class AlarmTask:
         self.newest = alarm
         self.changes.append(alarm.words)
         self._learner.freeze(alarm.words)
+
+    def memory(self) -> dict[str, Any] | None:
+        """Return the alarm that is on as JSON types; any thread may ask."""
+        alarm = self.newest
+        return None if alarm is None else dataclasses.asdict(alarm)
+
+    def restore(self, memory: Mapping[str, Any] | None) -> None:
+        """Raise the alarm that was on when `memory` was saved."""
+        if memory is not None:
+            self._raise(Alarm(**{**memory, "causes": tuple(memory["causes"])}))
 
     @property
     def state(self) -> str:
@@ -361,6 +403,15 @@ class LiveLearning:
         self._reminded_s = 0.0
         self._seen_ns: int | None = None  # twin time of the newest snapshot
         self._twin: Twin | None = None
+
+    def memory(self) -> dict[str, Any]:
+        """Return what was learned, and the alarm that is on, as JSON types."""
+        return {"learner": self.learner.memory(), "alarm": self.alarms.memory()}
+
+    def restore(self, memory: Mapping[str, Any]) -> None:
+        """Continue from what `memory` returned; call it before the start."""
+        self.learner.restore(memory["learner"])
+        self.alarms.restore(memory["alarm"])
 
     def start(self, twin: Twin) -> None:
         """Begin at the twin's next cycle, and work."""

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from rope_twin import topics
@@ -42,6 +42,7 @@ from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.level import OverloadProtection
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.state import load_state
 from rope_twin.twin.state_file import AutoSave, SavingStatus
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET, WinchCommand
@@ -263,13 +264,14 @@ class PacedTwin:
         self._made_ns = time.monotonic_ns()
         mesh = {"elements": params.elements or None, "step_s": params.step_s or None}
         setup = RunSetup.of(params, **mesh)
-        self.twin, self.begun = _begin(scene, setup, params)
+        self.twin, self.begun, beside = _begin(scene, setup, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self._recovery = Recovery(self.twin)
         self._keeper: AutoSave | None = None
         if params.save_state:
             every_s = params.save_every_s * params.speed
-            self._keeper = AutoSave(self._recovery, Path(params.save_state).resolve(), every_s)
+            path = Path(params.save_state).resolve()
+            self._keeper = AutoSave(self._recovery, path, every_s, self._beside)
         self.protection = _protection_of(self.twin, params)
         self._described = describe_run(scene, setup, params.speed)
         self._log = InputLog(uuid4().hex)
@@ -308,9 +310,34 @@ class PacedTwin:
         if self.learning is not None:
             self.border.listener = self.learning.hear
             self.border.motion_listener = self.learning.hear_motion
+        self.dropped = self._continue(beside)  # why crew limits of the state are left out
         self._process_s = 0.0  # CPU time of the whole process before the last halt
         self._process_at_s: float | None = None  # process time at the last start; None: halted
         self._broken = BreachWords()
+
+    def _beside(self) -> dict[str, Any]:
+        """Return what is saved beside the twin's state: alerts, crew limits, what was learned."""
+        learned = {} if self.learning is None else {"learning": self.learning.memory()}
+        return {"alerts": self.alerts.memory(), **learned}
+
+    def _continue(self, beside: Mapping[str, Any]) -> list[str]:
+        """Continue from what `_beside` returned; return what is left out, in sentences."""
+        if self.learning is not None and "learning" in beside:
+            self.learning.restore(beside["learning"])
+        return self.alerts.restore(beside["alerts"]) if "alerts" in beside else []
+
+    def command_alerts(self, words: str) -> str:
+        """Execute a command to the alert list and save it at once; return the answer in words.
+
+        Raises:
+            InputError: it is not possible.
+        """
+        answer = self.alerts.command(words)
+        if self._keeper is not None and self.border.epoch_ns is not None:
+            self._keeper.request()
+        elif self._keeper is not None:
+            self._keep_stops(self.border.latched)
+        return answer
 
     def begin(self, ros_now_ns: int) -> int:
         """Start, or resume after `halt`; return the epoch: ROS time of t = 0 [ns]."""
@@ -337,6 +364,8 @@ class PacedTwin:
         if at_ns > 0:
             self._inputs.invalidate_inputs()
         self.border.epoch_ns = epoch_ns
+        # before the first snapshot, at which alerts of a saved state would end without them
+        self.alerts.take_rows(self.rows(self._ros_ahead_ns))
         self._publisher.start(epoch_ns)
         if self.learning is not None:
             self.learning.start(self.twin)
@@ -514,16 +543,21 @@ class PacedTwin:
         return rows
 
 
-def _begin(scene: Scene, setup: RunSetup, params: SimulationParams) -> tuple[Twin, str]:
-    """Return the twin in static equilibrium or at a saved state, and a text saying which."""
+def _begin(
+    scene: Scene, setup: RunSetup, params: SimulationParams
+) -> tuple[Twin, str, Mapping[str, Any]]:
+    """Return the twin in static equilibrium or at a saved state, a text saying which, and what was
+    saved beside the state.
+    """
     if not params.from_state:
-        return setup.make(scene, None), "starting from static equilibrium"
+        return setup.make(scene, None), "starting from static equilibrium", {}
     path = Path(params.from_state).resolve()
     if params.from_state == params.save_state and not path.exists():
         words = f"starting from static equilibrium: no saved state {path} yet"
-        return setup.make(scene, None), words
-    twin = setup.make(scene, path)
-    return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
+        return setup.make(scene, None), words, {}
+    state = load_state(path)
+    twin = setup.make(scene, state)
+    return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s", state.beside
 
 
 def _protection_of(twin: Twin, params: SimulationParams) -> OverloadProtection | None:

@@ -162,6 +162,8 @@ class SimulationNode(SuiteNode, LifecycleNode):
             self._submit_services(self.paced)
             if self._params.from_state:
                 self.get_logger().info(self.paced.begun)
+            for sentence in self.paced.dropped:
+                self.get_logger().warning(f"limit of the crew left out: {sentence}")
             if self.paced.twin.notice:
                 self.get_logger().info(self.paced.twin.notice)
         except RopeTwinError as error:
@@ -392,7 +394,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
             if late := paced.border.refuse_late(ALERT_COMMAND, words[:LONGEST], sent_s):
                 self.get_logger().warning(late)
             else:
-                self.get_logger().info(paced.alerts.command(words))
+                self.get_logger().info(paced.command_alerts(words))
         except InputError as error:
             self.get_logger().warning(str(error))
 

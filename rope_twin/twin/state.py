@@ -116,6 +116,9 @@ class SavedState:
     memory: dict[str, Any]  # plain form of the TwinState by part
     arrays: Arrays
     source: str = "in memory"  # the file it was read from
+    beside: dict[str, Any] = dataclasses.field(
+        default_factory=dict
+    )  # of what runs beside the twin, as JSON
 
     @property
     def time_ns(self) -> int:
@@ -148,6 +151,7 @@ class SavedState:
             raise StateError(where, fault, "the state is not saved")
         return {
             **dataclasses.asdict(self.about), "scene_figures": self.figures, "memory": self.memory,
+            "beside": self.beside,
         }  # fmt: skip
 
     def fault(self) -> str:
@@ -275,7 +279,8 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
         values = {field.name: header[field.name] for field in dataclasses.fields(StateDescription)}
         values["payload_position_m"] = tuple(values["payload_position_m"])
         figures, memory = header["scene_figures"], header["memory"]
-        state = SavedState(StateDescription(**values), figures, memory, arrays, str(path))
+        beside = header.get("beside", {})
+        state = SavedState(StateDescription(**values), figures, memory, arrays, str(path), beside)
     except (KeyError, TypeError) as error:
         remedy = "take another saved state, or start without one"
         raise StateError(f"saved state {path}", f"its header lacks {error}", remedy) from error

@@ -28,6 +28,7 @@ import math
 import os
 import re
 from collections import Counter, deque
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -321,12 +322,21 @@ class AutoSave:
     which a step failed does not replace the previous file.
     """
 
-    def __init__(self, twin: Twin | Recovery, path: Path, every_s: float) -> None:
+    def __init__(
+        self,
+        twin: Twin | Recovery,
+        path: Path,
+        every_s: float,
+        beside: Callable[[], dict[str, Any]] = dict,
+    ) -> None:
         """Save to `path` each time that `every_s` of twin time have passed.
+
+        beside: returns what else is saved with the state, as JSON; called in the writing thread.
 
         Raises:
             StateError: the file cannot be created.
         """
+        self._beside = beside
         check_place(path, f"saved state {path}")
         self._twin = twin
         self._every_ns = round(every_s * 1e9)
@@ -403,7 +413,7 @@ class AutoSave:
 
     def _write(self, state: SavedState) -> None:
         try:
-            state.write(self._health.path)
+            dataclasses.replace(state, beside=self._beside()).write(self._health.path)
         except StateError as error:
             self._report(str(error))
         except Exception as error:

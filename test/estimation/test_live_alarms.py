@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -11,7 +12,7 @@ from learned_lift import NOISE_N, lift
 from test_live_learning import new_learning
 
 from rope_twin.estimation.causes import STUCK_PIN, STUCK_SENSOR
-from rope_twin.estimation.live import ROW
+from rope_twin.estimation.live import ROW, LiveLearning
 from rope_twin.estimation.worker import Motion
 from rope_twin.messages.cdr import encode_text, typestore
 from rope_twin.messages.reports import Level, alarm_words
@@ -57,6 +58,18 @@ def test_a_stuck_load_pin_is_an_alarm_until_it_is_acknowledged(tmp_path: Path) -
     assert any(STUCK_PIN in one.warning for one in twin.snapshot().inputs.values())
     (reported,) = learning.alarms.as_json()
     assert STUCK_PIN in alarm_words(reported)
+    again = LiveLearning(twin.scene, queue)  # of a simulation that was killed and goes on
+    again.restore(json.loads(json.dumps(learning.memory(), allow_nan=False)))
+    assert again.alarms.newest == alarm
+    assert next(again.new_alarms()) == alarm.words
+    again.start(twin)
+    again.worker.stop()
+    again.worker._stopping.clear()
+    queue.advance(1)
+    again.worker.work()
+    assert again.alarms.row().level is Level.ERROR
+    assert STUCK_PIN in again.learner.trouble
+    assert not list(again.new_alarms()), "raised once"
     queue.advance(round(SECONDS / (1e-9 * twin.step_ns)))
     ok, _ = learning.acknowledge()
     assert ok

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 from pathlib import Path
 
@@ -149,6 +150,21 @@ def test_a_live_twin_learns_and_takes_over(tmp_path: Path) -> None:
     )
     assert message.width == len(newest.figures)
     assert [one.name for one in message.fields] == FIGURE_COLUMNS.split()
+    memory = json.loads(json.dumps(learning.memory(), allow_nan=False))
+    again = LiveLearning(twin.scene, queue)  # of a simulation that was killed and goes on
+    again.restore(memory)
+    again.start(twin)
+    again.worker.stop()
+    again.worker._stopping.clear()
+    queue.advance(1)
+    again.worker.work()
+    estimator = again.learner.estimator
+    assert estimator is not None
+    np.testing.assert_array_equal(estimator.theta, newest.belief.mean)
+    np.testing.assert_array_equal(estimator.belief.covariance, newest.belief.covariance)
+    words = f"continues from {newest.minutes} learned minutes; the next one is learned from at "
+    assert again.row(1.0).message.startswith(words)
+    assert again.memory() == memory
 
 
 def test_a_tare_and_a_freeze(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from ros_process import Processes
 
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
-from rope_twin.messages import Level, decode, encode_order
+from rope_twin.messages import Level, decode, encode_order, encode_text
 from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
@@ -140,6 +140,44 @@ def test_a_state_that_is_asked_for_before_the_start_is_saved_or_refused(
     resumed = Twin.restore(load_state(path), load_scene(scene))
     resumed.advance(1)
     assert resumed.snapshot().winches[0].mode == "emergency_stop"
+
+
+def test_alerts_and_limits_of_the_crew_outlive_a_kill(bench: Bench, tmp_path: Path) -> None:
+    """What the crew has done with them is saved at once; nothing is raised again or missing."""
+    path, killed = tmp_path / "run.state", tmp_path / "killed.state"
+    first = simulation(bench, save_state=str(path), save_every_s=3600.0)
+    heard, commands = bench.listen("alerts"), bench.publisher("alerts/command")
+    first.begin()
+    bench.until(commands.get_subscription_count, "it listens")
+
+    def key(name: str) -> dict[str, str]:
+        rows = ({pair.key: pair.value for pair in one.values} for one in heard[-1].status)
+        return next((row for row in rows if row["identifier"] == name), {})
+
+    def done(words: str, name: str, state: str) -> None:
+        path.unlink(missing_ok=True)
+        commands.publish(encode_text(words))
+        bench.until(lambda: heard and key(name).get("state") == state, words, 30.0)
+        bench.until(path.exists, "it is saved at once", 20.0)
+
+    done("limit tension_n 120000", "10001", "unacknowledged")
+    commands.publish(encode_text("limit payload_depth_m 100"))
+    bench.until(lambda: key("10010"), "another alarm")
+    done("acknowledge 10001.1", "10001", "acknowledged")
+    done("shelve 10010.1 600", "10010", "unacknowledged")
+    shutil.copy(path, killed)
+    before = {name: key(name) for name in ("10001", "10010")}
+    saved = load_state(killed)
+    first.close()
+    bench.remove(first)
+    heard.clear()
+    second = simulation(bench, from_state=str(killed))
+    second.begin()
+    assert second.paced.alerts.row().message == ("tension_n 120000 N, payload_depth_m 100 m")
+    bench.until(lambda: second.paced.last.time_s > saved.about.time_s + 2.0, "it runs on")
+    assert int(key("10001")["now [ns]"]) > int(before["10001"]["now [ns]"])
+    for name, values in before.items():
+        assert key(name) | {"now [ns]": ""} == values | {"now [ns]": ""}
 
 
 def test_a_commander_that_does_not_come_back_after_a_restart_is_lost(
