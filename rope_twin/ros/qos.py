@@ -176,15 +176,23 @@ class Senders:
         return sorted(names - {self._node.get_name()})
 
     def _publishers(self, topics: Iterable[str]) -> Iterator[tuple[bytes, str]]:
-        """Yield identity and node of each publisher on these topics; "": its node is not known."""
+        """Yield identity and node of each publisher on these topics; "": its node is not known.
+
+        A process that was stopped for longer than the lease of DDS finds all others again, but
+        their nodes stay nameless in its graph: a publisher keeps the name that it had.
+        """
         namespace = self._node.get_namespace()
         for end in (
             end for topic in topics for end in self._node.get_publishers_info_by_topic(topic)
         ):
-            name = "" if end.node_name == _UNKNOWN else str(end.node_name)
+            publisher = bytes(end.endpoint_gid)
+            if end.node_name == _UNKNOWN:
+                yield publisher, self._names.get(publisher, "")
+                continue
+            name = str(end.node_name)
             if name and end.node_namespace != namespace:
                 name = f"{end.node_namespace.rstrip('/')}/{name}"
-            yield bytes(end.endpoint_gid), name
+            yield publisher, name
 
 
 def publisher_name(publisher: bytes) -> str:
