@@ -174,7 +174,7 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
     message, stamp_ns = _stamped(topic, data)
     if topic == MEASURED_DEPTH:
         return Measurement(PAYLOAD, stamp_ns, (("", or_none(-message.point.z), None, None),))
-    names = [str(name) for name in message.name] or [""]
+    names = _names(topic, message) or [""]
     fields = ("effort",) if topic == MOTOR_TENSION else _COLUMNS
     columns: list[list[float | None]] = []
     for field in _COLUMNS:
@@ -191,7 +191,19 @@ def read_measurement(topic: str, data: bytes) -> Measurement:
     return Measurement(source, stamp_ns, tuple(zip(names, *columns, strict=True)))
 
 
-MAX_WINCHES = 100  # in one message
+MAX_WINCHES, LONGEST_NAME = 100, 256  # in one message
+
+
+def _names(topic: str, message: Any) -> list[str]:
+    """Return the names in a message.
+
+    Raises:
+        InputError: one is too long: sentences about it are published and recorded again and again.
+    """
+    names = [str(name) for name in message.name]
+    if (longest := max(map(len, names), default=0)) > LONGEST_NAME:
+        raise InputError(topic, f"a name of {longest} characters", f"give {LONGEST_NAME} at most")
+    return names
 
 
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
@@ -240,7 +252,7 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
             exactly one value (or switch) of the topic's kind.
     """
     message = decode(topic, data)
-    names = [str(name) for name in message.name]
+    names = _names(topic, message)
     if topic == SWITCH_TOPIC and names[1:] == [EMERGENCY_STOP]:
         # never rejected for its stamp: an invalid one is replaced by a past time, and is flagged
         stamp = message.header.stamp
@@ -280,10 +292,11 @@ def read_cut(data: bytes) -> tuple[int | None, float, str]:
             exactly one position.
     """
     message, stamp_ns = _stamped(CUT_TOPIC, data)
+    names = _names(CUT_TOPIC, message)
     if len(message.position) != 1:
         remedy = "there must be exactly one, the length of rope between hang-off and cut"
         raise InputError(CUT_TOPIC, f"{len(message.position)} positions", remedy)
-    rope = str(message.name[0]) if len(message.name) else ""
+    rope = next(iter(names), "")
     return stamp_ns or None, float(message.position[0]), rope
 
 

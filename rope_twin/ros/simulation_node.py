@@ -392,11 +392,15 @@ class SimulationNode(SuiteNode, LifecycleNode):
         try:
             words = str(decode(ALERT_COMMAND, data).data)
             if late := paced.border.refuse_late(ALERT_COMMAND, words[:LONGEST], sent_s):
-                self.get_logger().warning(late)
+                self._warn_of_alerts(late)
             else:
                 self.get_logger().info(paced.command_alerts(words))
         except InputError as error:
-            self.get_logger().warning(str(error))
+            self._warn_of_alerts(str(error))
+
+    def _warn_of_alerts(self, sentence: str) -> None:
+        """Log a command that is rejected, at most one a second."""
+        self.get_logger().warning(sentence, throttle_duration_sec=1.0)
 
     def _publish_diagnostics(self) -> None:
         """Publish diagnostics, once per second and at each change of state."""

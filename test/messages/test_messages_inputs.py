@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -140,6 +141,17 @@ def measured(names: list[str], **values: list[float]) -> bytes:
     """A winch/measured message with these names and columns."""
     arrays = {name: np.array(column) for name, column in values.items()}
     return serialise(new("sensor_msgs/msg/JointState", name=names, **arrays))
+
+
+@pytest.mark.parametrize("read", [
+    lambda data: read_order("winch/speed_command", data), read_cut,
+    lambda data: read_measurement("winch/measured", data),
+    lambda data: read_order("winch/switch_command", data),
+])  # fmt: skip
+def test_a_name_without_end_is_not_repeated(read: Callable[[bytes], object]) -> None:
+    """It would be in every diagnostics message and in the bag, and be kept for each new one."""
+    with pytest.raises(InputError, match=r": a name of 1000000 characters; give 256 at most\."):
+        read(measured(["winch", "y" * 1_000_000], velocity=[0.1, 0.1]))
 
 
 def test_what_is_not_measured_is_nan_or_left_out() -> None:
