@@ -52,7 +52,7 @@ from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.input_queue import Call, LogEntry, calls_of, plain_calls
 from rope_twin.twin.monitors import Monitors
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.state import SavedState, decode_state, scene_properties
+from rope_twin.twin.state import SavedState, decode_state, load_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.vortex.results import MonitorSettings
 
@@ -222,7 +222,15 @@ class RunSetup:
         """
         vortex = MonitorSettings(self.vibration, self.fatigue)
         monitors = Monitors(self.energy, self.error_interval, vortex)
-        twin = Twin(scene, monitors) if state is None else Twin.restore(state, scene, monitors)
+        if state is None:
+            twin = Twin(scene, monitors)
+        else:
+            from rope_twin.twin.vortex_monitor import uncounted_fatigue  # with the VIV models
+
+            state = load_state(state) if isinstance(state, Path) else state
+            twin = Twin.restore(state, scene, monitors)
+            notices = twin.notice, uncounted_fatigue(state, vortex)
+            twin.notice = "\n".join(filter(None, notices))
         twin.inputs.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
             twin.invalidate_error(OTHER_SEA)

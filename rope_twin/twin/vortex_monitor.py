@@ -18,7 +18,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.effects.bending import BendingParams
-from rope_twin.errors import StateError
+from rope_twin.errors import StateError, phrase
 from rope_twin.scene.grid import ends_m
 from rope_twin.scene.joined_model import over_sheaves
 from rope_twin.scene.rigging import is_joined, runs_over_sheave, winch_of
@@ -43,6 +43,18 @@ from rope_twin.vortex.results import (
 )
 
 PREFIX = "vortex/"  # of the names in a saved state
+
+
+def uncounted_fatigue(saved: SavedState, asked: MonitorSettings) -> str:
+    """Return that a run leaves out the fatigue that a saved state has, in a sentence, or ""."""
+    wear = saved.of_monitor(PREFIX).get(wear_name(0))
+    if asked.fatigue or wear is None:
+        return ""
+    curve = wear["fields"]["name"]
+    problem = f"its fatigue by the curve {curve} is not counted on, and not saved again"
+    return phrase(f"saved state {saved.source}", problem, f"ask for fatigue {curve} to continue it")
+
+
 Numbers = tuple[int, ...]  # of the ropes of a line, from its lower end up
 
 

@@ -16,6 +16,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import decode, read_cloud, statuses
 from rope_twin.recording.bag import BagReader
+from rope_twin.recording.session import RunSetup
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
@@ -165,6 +166,12 @@ def test_a_state_is_taken_with_and_without_what_was_counted() -> None:
     twin.advance(200)
     state = twin.capture()
     assert Twin.restore(state, scene).snapshot().fatigue is None
+    words = RunSetup(feeds_itself=True).make(scene, state).notice
+    assert words == (
+        "saved state in memory: its fatigue by the curve stranded_wire is not counted on, and not "
+        "saved again; ask for fatigue stranded_wire to continue it."
+    )
+    assert not RunSetup(feeds_itself=True, fatigue="stranded_wire").make(scene, state).notice
     plain = Twin(scene)
     plain.advance(200)
     late = Twin.restore(plain.capture(), scene, Monitors(vortex=WORN))
