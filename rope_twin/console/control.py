@@ -130,6 +130,8 @@ class _SetPoint:
     given_s: float
     confirmed: bool = False  # whether the twin has given the console the winch's seat
     in_force: WinchCommand | None = None  # newest one that the twin has reported
+    seen_s: float = 0.0  # when the twin last reported the command ...
+    refused: int = 0  # ... and how many the seat had refused by then
 
     def stop(self) -> None:
         """Repeat speed 0, as after an emergency stop."""
@@ -279,6 +281,7 @@ class RequestHandler:
             now_s = self._clock()
             set_point = self._set_points.setdefault(winch, _SetPoint(command, now_s))
             set_point.command, set_point.given_s = command, now_s
+            set_point.seen_s, set_point.refused = now_s, _refused_in(self._seat_row(winch))
         elif command.kind == EMERGENCY_STOP and winch in self._set_points:
             self._set_points[winch].stop()
         refused = self._refused(winch, command)
@@ -377,7 +380,8 @@ class RequestHandler:
         for winch, set_point in list(self._set_points.items()):
             if self._commands(winch):
                 set_point.confirmed = True
-                continue
+                if not self._overridden(winch, set_point, now_s):
+                    continue
             if not set_point.confirmed and now_s - set_point.given_s <= FEEDBACK_S + REPEAT_S:
                 continue
             del self._set_points[winch]
@@ -387,6 +391,15 @@ class RequestHandler:
                 remedy = "the set-point is no longer repeated; send it again to command"
                 notice = phrase(f"seat of {winch}", problem, remedy)
                 self._pages.send(self._holder, {"type": "notice", "words": notice})
+
+    def _overridden(self, winch: str, set_point: _SetPoint, now_s: float) -> bool:
+        """Return whether a second node of this name commands: the twin has reported another
+        command for FEEDBACK_S, and the seat has refused some since.
+        """
+        refused = _refused_in(self._seat_row(winch))
+        if self._effect(winch, set_point.command) is not None:
+            set_point.seen_s, set_point.refused = now_s, refused
+        return refused > set_point.refused and now_s - set_point.seen_s > FEEDBACK_S
 
     def _entry_fault(self, page: Page, action: str) -> str:
         """Return why an entry of the log is refused, or ""."""
@@ -481,8 +494,18 @@ class RequestHandler:
         return row
 
     def _refused(self, winch: str, command: WinchCommand) -> int:
-        """Return how many commands the twin has refused at the input that takes a command."""
-        return int(self._input_row(winch, command).get("values", {}).get("refused", 0))
+        """Return how many commands the twin has refused at the input that takes a command, and at
+        the winch's seat.
+        """
+        rows = self._input_row(winch, command), self._seat_row(winch)
+        return sum(_refused_in(row) for row in rows)
+
+    def _seat_row(self, winch: str) -> Mapping[str, Any]:
+        """Return the diagnostics row of the seat of a winch; empty: not known."""
+        row: Mapping[str, Any] = self._pages.readings.values.get(
+            f"diagnostics simulation: seat {winch}", {}
+        )
+        return row
 
     def _return_from(self, winch: str, command: WinchCommand) -> None:
         """Repeat the set-point in force in place of one that the twin refuses, or none."""
@@ -501,21 +524,23 @@ class RequestHandler:
         more than `refused` commands, as many as before it.
         """
         values = self._pages.readings.values
-        seat = values.get(f"diagnostics simulation: seat {winch}")
+        seat_refusal = self._seat_row(winch).get("values", {}).get("last rejection", "")
         holder = str(values.get("seat", ""))
         commands = self._commands(winch)
         if not commands:
             self._set_points.pop(winch, None)
         if not commands and command.kind != EMERGENCY_STOP:
-            last = (seat or {}).get("values", {}).get("last rejection", "")
-            return last or phrase(_words(command), f"the seat is not the console's ({holder})",
-                                  "take the seat and send it again")  # fmt: skip
+            problem = f"the seat is not the console's ({holder})"
+            return seat_refusal or phrase(
+                _words(command), problem, "take the seat and send it again"
+            )
         lost = self._lost()
         is_refused = self._refused(winch, command) > refused
-        if command.kind in CONTROL_MODES and (is_refused or (lost and command != _STOP)):
+        if command.kind in CONTROL_MODES and command != _STOP and (is_refused or lost):
             self._return_from(winch, command)
         row = self._input_row(winch, command)
-        reason = lost or (row.get("message", "").removesuffix(".") if row.get("level") else "")
+        reason = lost or (row.get("message", "") if row.get("level") else "")
+        reason = (reason or (seat_refusal if is_refused else "")).removesuffix(".")
         problem = f"no effect seen within {FEEDBACK_S:g} s"
         return phrase(_words(command), problem, reason or "look at the winch's state")
 
@@ -525,6 +550,11 @@ class RequestHandler:
         """Answer a request of a page; after the stage `sent` another answer follows."""
         content = {"type": "reply", "id": number, "ok": done, "words": text, "stage": stage}
         self._pages.send(page, content)
+
+
+def _refused_in(row: Mapping[str, Any]) -> int:
+    """Return how many commands were refused by a row of the diagnostics."""
+    return int(row.get("values", {}).get("refused", 0))
 
 
 def is_finite(value: object) -> TypeGuard[float]:

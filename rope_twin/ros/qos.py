@@ -14,6 +14,7 @@ from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallba
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from rope_twin.ros.middleware import rmw_name
 from rope_twin.topics import QOS_ROWS, Qos, Topic
 
 
@@ -103,6 +104,7 @@ ASK_AGAIN_S = 0.1  # minimum time between graph queries for the same publisher
 MAX_SENDERS = 1000  # publishers that are remembered
 NAMELESS_S = 3.0  # a publisher without a node for so long belongs to none
 _PUBLISHER = "publisher "  # begins the name of one whose node is not known
+_DDS, _PARTICIPANT = ("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"), 12
 _UNKNOWN = "_NODE_NAME_UNKNOWN_"  # name in the graph of a node that is not discovered yet
 
 
@@ -193,6 +195,14 @@ class Senders:
             if name and end.node_namespace != namespace:
                 name = f"{end.node_namespace.rstrip('/')}/{name}"
             yield publisher, name
+
+
+def process_of(publisher: bytes) -> bytes | None:
+    """Return what the publishers of one process have in common; None: the middleware hides it.
+
+    With DDS their identities begin with that of the participant; a process has one.
+    """
+    return publisher[:_PARTICIPANT] if rmw_name() in _DDS else None
 
 
 def publisher_name(publisher: bytes) -> str:

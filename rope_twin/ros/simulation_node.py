@@ -373,7 +373,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
                 paced.border.seats.name_holders(
                     lambda holder: self._senders.node_of(holder, WINCH_TOPICS)
                 )
-                paced.border.take_order(name, data, sender, sent_s)
+                paced.border.take_order(name, data, sender, sent_s, qos.process_of(publisher))
                 self._publish_seat()
             elif name == CUT_TOPIC:
                 paced.border.take_cut(data, sent_s)

@@ -203,11 +203,18 @@ class InputBorder:
             self._inputs.submit_lower_end(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
             self.lower_end_ns = max(self.lower_end_ns or 0, stamp_ns - epoch_ns)
 
-    def take_order(self, topic: str, data: bytes, sender: str, sent_ago_s: float = 0.0) -> None:
+    def take_order(
+        self,
+        topic: str,
+        data: bytes,
+        sender: str,
+        sent_ago_s: float = 0.0,
+        process: object = None,
+    ) -> None:
         """Accept or reject a message on one of WINCH_TOPICS.
 
         sender: name of its node, which must have the winch's seat; sent_ago_s: time since it was
-        sent [s].
+        sent [s]; process: any identifier of the sender's process, None: unknown.
         """
         content = self._read(topic, lambda: read_order(topic, data))
         if content is None:
@@ -229,7 +236,9 @@ class InputBorder:
         executable = winch in self.seats.winches and self._twin.inputs.winch_may_execute(
             winch, at_ns, order
         )
-        command = self.seats.admit(winch, Command(order, at_ns, sender, executable), now_ns)
+        command = self.seats.admit(
+            winch, Command(order, at_ns, sender, executable, process), now_ns
+        )
         if doubt := self.seats.doubt(winch):
             with self._lock:
                 self._remark(f"winch {winch}: {doubt}", self._now_s())

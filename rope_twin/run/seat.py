@@ -68,6 +68,7 @@ class CommandSeat:
             self._names.append(ANY)
         self.holder = ""  # name of the commanding node; "": the seat is free
         self._former = ""  # its last holder
+        self._process: object = None  # of the holder's last command; None: not known
         self.refused = 0
         self._refusal, self._refused_s = "", -WARNED_S
         self._reserved_until_s = 0.0
@@ -93,21 +94,39 @@ class CommandSeat:
         return len(self._names)
 
     def judge(
-        self, sender: str, order: WinchCommand, now_s: float, executable: bool = True
+        self,
+        sender: str,
+        order: WinchCommand,
+        now_s: float,
+        executable: bool = True,
+        process: object = None,
     ) -> CommandDecision:
-        """Accept or reject a command; an accepted one may take the seat if it is executable."""
-        if order.kind == EMERGENCY_STOP or sender == self.holder:
+        """Accept or reject a command; an accepted one may take the seat if it is executable.
+
+        process: that of the node; a second one with a node of the same name is another commander
+        while the first one commands.
+        """
+        is_second = (
+            sender == self.holder
+            and process != self._process
+            and now_s - self._commanded_s < QUIET_S
+        )
+        if order.kind == EMERGENCY_STOP or (sender == self.holder and not is_second):
+            if sender == self.holder and executable and not is_second:
+                self._process = process
             return CommandDecision()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
             remedy = f"request the seat with the service {service_name(self.winch, TAKE)}"
+            which = "a second node" if is_second else "node"
             return CommandDecision(
-                self._refuse(f"'{order.kind}' from node {sender}", remedy, now_s)
+                self._refuse(f"'{order.kind}' from {which} {sender}", remedy, now_s)
             )
         if not executable:
             return CommandDecision()
-        is_new = self._former not in ("", sender)
+        is_new = is_second or self._former not in ("", sender)
         self.holder = self._former = sender
+        self._process = process
         self._reserved_until_s = 0.0
         self._lost = self._yielded = ""
         self._awaited_ns = None
@@ -273,6 +292,7 @@ class Command(NamedTuple):
     stamp_ns: int | None  # simulation time [ns]; None: apply immediately
     sender: str  # name of its node, or that of its publisher while the node is not known
     executable: bool = True  # False: the winch will reject it, whoever commands
+    process: object = None  # any identifier of its process; None: not known
 
 
 class Seats:
@@ -313,7 +333,9 @@ class Seats:
         seat, now_s = self._by_winch.get(winch), self._now_s()
         if seat is None:
             return command  # for no winch of this scene: the twin rejects it
-        verdict = seat.judge(command.sender, command.command, now_s, command.executable)
+        verdict = seat.judge(
+            command.sender, command.command, now_s, command.executable, command.process
+        )
         if verdict.refusal:
             return None
         if verdict.is_new:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 
 import pytest
 from console_rig import TENSION_ALARM, TOKEN, ConsoleRig, frames, replies
@@ -233,6 +234,55 @@ def test_a_switch_without_effect_is_answered_with_its_own_refusal() -> None:
     rig.tick(60)
     words = replies(page)[-1]["words"]
     assert words == f"release brake: no effect seen within 2.5 s; {why}"
+
+
+def test_a_set_point_that_the_seat_refuses_is_not_repeated() -> None:
+    """The seat of a second console has the same name; its words say which one commands."""
+    rig = ConsoleRig()
+    rig.commander.obeys, rig.source.seat = False, "winch: console"
+    why = "winch winch: 'speed' from a second node console rejected: console has the seat; ask."
+    seat = Status("simulation: seat winch", Level.WARN, "", {"refused": "0", "last rejection": ""})
+    rig.source.rows = [seat]
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    rig.desk.take(page, {"do": "command", "kind": "speed", "value": 0.5, "winch": "winch", "id": 2})
+    values = {"refused": "20", "last rejection": why}
+    rig.source.rows = [replace(seat, values=values)]
+    rig.tick(round(FEEDBACK_S / 0.05) + 2)
+    words = replies(page)[-1]["words"]
+    assert words == f"speed +0.5 m/s: no effect seen within 2.5 s; {why}"
+    rig.commander.sent.clear()
+    rig.tick(10)
+    assert not rig.commander.sent
+
+
+def test_a_set_point_ends_when_a_second_console_takes_over() -> None:
+    """Repeated further, it would start the winch once that one is gone. A refused STOP is repeated:
+    what was in force before it is not.
+    """
+    rig = ConsoleRig()
+    seat = Status("simulation: seat winch", Level.OK, "", {"refused": "3"})
+    rig.source.rows = [seat]
+    page = rig.page(True)
+    rig.tick()
+    rig.desk.take(page, {"do": "take_seat", "id": 1})
+    speed = {"do": "command", "kind": "speed", "winch": "winch"}
+    rig.desk.take(page, {**speed, "value": 0.5, "id": 2})
+    rig.tick(10)
+    rig.commander.obeys, rig.source.mode = False, "winch: speed 0.1 m/s"
+    rig.source.rows = [replace(seat, values={"refused": "4"})]
+    rig.desk.take(page, {**speed, "value": 0.0, "id": 3})
+    rig.source.rows = [replace(seat, values={"refused": "9"})]
+    frames(page)
+    rig.tick(round(FEEDBACK_S / 0.05))
+    assert rig.commander.sent[-1][1] == WinchCommand("speed", 0.0)
+    rig.tick(3)
+    (notice,) = [one for one in frames(page) if one["type"] == "notice"]
+    assert "another commander has it" in notice["words"]
+    rig.commander.sent.clear()
+    rig.tick(60)
+    assert not rig.commander.sent
 
 
 @pytest.mark.parametrize("command", [

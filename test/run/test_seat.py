@@ -9,6 +9,7 @@ from rope_twin.run.seat import (
     AWAITED_NS,
     GONE_S,
     PRIORITY,
+    QUIET_S,
     RESERVED_S,
     SILENT_NS,
     STREAM_COMMANDS,
@@ -276,3 +277,20 @@ def test_a_switch_by_service_is_for_a_free_seat_and_a_stop_for_everybody() -> No
 def test_a_switch_by_service_needs_its_component() -> None:
     seats = Seats(load_scene("deep_lift"), PRIORITY, lambda order, winch: None)
     assert "no brake; add `brake` to it" in seats.permit("winch", "set_brake")
+
+
+def test_a_second_node_of_the_commander_s_name_is_another_commander() -> None:
+    """Two consoles: their set-points would alternate. A node that has started again goes on."""
+    own = seat()
+    assert not own.judge("console", SPEED, 0.0, process=b"1").refusal
+    own.note(SPEED, None, 0, 0.0)
+    refusal = own.judge("console", SPEED, 0.5, process=b"2").refusal
+    assert "'speed' from a second node console rejected: console has the seat" in refusal
+    assert not own.judge("console", WinchCommand("emergency_stop"), 0.5, process=b"2").refusal
+    assert not own.judge("console", SPEED, 0.6, process=b"1").refusal
+    own.note(SPEED, None, 0, 0.6)
+    own.ask(0.7)
+    assert own.judge("console", SPEED, 0.8, process=b"2").is_new
+    own.note(SPEED, None, 0, 0.8)
+    assert own.judge("console", SPEED, 0.9, process=b"1").refusal
+    assert not own.judge("console", SPEED, 0.8 + QUIET_S, process=b"3").refusal
