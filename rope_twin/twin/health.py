@@ -26,7 +26,7 @@ SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their tim
 def too_far_ahead(stamp_ns: int, now_ns: int) -> tuple[str, str]:
     """Return problem and remedy of a sample from too far in the future."""
     problem = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
-    return problem, "sender and twin must share one clock"
+    return problem, "sender and twin must share one clock, and the twin must not be behind"
 
 
 def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
