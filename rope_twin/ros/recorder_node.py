@@ -226,7 +226,8 @@ class RecorderNode(SuiteNode):
             return Status(name, Level.ERROR, health.trouble, values)
         words = f"recording; {counted(health.recorded, 'message')} written"
         if self._loss.lost:
-            missing = f"{counted(self._loss.lost, 'message')} missing in the bag: CPU overload"
+            missing = f"{counted(self._loss.lost, 'message')} missing in the bag: CPU overload, or "
+            missing += "the recorder was stopped"
             if self._loss.recent:
                 return Status(name, Level.WARN, missing, values)
             words += f"; {missing}, none in the last {_REPORTED_S:g} s"
