@@ -36,6 +36,7 @@ from rope_twin.ros.entry import SuiteNode, run_node
 from rope_twin.ros.middleware import sent_ago_s
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
+from rope_twin.run.border import SenderLags
 from rope_twin.scene.load import at_setting, following_measured, load_scene
 from rope_twin.scene.rope_warnings import sense_checks
 from rope_twin.topics import (
@@ -87,6 +88,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
         self._published = Counter[str]()  # messages by topic
         self._listeners, self._described_s = 0, float("-inf")  # subscribers of the input log
         self._senders = qos.Senders(self)
+        self._lags = SenderLags()
         self._own_services: list[Any] = []
         self._seat_words = ""  # last published text
         self._checked_s = 0.0  # time of the last check of the commanders
@@ -363,6 +365,7 @@ class SimulationNode(SuiteNode, LifecycleNode):
                 return
             publisher = info["publisher_gid"]["data"]
             sent_s = sent_ago_s(info["source_timestamp"])
+            sent_s = self._lags.since_sent_s(bytes(publisher), sent_s, time.monotonic())
             arrival_ns = paced.arrival_ns(self.get_clock().now().nanoseconds)
             if name in MOTION_TOPICS:
                 paced.border.take_motion(name, data, publisher, arrival_ns)

@@ -13,7 +13,7 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import replace
 from functools import partial
 from typing import TypeVar
@@ -49,10 +49,46 @@ REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 REMARK_S = 5.0  # between two remarks to the twin
 LATE_S = 2.0  # after its sending a command is not executed at once any more; less than the time
 # after which a console reports that it has no effect
+MAX_SENDERS = 1000  # whose clocks are known
+STEADY_S, JITTER_S = 1.0, 0.25  # messages of one age for so long show how far a clock lags
+CLOCK_DRIFT = 1e-4  # by which a lag may grow [s/s]
 _DEPTH, _QUANTITIES = "depth", ("line out", "line speed", "tension")  # values of a row
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
 
 Content = TypeVar("Content")
+
+
+class SenderLags:
+    """How far the clocks of senders lag, by the ages of their messages.
+
+    What waited, in the middleware or on its way, comes at one moment and is of many ages.
+    """
+
+    def __init__(self) -> None:
+        self._lags: dict[Hashable, tuple[float, float]] = {}  # lag and when it held [s]
+        self._first: dict[Hashable, tuple[float, float]] = {}  # an age, and since when [s]
+
+    def since_sent_s(self, sender: Hashable, age_s: float, now_s: float) -> float:
+        """Return the time since a message was sent [s].
+
+        age_s: the same by the sender's clock; now_s: time of an own steady clock.
+        """
+        if (known := self._lags.get(sender)) is not None:
+            lag_s, held_s = known
+            lag_s = min(age_s, lag_s + CLOCK_DRIFT * (now_s - held_s))
+            self._lags[sender] = lag_s, now_s
+            return age_s - lag_s
+        if sender not in self._first and len(self._first) >= MAX_SENDERS:
+            del self._first[next(iter(self._first))]
+        first_s, since_s = self._first.setdefault(sender, (age_s, now_s))
+        if abs(age_s - first_s) > JITTER_S:
+            self._first[sender] = age_s, now_s
+        elif now_s - since_s >= STEADY_S:
+            if len(self._lags) >= MAX_SENDERS:
+                del self._lags[next(iter(self._lags))]
+            self._lags[sender] = age_s, now_s
+            return 0.0
+        return age_s
 
 
 class Refusals:

@@ -28,6 +28,7 @@ from rope_twin.run.border import (
     SENDERS_ROW,
     InputBorder,
     SelectedSender,
+    SenderLags,
 )
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
@@ -408,3 +409,18 @@ def test_a_command_that_was_held_up_is_not_executed() -> None:
     kinds = [arguments[1] for name, arguments in rig.calls() if name == "submit_command"]
     assert kinds == [WinchCommand(SPEED, 0.3), WinchCommand(SPEED, 0.2), WinchCommand(SPEED, 0.0),
                      WinchCommand("emergency_stop")]  # fmt: skip
+
+
+def test_a_clock_that_lags_is_no_command_that_waited() -> None:
+    lags = SenderLags()
+
+    def ages(sender: str, *came: tuple[float, float]) -> list[float]:
+        return [round(lags.since_sent_s(sender, age_s, at_s), 3) for at_s, age_s in came]
+
+    assert ages("lagging", (0.0, 3.0), (0.5, 3.1), (1.0, 3.0), (1.5, 3.1)) == [3.0, 3.1, 0.0, 0.1]
+    assert ages("lagging", (30.0, 17.0), (30.0, 10.0)) == [13.997, 6.997], "it waited, too"
+    assert ages("lagging", (3630.0, 3.3)) == [0.0], "clocks drift"
+    assert ages("sound", (0.0, 0.01), (5.0, 0.01), (60.0, 20.0)) == [0.01, 0.0, 19.985]
+    queue = [(100.0 + 0.001 * k, 14.0 - 0.02 * k) for k in range(500)]
+    assert min(ages("new", *queue)) == 4.02, "all of a queue are as old as they are"
+    assert ages("new", (101.0, 0.0), (102.1, 0.0), (140.0, 8.0)) == [0.0, 0.0, 7.996]
