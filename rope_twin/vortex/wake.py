@@ -132,20 +132,23 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
 def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
     """Set ω_s [rad/s], ε, the lift factor [kg/m] and (A/D)·D_a of the nodes low <= i < high.
 
-    own: rows from node `low` on: the shape (three); ω_s, ε and lift factor, which contains the
-    node's length; and (A/D)·D_a (three).
+    own: rows from node `low` on: the shape (three); the velocity at which the rope is towed, east
+    and north; ω_s, ε and lift factor, which contains the node's length; (A/D)·D_a (three), and its
+    product with that velocity.
     """
-    (tx, ty, tz), (omega, epsilon, length), (bx, by, bz) = own
+    (tx, ty, tz), (east, north), (omega, epsilon, length), (bx, by, bz), carried = own
     ux, uy, uz = rows(work, FLOW, low)
     volume = row(work, VOLUME, low)
     for i in range(high - low):
         per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
-        (x, y, z), speed, A, e = _shed(wake, (ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
+        water = ux[i] - east[i], uy[i] - north[i], uz[i]
+        (x, y, z), speed, A, e = _shed(wake, water, (tx[i], ty[i], tz[i]))
         omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
         epsilon[i] = e
         length[i] *= wake.strength / per_diameter
         scale = A * per_diameter / (speed + RATE_MIN)
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z
+        carried[i] = scale * (x * east[i] + y * north[i])
 
 
 UNENDED = -1.0  # marks a node above the lower end of its half wave
