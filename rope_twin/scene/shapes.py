@@ -28,8 +28,9 @@ _CYLINDER_DIAMETER_OVER_LENGTH = (0.0, 1 / 9, 1 / 5, 1 / 2.5, 1 / 1.2)
 _CYLINDER_ADDED = (1.00, 0.96, 0.90, 0.78, 0.62)
 
 # Table B-2, rectangular plate normal to the flow, long side over short side; C_D on its area.
+# Beyond 10 it nears that of the infinite plate with the short side over the long one.
 _PLATE_LONG_OVER_SHORT = (1.0, 5.0, 10.0)
-_PLATE_DRAG = (1.16, 1.20, 1.50)
+_PLATE_DRAG, _PLATE_DRAG_INFINITE = (1.16, 1.20, 1.50), 1.90
 
 # Table B-2, square rod along the flow, length over side; C_D on its face. Shorter than 1: a plate.
 _ROD_LENGTH_OVER_SIDE = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
@@ -150,8 +151,9 @@ def box_drag(side_m: float, other_m: float, depth_m: float) -> float:
     ratio = depth_m / sqrt(side_m * other_m)
     if ratio >= 1.0:
         return float(np.interp(ratio, _ROD_LENGTH_OVER_SIDE, _ROD_DRAG))
-    longer = max(side_m, other_m) / min(side_m, other_m)
-    return float(np.interp(longer, _PLATE_LONG_OVER_SHORT, _PLATE_DRAG))
+    longer, last = max(side_m, other_m) / min(side_m, other_m), _PLATE_LONG_OVER_SHORT[-1]
+    tabulated = float(np.interp(longer, _PLATE_LONG_OVER_SHORT, _PLATE_DRAG))
+    return tabulated + (_PLATE_DRAG_INFINITE - tabulated) * (1.0 - last / max(longer, last))
 
 
 def perforation_factor(open_percent: float) -> float:

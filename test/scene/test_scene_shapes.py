@@ -58,6 +58,9 @@ def test_box_coefficients_follow_its_axes() -> None:
 def test_box_drag_by_face() -> None:
     plate = Box(length_m=10.0, width_m=10.0, height_m=0.1)
     assert plate.drag_area_m2()[2] == pytest.approx(1.16 * 100.0)
+    for longer, coefficient in ((10.0, 1.50), (20.0, 1.70), (200.0, 1.88)):  # 1.90 if infinite
+        strip = Box(length_m=0.4 * longer, width_m=0.4, height_m=0.1)
+        assert strip.drag_area_m2()[2] == pytest.approx(coefficient * 0.16 * longer)
     rod = Box(length_m=1.0, width_m=1.0, height_m=3.0)
     assert rod.drag_area_m2()[2] == pytest.approx(0.93)
     assert rod.drag_area_m2()[0] == pytest.approx(3.0 * 1.18)  # face 3:1, between 1.16 and 1.20
