@@ -13,7 +13,7 @@ from effect_cases import NODES, data_of, loads, some_work
 from hypothesis import given
 from hypothesis import strategies as st
 from rigs import STILL_WATER, Bench, Vector, march, sine, still
-from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta
+from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta, tow
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
@@ -22,7 +22,6 @@ from rope_twin.core import state as rows
 from rope_twin.core.loads.accounts import account_sum
 from rope_twin.effects import wake_oscillator as wake
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
-from rope_twin.twin.motion.ship_motion import ShipPose
 from rope_twin.vortex.wake import _shed
 
 SET = wake.SETS["qu_metrikine"]
@@ -229,14 +228,10 @@ def test_wake_parameters_change_at_the_inclination_key() -> None:
 
 def test_a_rope_towed_through_still_water_sheds_as_in_a_current() -> None:
     """At 0.6 m/s ω_s is 2π·St·U/d in its upper third; 3 %: it leans. It vibrates too."""
-    speed, begins_s, seconds = 0.6, 2.0, 24.0
+    speed, seconds = 0.6, 24.0
     scene = replace(HAULED, current=STILL_WATER).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams(shape_over_s=4.0))))
-    twin.inputs.prescribe_motion()
-    for t in np.arange(-0.2, seconds + 0.5, 0.05):
-        u = speed * min(max(t / begins_s, 0.0), 1.0)
-        x = 0.5 * u * t if t < begins_s else speed * (t - 0.5 * begins_s)
-        assert not twin.submit_pose(ShipPose(round(t * 1e9), (x, 0.0, 0.0), (u, 0.0, 0.0)))
+    tow(twin, speed, 0.0, seconds)
     twin.advance(round(seconds / twin.step_s) - 200)
     across = []
     for _ in range(100):
