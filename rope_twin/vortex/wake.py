@@ -221,23 +221,27 @@ def _pace(turns: float, water: Any, direction: Any, per_diameter: float) -> Any:
 
 
 @jit
-def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, high: int) -> None:
+def set_paces(turns: float, work: Any, own: Any, pace: Any, low: int, high: int) -> None:
     """Set 2π·St·U/d of the nodes low <= i < high [rad/s], U normal to the adjacent elements.
 
-    turns: 2π·St; per_diameter and pace: 1/d and the result, from node `low` on.
+    turns: 2π·St; own: 1/d and the velocity at which the rope is towed, east and north; pace: the
+    result; all from node `low` on.
     """
+    per_diameter, east, north = own
     first = max(low, 1)
     if low == 0:
-        water = (work[FLOW, 0], work[FLOW + 1, 0], work[FLOW + 2, 0])
+        water = (work[FLOW, 0] - east[0], work[FLOW + 1, 0] - north[0], work[FLOW + 2, 0])
         x, y, z = work[DIRECTION, 0], work[DIRECTION + 1, 0], work[DIRECTION + 2, 0]
         pace[0] = _pace(turns, water, (2.0 * x, 2.0 * y, 2.0 * z), per_diameter[0])
     tx, ty, tz = rows(work, DIRECTION, first)
     bx, by, bz = rows(work, DIRECTION, first - 1)
     ux, uy, uz = rows(work, FLOW, first)
-    own, per = pace[first - low :], per_diameter[first - low :]
+    result, per = pace[first - low :], per_diameter[first - low :]
+    east, north = east[first - low :], north[first - low :]
     for i in range(high - first):
         direction = (tx[i] + bx[i], ty[i] + by[i], tz[i] + bz[i])
-        own[i] = _pace(turns, (ux[i], uy[i], uz[i]), direction, per[i])
+        water = (ux[i] - east[i], uy[i] - north[i], uz[i])
+        result[i] = _pace(turns, water, direction, per[i])
 
 
 @jit_within
