@@ -14,7 +14,7 @@ is constant. The paper gives no slope: `strouhal_rise` is the increase of St fro
 λ = C_L/C_d is fixed (`fixed_lift`), or decreases with the cross-flow amplitude A of the node, λ·(1
 - A/(a·d)) and 0 beyond: [LCD] eq 20, C_l = C0 - C1·|A|/d, has a = C0/C1 = 1 diameter. A =
 √(2·m)/(2π·f) with the running mean m of the squared velocity along the lift, over one shedding
-period. That velocity is relative to the running mean, over 10 s, of the upper end's horizontal
+period. That velocity is relative to the running mean, over 60 s, of the upper end's horizontal
 velocity: being towed across a current is no vibration.
 
 φ and m are solved with the rope in each stage (TR-BDF2). Omitted in the block: its skew part, and
@@ -24,12 +24,12 @@ the change of m and of the tangent with the motion.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, exp, pi, sin, sqrt
+from math import cos, pi, sin, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
+from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.rows import rows
 from rope_twin.core.jit.wide import choose
@@ -53,10 +53,10 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.quantity import quantity, text
+from rope_twin.vortex.wake import follow_tow
 
 CARRIED = 6  # φ and its rate, m and its rate, and two from TOWED on
 TOWED = 4  # mean velocity of the upper end, east and north, at every node alike [m/s]
-TOWED_OVER_S = 10.0
 # Further rows: prediction of φ and m, 1/d, and ½·ρ·d·l·C_d [kg/m].
 PHASE_HAT, SQUARE_HAT, PER_DIAMETER, STRENGTH = range(3 * CARRIED + 1, 3 * CARRIED + 5)
 OWN_ROWS = 4
@@ -272,11 +272,7 @@ def settle(shed: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         memory[CARRIED, i], memory[CARRIED + 1, i] = phase, rate
         memory[CARRIED + 2, i], memory[CARRIED + 3, i] = square, growth
     if kind == BDF2:
-        share, n = 1.0 - exp(-2.0 * stage.q / (GAMMA * TOWED_OVER_S)), rope.state.counts[ELEMENTS]
-        for k in range(2):
-            before, after = memory[TOWED + k], memory[CARRIED + TOWED + k]
-            for i in range(upto):
-                after[i] = before[i] + share * (work[VELOCITY + k, n] - before[i])
+        follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), upto)
     _set_trials(shed, rope)
 
 
@@ -287,6 +283,8 @@ def _set_trials(shed: Any, rope: Any) -> None:
     per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
     set_trials(memory, PHASE_HAT, memory[CARRIED, top], rope)
     set_trials(memory, SQUARE_HAT, memory[CARRIED + 2, top], rope)
+    for k in range(2):
+        set_trials(memory, TOWED + k, memory[CARRIED + TOWED + k, top], rope)
     set_trials(memory, PER_DIAMETER, memory[PER_DIAMETER, top], rope)
     set_trials(memory, STRENGTH, per_metre * memory[STRENGTH, top], rope)
 

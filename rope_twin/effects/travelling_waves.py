@@ -17,19 +17,19 @@ of neighbours then grows without bound.
 Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published
 limit diverges on a light cable. It includes all cross-flow motion, whatever its cause. y is normal
 to the node's own tangent; omitted in the block: the tangent's change with position. U and y' are
-relative to the running mean, over 10 s, of the upper end's horizontal velocity: a rope that is
+relative to the running mean, over 60 s, of the upper end's horizontal velocity: a rope that is
 towed sheds vortices as it does in a current.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, floor, pi, sqrt
+from math import floor, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.integrator import BDF2, GAMMA, K1, K2, TRAPEZOID
+from rope_twin.core.integrator import BDF2, K1, K2, TRAPEZOID
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import anywhere, by_width, cosine, renewed
 from rope_twin.core.jit.rows import row, rows
@@ -41,7 +41,6 @@ from rope_twin.core.loads.memory import count_initialised, declare_internal_vari
 from rope_twin.core.payout import set_trials
 from rope_twin.core.state import (
     DIVISOR_MIN,
-    ELEMENTS,
     FLOW,
     MASS,
     RATE_MIN,
@@ -55,6 +54,7 @@ from rope_twin.quantity import quantity, text
 from rope_twin.vortex.wake import (
     across,
     evaluate_statics,
+    follow_tow,
     hold_frequencies,
     set_node_lengths,
     set_paces,
@@ -63,7 +63,7 @@ from rope_twin.vortex.wake import (
 
 CARRIED = 6  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate, and two from TOWED on
 PHASE, OMEGA, SQUARE, SQUARE_RATE, TOWED = range(5)
-TOWED_OVER_S = 10.0  # of the mean velocity of the upper end, east and north, at every node alike
+# TOWED: mean velocity of the upper end, east and north, at every node alike [m/s]
 # Further rows: cosine of the stage's phase, its phase and ω, explicit part of s, its weight,
 # damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
 # scratch (two).
@@ -304,11 +304,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         for i in range(n):
             held[i] = renewed(stage, choose(halves, new[i], 0.0), held[i])
     if kind == BDF2:
-        grown, top = 1.0 - exp(-2.0 * stage.q / (GAMMA * TOWED_OVER_S)), rope.state.counts[ELEMENTS]
-        for k in range(2):
-            before, after = memory[TOWED + k], memory[CARRIED + TOWED + k]
-            for i in range(n):
-                after[i] = before[i] + grown * (work[VELOCITY + k, top] - before[i])
+        follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), n)
     _set_trials(waves, rope, n - 1)
 
 

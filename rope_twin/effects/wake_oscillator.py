@@ -10,10 +10,10 @@ U_N are normal to it:
 
 t is the rope's tangent and t_s that of its shape without the vibration: the running mean of t over
 `shape_over_s`, which starts as the static shape and follows payout and current. The vibration-free
-rope moves as the running mean, over the same time, of its upper end's horizontal velocity, from
-rest at the start: a rope that is towed sheds vortices as it does in a current. (A, ε) are those of
-an upright rope where it is inclined by less than 45° (`critical_angle_deg`) to the normal of the
-flow, others above. The drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
+rope moves as the running mean, over 60 s, of its upper end's horizontal velocity, from rest at the
+start: a rope that is towed sheds vortices as it does in a current. (A, ε) are those of an upright
+rope where it is inclined by less than 45° (`critical_angle_deg`) to the normal of the flow, others
+above. The drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
 
 The equation is for steady flow. In unsteady flow it is solved in the wake's own time, ω_s·dt
 (rope_twin.vortex.wake): shedding follows the water velocity and stops where the water is still.
@@ -287,11 +287,7 @@ def settle(wake: Any, rope: Any, stage: Any, kind: int, upto: int) -> None:
         share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over))
         kept = shedding.three_rows(memory, CARRIED + SHAPE, ZERO)
         shedding.follow_shape(work, share, shedding.three_rows(memory, SHAPE, ZERO), kept, upto)
-        n = rope.state.counts[ELEMENTS]
-        for k in range(2):
-            before, after = memory[TOWED + k], memory[CARRIED + TOWED + k]
-            for i in range(upto):
-                after[i] = before[i] + share * (work[VELOCITY + k, n] - before[i])
+        shedding.follow_tow(rope, stage, memory, (TOWED, CARRIED + TOWED), upto)
     _set_trials(wake, rope, stage)
 
 

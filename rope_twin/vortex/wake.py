@@ -30,10 +30,11 @@ flow there, and its half wave the whole rope, on which the lift would then stand
 
 from __future__ import annotations
 
-from math import pi, sin, sqrt
+from math import exp, pi, sin, sqrt
 from typing import Any
 
 from rope_twin.core.elements import end_rope, stretch_all
+from rope_twin.core.integrator import GAMMA
 from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.jit.functions import anywhere
 from rope_twin.core.jit.rows import row, rows
@@ -51,9 +52,13 @@ from rope_twin.core.state import (
     TANGENT,
     TANGENT2_MIN,
     TENSION,
+    VELOCITY,
     VOLUME,
     Stage,
 )
+
+# A tow lasts much longer, and a mean over less would have the waves' surge of a ship in it.
+TOWED_OVER_S = 60.0
 
 
 @jit_within
@@ -112,6 +117,20 @@ def follow_shape(work: Any, share: float, mean: Any, shape: Any, n: int) -> None
         x[i] = mx[i] + share * (tx[i] - mx[i])
         y[i] = my[i] + share * (ty[i] - my[i])
         z[i] = mz[i] + share * (tz[i] - mz[i])
+
+
+@jit
+def follow_tow(rope: Any, stage: Any, memory: Any, rows_at: Any, upto: int) -> None:
+    """Update the running mean of the upper end's horizontal velocity, over TOWED_OVER_S.
+
+    rows_at: row of its east component at the start of the step, and at its end; that to the north
+    is the next one. All nodes have the same values.
+    """
+    share, n = 1.0 - exp(-2.0 * stage.q / (GAMMA * TOWED_OVER_S)), rope.state.counts[ELEMENTS]
+    for k in range(2):
+        before, after = memory[rows_at[0] + k], memory[rows_at[1] + k]
+        for i in range(upto):
+            after[i] = before[i] + share * (rope.work[VELOCITY + k, n] - before[i])
 
 
 @jit_within
