@@ -10,7 +10,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.lanes.batch import sample_of
-from rope_twin.core.lanes.step import MIN_TENSION
+from rope_twin.core.lanes.step import EAST, MIN_TENSION, PAYLOAD_DEPTH
 from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import payload_rope, places
 from rope_twin.scene.schema import Scene
@@ -76,7 +76,11 @@ def driven(
         heaves.append(share * twin.inputs.heave.at(twin.time_ns)[0])
         samples = np.array([sample_of(rope) for rope in ropes(twin)])
         outputs.append(
-            (twin.top_tension_n, samples[:, MIN_TENSION].min(), *samples[payload_rope(scene), 1:])
+            (
+                twin.top_tension_n,
+                samples[:, MIN_TENSION].min(),
+                *samples[payload_rope(scene), PAYLOAD_DEPTH:EAST],
+            )
         )
         tops.append([twin.top_tension_n] if twin.joined is None else twin.joined.pull[:, rows.PULL])
     value, rate = np.array(borders).transpose(1, 2, 0, 3)
